@@ -11,7 +11,6 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 use serde_json::json;
 
 use crate::compact::Words;
-use crate::hub::earlier;
 use crate::site::StoreSettings;
 use crate::store::{Busy, Store};
 use crate::{Health, Hub, Site, http, links, signals};
@@ -120,7 +119,7 @@ fn check_store(site: &Site) -> Result<()> {
         Err(error) => return Err(error),
     };
     let words = Words::open(&store)?;
-    let (mut orphans, mut count, mut next) = (BTreeMap::<String, u64>::new(), store.len(), 0);
+    let (mut orphans, count, mut next) = (BTreeMap::<String, u64>::new(), store.len(), 0);
     let mut see = |cell: String| {
         if !site.cell.contains_key(&cell) {
             *orphans.entry(cell).or_default() += 1;
@@ -134,10 +133,6 @@ fn check_store(site: &Site) -> Result<()> {
             .iter()
             .for_each(|(_, bytes)| see(words.unpack(bytes).map(|record| record.cell).unwrap_or_default()));
     }
-    store.earlier(|bytes| {
-        count += 1;
-        see(earlier::cell(bytes).unwrap_or_default());
-    })?;
     let (used, _) = store.bytes();
     log(&json!({"store": file, "records": count, "bytes": used, "dropped_orphans": orphans}))
 }

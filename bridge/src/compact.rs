@@ -84,11 +84,6 @@ impl Words {
         }
     }
 
-    /// Whether a cell of this name has a number.
-    pub fn knows(&self, cell: &str) -> bool {
-        self.numbers.contains_key(&(CELL, cell.to_owned()))
-    }
-
     fn add(&mut self, kind: u32, name: &str) -> u32 {
         let number = u32::try_from(self.words.len()).unwrap_or(u32::MAX);
         self.words.push((kind, name.to_owned()));

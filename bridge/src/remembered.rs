@@ -15,8 +15,6 @@ use crate::store::{Batch, Store};
 const PREFIX: &str = "command/";
 /// In the store, before the cell: what of it was forgotten.
 const FORGOTTEN: &str = "forgotten/";
-/// The name, in a store of an earlier format, of the latest time of a command of any cell that was forgotten.
-const FORGOTTEN_OF_ALL: &str = "forgotten";
 /// How long an outcome can be asked for.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
 /// How many are remembered.
@@ -74,25 +72,6 @@ impl Remembered {
                 serde_json::from_str(&value).with_context(|| format!("{name} in the store"))?;
         }
         Ok(cells)
-    }
-
-    /// What a store of an earlier format has forgotten, of all cells: it is taken over by each.
-    ///
-    /// # Errors
-    /// When the store cannot be read.
-    pub fn migrate<'a>(
-        store: &Store,
-        cells: impl Iterator<Item = &'a String>,
-        batch: &mut Batch,
-    ) -> Result<()> {
-        let Some(until) = store.get(FORGOTTEN_OF_ALL)?.and_then(|text| text.parse().ok()) else {
-            return Ok(());
-        };
-        for cell in cells {
-            Self { forgotten: Forgotten { until, early: None }, ..Self::default() }.mark(cell, batch);
-        }
-        batch.names.push((FORGOTTEN_OF_ALL.into(), None));
-        Ok(())
     }
 
     /// The command of an id.
@@ -204,22 +183,6 @@ mod tests {
     use super::*;
 
     const AGE: u64 = 30_000;
-
-    #[test]
-    fn what_an_earlier_format_has_forgotten_is_forgotten_by_each_cell() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut store = Store::open(&folder.path().join("store"), 1 << 16).unwrap();
-        let names = vec![("forgotten".into(), Some("7".into()))];
-        store.write(&Batch { names, ..Batch::default() }, &|_| Vec::new()).unwrap();
-        let mut batch = Batch::default();
-        Remembered::migrate(&store, ["a".to_owned(), "b".to_owned()].iter(), &mut batch).unwrap();
-        store.write(&batch, &|_| Vec::new()).unwrap();
-        let cells = Remembered::open(&store).unwrap();
-        assert!(
-            ["a", "b"].iter().all(|cell| cells[*cell].bars(7).is_some() && cells[*cell].bars(8).is_none())
-        );
-        assert_eq!(store.get("forgotten").unwrap(), None);
-    }
 
     fn refused(sent: u64) -> Entry {
         Entry { at: 1_000_000, sent, outcome: Outcome::Refused, detail: String::new(), by: String::new() }

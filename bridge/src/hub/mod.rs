@@ -9,7 +9,6 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
-pub mod earlier;
 mod power;
 mod records;
 mod reload;
@@ -38,7 +37,6 @@ use super::notify::Notify;
 use super::outages::Outages;
 use super::payload::{Payload, Quality, Value};
 use super::refusals::Apart;
-use super::remembered::Remembered;
 use super::report::{Command, Input, Outcome, Report, What};
 use super::share::Share;
 use super::site::{Broker, ShareSettings, Site};
@@ -135,12 +133,7 @@ impl<'a> Hub<'a> {
             node: node.clone(),
             why: String::new(),
         };
-        let mut figures = Figures { broker, ..Figures::default() };
-        if store.is_older()? {
-            Remembered::migrate(&store, site.cell.keys(), &mut turn.batch)?;
-            let names = core::mem::take(&mut turn.batch.names);
-            figures.dropped_orphans = store.upgrade(names, |record| earlier::convert(record, &words))?;
-        }
+        let figures = Figures { broker, ..Figures::default() };
         let mut numbers = records::numbers_of(&mut store, &words)?;
         if power::is_lost(&store, &mut turn.batch)? {
             let why = "the machine stopped without ending the bridge: the last records may be lost, and record numbers have a gap";

@@ -12,17 +12,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use redb::{Database, ReadableTable, TableDefinition, TableError, TransactionError, WriteTransaction};
+use redb::{Database, TableDefinition, TransactionError, WriteTransaction};
 
 use crate::ring::{Known, Ring};
 
 const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
-/// Where formats 1 and 2 have their records.
-const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
 
-/// The name of the file's format, and the format of this bridge. A file without one has the first.
+/// The name of the file's format, and the format of this bridge.
 const FORMAT_NAME: &str = "format";
-const FORMAT: u32 = 3;
+const FORMAT: &str = "3";
 /// The name of what is known of the ring.
 const RING: &str = "ring";
 
@@ -101,20 +99,20 @@ impl Store {
             Some(Err(error)) => bail!("{what} is damaged, or of another version: {error}: {ADVICE}"),
             None => bail!("{what} is damaged: {ADVICE}"),
         };
-        let format = match get(&database, FORMAT_NAME)? {
-            Some(text) => text.parse().with_context(|| format!("{what} is damaged: {ADVICE}"))?,
-            None => 1,
-        };
-        if format > FORMAT {
+        let format = get(&database, FORMAT_NAME)?;
+        if let Some(format) = format.as_deref().filter(|format| *format != FORMAT) {
             bail!(
-                "{what} has format {format}, but this bridge supports up to {FORMAT}: use a newer bridge, or {ADVICE}"
+                "{what} has format {format}, and this bridge reads format {FORMAT}: use the bridge that wrote it, or {ADVICE}"
             );
         }
         let records = beside(path);
         // The names were removed, and the outcomes of commands with them.
         let has_records = std::fs::metadata(&records).is_ok_and(|records| records.len() > 0);
         let known = match get(&database, RING)? {
-            Some(text) => Some(known_of(&text).with_context(|| format!("{what} is damaged: {ADVICE}"))?),
+            Some(text) => {
+                let known = format.and_then(|_| known_of(&text));
+                Some(known.with_context(|| format!("{what} is damaged: {ADVICE}"))?)
+            }
             None if has_records => {
                 bail!("{what} is empty, but {} is not: restore the store, or {ADVICE}", records.display())
             }
@@ -129,55 +127,11 @@ impl Store {
             ring => ring.with_context(|| format!("the store {}", records.display()))?,
         };
         if known.is_none() {
-            commit(&database, &mut ring, Vec::new()).with_context(|| what)?;
+            let format = (FORMAT_NAME.into(), Some(FORMAT.into()));
+            commit(&database, &mut ring, vec![format]).with_context(|| what)?;
         }
         let (next, number) = (ring.next(), ring.number());
         Ok(Self { path: path.to_owned(), open: Some((database, ring)), next, number, most })
-    }
-
-    /// Whether the file is of an earlier format: then [`upgrade`](Self::upgrade) makes it one of this format.
-    ///
-    /// # Errors
-    /// When the file cannot be read.
-    pub fn is_older(&self) -> Result<bool> {
-        Ok(self.get(FORMAT_NAME)?.as_deref() != Some(&*FORMAT.to_string()))
-    }
-
-    /// Makes a file of an earlier format one of this format, with these names. `convert` makes its records what they are now; without one
-    /// a record is dropped. Returns how many were dropped.
-    ///
-    /// # Errors
-    /// When the disk does not take it: then nothing has changed.
-    pub fn upgrade(&mut self, mut names: Names, convert: impl Fn(&[u8]) -> Option<Vec<u8>>) -> Result<u64> {
-        names.push((FORMAT_NAME.into(), Some(FORMAT.to_string())));
-        let (mut append, mut dropped) = (Vec::new(), 0);
-        let next = self.earlier(|record| match convert(record) {
-            Some(record) => append.push(record),
-            None => dropped += 1,
-        })?;
-        self.both()?.1.skip_to(next);
-        let written = self.write(&Batch { append, remove: Vec::new(), names }, &|_| Vec::new())?;
-        let transaction = begin(self.both()?.0)?;
-        transaction.delete_table(RECORDS)?;
-        transaction.commit()?;
-        Ok(dropped + written.dropped)
-    }
-
-    /// The records of a file of an earlier format. Returns the key that its next record would have had.
-    ///
-    /// # Errors
-    /// When the file cannot be read.
-    pub fn earlier(&self, mut see: impl FnMut(&[u8])) -> Result<u64> {
-        match self.database()?.begin_read()?.open_table(RECORDS) {
-            Ok(records) => {
-                for record in records.iter()? {
-                    see(record?.1.value());
-                }
-                Ok(records.last()?.map_or(0, |(key, _)| key.value() + 1))
-            }
-            Err(TableError::TableDoesNotExist(_)) => Ok(0),
-            Err(error) => Err(error.into()),
-        }
     }
 
     /// Opens the files again: after an error of the disk nothing else makes them usable. What was written last counts, and nothing after it.

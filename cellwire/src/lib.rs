@@ -184,34 +184,9 @@ fn suggest(error: &mut clap::Error) {
     error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![command]));
 }
 
-/// The command line; the help of a command ends with the settings of what is named beside it. What no argument names is left as it is
-/// derived: a start would take twice as long.
+/// The command line.
 fn command_line() -> clap::Command {
-    let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
-    let mut command = Cli::command().override_help(format!("{HELP}\n{ENDING}\n"));
-    // The manual has a page for each.
-    let named = |name| arguments.iter().any(|argument| argument == name || argument == "man");
-    for name in ["decode", "encode", "tap", "replay", "simulate", "demo", "alter"] {
-        if named(name) {
-            command = command.mut_subcommand(name, |it| with_settings(it, name, &arguments));
-        }
-    }
-    let inner = ["kawasaki", "laser", "mma"].map(|robot| ("run", robot)).into_iter();
-    let inner = inner.chain(["send", "scan", "poll"].map(|name| ("modbus", name)));
-    for (name, inner) in inner.chain(["log", "read", "write"].map(|name| ("fanuc", name))) {
-        if named(name) && named(inner) {
-            let words = [name.to_owned(), inner.to_owned()];
-            command = command
-                .mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, name, &words)));
-        }
-    }
-    command
-}
-
-/// The command, whose long help ends with settings.
-fn with_settings(command: clap::Command, name: &str, arguments: &[String]) -> clap::Command {
-    let before = command.get_after_help().map(|text| format!("{text}\n\n")).unwrap_or_default();
-    command.after_long_help(format!("{before}{}", settings::help(name, arguments)))
+    Cli::command().override_help(format!("{HELP}\n{ENDING}\n"))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
 use crate::devices::link_parser;
+use cellwire_links::LINKS;
 use cellwire_links::codec::{Codec, Stream};
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{Setup, Watcher};
@@ -14,8 +15,7 @@ use cellwire_links::shadow::{Setup, Watcher};
 pub(super) struct CodecArgs {
     #[command(flatten)]
     pub(super) of: LinkArgs,
-    /// The side that sends the bytes, as listed at the end of this help [default: the first of them]
-    #[arg(long, value_name = "SIDE")]
+    #[arg(long, value_name = "SIDE", help = sides())]
     pub(super) from: Option<String>,
 }
 
@@ -27,6 +27,13 @@ pub(super) struct LinkArgs {
     pub(super) link: &'static Link,
     #[command(flatten)]
     set: SetArgs,
+}
+
+/// The help of `--from`.
+fn sides() -> String {
+    let sides = |link: &Link| format!("{}: {}", link.short, link.sides.join(" or "));
+    let all = LINKS.iter().map(sides).collect::<Vec<_>>().join("; ");
+    format!("The side that sends the bytes: {all} [default: the first]")
 }
 
 impl CodecArgs {

@@ -65,14 +65,14 @@ fn the_short_help_of_every_command_fits_80_columns() {
 }
 
 #[test]
-fn the_manual_has_the_settings_of_every_command_and_keeps_columns() {
+fn the_manual_has_every_command_and_keeps_columns() {
     let folder = tempfile::tempdir().unwrap();
     let (code, _, said) = run(cellwire(&format!("man {}", folder.path().display())));
     assert_eq!((code, said.as_str()), (Some(0), ""));
     for (page, has) in [
         ("cellwire.1", "Exit status:"),
-        ("cellwire-run-kawasaki.1", "charset = "),
-        ("cellwire-modbus-scan.1", "any_unit = false"),
+        ("cellwire-run-kawasaki.1", "Exit status: 0 all done"),
+        ("cellwire-settings.1", "cellwire settings modbus poll"),
     ] {
         let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
         assert!(text.contains(has), "{page}: {text}");

@@ -1,4 +1,4 @@
-//! The settings of each command: `cellwire settings`, and the end of its `--help`.
+//! `cellwire settings`: the settings of each command.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -6,7 +6,7 @@ use std::io::Write as _;
 use anyhow::{Result, bail};
 use cellwire_identify::toml_text;
 use cellwire_links::Link;
-use cellwire_links::settings::{self, Setting, did_you_mean, lines};
+use cellwire_links::settings::{self, Setting, did_you_mean};
 use serde_json::Value;
 
 use crate::command::{fanuc, modbus, run};
@@ -35,9 +35,6 @@ Examples:
 /// The commands that have settings.
 const COMMANDS: [&str; 10] =
     ["decode", "encode", "tap", "replay", "demo", "simulate", "run", "alter", "modbus", "fanuc"];
-
-/// The most settings at the end of a `--help`.
-const USUAL: usize = 10;
 
 /// Prints the settings of the command.
 ///
@@ -147,48 +144,4 @@ pub(in crate::command) fn toml_value(value: &Value) -> Option<String> {
         Value::Number(number) => plain::number(number),
         Value::Bool(is) => is.to_string(),
     })
-}
-
-/// The end of a command's `--help`: its usual settings, and how all are printed; for `decode` and `encode` the link's sides as well.
-pub fn help(command: &str, arguments: &[String]) -> String {
-    let of = arguments.iter().skip_while(|argument| *argument != command).skip(1);
-    let mut named =
-        of.filter(|argument| of_command(command, Some(argument)).is_ok_and(|(name, _)| name.contains(' ')));
-    let link = arguments.iter().find_map(|argument| Link::by_name(argument).ok());
-    let sides = match (command, link) {
-        ("decode" | "encode", Some(link)) => {
-            format!("Sides of {}, for --from: {}\n\n", link.short, link.sides.join(", "))
-        }
-        _ => String::new(),
-    };
-    let found = of_command(command, named.next().map(String::as_str));
-    match found {
-        Err(_) => {
-            let what = if command == "simulate" { "DEVICE" } else { "LINK" };
-            format!("`cellwire settings {command} {what}` prints the settings.")
-        }
-        Ok((name, settings)) if settings.is_empty() => {
-            format!("{sides}{} has no settings.", name.rsplit(' ').next().unwrap_or(&name))
-        }
-        Ok((name, settings)) => {
-            let usual: Vec<_> = settings
-                .iter()
-                .filter(|it| {
-                    !it.name.contains('.')
-                        && it.default != ""
-                        && !it.default.is_object()
-                        && !it.default.is_array()
-                })
-                .take(USUAL)
-                .cloned()
-                .collect();
-            let usual = if usual.is_empty() { settings.iter().take(USUAL).cloned().collect() } else { usual };
-            let all = if usual.len() < settings.len() {
-                format!("\n`cellwire settings {name}` prints all {}.", settings.len())
-            } else {
-                String::new()
-            };
-            format!("{sides}Settings, for --set and --settings:\n\n{}{all}", lines(&usual))
-        }
-    }
 }

@@ -18,15 +18,16 @@ use cellwire_links::fanuc_hmi_modbus::{ClientSettings, ViewSettings, client_sett
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
 
 pub(super) use self::list::toml_value;
-pub use self::list::{Args, help, run};
+pub use self::list::{Args, run};
 
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SetArgs {
-    /// A setting, such as baud=19200; overrides --settings; an option of the same meaning overrides both
+    /// A setting, such as baud=19200. Overrides --settings; an option for the same setting overrides both. `cellwire settings COMMAND
+    /// NAME` prints all of a command, with their values and defaults
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
-    /// A TOML file of settings, one `name = value` a line; a name with a dot is in a [table]
+    /// A TOML file of settings, as `cellwire settings COMMAND NAME` prints one
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
 }

@@ -204,6 +204,13 @@ impl Link {
         Ok(if by_keeper { keeper } else { other })
     }
 
+    /// The side that sent the bytes which a trace of this name has as sent (`by_keeper`), or as received. `None` if this link has no such
+    /// trace; the inner `None` if that end sends no messages.
+    pub fn traced(&self, name: &str, by_keeper: bool) -> Option<Option<&'static str>> {
+        let (_, [sent, received]) = self.traces.iter().find(|(known, _)| *known == name)?;
+        Some(if by_keeper { *sent } else { *received })
+    }
+
     /// The clause of the specification that is broken by bytes with this kind of error.
     pub fn clause(&self, kind: &str) -> Option<&'static str> {
         self.clauses.iter().find(|(known, _)| *known == kind).map(|(_, clause)| *clause)

@@ -1,18 +1,15 @@
 //! One conversation of a capture: what both ends sent, in order, with times.
 
-use std::io::{BufReader, Read};
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use cellwire_links::Link;
 
-use super::decode::TraceLines;
-use super::source::{Format, SourceArgs, report};
+use super::source::{SourceArgs, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Line};
 use cellwire_io::output::remark;
-use cellwire_io::trace::{Way, parse_line, parse_name};
 
 /// Which of the conversations of a capture.
 #[derive(Debug, clap::Args)]
@@ -42,8 +39,6 @@ enum Place {
     Network(Flow, u64),
     /// A line that was recorded at one end.
     Kept(Line),
-    /// A trace of the tool.
-    Trace(String),
 }
 
 /// Something that an end sent.
@@ -65,9 +60,8 @@ impl ConversationArgs {
     /// When the input is no capture of both ends, or has no such conversation.
     pub(super) fn read(&self) -> Result<Conversation> {
         let (format, input) = self.source.open()?;
-        let mut all = match (format, self.source.reading(format)) {
-            (Format::Trace, _) => vec![trace(input)?],
-            (_, Some(reading)) => {
+        let mut all = match self.source.reading(format) {
+            Some(reading) => {
                 let mut collecting = Collecting::default();
                 let (summary, _) = connections::read(input, &reading, &mut collecting)?;
                 report(&summary);
@@ -79,7 +73,7 @@ impl ConversationArgs {
                 }
                 collecting.all
             }
-            (_, None) => {
+            None => {
                 bail!(
                     "the capture needs both ends: a file of pcap, a hex dump, output of strace or socat, or a trace"
                 )
@@ -123,13 +117,14 @@ impl Conversation {
     pub(super) fn parties(&self, link: &Link) -> Result<[Party; 2]> {
         let sides = match &self.place {
             Place::Network(..) => [true, false].map(|is_client| (link.sender)(is_client, self.port)),
-            Place::Kept(_) => [link.keeper(None, true)?, link.keeper(None, false)?],
-            Place::Trace(name) => {
-                let known = link.traces.iter().find(|(known, _)| known == name);
-                known
-                    .map(|(_, sides)| *sides)
-                    .with_context(|| format!("`{name}` is not an end of {}", link.short))?
+            Place::Kept(Line::Trace(name)) => {
+                let sides = [true, false].map(|by_keeper| link.traced(name, by_keeper));
+                let [Some(sent), Some(received)] = sides else {
+                    bail!("`{name}` is not an end of {}", link.short)
+                };
+                [sent, received]
             }
+            Place::Kept(_) => [link.keeper(None, true)?, link.keeper(None, false)?],
         };
         let [first, second] = sides;
         let [first, second] =
@@ -175,23 +170,6 @@ impl Party {
     pub(super) fn has_sent(self, sent: &Sent) -> bool {
         sent.is_first == self.is_first
     }
-}
-
-fn trace(input: Box<dyn Read>) -> Result<Conversation> {
-    let mut lines = TraceLines::new(BufReader::new(input));
-    let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
-    let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
-    let mut sent = Vec::new();
-    while let Some(text) = lines.next()? {
-        if text.trim().is_empty() {
-            continue;
-        }
-        let (at, way, bytes) =
-            parse_line(text).with_context(|| format!("not a line of a trace: {}", text.trim()))?;
-        let at = Duration::try_from_secs_f64(at)?;
-        sent.push(Sent { at, is_first: way == Way::Sent, bytes, after_gap: false });
-    }
-    Ok(Conversation { place: Place::Trace(name.clone()), name, port: 0, sent })
 }
 
 #[derive(Default)]

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::net::SocketAddr;
 use std::time::{Duration, UNIX_EPOCH};
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 use humantime::format_rfc3339_micros;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -65,6 +65,8 @@ struct Decoded {
     polls: Option<u64>,
     /// It sends datagrams, each of which is whole.
     is_datagrams: bool,
+    /// It is of a trace: the label of its lines has the time.
+    is_traced: bool,
 }
 
 impl<'a> Decoding<'a> {
@@ -136,6 +138,11 @@ impl Directions for Decoding<'_> {
     fn take(&mut self, decoded: &mut Box<Decoded>, piece: Piece<'_>) -> Result<()> {
         if let (Some((ends, from)), Piece::Bytes(bytes)) = (decoded.watched, piece) {
             self.see(&ends, &Seen::Bytes { from, bytes })?;
+        }
+        if decoded.is_traced {
+            // A quotient of whole numbers is the number that is nearest to the text of the trace.
+            let seconds = self.now.as_micros() as f64 / 1e6;
+            decoded.label = format!("\"from\":{},\"at\":{},", json!(decoded.side), json!(seconds));
         }
         let mut said = Vec::new();
         decoded.take(self.args, piece, self.out, &mut said)?;
@@ -221,6 +228,12 @@ fn begin(
             }
             (side, format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side)))
         }
+        // Its lines have the time as well: see `take`.
+        Flow::Kept(Line::Trace(name), by_keeper) => {
+            sender = traced(args, name, by_keeper)?;
+            polls = sender.is_none().then_some(0);
+            (sender.map_or_else(|| args.codec.of.link.side(None), Ok)?, String::new())
+        }
         Flow::Kept(line, by_keeper) => {
             let Some(side) = args.codec.of.link.keeper(wanted, by_keeper)? else { return Ok(None) };
             sender = Some(side);
@@ -234,8 +247,27 @@ fn begin(
         label.push_str(&format!("\"connection\":{number},"));
     }
     let is_datagrams = matches!(flow, Flow::Udp(..));
+    let is_traced = matches!(flow, Flow::Kept(Line::Trace(_), _));
     let stream = args.codec.of.stream_of(side, 0)?;
-    Ok(Some((Box::new(Decoded { stream, side, label, watched: None, polls, is_datagrams }), sender)))
+    Ok(Some((
+        Box::new(Decoded { stream, side, label, watched: None, polls, is_datagrams, is_traced }),
+        sender,
+    )))
+}
+
+/// The side that sent the bytes which a trace has as sent, or as received: by `--from`, the end that wrote it, or by the trace's name.
+fn traced(args: &Args, name: &str, by_keeper: bool) -> Result<Option<&'static str>> {
+    let link = args.codec.of.link;
+    match args.codec.from.as_deref() {
+        Some(from) => link.keeper(Some(from), by_keeper),
+        None => link.traced(name, by_keeper).with_context(|| {
+            let sides = link.sides.join(" or ");
+            format!(
+                "`{name}` is not an end of {}: give the end that wrote the trace, --from {sides}",
+                link.short
+            )
+        }),
+    }
 }
 
 /// Writes an item; of an end that may be one that polls, only what is a message or missing.

@@ -2,7 +2,6 @@
 
 mod capture;
 pub(super) mod hex;
-mod trace;
 
 use std::cell::RefCell;
 use std::io::{self, BufRead, BufWriter, Read, Write};
@@ -12,7 +11,6 @@ use anyhow::{Context, Result, ensure};
 
 use self::hex::HexReader;
 
-pub(super) use self::trace::TraceLines;
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
 use cellwire_io::output::{Unwritten, remark};
@@ -52,7 +50,6 @@ pub fn run(args: &Args) -> Result<bool> {
     let mut out = Lines { out, clean: true };
     let decoded = match (format, reading) {
         (_, Some(reading)) => capture::decode(args, &reading, input, &mut out),
-        (Format::Trace, None) => trace::decode(args, input, &mut out),
         (_, None) => decode_stream(args, format, input, &mut out),
     };
     let printed = decoded.and_then(|()| Ok(out.out.borrow_mut().flush()?));

@@ -1,20 +1,19 @@
 //! The bytes of each conversation.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use cellwire_identify::{Sender, Stream};
 use cellwire_links::link::Carrier;
 
 use super::Args;
-use crate::command::decode::{TraceLines, hex::HexReader};
+use crate::command::decode::hex::HexReader;
 use crate::command::source::{Format, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
-use crate::io::capture::{Fault, Flow, Reading};
+use crate::io::capture::{Fault, Flow, Line, Reading};
 use cellwire_io::output::remark;
-use cellwire_io::trace::{Way, parse_line, parse_name};
 
 /// How many bytes of each stream are read.
 const MOST: u64 = 1 << 20;
@@ -38,10 +37,9 @@ impl Conversation {
 /// Reads the input.
 pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
     let (format, input) = args.source.open()?;
-    let mut all = match (format, args.source.reading(format)) {
-        (_, Some(reading)) => capture(args, &reading, input)?,
-        (Format::Trace, None) => vec![trace(args, input)?],
-        (_, None) => vec![stream(args, format, input)?],
+    let mut all = match args.source.reading(format) {
+        Some(reading) => capture(args, &reading, input)?,
+        None => vec![stream(args, format, input)?],
     };
     all.retain(|conversation| conversation.len() > 0);
     ensure!(!all.is_empty(), "the input is empty");
@@ -82,35 +80,6 @@ fn stream(args: &Args, format: Format, input: Box<dyn BufRead>) -> Result<Conver
         carrier: Carrier::Unknown,
         streams: vec![Stream { sender, parts: vec![bytes], arrivals: Vec::new() }],
     })
-}
-
-fn trace(args: &Args, input: Box<dyn Read>) -> Result<Conversation> {
-    let mut lines = TraceLines::new(BufReader::new(input));
-    let why = "line 1: not a trace; a trace begins with `# NAME: why the session ended`";
-    let name = lines.next()?.and_then(parse_name).context(why)?.to_owned();
-    let [mut sent, mut received] = [true, false].map(|sent| {
-        let sender = match &args.from {
-            Some(from) if sent => Sender::Named(from.clone()),
-            Some(from) => Sender::Other(from.clone()),
-            None => Sender::Traced { name: name.clone(), sent },
-        };
-        Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() }
-    });
-    let mut now = Duration::ZERO;
-    while let Some(text) = lines.next()? {
-        if text.trim().is_empty() {
-            continue;
-        }
-        let Some((at, way, bytes)) = parse_line(text) else {
-            let text = text.trim().escape_debug().to_string();
-            bail!("line {}: not a line of a trace: {text}", lines.number());
-        };
-        let stream = if way == Way::Sent { &mut sent } else { &mut received };
-        now = after(now, Duration::try_from_secs_f64(at).unwrap_or_default());
-        stream.arrivals.push((stream.size(), now));
-        stream.parts.iter_mut().for_each(|part| part.extend_from_slice(&bytes));
-    }
-    Ok(Conversation { name, carrier: Carrier::Unknown, streams: vec![sent, received] })
 }
 
 fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<Conversation>> {
@@ -179,6 +148,9 @@ impl Directions for Collecting<'_> {
                 )
             }
             Flow::Serial(_) => ("the serial line".into(), Sender::Unknown, Carrier::Serial(None)),
+            Flow::Kept(Line::Trace(name), sent) => {
+                (name.into(), Sender::Traced { name: name.into(), sent }, Carrier::Unknown)
+            }
             Flow::Kept(line, is_client) => {
                 (line.to_string(), Sender::Kept { by_keeper: is_client }, Carrier::Serial(None))
             }

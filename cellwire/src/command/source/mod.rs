@@ -72,7 +72,8 @@ impl SourceArgs {
             Format::Hexdump => Form::HexDump,
             Format::Strace => Form::Strace,
             Format::Socat => Form::Socat,
-            Format::Hex | Format::Raw | Format::Trace => return None,
+            Format::Trace => Form::Trace,
+            Format::Hex | Format::Raw => return None,
         };
         Some(Reading { form, port: self.port, adapter: self.adapter, descriptor: self.fd })
     }

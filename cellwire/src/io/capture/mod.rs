@@ -1,5 +1,5 @@
 //! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being read. They
-//! are files of pcap and pcapng, the text of hex dumps, and what strace or socat has written.
+//! are files of pcap and pcapng, the text of hex dumps, output of strace or socat, and traces.
 //!
 //! Nothing is dropped without a word: what should hold a link's bytes and does not is a [`Fault`], and what never holds them
 //! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
@@ -14,6 +14,7 @@ mod network;
 pub mod reassembly;
 mod socat;
 mod strace;
+mod trace;
 mod usb;
 pub mod write;
 
@@ -61,6 +62,8 @@ pub enum Form {
     Strace,
     /// Output of `socat -x`.
     Socat,
+    /// A file that `--trace` has written.
+    Trace,
 }
 
 /// Returns why an input that begins so is not read, with the command that makes a capture of it, if it is a known form of captures.
@@ -125,6 +128,8 @@ pub enum Line {
     },
     /// A hex dump.
     Dump,
+    /// A trace of this name.
+    Trace(&'static str),
 }
 
 impl fmt::Display for Line {
@@ -135,6 +140,7 @@ impl fmt::Display for Line {
             Self::Opened { descriptor, turn: 0 } => write!(f, "descriptor {descriptor}"),
             Self::Opened { descriptor, turn } => write!(f, "descriptor {descriptor} file {}", turn + 1),
             Self::Dump => f.write_str("the dump"),
+            Self::Trace(name) => f.write_str(name),
         }
     }
 }
@@ -205,6 +211,7 @@ pub fn read(
         Form::HexDump => hexdump::read(BufReader::new(input), take),
         Form::Strace => strace::read(BufReader::new(input), reading.descriptor, take),
         Form::Socat => socat::read(BufReader::new(input), take),
+        Form::Trace => trace::read(BufReader::new(input), take),
     }
 }
 

@@ -15,6 +15,8 @@ pub struct Report {
     object: Map<String, Value>,
     facts: Vec<(String, String)>,
     timings: Vec<Timing>,
+    /// Deadlines that were missed, beside the timings.
+    missed: Vec<String>,
     failures: Vec<String>,
     link: String,
     moves: &'static str,
@@ -148,12 +150,19 @@ impl Report {
         }
     }
 
+    /// Adds a missed deadline, as a p99 above its budget is one, if it was not kept.
+    pub fn in_time(&mut self, kept: bool, missed: impl FnOnce() -> String) {
+        if !kept {
+            self.missed.push(missed());
+        }
+    }
+
     /// Whether all checks passed.
     pub fn is_good(&self) -> bool {
         self.failures.is_empty()
     }
 
-    /// Whether every timing was within its budget.
+    /// Whether every deadline was kept.
     pub fn is_in_time(&self) -> bool {
         self.over_budget().next().is_none()
     }
@@ -166,23 +175,19 @@ impl Report {
         timings.max_by(|one, other| share(one).total_cmp(&share(other)))
     }
 
-    /// How long other programs have stalled this machine, if the demo measures it.
-    pub fn stalled(&self) -> Duration {
-        Duration::from_micros(self.object.get("paused_us").and_then(Value::as_u64).unwrap_or_default())
-    }
-
     /// The promises that were not kept.
     pub fn failures(&self) -> &[String] {
         &self.failures
     }
 
-    /// The times beyond their budgets.
+    /// The deadlines that were missed: times beyond their budgets, and what has no time.
     pub fn over_budget(&self) -> impl Iterator<Item = String> + '_ {
-        self.timings.iter().filter_map(|timing| {
+        let timings = self.timings.iter().filter_map(|timing| {
             let budget = timing.budget.filter(|budget| timing.judged > budget.time)?;
             let (label, p99, time) = (&timing.label, show(timing.p99), show(budget.time));
             Some(format!("{label}: p99 is {p99}, the budget {time} ({})", budget.source))
-        })
+        });
+        timings.chain(self.missed.iter().cloned())
     }
 
     /// The title and the tables, without the verdict.

@@ -132,17 +132,12 @@ pub fn verdict(all: &[Judged]) -> String {
             let _ = writeln!(text, "All {count} deadlines were kept.");
         }
         (missed, count) => {
-            let stalled: Duration = all.iter().map(|it| it.report.stalled()).max().unwrap_or_default();
             let verb = if missed == 1 { "was" } else { "were" };
-            let why = match stalled {
-                Duration::ZERO => String::new(),
-                time => format!(" Other programs stalled this machine, {:.1} s in all.", time.as_secs_f64()),
-            };
             let checked = all.iter().any(|it| it.check_times);
             let more = if checked { "" } else { " On a quiet machine --check-times makes that a failure." };
             let names = late.join(", ");
             let deadlines = counted(count, "deadline");
-            let line = format!("{missed} of {deadlines} {verb} missed: {names}.{why}{more}");
+            let line = format!("{missed} of {deadlines} {verb} missed: {names}.{more}");
             text.push_str(&wrapped(&line, 0));
         }
     }

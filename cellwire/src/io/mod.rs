@@ -4,7 +4,6 @@ pub mod capture;
 pub mod drawing;
 pub mod journal;
 pub mod line;
-pub mod pauses;
 pub mod samples;
 pub mod serve;
 pub mod sheet;

@@ -7,7 +7,7 @@ use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
 use mmacell_task::{Device, TaskConfig};
 
 use super::periphery::Periphery;
-use super::workpiece::{Record, Workpieces};
+use super::workpiece::Workpieces;
 use cellwire_sim::mma::{Fate, Mma, MmaDevice, MotionFaults, Simulated};
 use cellwire_sim::{Settings as _, Simulator, Told};
 use robot_session::{Session as _, Step, Steps};
@@ -120,11 +120,6 @@ impl Cell {
     /// The parts.
     pub fn parts(&self) -> &Workpieces {
         &self.parts
-    }
-
-    /// What happened to the parts, for a judge who forgets it.
-    pub fn record_mut(&mut self) -> &mut Record {
-        &mut self.parts.record
     }
 
     #[cfg(test)]

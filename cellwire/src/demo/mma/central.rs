@@ -44,7 +44,7 @@ pub struct Central {
 /// What a run did.
 #[derive(Debug, Default)]
 pub struct Log {
-    /// Each step and when it began, in cell time; a long run forgets those that have been judged.
+    /// Each step and when it began, in cell time.
     pub steps: Vec<(Duration, Step)>,
     /// Parts that the task believes in their place.
     pub placed: u64,

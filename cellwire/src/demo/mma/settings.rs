@@ -8,6 +8,8 @@ use cellwire_links::settings::{Configure, Fields};
 
 /// Parts of a run without a limit.
 const PARTS: u64 = 100;
+/// The most parts: a run takes no longer than ten minutes at the usual speed.
+const MAX_PARTS: u64 = 10_000;
 /// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
 const SPEED: u32 = 200;
 /// What can be set of the demo.
@@ -30,7 +32,7 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, speed, stall_every, task, central } = self;
-        fields.whole("parts", 1..=u64::MAX, "parts", "parts to place, without --for", parts);
+        fields.whole("parts", 1..=MAX_PARTS, "parts", "parts to place, without --for", parts);
         fields.whole(
             "speed",
             1..=10_000,

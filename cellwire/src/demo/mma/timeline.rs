@@ -36,24 +36,15 @@ const AIR: RGBColor = RGBColor(120, 170, 210);
 const GOOD: RGBColor = RGBColor(58, 145, 84);
 const BAD: RGBColor = RGBColor(198, 66, 60);
 
-/// What the picture is drawn from.
-#[derive(Debug, Clone, Default)]
-pub struct Shown {
-    /// When each step of the task began.
-    pub steps: Vec<(Duration, Step)>,
-    vacuum: Vec<(Duration, bool)>,
-    blow: Vec<(Duration, bool)>,
-    switch: Vec<(Duration, bool)>,
-    outcomes: Vec<(Duration, Outcome)>,
-}
-
-impl Shown {
-    /// What was noted up to now.
-    pub fn of(log: &Log, record: &Record) -> Self {
-        let Record { vacuum, blow, switch, outcomes, .. } = record;
-        let [vacuum, blow, switch] = [vacuum, blow, switch].map(Clone::clone);
-        Self { steps: log.steps.clone(), vacuum, blow, switch, outcomes: outcomes.clone() }
-    }
+/// The source of the picture.
+#[derive(Clone, Copy)]
+struct Shown<'a> {
+    /// Each step of the task, with the time of its beginning.
+    steps: &'a [(Duration, Step)],
+    vacuum: &'a [(Duration, bool)],
+    blow: &'a [(Duration, bool)],
+    switch: &'a [(Duration, bool)],
+    outcomes: &'a [(Duration, Outcome)],
 }
 
 /// A bar in a lane.
@@ -65,7 +56,9 @@ struct Span {
 }
 
 /// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
-pub fn draw(path: &Path, shown: &Shown) -> Result<()> {
+pub fn draw(path: &Path, log: &Log, record: &Record) -> Result<()> {
+    let Record { vacuum, blow, switch, outcomes, .. } = record;
+    let shown = &Shown { steps: &log.steps, vacuum, blow, switch, outcomes };
     let (from, to) = window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
     let mut drawn = String::new();
     let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
@@ -78,7 +71,7 @@ pub fn draw(path: &Path, shown: &Shown) -> Result<()> {
 }
 
 /// Six attempts: the first in which one part is placed, one missed and one lost, if there are any.
-fn window(shown: &Shown) -> Option<(Duration, Duration)> {
+fn window(shown: &Shown<'_>) -> Option<(Duration, Duration)> {
     const SHOWN: usize = 6;
     let begins = shown.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
     let begins: Vec<Duration> = begins.chain([shown.steps.last()?.0]).collect();
@@ -101,7 +94,7 @@ struct Picture<'a, 'b> {
 type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 impl Picture<'_, '_> {
-    fn draw(&self, shown: &Shown) -> Drawn {
+    fn draw(&self, shown: &Shown<'_>) -> Drawn {
         self.area.fill(&WHITE)?;
         self.text(
             (LEFT, 30 * UNIT),
@@ -120,14 +113,14 @@ impl Picture<'_, '_> {
             ("Robot", spans(shown, robot)),
             ("Platform", platform(shown)),
             ("Cameras", spans(shown, cameras)),
-            ("Vacuum", levels(&shown.vacuum, self.to, AIR)),
-            ("Vacuum switch", levels(&shown.switch, self.to, CARRY)),
-            ("Blow", levels(&shown.blow, self.to, EYES)),
+            ("Vacuum", levels(shown.vacuum, self.to, AIR)),
+            ("Vacuum switch", levels(shown.switch, self.to, CARRY)),
+            ("Blow", levels(shown.blow, self.to, EYES)),
         ];
         for (row, (name, spans)) in lanes.iter().enumerate() {
             self.lane(i32::try_from(row).unwrap_or_default(), name, spans)?;
         }
-        self.outcomes(&shown.outcomes)
+        self.outcomes(shown.outcomes)
     }
 
     /// What the colours mean, beside the labels of the bars.
@@ -152,7 +145,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn attempts(&self, shown: &Shown) -> Drawn {
+    fn attempts(&self, shown: &Shown<'_>) -> Drawn {
         for (at, _) in shown.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
             let x = self.x(*at);
             self.area
@@ -239,7 +232,7 @@ fn thin(color: RGBColor) -> ShapeStyle {
 }
 
 /// The spans of the steps that a device has something to do in; neighbours of one label are one.
-fn spans(shown: &Shown, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
+fn spans(shown: &Shown<'_>, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
     let mut spans: Vec<Span> = Vec::new();
     for pair in shown.steps.windows(2) {
         let [(from, step), (to, _)] = pair else { continue };
@@ -290,7 +283,7 @@ fn cameras(step: Step) -> Option<(RGBColor, &'static str)> {
 }
 
 /// The platform turns from step 10 on, and stands at the latest at the end of step 12.
-fn platform(shown: &Shown) -> Vec<Span> {
+fn platform(shown: &Shown<'_>) -> Vec<Span> {
     spans(shown, |step| match step {
         Step::GoHome | Step::AwaitHome | Step::Resetting => Some((PLATFORM, "home")),
         Step::TurnPlatform | Step::GoCamera2 | Step::AwaitCamera2 => Some((PLATFORM, "turn")),

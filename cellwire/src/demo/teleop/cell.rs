@@ -20,7 +20,6 @@ use crate::devices::isra_ball::ball;
 use crate::devices::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::devices::val2_viewer::workstation;
 use crate::io::line::{Line, LineFaults, Lines};
-use crate::io::pauses::{Pauses, Watch};
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::TraceArgs;
@@ -101,8 +100,6 @@ pub struct CellRecord {
     pub stopped_at: Duration,
     /// How many of the robot's ends of ALTER came before that.
     pub ends_before_stop: usize,
-    /// When the host was stalled.
-    pub pauses: Pauses,
 }
 
 /// What the host reported.
@@ -180,7 +177,6 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
         },
     };
     let stop = AtomicBool::new(false);
-    let watch = Watch::start(clock);
     thread::scope(|scope| {
         let robot =
             scope.spawn(|| (puma::run(&mut robot.line, puma, &stop, |_, _| Ok(())), robot.line.faults()));
@@ -209,7 +205,6 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
             line_faults: [robot_faults, ball_faults, viewer_faults],
             stopped_at,
             ends_before_stop,
-            pauses: watch.stop(),
         })
     })
 }

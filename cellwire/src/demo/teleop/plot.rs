@@ -29,7 +29,7 @@ type Curve = Vec<Vec<(f64, f64)>>;
 /// Those of [`draw`].
 pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRecord) -> Result<()> {
     let Some(path) = &options.out else { return Ok(()) };
-    draw(path, &record.host.cycles.last(), &config.alter.limits)
+    draw(path, &record.host.cycles.speeds(), &config.alter.limits)
 }
 
 /// Draws the velocity in each axis, and the acceleration along X.

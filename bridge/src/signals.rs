@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 
 /// From now on SIGINT and SIGTERM are noted ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the
 /// remark. What is returned is true after each SIGHUP, where the system has that.
@@ -20,7 +20,7 @@ pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> 
     use signal_hook::iterator::Signals;
 
     let mut signals = Signals::new([SIGHUP, SIGINT, SIGTERM])?;
-    let (reload, mut end) = (Arc::new(AtomicBool::new(false)), interrupt::within(limit, remark));
+    let (reload, mut end) = (Arc::new(AtomicBool::new(false)), Policy::NoteWithin(limit, remark).handler());
     let shared = Arc::clone(&reload);
     let run = move || {
         for signal in signals.forever() {
@@ -40,6 +40,6 @@ pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> 
 /// When another handler is installed already.
 #[cfg(not(unix))]
 pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> {
-    interrupt::note_within(limit, remark)?;
+    interrupt::on_interrupt(Policy::NoteWithin(limit, remark))?;
     Ok(Arc::default())
 }

@@ -11,7 +11,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, ensure};
 
 use crate::bell::Bell;
-use crate::interrupt;
+use crate::interrupt::{Policy, on_interrupt};
 
 /// The parser of a time within a range, such as `5s` or `250ms`; `never` is the most of a range without an end.
 pub fn time(range: RangeInclusive<Duration>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
@@ -139,14 +139,14 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> 
         let _ = sender.send(what);
         bell.ring();
     };
-    let (stop, mut late) =
-        (put.clone(), interrupt::within(limit, "the command did not stop in time, and was ended"));
-    interrupt::watch(move |count| {
+    let stop = put.clone();
+    let mut late = Policy::NoteWithin(limit, "the command did not stop in time, and was ended").handler();
+    on_interrupt(Policy::Call(Box::new(move |count| {
         if count == 1 {
             stop(Some(Typed::Stop));
         }
         late(count);
-    })?;
+    })))?;
     thread::spawn(move || {
         let was_terminal = io::stdin().is_terminal();
         let (mut input, mut line) = (io::stdin().lock().take(0), Vec::new());

@@ -39,87 +39,80 @@ const REPLY_WITHIN: Duration = Duration::from_secs(5);
 /// The longest wait for a terminal or a pipe to accept the last line.
 const LAST_LINE: Duration = Duration::from_secs(2);
 
-/// From now on a signal runs every action given to [`before_exit`] and ends the program. If there is an [`account`], it is printed.
-///
-/// # Errors
-/// When the system has no room for a thread.
-pub fn handle() -> Result<()> {
-    install(|_| {
-        let is_silent = lock(&ACCOUNT).is_empty();
-        if is_silent {
-            exit();
-        }
-        end_at_once("interrupted");
-    })
+/// The effect of the signals that end a command.
+#[allow(missing_debug_implementations, reason = "it holds a closure")]
+pub enum Policy {
+    /// A signal ends the program, after every action given to [`before_exit`]. If there is an [`account`], it is printed.
+    End,
+    /// As [`End`](Self::End); the first signal waits, five seconds at most, while there is an [`account`]: for a program whose request
+    /// is in flight.
+    EndAfterReply,
+    /// The first signal is noted: [`requested`] is true then, and the command ends normally. Another one ends the program.
+    Note,
+    /// As [`Note`](Self::Note); a command that has not ended after this time is terminated, with the remark: a disk may block for minutes.
+    NoteWithin(Duration, &'static str),
+    /// Each signal only calls this with its count, from 1, on a thread of its own.
+    Call(Box<dyn FnMut(u32) + Send>),
 }
 
-/// As [`handle`]; the first signal waits, five seconds at most, while there is an [`account`]: for a program whose request is in flight.
+/// From now on signals have this effect.
 ///
 /// # Errors
 /// When the system has no room for a thread.
-pub fn handle_after_reply() -> Result<()> {
-    install(|count| {
-        if count > 1 {
-            end_at_once("a second signal ended the command");
-        }
-        thread::spawn(|| {
-            let (end, is_busy) = (Instant::now() + REPLY_WITHIN, || !lock(&ACCOUNT).is_empty());
-            if is_busy() {
-                while is_busy() && Instant::now() < end {
-                    thread::sleep(TOGETHER);
+pub fn on_interrupt(policy: Policy) -> Result<()> {
+    install(policy.handler())
+}
+
+impl Policy {
+    /// What is called with the count of each signal, for a program that has a handler of its own.
+    pub fn handler(self) -> Box<dyn FnMut(u32) + Send> {
+        const SECOND: &str = "a second signal ended the program";
+        match self {
+            Self::End => Box::new(|_| {
+                let is_silent = lock(&ACCOUNT).is_empty();
+                if is_silent {
+                    exit();
                 }
-                // The program may end by itself, and report the requests that it has not sent.
-                thread::sleep(5 * TOGETHER);
-            }
-            end_at_once("interrupted");
-        });
-    })
-}
-
-/// From now on signals are counted, and only call `handler` with their count, from 1, on a thread of its own: for a program that needs
-/// time to end.
-///
-/// # Errors
-/// When the system has no room for a thread.
-pub fn watch(handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
-    install(handler)
-}
-
-/// From now on the first signal is noted: [`requested`] is true then, and the command ends normally. Another one ends the program.
-///
-/// # Errors
-/// When the system has no room for a thread.
-pub fn note() -> Result<()> {
-    watch(|count| {
-        if count > 1 {
-            end_at_once("a second signal ended the command");
-        }
-    })
-}
-
-/// As [`note`]; a command that has not ended after `limit` is terminated, with a remark: a disk may block for minutes.
-///
-/// # Errors
-/// When the system has no room for a thread.
-pub fn note_within(limit: Duration, remark: &'static str) -> Result<()> {
-    watch(within(limit, remark))
-}
-
-/// The handler of [`note_within`].
-pub fn within(limit: Duration, remark: &'static str) -> impl FnMut(u32) + Send + 'static {
-    move |count| {
-        if count == 1 {
-            thread::spawn(move || {
-                thread::sleep(limit);
-                end_at_once(remark);
-            });
-        } else {
-            end_at_once("a second signal ended the program");
+                end_at_once("interrupted");
+            }),
+            Self::EndAfterReply => Box::new(|count| {
+                if count > 1 {
+                    end_at_once(SECOND);
+                }
+                thread::spawn(end_after_reply);
+            }),
+            Self::Note => Box::new(|count| {
+                if count > 1 {
+                    end_at_once(SECOND);
+                }
+            }),
+            Self::NoteWithin(limit, remark) => Box::new(move |count| {
+                if count > 1 {
+                    end_at_once(SECOND);
+                }
+                thread::spawn(move || {
+                    thread::sleep(limit);
+                    end_at_once(remark);
+                });
+            }),
+            Self::Call(handler) => handler,
         }
     }
 }
 
-/// Whether a signal was [noted](note), or [handled](watch).
+fn end_after_reply() {
+    let (end, is_busy) = (Instant::now() + REPLY_WITHIN, || !lock(&ACCOUNT).is_empty());
+    if is_busy() {
+        while is_busy() && Instant::now() < end {
+            thread::sleep(TOGETHER);
+        }
+        // The program may end by itself, and report the requests that it has not sent.
+        thread::sleep(5 * TOGETHER);
+    }
+    end_at_once("interrupted");
+}
+
+/// Returns whether there was a signal.
 pub fn requested() -> bool {
     COUNT.load(Ordering::Relaxed) > 0
 }

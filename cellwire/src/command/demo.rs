@@ -14,7 +14,7 @@ use crate::demo::{self, DemoOptions, MustFail};
 use crate::devices::link_parser;
 use crate::io::line::Lines;
 use cellwire_io::input::time;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{counted, remark};
 use cellwire_io::trace::TraceArgs;
 use cellwire_links::LINKS;
@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Result<bool> {
     }
     let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.short));
     let settings = args.set.read(&known)?;
-    interrupt::handle()?;
+    interrupt::on_interrupt(Policy::End)?;
     let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), std::io::stdout());
     let mut rest = links.as_slice();
     while let Some((link, others)) = rest.split_first() {

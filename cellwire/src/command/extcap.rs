@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result};
 use super::tap::{Way, WayArgs, join};
 use crate::io::capture::write::Writer;
 use crate::io::tap::Watch;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{Policy, on_interrupt};
 
 /// Adds the tap to Wireshark's list of interfaces.
 ///
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<bool> {
 
 fn capture(args: &WayArgs, pipe: &std::path::Path) -> Result<()> {
     let way = Way::open(args)?;
-    interrupt::handle()?;
+    on_interrupt(Policy::End)?;
     let mut watch = Watch::default();
     let seen = watch.add();
     let writer = Writer::into_pipe(pipe, "cellwire")?;

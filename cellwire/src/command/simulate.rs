@@ -10,7 +10,7 @@ use crate::devices::control::Control;
 use crate::devices::device::{Device, Endpoint, SimulateOptions};
 use crate::devices::device_parser;
 use cellwire_io::input::time;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::{self, EventArgs};
 use cellwire_io::tcp::{self, ConnectArgs};
 use cellwire_io::trace::TraceArgs;
@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> Result<bool> {
         output::be_quiet();
     }
     output::never_wait()?;
-    interrupt::handle()?;
+    on_interrupt(Policy::End)?;
     let options = SimulateOptions {
         endpoint,
         dialing: args.connect.dialing(),

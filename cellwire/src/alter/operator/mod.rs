@@ -22,7 +22,7 @@ use self::model::{Model, Ports};
 use crate::alter::{self, Notification, Order, Teleop, TeleopConfig, Traces};
 use crate::io::terminal::{self, Screen};
 use cellwire_io::clock::Clock;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::remark;
 
 /// A picture is drawn this often.
@@ -45,12 +45,12 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let teleop = Teleop::start(config, clock, &traces)?;
     teleop.order(Order::GripperKeys(gripper));
     let orders = teleop.orders();
-    interrupt::watch(move |signals| {
+    interrupt::on_interrupt(Policy::Call(Box::new(move |signals| {
         if signals > 1 {
             end_at_once();
         }
         orders.order(Order::End);
-    })?;
+    })))?;
     let mut screen = Screen::enter()?;
     let keys = keys::read(teleop.orders(), teleop.jog(), end_at_once);
     let shown = show(&mut screen, &mut model, &teleop, clock, &keys);

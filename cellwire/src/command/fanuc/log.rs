@@ -23,10 +23,11 @@ use crate::telemetry::Implausible;
 use crate::telemetry::logger::{Logger, Reading, Source};
 use crate::telemetry::recording::{self, Recording};
 use cellwire_io::clock::Clock;
+use cellwire_io::files;
 use cellwire_io::input::time;
+use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::remark;
 use cellwire_io::tcp::TimeoutArgs;
-use cellwire_io::{files, interrupt};
 use cellwire_links::fanuc_hmi_modbus::Frames;
 use cellwire_motion::plausibility::{Fault, Plausibility};
 
@@ -111,7 +112,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     let mut config =
         if view.frames == Frames::Rtu { ClientConfig::rtu_over_tcp() } else { ClientConfig::tcp() };
     args.set.configure(&given, &mut config)?;
-    interrupt::note()?;
+    on_interrupt(Policy::Note)?;
     let clock = Clock::start();
     let source = Source {
         server: args.server.clone(),

@@ -12,7 +12,7 @@ use super::variable::{BROADCAST, KindArg, Outcome, PlaceArgs, Variable, refused}
 use crate::command::modbus::Unknown;
 use crate::devices::fanuc_hmi_modbus::client::Client;
 use cellwire_io::drive::Lost;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{log, remark};
 
 /// The longest time to open another connection when the controller closes the first after its reply to the write.
@@ -46,7 +46,7 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
     let last = last.ok().context("the registers end at 65535")?;
     let mut client = Client::open(&port)?;
     let request = Request::WriteRegisters { address, values: Words::from(registers.as_slice()) };
-    interrupt::handle_after_reply()?;
+    interrupt::on_interrupt(Policy::EndAfterReply)?;
     interrupt::account("the controller may hold the new value".into());
     match variable.ask(&mut client, &request) {
         Ok(Outcome::Registers(_)) => {}

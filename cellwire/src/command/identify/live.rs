@@ -11,7 +11,7 @@ use cellwire_links::{LINKS, Link};
 use super::Args;
 use super::input::Conversation;
 use super::line::{Judged, Search, Setting, likely};
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::marked::Marked;
 
 /// A turn of each setting is this share of the time, within limits: short messages come seldom, and everything has to have its turn.
@@ -36,7 +36,7 @@ pub(super) struct Line {
 
 /// Finds the rate and the format of a line, and listens with them until the time is over or the user interrupts.
 pub(super) fn listen(args: &Args, name: &str) -> Result<Line> {
-    interrupt::note()?;
+    interrupt::on_interrupt(Policy::Note)?;
     let mut port = Marked::open(name)?;
     let mut ear = Ear { port: &mut port, end: Instant::now() + args.duration, begin: Instant::now() };
     let mut search = Search::default();

@@ -12,7 +12,7 @@ use cellwire_io::backoff::Backoff;
 use cellwire_io::clock::Clock;
 use cellwire_io::drive::Lost;
 use cellwire_io::input::time;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{log, remark};
 use cellwire_io::tcp;
 
@@ -43,7 +43,7 @@ pub(super) struct Args {
 const TURN: Duration = Duration::from_millis(100);
 
 pub(super) fn poll(args: &Args) -> Result<bool> {
-    interrupt::note()?;
+    interrupt::on_interrupt(Policy::Note)?;
     let (port, unit) = args.port.port(&args.server, super::REPLY)?;
     let mut client = open(&port, args.duration)?;
     // The time of --for begins with the first request.

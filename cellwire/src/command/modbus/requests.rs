@@ -10,13 +10,14 @@ use serde_json::{Value, json};
 use super::{Refused, Unknown, silent_unit};
 use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
 use cellwire_io::drive::Lost;
+use cellwire_io::input;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{log, remark};
-use cellwire_io::{input, interrupt};
 use cellwire_links::fanuc_hmi_modbus::unknown_key;
 use cellwire_links::json::value as object;
 
 pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> Result<bool> {
-    interrupt::handle_after_reply()?;
+    interrupt::on_interrupt(Policy::EndAfterReply)?;
     let input = input::open(file)?;
     let mut client = super::open(port)?;
     let (mut all, mut refused, mut unknown) = (true, 0u64, 0u64);

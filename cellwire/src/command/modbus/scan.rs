@@ -13,7 +13,7 @@ use super::range::{Range, TABLES};
 use super::seen::Seen;
 use crate::devices::fanuc_hmi_modbus::client::{Answer, Client};
 use cellwire_io::drive::Lost;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{self, log, remark};
 
 /// How often a request is made whose connection is lost.
@@ -51,7 +51,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn scan(args: &Args) -> Result<bool> {
-    interrupt::note()?;
+    interrupt::on_interrupt(Policy::Note)?;
     let timeout = if args.ranges { super::REPLY } else { Duration::from_millis(200) };
     // A late reply names its unit: the wait for it need not be longer than the one for the reply.
     let (port, unit) = args.port.port_with(&args.server, timeout, |config| {

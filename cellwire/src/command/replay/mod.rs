@@ -16,7 +16,7 @@ use super::codec::LinkArgs;
 use super::compare::{Compare, Follow};
 use super::recorded::{ConversationArgs, Party};
 use cellwire_io::input::time;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{EventArgs, remark};
 
 /// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the capture.
@@ -108,7 +108,7 @@ pub fn run(args: &Args) -> Result<bool> {
         heard: Instant::now(),
         is_closed: false,
     };
-    interrupt::handle()?;
+    interrupt::on_interrupt(Policy::End)?;
     let mut transport = args.transport.open(&args.end)?;
     let mut sent = 0;
     // The times of the capture count from its first message, whoever sends it.

@@ -17,7 +17,7 @@ pub(super) use self::way::{Way, WayArgs};
 use super::codec::LinkArgs;
 use crate::io::capture::write::Writer;
 use crate::io::tap::Watch;
-use cellwire_io::interrupt;
+use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::{self, remark};
 
 /// Shows the messages of both ends of a link: forwards their bytes unchanged, or only listens.
@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let way = Way::open(&args.way)?;
     way.advise(args.of.link.short, &args.way);
     output::never_wait()?;
-    interrupt::handle()?;
+    on_interrupt(Policy::End)?;
     let mut watch = Watch::default();
     thread::scope(|scope| {
         if !args.no_capture {

@@ -22,10 +22,13 @@ pub const STOP_WITHIN: Duration = Duration::from_secs(30);
 /// The longest wait after that, for a machine that was told to stop at once, and for whatever blocks.
 pub const END_WITHIN: Duration = Duration::from_secs(5);
 
+/// The interval at which a question looks for its answer.
+const LOOK: Duration = Duration::from_millis(50);
+
 /// The longest wait for the end of a standard input that is not a keyboard.
 pub const KEYBOARD_WITHIN: Duration = Duration::from_millis(200);
 /// The advice of an event `unanswered`.
-pub const UNANSWERED: &str = "nobody can answer, since standard input has ended: check the machine, then run the same command with --unknown done, --unknown repeat, or the number of the last that is done";
+const UNANSWERED: &str = "nobody can answer, since standard input has ended: check the machine, then run the same command with --unknown done, --unknown repeat, or the number of the last that is done";
 
 /// The answer of the command line for parts that an earlier run has left unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,9 +66,26 @@ impl FromStr for Answer {
     }
 }
 
-/// The operator of a run, and where the run is reported.
+/// An answer of the operator: of the parts in question, the first `done` are done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Answered {
+    /// The index of the first part in question.
+    pub first: usize,
+    /// The number of parts in question.
+    pub count: usize,
+    /// The number of these that are done.
+    pub done: usize,
+}
+
+/// The dialogue with the operator of a run, and where the run is reported.
 #[allow(missing_debug_implementations, reason = "it has closures")]
-pub struct Operator<'a> {
+pub struct Console<'a> {
+    /// Whether nothing new begins until `continue`.
+    pub paused: bool,
+    /// Whether the run ends after what is under way.
+    pub stopping: bool,
+    /// The parts that are asked about: the index of the first, and their number.
+    question: Option<(usize, usize)>,
     typed: Receiver<Option<Typed>>,
     notify: &'a mut dyn FnMut(Value) -> Result<()>,
     progress: &'a mut dyn FnMut(Tally),
@@ -81,15 +101,143 @@ pub struct Operator<'a> {
     stops: bool,
 }
 
-impl<'a> Operator<'a> {
-    /// An operator who does what `typed` receives. `notify` prints an event, `progress` shows how much of the work is done.
+impl<'a> Console<'a> {
+    /// The console of an operator who does what `typed` receives. `notify` prints an event, `progress` shows how much of the work is done.
     pub fn new(
         typed: Receiver<Option<Typed>>,
         notify: &'a mut dyn FnMut(Value) -> Result<()>,
         progress: &'a mut dyn FnMut(Tally),
     ) -> Self {
+        let (paused, stopping, question) = (false, false, None);
         let (pending, is_absent, stop_at, is_deaf, stops) = (None, false, None, false, false);
-        Self { typed, notify, progress, pending, is_absent, stop_at, is_deaf, stops }
+        Self {
+            paused,
+            stopping,
+            question,
+            typed,
+            notify,
+            progress,
+            pending,
+            is_absent,
+            stop_at,
+            is_deaf,
+            stops,
+        }
+    }
+
+    /// Asks what became of `count` parts, the first of which has the index `first`; `line` makes an event about them. False if standard input
+    /// has ended, or ends within `wait`: nobody can answer, the option that answers is named, and the run is to stop.
+    pub fn ask(
+        &mut self,
+        (first, count): (usize, usize),
+        wait: Duration,
+        line: impl FnOnce(&str) -> Value,
+    ) -> bool {
+        let is_asked = !self.is_without_keyboard(wait);
+        let (mut event, key, value) = if is_asked {
+            self.question = Some((first, count));
+            let answers = ["done", "repeat", "stop", "the number of the last that is done"];
+            let possible = if count > 1 { answers.len() } else { answers.len() - 1 };
+            (line("question"), "answers", answers.into_iter().take(possible).collect())
+        } else {
+            self.stopping = true;
+            (line("unanswered"), "what", json!(UNANSWERED))
+        };
+        if let Some(event) = event.as_object_mut() {
+            event.insert(key.into(), value);
+        }
+        self.notify(event);
+        is_asked
+    }
+
+    /// Waits for the answer to the question that was asked; `None` if the operator stops instead.
+    pub fn answer(&mut self) -> Option<Answered> {
+        // An earlier stop was for what was under way then.
+        let was_stopping = core::mem::take(&mut self.stopping);
+        let answered = loop {
+            match self.listen(LOOK) {
+                None if !self.stopping => {}
+                answered => break answered,
+            }
+        };
+        self.stopping |= was_stopping;
+        answered
+    }
+
+    /// Does what the operator has typed within `wait` since the last call: pauses, goes on, stops; returns an answer to the open question.
+    pub fn listen(&mut self, wait: Duration) -> Option<Answered> {
+        loop {
+            let (word, text) = match self.next(Some(wait)) {
+                Some(Typed::Line(text)) => (Word::parse(&text), text),
+                Some(Typed::Stop) => (Some(Word::Stop), String::new()),
+                None => {
+                    // There is no operator to continue it.
+                    self.stopping |= self.is_absent && (self.paused || self.question.is_some());
+                    return None;
+                }
+            };
+            let number: Option<usize> = text.trim().parse().ok();
+            let event = match (word, self.question) {
+                (Some(Word::Stop | Word::Abort), _) => {
+                    self.stopping = true;
+                    self.notify(json!({"event": "stopping"}));
+                    if self.question.take().is_some() {
+                        return None;
+                    }
+                    continue;
+                }
+                (Some(Word::Pause | Word::Continue), Some(_)) => {
+                    self.hint("answer done, repeat or stop");
+                    continue;
+                }
+                (Some(Word::Pause), None) => {
+                    self.paused = true;
+                    json!({"event": "paused"})
+                }
+                (Some(Word::Continue), None) => {
+                    self.paused = false;
+                    json!({"event": "continued"})
+                }
+                (Some(Word::Done), Some((first, count))) => return self.answered(first, count, count),
+                (Some(Word::Repeat), Some((first, count))) => return self.answered(first, count, 0),
+                (None, Some((first, count))) => {
+                    let last = number.filter(|last| (first..=first + count).contains(last));
+                    if let Some(last) = last {
+                        return self.answered(first, count, last - first);
+                    }
+                    self.hint(&format!(
+                        "answer done, repeat or stop, or the number of the last that is done: {first} to {}",
+                        first + count
+                    ));
+                    continue;
+                }
+                // An early answer may not be meant for this question.
+                (typed, None) if typed.is_some() || number.is_some() => {
+                    let hint = "there is no open question: answers count only after a question";
+                    json!({"event": "no_question", "typed": text.trim(), "hint": hint})
+                }
+                _ => {
+                    self.hint(Word::HINT);
+                    continue;
+                }
+            };
+            self.notify(event);
+        }
+    }
+
+    fn answered(&mut self, first: usize, count: usize, done: usize) -> Option<Answered> {
+        self.question = None;
+        Some(Answered { first, count, done })
+    }
+
+    /// Reports an answer.
+    pub fn notify_answered(&mut self, Answered { first, count, done }: Answered) {
+        let answer = match done {
+            0 => json!("repeat"),
+            done if done == count => json!("done"),
+            done => json!(first + done),
+        };
+        self.notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
     }
 
     /// The next line or stop of the operator, within `wait`; without one, however long that takes. `None` if there is none, and when

@@ -202,7 +202,7 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         assert_eq!((&question["first"], &question["count"]), (&unknown["first"], &unknown["count"]));
         assert!((first..=first + count).contains(&(executed as u64 + 1)), "{question} {executed}");
         run.say("what?");
-        assert!(run.event("hint")["hint"].as_str().unwrap().contains("the number of the last job"));
+        assert!(run.event("hint")["hint"].as_str().unwrap().contains("the number of the last that is done"));
         run.say(&executed.to_string());
         let answer: serde_json::Value = match executed as u64 + 1 - first {
             0 => "repeat".into(),

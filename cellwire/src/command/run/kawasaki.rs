@@ -13,7 +13,7 @@ use crate::command::settings::connect_settings;
 use crate::devices::device::Endpoint;
 use crate::devices::kawasaki_msg::simulate::pc_config;
 use crate::io::journal::Tally;
-use crate::run::Operator;
+use crate::run::Console;
 use crate::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use cellwire_io::bell::Bell;
 use cellwire_io::input::{self, time};
@@ -147,10 +147,10 @@ fn serve(
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
     let (notify, progress) = (&mut |event| log(&event), &mut work::shown(progress, journal, machine));
-    let operator = Operator::new(typed, notify, progress);
+    let console = Console::new(typed, notify, progress);
     let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
     let answer = args.work.unknown;
-    let runner = Runner::new(jobs, config, journal, settings.order, answer, absence, operator);
+    let runner = Runner::new(jobs, config, journal, settings.order, answer, absence, console);
     runner.run(&mut meeting, &trace)
 }
 

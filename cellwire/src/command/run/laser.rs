@@ -10,7 +10,7 @@ use serde_json::json;
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::command::settings::connect_settings;
 use crate::io::journal::{Outcome, Tally};
-use crate::run::Operator;
+use crate::run::Console;
 use crate::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
 use cellwire_io::bell::Bell;
 use cellwire_io::output::{log, ready, remark};
@@ -141,12 +141,12 @@ fn execute(
     let before = journal.count(Outcome::Done);
     let (notify, progress) =
         (&mut |event| log(&event), &mut work::shown(progress, journal, |tally| machine(before, tally)));
-    let operator = Operator::new(typed, notify, progress);
+    let console = Console::new(typed, notify, progress);
     // A question is asked when its answer can be used.
     let place = args.serial.as_deref().unwrap_or_default();
     let port = AnyPort::open(place, host.baud, args.work.set.dialing(None, args.work.connect)?)?;
     ready("laser", "serial", place)?;
-    let mut runner = Runner::new(program, journal, host, operator);
+    let mut runner = Runner::new(program, journal, host, console);
     if !runner.settle_earlier(args.work.unknown)? {
         return Ok((Ended::Stopped, before));
     }

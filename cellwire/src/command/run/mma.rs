@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::work::{self, Work, WorkArgs, ended, say_resumed};
 use crate::command::settings::connect_settings;
-use crate::run::Operator;
+use crate::run::Console;
 use crate::run::mma::{Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated};
 use cellwire_io::bell::Bell;
 use cellwire_io::input;
@@ -152,8 +152,8 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     say_resumed(journal)?;
     let (notify, progress) =
         (&mut |event| log(&event), &mut work::shown(progress, journal, |_| MAY_MOVE.into()));
-    let operator = Operator::new(typed, notify, progress);
-    let mut runner = Runner::new(journal, operator, bell.clone());
+    let console = Console::new(typed, notify, progress);
+    let mut runner = Runner::new(journal, console, bell.clone());
     if !runner.settle_begun(args.work.unknown)? {
         return Ok(Ended::Stopped(Rest::NotAsked));
     }

@@ -12,9 +12,8 @@ use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, Operator, STOP_WITHIN, UNANSWERED, Word};
+use crate::run::{Answer, Answered, Console, STOP_WITHIN};
 use cellwire_io::drive::Lost;
-use cellwire_io::input::Typed;
 use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::kawasaki::pc::{self, Notification, Program};
 use cellwire_io::trace::Trace;
@@ -43,18 +42,16 @@ pub struct Runner<'a> {
     journal: &'a mut Journal,
     /// Why nothing is sent any more.
     failed: Option<anyhow::Error>,
-    operator: Operator<'a>,
+    console: Console<'a>,
     /// The number of the next order, if given.
     order: Option<u16>,
     /// The answer for the jobs that an earlier run has left unknown, if given.
     answer: Option<Answer>,
     /// How long no robot may be connected.
     absence: Option<Duration>,
-    paused: bool,
-    stopping: bool,
     ended: Option<Ended>,
-    /// The jobs that are asked about, and how many there are.
-    question: Option<(usize, usize)>,
+    /// Whether jobs are asked about.
+    asks: bool,
     /// How many jobs were done before the order began, and this many of it are reported as done.
     before: usize,
     reported: u32,
@@ -81,23 +78,21 @@ impl<'a> Runner<'a> {
         order: Option<u16>,
         answer: Option<Answer>,
         absence: Option<Duration>,
-        operator: Operator<'a>,
+        console: Console<'a>,
     ) -> Self {
-        let (paused, stopping, ended, question, before, reported) = (false, false, None, None, 0, 0);
+        let (ended, asks, before, reported) = (None, false, 0, 0);
         let (connected, since, met, alarm, strange) = (false, now(), false, false, None);
         Self {
             jobs,
             config,
             journal,
             failed: None,
-            operator,
+            console,
             order,
             answer,
             absence,
-            paused,
-            stopping,
             ended,
-            question,
+            asks,
             before,
             reported,
             connected,
@@ -129,7 +124,7 @@ impl<'a> Runner<'a> {
             self.before = self.jobs.work.len() - flight.places.len();
             let (order, sent) = (flight.order, flight.sent);
             let executed = flight.executed;
-            self.operator.notify(
+            self.console.notify(
                 json!({"event": "order_resumed", "order": order, "executed": executed, "sent": sent}),
             );
         }
@@ -151,80 +146,9 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// What the operator has typed since.
-    fn listen(&mut self) -> Result<()> {
-        loop {
-            let (word, text) = match self.operator.next(Some(Duration::ZERO)) {
-                Some(Typed::Line(text)) => (Word::parse(&text), text),
-                Some(Typed::Stop) => (Some(Word::Stop), String::new()),
-                None => {
-                    // There is no operator to continue it.
-                    self.stopping |= self.operator.is_absent() && (self.paused || self.question.is_some());
-                    return Ok(());
-                }
-            };
-            let event = match (word, self.question) {
-                (Some(Word::Stop | Word::Abort), _) => {
-                    self.stopping = true;
-                    "stopping"
-                }
-                (Some(Word::Done), Some((first, count))) => {
-                    self.answer(first, count, count)?;
-                    continue;
-                }
-                (Some(Word::Repeat), Some((first, count))) => {
-                    self.answer(first, count, 0)?;
-                    continue;
-                }
-                (None, Some((first, count))) => {
-                    // The number of the last job that is done.
-                    let last = text.trim().parse().ok().filter(|last| (first..=first + count).contains(last));
-                    match last {
-                        Some(last) => self.answer(first, count, last - first)?,
-                        None => self.operator.hint(&format!(
-                            "answer done, repeat or stop, or the number of the last job that is done: {first} to {}",
-                            first + count
-                        )),
-                    }
-                    continue;
-                }
-                (Some(Word::Pause), None) => {
-                    self.paused = true;
-                    "paused"
-                }
-                (Some(Word::Continue), None) => {
-                    self.paused = false;
-                    "continued"
-                }
-                (Some(Word::Pause | Word::Continue), Some(_)) => {
-                    self.operator.hint("answer done, repeat or stop");
-                    continue;
-                }
-                // An early answer may not be meant for this question.
-                (Some(Word::Done | Word::Repeat), None) => {
-                    self.unasked(&text);
-                    continue;
-                }
-                (None, None) if text.trim().parse::<usize>().is_ok() => {
-                    self.unasked(&text);
-                    continue;
-                }
-                (None, None) => {
-                    self.operator.hint(Word::HINT);
-                    continue;
-                }
-            };
-            self.operator.notify(json!({"event": event}));
-        }
-    }
-
-    fn unasked(&mut self, typed: &str) {
-        let hint = "there is no open question: answers count only after a question";
-        self.operator.notify(json!({"event": "no_question", "typed": typed.trim(), "hint": hint}));
-    }
-
-    /// Of the jobs that were asked about, the first `done` are.
-    fn answer(&mut self, first: usize, count: usize, done: usize) -> Result<()> {
+    /// Notes an answer about jobs.
+    fn answer(&mut self, answered: Answered) -> Result<()> {
+        let Answered { first, count, done } = answered;
         let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
         if done > 0 {
             self.journal.note(&answer(Outcome::Done, first, done))?;
@@ -232,31 +156,16 @@ impl<'a> Runner<'a> {
         if done < count {
             self.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
         }
-        self.question = None;
-        self.operator.progress(self.journal.tally());
-        let answer = if done == 0 {
-            json!("repeat")
-        } else if done == count {
-            json!("done")
-        } else {
-            json!(first + done)
-        };
-        self.operator
-            .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+        self.asks = false;
+        self.console.progress(self.journal.tally());
+        self.console.notify_answered(answered);
         Ok(())
     }
 
-    /// Asks what became of jobs. Without a keyboard nothing is asked: the option that answers is named, and the run stops.
+    /// Asks what became of jobs.
     fn ask(&mut self, first: usize, count: usize) {
-        if self.operator.is_without_keyboard(Duration::ZERO) {
-            let line = self.span("unanswered", first, count);
-            self.stopping = true;
-            return self.operator.notify(with(line, &[("what", UNANSWERED.into())]));
-        }
-        self.question = Some((first, count));
-        let line = self.span("question", first, count);
-        let answers = ["done", "repeat", "stop", "the number of the last job that is done"];
-        self.operator.notify(with(line, &[("answers", json!(answers))]));
+        let line = self.span("", first, count);
+        self.asks = self.console.ask((first, count), Duration::ZERO, |event| with(line, event));
     }
 
     /// The jobs of the order up to this count are done.
@@ -270,8 +179,8 @@ impl<'a> Runner<'a> {
             .chunk_by(|a, b| a + 1 == *b)
             .filter_map(|run| Some(self.span("done", *run.first()?, run.len())))
             .collect();
-        lines.into_iter().for_each(|line| self.operator.notify(line));
-        self.operator.progress(self.journal.tally());
+        lines.into_iter().for_each(|line| self.console.notify(line));
+        self.console.progress(self.journal.tally());
     }
 
     /// An event about jobs that follow one another: the number of the first, and the lines or outlines of the file that they are from.
@@ -289,7 +198,7 @@ impl<'a> Runner<'a> {
             (PcEvent::Rejected(MessageError::UnknownName { .. }), Some(strange)) => {
                 *strange = strange.saturating_add(1);
                 if *strange == STRANGE {
-                    self.operator.hint(NO_TABLE);
+                    self.console.hint(NO_TABLE);
                 }
             }
             (PcEvent::Corrupt(_) | PcEvent::Rejected(MessageError::UnknownName { .. }), _) => {}
@@ -312,18 +221,18 @@ impl<'a> Runner<'a> {
                 let flight = self.journal.record().flight.as_ref();
                 let is_expected = flight.is_none_or(|flight| flight.sent == 0 || flight.is_broken_off);
                 self.journal.note(&Entry::End { end: executed, unknown: executed })?;
-                self.operator.notify(serde_json::to_value(event)?);
-                if complete || self.paused || self.stopping || is_expected {
+                self.console.notify(serde_json::to_value(event)?);
+                if complete || self.console.paused || self.console.stopping || is_expected {
                     return Ok(());
                 }
                 // It was ended at the robot.
-                if self.operator.is_without_keyboard(Duration::ZERO) {
-                    self.stopping = true;
-                    self.operator.hint("the robot has ended the order: the same command executes the rest");
+                if self.console.is_without_keyboard(Duration::ZERO) {
+                    self.console.stopping = true;
+                    self.console.hint("the robot has ended the order: the same command executes the rest");
                     return Ok(());
                 }
-                self.paused = true;
-                self.operator
+                self.console.paused = true;
+                self.console
                     .hint("the robot has ended the order: type continue to execute the rest, or stop");
                 return Ok(());
             }
@@ -348,12 +257,12 @@ impl<'a> Runner<'a> {
                 json!({"event": "alarm", "order": order, "what": what})
             }
             PcEvent::Corrupt(_) | PcEvent::Rejected(_) => {
-                self.operator.notice(serde_json::to_value(event)?);
+                self.console.notice(serde_json::to_value(event)?);
                 return Ok(());
             }
             _ => serde_json::to_value(event)?,
         };
-        self.operator.notify(shown);
+        self.console.notify(shown);
         Ok(())
     }
 
@@ -384,7 +293,7 @@ impl<'a> Program for Runner<'a> {
             return Err(io::Error::other("the journal could not be written"));
         }
         match self.journal.progress(session.executed(), session.sent()) {
-            Ok(is_news) if is_news => self.operator.progress(self.journal.tally()),
+            Ok(is_news) if is_news => self.console.progress(self.journal.tally()),
             Ok(_) => {}
             Err(error) => {
                 self.failed = Some(error.context("the packet was not sent, and the connection was closed"));
@@ -398,28 +307,30 @@ impl<'a> Program for Runner<'a> {
         if let Some(error) = self.failed.take() {
             return Err(error);
         }
-        self.listen()?;
+        while let Some(answered) = self.console.listen(Duration::ZERO) {
+            self.answer(answered)?;
+        }
         if session.order().is_some() {
-            if self.stopping && (!self.connected || self.operator.has_waited(STOP_WITHIN)) {
+            if self.console.stopping && (!self.connected || self.console.has_waited(STOP_WITHIN)) {
                 // Nothing can be sent, or it has no effect: the robot executes what it has queued.
                 return Ok(false);
             }
-            if self.paused || self.stopping {
+            if self.console.paused || self.console.stopping {
                 self.journal.break_off()?;
                 pc::break_off(session);
             }
             self.check_absence()?;
             return Ok(true);
         }
-        if self.ended.is_some() || self.stopping {
+        if self.ended.is_some() || self.console.stopping {
             return Ok(false);
         }
-        if self.question.is_some() || self.paused {
+        if self.asks || self.console.paused {
             return Ok(true);
         }
         if let Some((first, count)) = self.journal.unknown() {
             match self.answer.and_then(|answer| answer.done(first, count)) {
-                Some(done) => self.answer(first, count, done)?,
+                Some(done) => self.answer(Answered { first, count, done })?,
                 None => self.ask(first, count),
             }
         } else if self.journal.count(Outcome::NotSent) == 0 {
@@ -427,7 +338,7 @@ impl<'a> Program for Runner<'a> {
         } else {
             self.begin(session)?;
         }
-        Ok(self.ended.is_none() && !(self.stopping && session.order().is_none()))
+        Ok(self.ended.is_none() && !(self.console.stopping && session.order().is_none()))
     }
 
     fn notify(&mut self, _session: &mut Pc<'a>, notification: Notification<'_>) -> Result<()> {
@@ -444,14 +355,15 @@ impl<'a> Program for Runner<'a> {
             }
             Notification::Traced(path) => json!({"event": "trace", "path": path}),
         };
-        self.operator.notify(line);
+        self.console.notify(line);
         Ok(())
     }
 }
 
-fn with(mut line: Value, more: &[(&str, Value)]) -> Value {
+/// The line with another name of its event.
+fn with(mut line: Value, event: &str) -> Value {
     if let Some(line) = line.as_object_mut() {
-        line.extend(more.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+        line.insert("event".into(), event.into());
     }
     line
 }

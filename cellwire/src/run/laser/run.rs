@@ -11,9 +11,8 @@ use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
+use crate::run::{Answer, Answered, Console, KEYBOARD_WITHIN, STOP_WITHIN};
 use cellwire_io::drive::{Lost, turn};
-use cellwire_io::input::Typed;
 
 /// How often the operator's words are looked at.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -35,9 +34,7 @@ pub struct Runner<'a> {
     program: &'a Program,
     journal: &'a mut Journal,
     config: HostConfig,
-    operator: Operator<'a>,
-    paused: bool,
-    stopping: bool,
+    console: Console<'a>,
     /// The instructions in flight, and the host's number of the first.
     flight: Option<(usize, usize)>,
     refused: bool,
@@ -50,10 +47,10 @@ impl<'a> Runner<'a> {
         program: &'a Program,
         journal: &'a mut Journal,
         config: HostConfig,
-        operator: Operator<'a>,
+        console: Console<'a>,
     ) -> Self {
-        let (paused, stopping, flight, refused, unknown) = (false, false, None, false, false);
-        Self { program, journal, config, operator, paused, stopping, flight, refused, unknown }
+        let (flight, refused, unknown) = (None, false, false);
+        Self { program, journal, config, console, flight, refused, unknown }
     }
 
     /// Settles the instructions that an earlier run has left unknown: as `answer` says if it is given, otherwise as the operator does; false
@@ -65,12 +62,7 @@ impl<'a> Runner<'a> {
         while let Some((first, count)) = self.journal.unknown()
             && let Some(done) = answer.and_then(|answer| answer.done(first, count))
         {
-            if done > 0 {
-                self.answer(Outcome::Done, first, done)?;
-            }
-            if done < count {
-                self.answer(Outcome::NotSent, first + done, count - done)?;
-            }
+            self.answer(Answered { first, count, done })?;
         }
         self.settle_unknown("an earlier run ended before the answer")
     }
@@ -97,16 +89,18 @@ impl<'a> Runner<'a> {
         let mut host = Host::new(self.config)?;
         host.handle_connected(now());
         loop {
-            self.listen();
+            // While it is paused there is nothing else to do.
+            let wait = if self.console.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
+            self.console.listen(wait);
             if host.is_idle() && self.flight.is_none() {
-                if self.stopping {
+                if self.console.stopping {
                     return Ok(Ended::Stopped);
                 }
-                if !self.paused && !self.submit(&mut host)? {
+                if !self.console.paused && !self.submit(&mut host)? {
                     return Ok(Ended::Complete);
                 }
             }
-            if self.flight.is_some() && self.operator.has_waited(STOP_WITHIN) {
+            if self.flight.is_some() && self.console.has_waited(STOP_WITHIN) {
                 self.outcome(Outcome::Unknown, "no outcome in the time that a stop may take")?;
                 return Ok(Ended::Stopped);
             }
@@ -185,7 +179,7 @@ impl<'a> Runner<'a> {
             HostEvent::Echo(error) => json!({"event": "echo", "error": error, "text": error.to_string()}),
             other => json!({"event": "notice", "what": format!("{other:?}")}),
         };
-        self.operator.notice(event);
+        self.console.notice(event);
         Ok(())
     }
 
@@ -208,13 +202,13 @@ impl<'a> Runner<'a> {
         self.note(outcome, first, count)?;
         let more = if why.is_empty() { vec![] } else { vec![("why", why.into())] };
         let line = self.span(json!(outcome), first, count, more);
-        self.operator.notify(line);
+        self.console.notify(line);
         Ok(())
     }
 
     fn note(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
         self.journal.note(&Span { outcome, first, count })?;
-        self.operator.progress(self.journal.tally());
+        self.console.progress(self.journal.tally());
         Ok(())
     }
 
@@ -229,82 +223,29 @@ impl<'a> Runner<'a> {
         span.into()
     }
 
-    /// Asks what became of instructions; false when the operator stops or types nothing any more. Without a keyboard nothing is asked: the
-    /// option that answers is named.
+    /// Asks what became of instructions; false when the operator stops, or cannot answer.
     fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
-        if self.operator.is_without_keyboard(KEYBOARD_WITHIN) {
-            let more = vec![("why", why.into()), ("what", UNANSWERED.into())];
-            let line = self.span("unanswered".into(), first, count, more);
-            self.operator.notify(line);
+        let line = |event: &str| self.span(event.into(), first, count, vec![("why", why.into())]);
+        let (question, unanswered) = (line("question"), line("unanswered"));
+        let line = |event: &str| if event == "question" { question } else { unanswered };
+        if !self.console.ask((first, count), KEYBOARD_WITHIN, line) {
             return Ok(false);
         }
-        let more = vec![("why", why.into()), ("answers", json!(["done", "repeat", "stop"]))];
-        let line = self.span("question".into(), first, count, more);
-        self.operator.notify(line);
-        loop {
-            let outcome = match self.operator.next(None) {
-                None | Some(Typed::Stop) => return Ok(false),
-                Some(Typed::Line(text)) => match Word::parse(&text) {
-                    Some(Word::Done) => Outcome::Done,
-                    Some(Word::Repeat) => Outcome::NotSent,
-                    Some(Word::Stop | Word::Abort) => return Ok(false),
-                    Some(Word::Pause | Word::Continue) => {
-                        self.operator.hint("answer done, repeat or stop");
-                        continue;
-                    }
-                    None => {
-                        self.operator.hint(Word::HINT);
-                        continue;
-                    }
-                },
-            };
-            self.answer(outcome, first, count)?;
-            return Ok(true);
+        match self.console.answer() {
+            Some(answered) => self.answer(answered).map(|()| true),
+            None => Ok(false),
         }
     }
 
-    fn answer(&mut self, outcome: Outcome, first: usize, count: usize) -> Result<()> {
-        self.note(outcome, first, count)?;
-        let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
-        self.operator
-            .notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
+    fn answer(&mut self, answered: Answered) -> Result<()> {
+        let Answered { first, count, done } = answered;
+        if done > 0 {
+            self.note(Outcome::Done, first, done)?;
+        }
+        if done < count {
+            self.note(Outcome::NotSent, first + done, count - done)?;
+        }
+        self.console.notify_answered(answered);
         Ok(())
-    }
-
-    /// Does what the operator has asked for since the last call.
-    fn listen(&mut self) {
-        loop {
-            // While it is paused there is nothing else to do.
-            let wait = if self.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
-            let word = match self.operator.next(Some(wait)) {
-                Some(Typed::Line(text)) => Word::parse(&text),
-                Some(Typed::Stop) => Some(Word::Stop),
-                None => {
-                    // There is no operator to continue it.
-                    self.stopping |= self.paused && self.operator.is_absent();
-                    return;
-                }
-            };
-            let event = match word {
-                Some(Word::Pause) => {
-                    self.paused = true;
-                    "paused"
-                }
-                Some(Word::Continue) => {
-                    self.paused = false;
-                    "continued"
-                }
-                Some(Word::Stop | Word::Abort) => {
-                    self.stopping = true;
-                    "stopping"
-                }
-                Some(Word::Done | Word::Repeat) => "no_question",
-                None => {
-                    self.operator.hint(Word::HINT);
-                    continue;
-                }
-            };
-            self.operator.notify(json!({"event": event}));
-        }
     }
 }

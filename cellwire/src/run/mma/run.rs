@@ -14,7 +14,7 @@ use super::connection::{Arrival, Connection, Inbox, WAITING};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, END_WITHIN, KEYBOARD_WITHIN, Operator, STOP_WITHIN, UNANSWERED, Word};
+use crate::run::{Answer, Console, END_WITHIN, KEYBOARD_WITHIN, STOP_WITHIN, Word};
 use cellwire_io::bell::Bell;
 use cellwire_io::drive::Lost;
 use cellwire_io::input::Typed;
@@ -55,27 +55,23 @@ pub enum Rest {
 #[allow(missing_debug_implementations, reason = "it holds what notifies")]
 pub struct Runner<'a> {
     journal: &'a mut Journal,
-    operator: Operator<'a>,
+    console: Console<'a>,
     /// Rung for what the operator types, what comes on a connection, and what the periphery says.
     bell: Bell,
     part: usize,
-    paused: bool,
-    stopping: bool,
     /// A part is placed, and the next is not to begin yet.
     held: bool,
+    /// The task waits for the answer to a question.
     question: bool,
-    /// The question was not asked: nobody can answer.
-    is_unanswered: bool,
     /// The devices were told to stop at once: then the run ends, even if they do not answer.
     end_by: Option<Duration>,
 }
 
 impl<'a> Runner<'a> {
     /// A run that goes on where the journal has ended. The bell is that of the operator's words and of the periphery.
-    pub fn new(journal: &'a mut Journal, operator: Operator<'a>, bell: Bell) -> Self {
-        let (part, paused, stopping, held, end_by) = (0, false, false, false, None);
-        let (question, is_unanswered) = (false, false);
-        Self { journal, operator, bell, part, paused, stopping, held, question, is_unanswered, end_by }
+    pub fn new(journal: &'a mut Journal, console: Console<'a>, bell: Bell) -> Self {
+        let (part, held, question, end_by) = (0, false, false, None);
+        Self { journal, console, bell, part, held, question, end_by }
     }
 
     /// Settles the part that an earlier run has begun: as `answer` says if it is given, otherwise as the operator does; false when the
@@ -90,24 +86,12 @@ impl<'a> Runner<'a> {
                 self.note(if done > 0 { Outcome::Done } else { Outcome::NotSent })?;
                 continue;
             }
-            self.ask("an earlier run ended while the robot was at this part: clear the gripper");
-            if self.is_unanswered {
+            if !self.ask("an earlier run ended while the robot was at this part: clear the gripper") {
                 return Ok(false);
             }
-            loop {
-                let Some(Typed::Line(line)) = self.operator.next(None) else { return Ok(false) };
-                match Word::parse(&line) {
-                    Some(Word::Done) => self.note(Outcome::Done)?,
-                    Some(Word::Repeat) => self.note(Outcome::NotSent)?,
-                    Some(Word::Stop | Word::Abort) => return Ok(false),
-                    _ => {
-                        self.operator.hint(Word::HINT);
-                        continue;
-                    }
-                }
-                self.question = false;
-                break;
-            }
+            let Some(answered) = self.console.answer() else { return Ok(false) };
+            self.note(if answered.done > 0 { Outcome::Done } else { Outcome::NotSent })?;
+            self.question = false;
         }
         Ok(true)
     }
@@ -144,16 +128,16 @@ impl<'a> Runner<'a> {
                 self.abort(&mut task);
                 continue;
             }
-            if self.operator.has_waited(STOP_WITHIN) && self.end_by.is_none() {
+            if self.console.has_waited(STOP_WITHIN) && self.end_by.is_none() {
                 self.abort(&mut task);
-                self.operator.notify(json!({"event": "operator", "word": Word::Abort}));
+                self.console.notify(json!({"event": "operator", "word": Word::Abort}));
                 continue;
             }
             let is_late = self.end_by.is_some_and(|at| now() >= at);
             let retries = match task.step() {
                 Step::Finished => break,
                 // Nothing moves yet.
-                Step::AwaitDevices if self.stopping => break,
+                Step::AwaitDevices if self.console.stopping => break,
                 _ if is_late => break,
                 Step::Closing => [None; 2],
                 _ => [robot.reconnect(), platform.reconnect()],
@@ -163,7 +147,7 @@ impl<'a> Runner<'a> {
                 robot.timeout(),
                 platform.timeout(),
                 periphery.due(),
-                self.end_by.or_else(|| self.operator.due(STOP_WITHIN)),
+                self.end_by.or_else(|| self.console.due(STOP_WITHIN)),
             ];
             match deadlines.into_iter().chain(retries).flatten().min() {
                 Some(at) => self.bell.wait_for(at.saturating_sub(now())),
@@ -233,7 +217,7 @@ impl<'a> Runner<'a> {
 
     /// Tells the devices to stop, and limits the wait for that.
     fn abort(&mut self, task: &mut Task) {
-        self.stopping = true;
+        self.console.stopping = true;
         self.limit_end();
         task.handle_event(now(), Event::Abort);
     }
@@ -251,7 +235,7 @@ impl<'a> Runner<'a> {
             Happened::ValveSet => Event::Done(Device::Gripper),
             Happened::Switch(high) => Event::Switch { high },
             Happened::Failed(why) => {
-                self.operator.notify(json!({"event": "periphery", "why": why}));
+                self.console.notify(json!({"event": "periphery", "why": why}));
                 Event::Failed { device: Device::Vision, failure: Failure::Aborted }
             }
             Happened::Lost => bail!(Lost("the connection to the periphery was lost".into())),
@@ -295,18 +279,18 @@ impl<'a> Runner<'a> {
     }
 
     fn entered(&mut self, task: &mut Task, step: Step, lost: Option<&str>) -> Result<()> {
-        self.operator.notify(json!({"event": "step", "step": step, "part": self.part + 1}));
+        self.console.notify(json!({"event": "step", "step": step, "part": self.part + 1}));
         match step {
             // From now on the robot may have touched it.
             Step::GoPick => self.note(Outcome::Unknown)?,
             Step::Placed => {
                 self.note(Outcome::Done)?;
-                self.operator.notify(json!({"event": "placed", "part": self.part + 1}));
+                self.console.notify(json!({"event": "placed", "part": self.part + 1}));
                 self.next(task, Event::Next);
             }
-            Step::Unpicked => self.ask("the part was missed or lost in every attempt"),
-            Step::NothingFound => self.ask("a camera found nothing"),
-            Step::Faulted if self.stopping => {
+            Step::Unpicked => _ = self.ask("the part was missed or lost in every attempt"),
+            Step::NothingFound => _ = self.ask("a camera found nothing"),
+            Step::Faulted if self.console.stopping => {
                 self.limit_end();
                 task.handle_event(now(), Event::Finish);
             }
@@ -327,8 +311,8 @@ impl<'a> Runner<'a> {
     fn next(&mut self, task: &mut Task, go: Event) {
         match self.journal.first(Outcome::NotSent) {
             None => task.handle_event(now(), Event::Finish),
-            Some(_) if self.stopping => task.handle_event(now(), Event::Finish),
-            Some(_) if self.paused => self.held = true,
+            Some(_) if self.console.stopping => task.handle_event(now(), Event::Finish),
+            Some(_) if self.console.paused => self.held = true,
             Some(part) => {
                 self.part = part;
                 task.handle_event(now(), go);
@@ -338,47 +322,42 @@ impl<'a> Runner<'a> {
 
     fn note(&mut self, outcome: Outcome) -> Result<()> {
         self.journal.note(&Span { outcome, first: self.part, count: 1 })?;
-        self.operator.progress(self.journal.tally());
+        self.console.progress(self.journal.tally());
         Ok(())
     }
 
-    /// Asks what became of the part. Without a keyboard nothing is asked: the option that answers in the next run is named.
-    fn ask(&mut self, why: &str) {
+    /// Asks what became of the part; false if nobody can answer.
+    fn ask(&mut self, why: &str) -> bool {
         self.question = true;
-        self.is_unanswered = self.operator.is_without_keyboard(KEYBOARD_WITHIN);
-        if self.is_unanswered {
-            let line = json!({"event": "unanswered", "part": self.part + 1, "why": why, "what": UNANSWERED});
-            return self.operator.notify(line);
-        }
-        self.operator.notify(json!({
-            "event": "question", "part": self.part + 1, "why": why, "answers": ["done", "repeat", "stop"],
-        }));
+        let part = self.part;
+        let line = |event: &str| json!({"event": event, "part": part + 1, "why": why});
+        self.console.ask((part, 1), KEYBOARD_WITHIN, line)
     }
 
     /// Does what the operator has asked for since the last call. Without an operator the run stops at the next question.
     fn listen(&mut self, task: &mut Task) -> Result<()> {
         loop {
-            let word = match self.operator.next(Some(Duration::ZERO)) {
+            let word = match self.console.next(Some(Duration::ZERO)) {
                 Some(Typed::Line(line)) => Word::parse(&line),
                 Some(Typed::Stop) if self.journal.outcomes().get(self.part) == Some(&Outcome::NotSent) => {
                     // The robot has not touched the part.
                     Some(Word::Abort)
                 }
                 Some(Typed::Stop) => Some(Word::Stop),
-                None if self.operator.is_absent() && (self.question || self.held) => Some(Word::Stop),
+                None if self.console.is_absent() && (self.question || self.held) => Some(Word::Stop),
                 None => return Ok(()),
             };
             let go = if task.step() == Step::Faulted { Event::Recover } else { Event::Next };
             match word {
-                Some(Word::Pause) => self.paused = true,
+                Some(Word::Pause) => self.console.paused = true,
                 Some(Word::Continue) => {
-                    self.paused = false;
+                    self.console.paused = false;
                     if core::mem::take(&mut self.held) {
                         self.next(task, Event::Next);
                     }
                 }
                 Some(word @ (Word::Stop | Word::Abort)) => {
-                    self.stopping = true;
+                    self.console.stopping = true;
                     if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
                         self.limit_end();
                         task.handle_event(now(), Event::Finish);
@@ -395,11 +374,11 @@ impl<'a> Runner<'a> {
                     task.handle_event(now(), go);
                 }
                 Some(Word::Done | Word::Repeat) | None => {
-                    self.operator.hint(Word::HINT);
+                    self.console.hint(Word::HINT);
                     continue;
                 }
             }
-            self.operator.notify(json!({"event": "operator", "word": word}));
+            self.console.notify(json!({"event": "operator", "word": word}));
             if word == Some(Word::Stop) {
                 return Ok(());
             }

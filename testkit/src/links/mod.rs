@@ -34,7 +34,6 @@ pub const PAIRS: &[Pair] = &[
     val2_alter::PAIR,
     val2_alter::ANY_CONTROLLER,
     val2_alter::ANY_HOST,
-    val2_viewer::PAIR,
     val2_viewer::ANY_WORKSTATION,
     val2_viewer::ANY_HOST,
     work_queue::PAIR,

@@ -316,7 +316,7 @@ impl<P: Wired> Walk<'_, P> {
             (None, _) => {
                 self.tally.once += 1;
                 // Where it makes no difference, it may have waited.
-                self.is_clean |= heard.end != self.scene.end;
+                self.is_clean |= heard.end != self.scene.end && self.against.peer.is_last(word);
                 self.scene = heard;
             }
             (Some(_), None) if !self.is_clean => self.forge(),
@@ -324,14 +324,14 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// The scenes after a word of which bytes are lost.
+    /// The scenes after a word of which bytes are lost. Bytes that are no word may do what is due, too.
     fn lost(&self, word: P::Word) -> Vec<SceneOf<P>> {
-        let mut words = Vec::new();
-        self.against.peer.lost(&self.scene.known, word, &mut words);
-        if words.is_empty() {
-            return vec![self.scene.clone(), self.against.step(&self.scene, Act::Due, None)];
-        }
-        words.into_iter().map(|word| self.against.step(&self.scene, Act::Word(word), None)).collect()
+        let strings = self.against.peer.lost(&self.scene.known, word);
+        let due = self.against.step(&self.scene, Act::Due, None);
+        let hear = |scene: &SceneOf<P>, words: &[P::Word]| {
+            words.iter().fold(scene.clone(), |scene, word| self.against.step(&scene, Act::Word(*word), None))
+        };
+        strings.iter().flat_map(|words| [hear(&self.scene, words), hear(&due, words)]).collect()
     }
 
     /// The scene after an act if the end has given up damaged bytes before it.

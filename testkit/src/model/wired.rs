@@ -42,8 +42,10 @@ pub trait Wired: Peer {
     /// The report of an event, in the form of [`reports`](Self::reports); `None` for an event without an action, such as corrupt bytes.
     fn reported(&self, event: &EventOf<Self::Session>) -> Option<String>;
 
-    /// Pushes the words that the end may hear in place of a word whose bytes the line has lost or changed. None: it hears nothing.
-    fn lost(&self, _known: &Self::Known, _word: Self::Word, _words: &mut Vec<Self::Word>) {}
+    /// The words that the end may hear in place of a word whose bytes the line has lost or changed: each string of them.
+    fn lost(&self, _known: &Self::Known, _word: Self::Word) -> Vec<Vec<Self::Word>> {
+        vec![Vec::new()]
+    }
 
     /// The word that the end hears when it gives up the bytes of such a word later.
     fn given_up(&self) -> Option<Self::Word> {
@@ -52,6 +54,11 @@ pub trait Wired: Peer {
 
     /// Whether the end waits for the rest of this word as long as it takes.
     fn may_pause(&self, _word: Self::Word) -> bool {
+        true
+    }
+
+    /// Whether the decoder holds no other bytes when the end has heard this word.
+    fn is_last(&self, _word: Self::Word) -> bool {
         true
     }
 

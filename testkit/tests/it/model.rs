@@ -483,7 +483,7 @@ mod pairs {
     /// What one end's peer keeps, the other end is shown to keep with any peer: that both hold together follows.
     #[test]
     fn what_a_peer_keeps_the_other_end_is_shown_to_keep() {
-        for link in ["isra-ball", "mmacell-proto"] {
+        for link in ["isra-ball", "mmacell-proto", "val2-viewer"] {
             let pairs = PAIRS.iter().filter(|pair| pair.name.starts_with(link));
             let terms: Vec<(&str, Terms)> = pairs
                 .flat_map(|pair| {

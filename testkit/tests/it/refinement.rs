@@ -29,6 +29,6 @@ fn fingerprints_lose_no_state() {
         assert_eq!((graph.states, graph.steps), (whole.states, whole.steps));
     }
     count(&isra_ball::any_ball(true));
-    count(&val2_viewer::Exchange::free());
+    count(&val2_viewer::any_host(true));
     count(&Queue::new(2, Looks::Find));
 }

@@ -476,8 +476,8 @@ impl Wired for AnyBall {
         })
     }
 
-    fn lost(&self, _: &Known, word: Word, words: &mut Vec<Word>) {
-        words.extend((word == Word::Read).then_some(Word::Lose));
+    fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
+        vec![if word == Word::Read { vec![Word::Lose] } else { vec![] }]
     }
 }
 

@@ -446,10 +446,10 @@ impl Wired for AnyController {
         })
     }
 
-    fn lost(&self, _: &Known, said: Word, words: &mut Vec<Word>) {
+    fn lost(&self, _: &Known, said: Word) -> Vec<Vec<Word>> {
         match said {
-            Word::Read { .. } => words.extend([Word::Read { corrupt: true }, Word::Lose]),
-            _ => words.push(Word::Say(Answer::Corrupt)),
+            Word::Read { .. } => vec![vec![Word::Read { corrupt: true }], vec![Word::Lose]],
+            _ => vec![vec![Word::Say(Answer::Corrupt)]],
         }
     }
 

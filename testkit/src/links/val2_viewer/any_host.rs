@@ -2,33 +2,48 @@
 
 use core::time::Duration;
 
-use val2_viewer::WorkstationConfig;
+use robot_session::Encode as _;
 use val2_viewer::workstation::machine::{Action, Display, Enquiry, Input, Request, WorkstationMachine};
+use val2_viewer::{ENQ, PosePacket, Workstation, WorkstationConfig, WorkstationEvent, XOFF, XON};
 
 use super::hold::{HELD, Hold, RESUMED};
-use super::pair::{CREDIT, ONE_OUTCOME, STALE};
-use super::world::TICK;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use super::world::{ASKS, CLAIMED, CREDIT, FAULTS, ONE_OUTCOME, STALE, TICK};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
 
 /// Ticks. A pause is shorter than the time of an answer, so that a request ends by either.
 pub(super) const PAUSE: u8 = 3;
 pub(super) const STALE_AFTER: u8 = 4;
 /// The requests that the line and the host hold at most.
 const REQUESTS: u8 = 2;
+/// Ticks of a display cycle and of an answer, where nothing goes wrong.
+const CYCLE: u8 = 2;
+const ANSWER: u8 = 1;
 
 pub(super) const MISSED: &str = "a request is missed when no answer has come in time, and not before";
 pub(super) const ENDED: &str = "a line ends the request, or the wait for a late answer; nothing shorter does";
 pub(super) const PAIRED: &str = "a pose answers the request that is open";
 
-const PROPERTIES: &[&str] = &[ONE_OUTCOME, CREDIT, MISSED, ENDED, STALE, HELD, RESUMED, EXPECTED];
+const SHOWS: &[(&str, &str)] = &[("VV-1", WRITTEN), ("VV-8", WRITTEN), ("VV-25", CREDIT), ("VV-27", ASKS)];
+const PROPERTIES: &[&str] = &[ONE_OUTCOME, CREDIT, ASKS, MISSED, ENDED, STALE, HELD, RESUMED, EXPECTED];
 pub(super) const RULES: Terms = Terms {
     keeps: "VV-1, VV-3",
     free: "when it answers, how many requests with one packet, what the line corrupts, when it holds the line",
-    shows: &[],
+    shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "packets, noise, XOFF and XON at any time", shows: &[], properties: PROPERTIES };
+pub(super) const PROMPT: Terms = Terms {
+    keeps: "VV-1, VV-3, an answer within a display cycle, no faults",
+    free: "when it answers",
+    shows: &[],
+    properties: &[CLAIMED, ONE_OUTCOME, CREDIT, ASKS, MISSED, ENDED, STALE, EXPECTED],
+};
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "packets, noise, XOFF and XON at any time",
+    shows: SHOWS,
+    properties: PROPERTIES,
+};
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -39,6 +54,8 @@ pub struct AnyHost {
     pub keeps_rules: bool,
     /// Holds the ends to the pairing of requests and packets, which nothing in the protocol can give.
     pub is_paired: bool,
+    /// It answers each request in time, nothing goes wrong, and the display goes on.
+    pub is_prompt: bool,
 }
 
 /// What is known of the requests, the picture and the line.
@@ -53,6 +70,8 @@ pub struct Known {
     awaited: bool,
     /// The workstation may ask: first, after an answer, after a pause.
     credit: bool,
+    /// This display cycle asks again, after a pause.
+    asks: bool,
     /// Ticks since it was sent, and since the last display cycle.
     since_asked: u8,
     since_drawn: u8,
@@ -107,6 +126,7 @@ impl Peer for AnyHost {
             open: false,
             awaited: false,
             credit: false,
+            asks: false,
             since_asked: STALE_AFTER,
             since_drawn: PAUSE,
             shown: None,
@@ -117,6 +137,13 @@ impl Peer for AnyHost {
 
     fn words(&self, end: &WorkstationMachine, known: &Known, words: &mut Vec<Word>) {
         let requests = known.requests();
+        if self.is_prompt {
+            if *end != WorkstationMachine::Disconnected && known.since_drawn >= CYCLE {
+                words.push(Word::Draw);
+            }
+            words.extend((requests > 0).then_some(Word::Pose { all: false }));
+            return;
+        }
         if requests > 0 {
             words.push(Word::Lose);
         }
@@ -172,7 +199,10 @@ impl Peer for AnyHost {
                 Input::Xon
             }
             Word::Draw => {
-                known.credit |= known.since_drawn >= PAUSE;
+                let is_paused = known.since_drawn >= PAUSE;
+                known.asks =
+                    is_paused && known.since_asked >= PAUSE && *end != WorkstationMachine::Disconnected;
+                known.credit |= is_paused;
                 known.since_drawn = 0;
                 Input::Draw
             }
@@ -223,8 +253,17 @@ impl Peer for AnyHost {
             Cause::Word(Word::Corrupt { line: false }) if known.awaited => {
                 wrong = wrong.or((request(end) == Some(Request::Allowed)).then_some(ENDED));
             }
+            Cause::Word(Word::Draw) => {
+                let asks = core::mem::take(&mut known.asks);
+                wrong = wrong.or((asks && request(end) != Some(Request::Due)).then_some(ASKS));
+            }
             Cause::Due | Cause::Word(_) => {}
         }
+        let is_alarm = matches!(
+            action,
+            Action::Unasked | Action::Missed | Action::Stale | Action::HoldEnded | Action::Closed { .. }
+        );
+        wrong = wrong.or((self.is_prompt && is_alarm).then_some(CLAIMED));
         known.wrong = known.wrong.or(wrong);
     }
 
@@ -257,9 +296,99 @@ impl Peer for AnyHost {
         }
     }
 
+    fn is_urgent(&self, end: &WorkstationMachine, known: &Known) -> bool {
+        self.benign(end, known).is_some()
+    }
+
+    fn benign(&self, end: &WorkstationMachine, known: &Known) -> Option<Word> {
+        if !self.is_prompt {
+            return None;
+        }
+        if known.requests() > 0 && known.since_asked >= ANSWER {
+            return Some(Word::Pose { all: false });
+        }
+        let draws = *end != WorkstationMachine::Disconnected && known.since_drawn >= CYCLE;
+        draws.then_some(Word::Draw)
+    }
+
     /// Whatever the host does, a request is sent and has an outcome in the end.
     fn is_over(&self, end: &WorkstationMachine, known: &Known) -> bool {
         !known.open && request(end) != Some(Request::Due)
+    }
+}
+
+impl Wired for AnyHost {
+    type Session = Workstation;
+
+    const FAULTS: Faults = FAULTS;
+
+    fn session(&self) -> Workstation {
+        Workstation::new(self.config).expect("a configuration that works")
+    }
+
+    fn speak(&self, _: &Known, word: Word, session: &mut Workstation, now: Duration) -> Speech {
+        Speech::Bytes(match word {
+            Word::Pose { .. } => {
+                let pose = [now.as_millis() as i16; 12];
+                let mut line = vec![0; PosePacket::MAX_LEN];
+                let length = PosePacket { count: 0, pose }.encode(&mut line).expect("a buffer of a packet");
+                line.truncate(length);
+                line
+            }
+            Word::Corrupt { line: true } => b"\n".into(),
+            Word::Corrupt { line: false } => b"x$".into(),
+            Word::Xoff => vec![XOFF],
+            Word::Xon => vec![XON],
+            Word::Lose => return Speech::Elsewhere,
+            Word::Draw => {
+                session.draw(now);
+                return Speech::Call;
+            }
+        })
+    }
+
+    fn is_written(&self, _: &Enquiry, bytes: &[u8]) -> bool {
+        bytes == [ENQ]
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        match action {
+            Action::Nothing | Action::Sent => {}
+            Action::Closed { missed, stale } => {
+                reports.extend(missed.then(|| "Missed".into()));
+                reports.extend(stale.then(|| "Stale".into()));
+            }
+            action => reports.push(format!("{action:?}")),
+        }
+    }
+
+    fn reported(&self, event: &WorkstationEvent) -> Option<String> {
+        match event {
+            WorkstationEvent::Corrupt(_) => None,
+            WorkstationEvent::Pose(_) => Some("Pose".into()),
+            WorkstationEvent::Unasked(_) => Some("Unasked".into()),
+            event => Some(format!("{event:?}")),
+        }
+    }
+
+    /// XON and XOFF are taken out of a line.
+    fn is_last(&self, word: Word) -> bool {
+        !matches!(word, Word::Xon | Word::Xoff)
+    }
+
+    /// One bit turns a digit into XON or XOFF.
+    fn lost(&self, known: &Known, word: Word) -> Vec<Vec<Word>> {
+        let lines = [true, false].map(|line| vec![Word::Corrupt { line }]);
+        match word {
+            Word::Xoff => vec![vec![], vec![Word::Xon]],
+            Word::Xon => vec![vec![], vec![Word::Xoff]],
+            Word::Pose { .. } | Word::Corrupt { .. } => {
+                let held = [Word::Xoff, Word::Xon].map(|word| vec![word, Word::Corrupt { line: true }]);
+                let lost = (known.requests() > 0).then(|| vec![Word::Lose]);
+                [vec![]].into_iter().chain(lost).chain(lines).chain(held).collect()
+            }
+            Word::Lose | Word::Draw => vec![vec![]],
+        }
     }
 }
 

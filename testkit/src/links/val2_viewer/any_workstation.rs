@@ -2,23 +2,29 @@
 
 use core::time::Duration;
 
-use val2_viewer::HostConfig;
 use val2_viewer::host::machine::{Action, HostMachine, Input, Link, Pose};
+use val2_viewer::{ENQ, Host, HostConfig, HostEvent, PosePacket, XOFF, XON};
 
 use super::hold::{HELD, Hold, RESUMED};
-use super::pair::{ASKED, FRESH, PACED, PILED};
-use super::world::{INTERVAL, MAX_AGE, PAUSE, TICK};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, TransmitOf};
+use super::world::{ASKED, FAULTS, FRESH, PACED, PILED, TICK};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, TransmitOf, WRITTEN, Wired};
 
+/// Ticks.
+pub(super) const INTERVAL: u8 = 2;
+pub(super) const MAX_AGE: u8 = 2;
+const PAUSE: u8 = 5;
+
+const SHOWS: &[(&str, &str)] = &[("VV-1", WRITTEN), ("VV-3", ASKED)];
 const PROPERTIES: &[&str] = &[ASKED, PACED, PILED, FRESH, HELD, RESUMED, EXPECTED];
 pub(super) const RULES: Terms = Terms {
     keeps: "VV-1, VV-8, VV-25, VV-27",
     free: "when it asks, pauses and holds the line, and for how long",
-    shows: &[],
+    shows: SHOWS,
     properties: PROPERTIES,
 };
 pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "ENQ, XOFF and XON at any time", shows: &[], properties: PROPERTIES };
+    Terms { keeps: "", free: "ENQ, XOFF and XON at any time", shows: SHOWS, properties: PROPERTIES };
 
 /// A workstation of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -176,5 +182,57 @@ impl Peer for AnyWorkstation {
 
     fn benign(&self, end: &HostMachine, _: &Known) -> Option<Word> {
         (end.pose == Pose::Unknown).then_some(Word::Pose)
+    }
+}
+
+impl Wired for AnyWorkstation {
+    type Session = Host;
+
+    const FAULTS: Faults = FAULTS;
+
+    fn session(&self) -> Host {
+        Host::new(self.config).expect("a configuration that works")
+    }
+
+    fn speak(&self, _: &Known, word: Word, session: &mut Host, now: Duration) -> Speech {
+        Speech::Bytes(vec![match word {
+            Word::Enquiry => ENQ,
+            Word::Xoff => XOFF,
+            Word::Xon => XON,
+            Word::Pose => {
+                session.set_pose(now, [now.as_millis() as i16; 12]);
+                return Speech::Call;
+            }
+        }])
+    }
+
+    fn is_written(&self, _: &TransmitOf<Self>, bytes: &[u8]) -> bool {
+        matches!(PosePacket::decode(bytes), Ok(Some((_, length))) if length == bytes.len())
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        match action {
+            Action::Nothing => {}
+            Action::Accept => reports.push("Asked".into()),
+            Action::Ignore => reports.push("Ignored".into()),
+            action => reports.push(format!("{action:?}")),
+        }
+    }
+
+    fn reported(&self, event: &HostEvent) -> Option<String> {
+        match event {
+            HostEvent::Unknown(_) => None,
+            HostEvent::Sent(_) => Some("Sent".into()),
+            event => Some(format!("{event:?}")),
+        }
+    }
+
+    /// One bit turns XON into XOFF.
+    fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
+        match word {
+            Word::Xoff => vec![vec![], vec![Word::Xon]],
+            Word::Xon => vec![vec![], vec![Word::Xoff]],
+            Word::Enquiry | Word::Pose => vec![vec![]],
+        }
     }
 }

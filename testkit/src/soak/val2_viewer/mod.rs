@@ -3,9 +3,7 @@
 //!
 //! ALTER ends and begins, and some hosts do not read their port meanwhile. The operator pauses a display that is stale. Every pose is
 //! followed from the arm to the line: none is sent that is older than the host's greatest age, and no two packets within its interval.
-//! An end that is not ours chooses among what the source permits, or sends anything.
-
-mod peers;
+//! Ends that are not ours are those of the model.
 
 use core::time::Duration;
 
@@ -16,42 +14,33 @@ use val2_viewer::{
     XOFF, XON,
 };
 
-use self::peers::{Seen, Stranger, Watched};
 use super::wire::Cable;
-use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
+use crate::links::val2_viewer::{any_host, any_workstation};
+use crate::model::walk;
 use crate::turn;
 use robot_session::contract::Rng;
 
-pub(super) const SERIAL: Row = Row {
-    link: "val2-viewer",
-    transport: "serial",
-    job: "requests",
-    one_in: Some(256),
-    session: |seed, log| session(seed, Peer::Ours, log),
-};
+pub(super) const SERIAL: Row =
+    Row { link: "val2-viewer", transport: "serial", job: "requests", one_in: Some(256), session };
 
 pub(super) const ANY_WORKSTATION: Row = Row {
     transport: "serial, any workstation",
-    session: |seed, log| session(seed, Peer::Any(End::A), log),
+    one_in: None,
+    session: |seed, log| walk(&any_workstation(true), seed, log),
     ..SERIAL
 };
-
-pub(super) const ANY_HOST: Row = Row {
-    transport: "serial, any host",
-    session: |seed, log| session(seed, Peer::Any(End::B), log),
-    ..SERIAL
-};
-
+pub(super) const ANY_HOST: Row =
+    Row { transport: "serial, any host", session: |seed, log| walk(&any_host(true), seed, log), ..SERIAL };
 pub(super) const HOSTILE_WORKSTATION: Row = Row {
     transport: "serial, hostile workstation",
-    session: |seed, log| session(seed, Peer::Hostile(End::A), log),
-    ..SERIAL
+    session: |seed, log| walk(&any_workstation(false), seed, log),
+    ..ANY_WORKSTATION
 };
-
 pub(super) const HOSTILE_HOST: Row = Row {
     transport: "serial, hostile host",
-    session: |seed, log| session(seed, Peer::Hostile(End::B), log),
+    session: |seed, log| walk(&any_host(false), seed, log),
     ..SERIAL
 };
 
@@ -61,8 +50,6 @@ const ALTER: Duration = Duration::from_millis(28);
 const DISPLAY: Duration = Duration::from_millis(200);
 /// No session of faults is longer.
 const LONGEST: Duration = Duration::from_secs(600);
-/// A workstation that is not ours has no jobs.
-const STRANGE: Duration = Duration::from_secs(60);
 /// The fault-free time at the end, and the poses that must come in it.
 const HEALED: Duration = Duration::from_secs(60);
 const WORK: u32 = 20;
@@ -73,7 +60,7 @@ struct Made {
     received: bool,
 }
 
-fn session(seed: u64, peer: Peer, log: Log) -> Tally {
+fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = [0.2, 1.0, 3.0][rng.below(3)];
     let faults = Faults {
@@ -85,18 +72,12 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
         stall: 0.03,
         ..Faults::SERIAL
     };
-    let mut stranger = match peer {
-        Peer::Ours => None,
-        Peer::Any(end) => Some(Stranger::new(end, true)),
-        Peer::Hostile(end) => Some(Stranger::new(end, false)),
-    };
-    let is_strange = |stranger: &Option<Stranger>, end| stranger.as_ref().is_some_and(|it| it.end == end);
     let mut wire = Wire::new(seed, faults.at_baud(19_200), ["workstation", "host"], true, log);
     wire.poll_late(0.01);
     let mut cell = Cell::new(log);
     let mut workstation = Workstation::new(WorkstationConfig::default()).unwrap();
     let (mut ledger, mut now) = (Ledger::default(), Duration::ZERO);
-    let (mut seen, mut asked_at) = (Seen::default(), Duration::ZERO);
+    let mut asked_at = Duration::ZERO;
     let (mut requests, mut open) = (5 + rng.below(40), None);
     let (mut made, mut aliens, mut invented) = (Vec::<Made>::new(), Vec::new(), 0);
     let (mut shown, mut draw_at, mut plug_at) = (None, Duration::ZERO, Duration::ZERO);
@@ -114,7 +95,6 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                 log.line(now, format_args!("the workstation's port is closed and opened again"));
                 workstation.handle_disconnected(now);
                 workstation.handle_connected(now);
-                seen = Seen::default();
             }
             if rng.chance(0.002) {
                 log.line(now, format_args!("the workstation is restarted"));
@@ -125,14 +105,13 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                 }
                 shown = None;
                 workstation.handle_connected(now);
-                seen = Seen::default();
             }
         }
         let is_cut = now < plug_at;
         let asked = workstation.statistics().requests;
         let mut events = Vec::new();
         for draws in [false, true] {
-            if is_strange(&stranger, End::A) || draws && now < draw_at {
+            if draws && now < draw_at {
                 break;
             }
             if draws {
@@ -141,7 +120,6 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
                 draw_at = now + operator(now, log, waits, healed.is_none(), &mut rng);
             }
             let mut line = Cable { wire: &mut wire, is_cut };
-            let mut line = Watched { line: &mut line, seen: &mut seen, wrong: &mut invented };
             turn(&mut line, End::A, &mut workstation, now, |_, event| events.push(event));
         }
         for event in events {
@@ -201,17 +179,9 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
             log.line(now, format_args!("!!! nobody has said that the request is missed"));
             invented += 1;
         }
-        let longest = if is_strange(&stranger, End::A) { STRANGE } else { LONGEST };
-        if healed.is_none() && (requests == 0 && open.is_none() || now > longest) {
+        if healed.is_none() && (requests == 0 && open.is_none() || now > LONGEST) {
             healed = Some(now + HEALED);
             wire.heal(now);
-            // The end that is not ours goes, and another takes its place.
-            if let Some(Stranger { end, .. }) = stranger.take() {
-                match end {
-                    End::A => workstation.handle_connected(now),
-                    End::B => cell.restart(now),
-                }
-            }
             cell.heal(now);
             (requests, work, plug_at) = (0, 0, now);
         }
@@ -220,12 +190,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
             open = Some(ledger.send(wire.mark()));
         }
         let mut line = Cable { wire: &mut wire, is_cut };
-        if let Some(stranger) = &mut stranger {
-            stranger.turn(&mut line, now, &mut made, &mut rng);
-        }
-        if !is_strange(&stranger, End::B) {
-            cell.turn(&mut line, now, &mut made);
-        }
+        cell.turn(&mut line, now, &mut made);
         if healed.is_some_and(|until| now >= until || work >= WORK) {
             break;
         }
@@ -233,7 +198,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
             now,
             [
                 workstation.poll_timeout(),
-                cell.host.poll_timeout().filter(|_| cell.reads && !is_strange(&stranger, End::B)),
+                cell.host.poll_timeout().filter(|_| cell.reads),
                 Some(draw_at),
                 cell.alter.then_some(cell.pose_at),
                 Some(now + DISPLAY),
@@ -303,7 +268,6 @@ struct Cell {
     newest: (u32, Duration),
     /// When the last packet was sent.
     sent_at: Option<Duration>,
-    seen: Seen,
     invented: u64,
 }
 
@@ -317,7 +281,6 @@ impl Cell {
             pose_at: Duration::ZERO,
             newest: (0, Duration::ZERO),
             sent_at: None,
-            seen: Seen::default(),
             invented: 0,
         }
     }
@@ -351,7 +314,6 @@ impl Cell {
 
     fn connect(&mut self, now: Duration) {
         self.host.handle_connected(now);
-        self.seen = Seen::default();
     }
 
     fn heal(&mut self, now: Duration) {
@@ -372,8 +334,7 @@ impl Cell {
             self.host.set_pose(now, pose(self.newest.0));
         }
         let mut events = Vec::new();
-        let mut line = Watched { line, seen: &mut self.seen, wrong: &mut self.invented };
-        turn(&mut line, End::B, &mut self.host, now, |_, event| events.push(event));
+        turn(line, End::B, &mut self.host, now, |_, event| events.push(event));
         let config = HostConfig::default();
         for event in events {
             self.log.line(now, format_args!("  host: {event:?}"));
@@ -402,8 +363,4 @@ impl Cell {
 fn pose(number: u32) -> [i16; 12] {
     let (low, high) = (number as i16, (number >> 16) as i16);
     core::array::from_fn(|i| if i == 0 { high } else { low.wrapping_mul(2 * i as i16 + 1) ^ 0x1234 })
-}
-
-fn anything(rng: &mut Rng) -> [i16; 12] {
-    core::array::from_fn(|_| rng.next_u64() as i16)
 }

@@ -9,6 +9,7 @@ mod device;
 #[cfg(feature = "fanuc")]
 pub mod fanuc;
 mod faults;
+pub mod host;
 #[cfg(feature = "kawasaki")]
 pub mod kawasaki;
 #[cfg(feature = "laser")]

@@ -1,0 +1,115 @@
+//! Accepts clients without waiting for them, even if there are more than can be served.
+
+use core::time::Duration;
+use std::fs::File;
+use std::io::{self, ErrorKind};
+use std::net::{Shutdown, SocketAddr};
+
+use mio::event::Source;
+use mio::net::{TcpListener, TcpStream};
+use mio::{Interest, Registry, Token};
+use socket2::{SockRef, TcpKeepalive};
+
+/// A peer that has vanished without a word is noticed when it acknowledges no probe: the first is sent after this long, the others
+/// after each [`PROBE_INTERVAL`].
+const FIRST_PROBE: Duration = Duration::from_secs(30);
+const PROBE_INTERVAL: Duration = Duration::from_secs(5);
+
+/// A listener whose queue never blocks its caller.
+#[derive(Debug)]
+pub struct Listener {
+    listener: TcpListener,
+    /// When no descriptor is free, this one is given up to accept a client and to close its connection: it would otherwise wait forever,
+    /// and its arrival would be reported again and again.
+    reserve: Option<File>,
+}
+
+/// A client that has arrived, or none.
+#[derive(Debug)]
+pub enum Arrival {
+    /// A client; its stream does not block.
+    Client(TcpStream, SocketAddr),
+    /// No descriptor was free for this client: its connection was closed.
+    Refused(SocketAddr),
+    /// No client has arrived.
+    Nobody,
+}
+
+impl Listener {
+    /// Accepts the clients of `listener`.
+    ///
+    /// # Errors
+    /// When it cannot be made not to block.
+    pub fn new(listener: std::net::TcpListener) -> io::Result<Self> {
+        listener.set_nonblocking(true)?;
+        Ok(Self { listener: TcpListener::from_std(listener), reserve: reserve() })
+    }
+
+    /// The next client that has arrived.
+    ///
+    /// # Errors
+    /// When the system has no resources for a client: clients that wait may be accepted later.
+    pub fn accept(&mut self) -> io::Result<Arrival> {
+        loop {
+            return match self.listener.accept() {
+                Ok((stream, peer)) => {
+                    stream.set_nodelay(true)?;
+                    SockRef::from(&stream).set_tcp_keepalive(&probes())?;
+                    Ok(Arrival::Client(stream, peer))
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Arrival::Nobody),
+                // It has gone before it was accepted.
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::ConnectionAborted | ErrorKind::Interrupted) =>
+                {
+                    continue;
+                }
+                Err(error) => match self.reserve.take() {
+                    Some(file) => {
+                        drop(file);
+                        let accepted = self.listener.accept();
+                        let refused = accepted.map(|(stream, peer)| {
+                            refuse(&stream);
+                            Arrival::Refused(peer)
+                        });
+                        self.reserve = reserve();
+                        refused
+                    }
+                    None => {
+                        self.reserve = reserve();
+                        Err(error)
+                    }
+                },
+            };
+        }
+    }
+}
+
+/// Closes the connection of a client that is not served.
+pub fn refuse(stream: &TcpStream) {
+    // What it has sent already would make its end a reset, which some clients do not report as an end.
+    let _ = stream.shutdown(Shutdown::Both);
+}
+
+impl Source for Listener {
+    fn register(&mut self, registry: &Registry, token: Token, interests: Interest) -> io::Result<()> {
+        self.listener.register(registry, token, interests)
+    }
+
+    fn reregister(&mut self, registry: &Registry, token: Token, interests: Interest) -> io::Result<()> {
+        self.listener.reregister(registry, token, interests)
+    }
+
+    fn deregister(&mut self, registry: &Registry) -> io::Result<()> {
+        self.listener.deregister(registry)
+    }
+}
+
+/// The probes of a peer that may vanish without a word.
+pub fn probes() -> TcpKeepalive {
+    TcpKeepalive::new().with_time(FIRST_PROBE).with_interval(PROBE_INTERVAL)
+}
+
+fn reserve() -> Option<File> {
+    File::open(if cfg!(unix) { "/dev/null" } else { "NUL" }).ok()
+}

@@ -295,6 +295,8 @@ where
     T: Transport,
     F: FnMut(State, &mut Option<T>) -> Option<io::Result<T>>,
 {
+    type Error = io::Error;
+
     fn look(&mut self, device: State) -> io::Result<Option<Change>> {
         if device.is_connected {
             return Ok(None);

@@ -12,7 +12,6 @@ pub mod journal;
 pub mod latency;
 mod limiter;
 pub mod line;
-pub mod listener;
 #[cfg(unix)]
 pub mod marked;
 mod outlet;
@@ -24,7 +23,6 @@ pub mod ports;
 pub mod priority;
 pub mod samples;
 pub mod serial;
-pub mod serve;
 pub mod sheet;
 pub mod stream;
 pub mod tap;

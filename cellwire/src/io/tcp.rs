@@ -12,7 +12,6 @@ use anyhow::{Result, anyhow, ensure};
 use socket2::SockRef;
 
 use crate::io::input::time;
-use crate::io::listener;
 use crate::io::output::remark;
 
 /// Listens on an address; a port alone is one of this machine's loopback address. Access from other machines is reported on standard
@@ -173,7 +172,7 @@ pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
     let stream = stream.ok_or(last)?;
     stream.set_nodelay(true)?;
     // Who is never written to does not learn otherwise that a serial device server was switched off and on.
-    SockRef::from(&stream).set_tcp_keepalive(&listener::probes())?;
+    SockRef::from(&stream).set_tcp_keepalive(&cellwire_sim::host::probes())?;
     dialing.pause();
     Ok(stream)
 }

@@ -2,7 +2,6 @@
 
 use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io;
 
 use robot_session::{Driver, Ended, Transport};
 
@@ -10,11 +9,14 @@ use super::{Ending, Hosted, Notice, Request};
 
 /// The transport of a device, which also makes and ends its connections.
 pub trait Endpoint: Transport {
+    /// The failure of the endpoint.
+    type Error;
+
     /// Looks for a change of the connection; called before each turn. A transport without a connection receives nothing.
     ///
     /// # Errors
     /// The endpoint cannot be used any more.
-    fn look(&mut self, device: State) -> io::Result<Option<Change>>;
+    fn look(&mut self, device: State) -> Result<Option<Change>, Self::Error>;
 
     /// Ends the connection. Returns false if the endpoint makes no other one: then the host returns.
     fn end(&mut self, ending: &Ending) -> bool;
@@ -47,7 +49,7 @@ pub enum Change {
 ///
 /// # Errors
 /// The endpoint's, and what `observe` returns.
-pub fn attend<S: Hosted, T: Endpoint, E: From<io::Error>>(
+pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
     session: &mut S,
     mut endpoint: T,
     look: Duration,

@@ -1,9 +1,10 @@
 //! Accepts clients without waiting for them, even if there are more than can be served.
 
+use core::net::SocketAddr;
 use core::time::Duration;
 use std::fs::File;
 use std::io::{self, ErrorKind};
-use std::net::{Shutdown, SocketAddr};
+use std::net::Shutdown;
 
 use mio::event::Source;
 use mio::net::{TcpListener, TcpStream};

@@ -16,10 +16,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use cellwire_sim::host::Listener;
 use robot_session::{Received, Sent, Transport, Wait, is_silence};
 use serialport::SerialPort;
 
-use crate::io::listener::Listener;
 use crate::io::output::remark;
 use crate::io::priority::{self, Rank};
 use crate::io::serial::{self, READ_TIMEOUT};
@@ -289,7 +289,7 @@ impl Line {
             if self.is_connected() {
                 self.had_client = true;
             } else if self.receiving.bytes.is_empty() && core::mem::take(&mut self.had_client) {
-                self.end_session("the client disconnected");
+                self.trace.end_session("the client disconnected");
                 self.is_overrun = false;
             }
             if deadline <= now || self.next_byte().is_some_and(|at| at <= now) {
@@ -363,10 +363,9 @@ impl Line {
         self.faults.count
     }
 
-    /// Writes the trace of a session that has ended, and prints its path on standard error. The same happens when the client
-    /// disconnects and when the line is dropped.
-    pub fn end_session(&self, why: &str) {
-        self.trace.end_session(why);
+    /// The trace. It is written when the client disconnects, and when the line is dropped.
+    pub fn trace(&self) -> Trace {
+        self.trace.clone()
     }
 
     /// Whether the device has sent so much that it waits for the line.
@@ -461,7 +460,7 @@ impl Transport for Line {
 
 impl Drop for Line {
     fn drop(&mut self) {
-        self.end_session("the run ended");
+        self.trace.end_session("the run ended");
     }
 }
 

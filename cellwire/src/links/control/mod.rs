@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::{Context as _, Result};
+use cellwire_sim::host::{Listener, Server};
 use cellwire_sim::{Device, Simulator};
 use serde_json::{Map, Value, json};
 
@@ -17,10 +18,7 @@ use self::commands::Commands;
 use self::session::Client;
 pub use self::socket::Control;
 use crate::io::line::Clock;
-use crate::io::listener::Listener;
 use crate::io::output::{announce, remark};
-use crate::io::serve::{Notice, Service};
-use crate::io::trace::Trace;
 use crate::links::device::SimulateOptions;
 
 /// The fields of an answer.
@@ -70,16 +68,9 @@ impl SimulateOptions {
         let listener = Listener::new(listener.try_clone()?)?;
         let commands = Arc::new(Commands { device, remote: simulator.remote(), own });
         let thread = thread::Builder::new().name("control".into()).spawn(move || {
-            let trace = Trace::new("control", 0, None);
-            let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
-            let served = service.run(
-                listener,
-                || Ok(Client::new(Arc::clone(&commands))),
-                |notice| match notice {
-                    Notice::Event(_, why) => core::ops::ControlFlow::Break(why.into()),
-                    _ => core::ops::ControlFlow::Continue(()),
-                },
-            );
+            let clock = Clock::start();
+            let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+            let served: Result<()> = server.run(Client::new(commands), || true, |_, _| Ok(()));
             if let Err(error) = served {
                 remark(&format!("warning: --control has ended: {error:#}"));
             }

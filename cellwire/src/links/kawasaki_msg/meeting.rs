@@ -5,12 +5,12 @@ use std::net::{SocketAddr, TcpStream, UdpSocket};
 use std::time::Duration;
 
 use anyhow::{Result, bail};
+use cellwire_sim::host::{Arrival, Listener};
 use kawasaki_msg::{Dialect, Message};
 use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::io::backoff::Backoff;
 use crate::io::drive::Lost;
-use crate::io::listener::{Arrival, Listener};
 use crate::io::output::remark;
 use crate::io::stream::Stream;
 use crate::io::tcp::{self, Dialing};

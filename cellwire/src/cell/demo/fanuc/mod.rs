@@ -25,16 +25,15 @@ use crate::cell::telemetry::recording::{self, Comparison, ComparisonError, Recor
 use crate::cell::telemetry::task::BackgroundTask;
 use crate::io::files;
 use crate::io::line::Clock;
-use crate::io::listener::Listener;
 use crate::io::samples::Samples;
-use crate::io::serve::Service;
 use crate::io::tcp;
-use crate::links::fanuc_hmi_modbus::simulate::serve_tcp;
+use crate::links::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
 use cellwire_links::json::value as json;
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
 use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
+use cellwire_sim::host::{Listener, Server};
 
 const ARM: Arm = Arm::LR_MATE_200ID;
 /// How long the robot rests before and after the motion.
@@ -165,11 +164,11 @@ impl Log {
         let address = listener.local_addr()?;
         let listener = Listener::new(listener)?;
         let trace = options.trace.start("fanuc");
-        let (shared, config) = (Arc::new(Mutex::new(controller)), settings.server);
+        let device = connection(&Arc::new(Mutex::new(controller)), settings.server)?;
         // It ends with the process, as the listener does.
         thread::spawn(move || {
-            let service = Service { clock, trace: &trace, idle_timeout: None, look: None };
-            serve_tcp(listener, &shared, config, &service)
+            let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+            serve_tcp(server, device, &trace, None)
         });
         let proxy =
             options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;

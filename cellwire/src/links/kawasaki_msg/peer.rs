@@ -59,6 +59,11 @@ impl<'a> Peer<'a> {
         }
     }
 
+    /// The clock of the session.
+    pub(super) fn clock(&self) -> Clock {
+        self.clock
+    }
+
     pub(super) fn connect(&mut self, mut carrier: Carrier) -> io::Result<()> {
         if let Some(after) = self.discard_after {
             carrier.discard_after(after)?;

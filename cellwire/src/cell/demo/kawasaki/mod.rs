@@ -19,7 +19,7 @@ use crate::io::tcp::{self, FaultyProxy};
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::kawasaki_msg::pc::{self, Packets, Program};
-use crate::links::kawasaki_msg::robot::{self, Setup, Stroke, Switch};
+use crate::links::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::links::kawasaki_msg::sheet::{Lines, SHEET};
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_links::kawasaki_msg::plant::Plant;
@@ -108,7 +108,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
 
-    let (switch, robot_is_off) = (Switch::default(), AtomicBool::new(false));
+    let (switch, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
     let (sender, strokes) = mpsc::channel();
     let mut program = Repeat::new(&lines, options, patience, &robot_is_off, strokes);
     let (robot, packets) = thread::scope(|scope| {
@@ -127,7 +127,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         });
         let trace = options.trace.start("kawasaki-pc");
         let packets = pc::run(&mut meeting, session, &trace, &mut program);
-        switch.turn_off();
+        switch.store(true, Ordering::Relaxed);
         (robot.join(), packets)
     });
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;

@@ -33,7 +33,7 @@ pub use bench::{Bench, Wire};
 pub use device::{Device, Error, Executed, Notes};
 #[cfg(feature = "fanuc")]
 pub use fanuc::Fanuc;
-pub use faults::{Fault, Faults, Script};
+pub use faults::{ByteFaults, Fault, Faults, FaultyProxy, NetworkFaults, Script};
 #[cfg(feature = "kawasaki")]
 pub use kawasaki::{KawasakiPc, KawasakiRobot};
 #[cfg(feature = "laser")]

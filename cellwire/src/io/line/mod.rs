@@ -1,6 +1,5 @@
 //! The device's end of a simulated serial line, on which bytes take as long as on a real one.
 
-mod faults;
 mod port;
 mod server;
 #[cfg(all(test, unix))]
@@ -16,6 +15,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use cellwire_sim::ByteFaults;
 use cellwire_sim::host::Listener;
 use robot_session::{Received, Sent, Transport, Wait, is_silence};
 use serialport::SerialPort;
@@ -25,8 +25,6 @@ use crate::io::priority::{self, Rank};
 use crate::io::serial::{self, READ_TIMEOUT};
 use crate::io::tcp;
 use crate::io::trace::{Trace, Way};
-
-pub use faults::LineFaults;
 
 /// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
@@ -82,7 +80,7 @@ pub struct Line {
     sending: Direction,
     late: Duration,
     receiving: Direction,
-    faults: LineFaults,
+    faults: ByteFaults,
     trace: Trace,
     had_client: bool,
     /// The client does not read, and bytes were lost.
@@ -244,7 +242,7 @@ impl Line {
             sending: Direction::default(),
             late: Duration::ZERO,
             receiving: Direction::default(),
-            faults: LineFaults::none(),
+            faults: ByteFaults::none(),
             trace,
             had_client: false,
             is_overrun: false,
@@ -254,7 +252,7 @@ impl Line {
 
     /// Sets the faults, for both directions.
     #[must_use]
-    pub fn with_faults(mut self, faults: LineFaults) -> Self {
+    pub fn with_faults(mut self, faults: ByteFaults) -> Self {
         self.faults = faults;
         self
     }
@@ -360,7 +358,7 @@ impl Line {
 
     /// The number of faults so far.
     pub fn faults(&self) -> u64 {
-        self.faults.count
+        self.faults.count()
     }
 
     /// The trace. It is written when the client disconnects, and when the line is dropped.

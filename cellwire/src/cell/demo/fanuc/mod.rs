@@ -32,6 +32,7 @@ use cellwire_links::json::value as json;
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
+use cellwire_sim::FaultyProxy;
 use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
 use cellwire_sim::host::{Listener, Server};
 
@@ -149,7 +150,7 @@ struct Log {
     recording: Recording,
     turn_around: Samples,
     failed: u64,
-    _proxy: Option<tcp::FaultyProxy>,
+    _proxy: Option<FaultyProxy>,
 }
 
 impl Log {
@@ -170,9 +171,8 @@ impl Log {
             let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
             serve_tcp(server, device, &trace, None)
         });
-        let proxy =
-            options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
-        let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
+        let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
+        let address = proxy.as_ref().map_or(address, FaultyProxy::address);
         let source = Source {
             server: address.to_string(),
             unit: settings.server.unit.unwrap_or(1),

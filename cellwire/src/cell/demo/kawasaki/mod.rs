@@ -15,7 +15,7 @@ use self::tally::{Ledger, Outcome};
 use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
-use crate::io::tcp::{self, FaultyProxy};
+use crate::io::tcp;
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::kawasaki_msg::pc::{self, Packets, Program};
@@ -25,6 +25,7 @@ use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
 use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::FaultyProxy;
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
 const SPEED: u32 = 16_000;

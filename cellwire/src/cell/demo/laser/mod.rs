@@ -17,14 +17,14 @@ use self::tally::Tally;
 use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Point};
-use crate::io::line::{Clock, Line, LineFaults};
+use crate::io::line::{Clock, Line};
 use crate::io::port::AnyPort;
 use crate::io::sheet;
 use crate::io::tcp::Dialing;
 use crate::links::laser_eb90::controller::{self, RobotCounts, Switch};
 use cellwire_links::settings::{self, Configure, Fields};
-use cellwire_sim::Laser;
 use cellwire_sim::laser::Job;
+use cellwire_sim::{ByteFaults, Laser};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
@@ -106,7 +106,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let clock = Clock::start();
     let (mut line, port) = Line::simulated(options.lines, clock, baud, options.trace.start("laser"))?;
     if options.faults {
-        line = line.with_faults(LineFaults::with_rate(FAULT_RATE, options.seed));
+        line = line.with_faults(ByteFaults::with_rate(FAULT_RATE, options.seed));
     }
     let executed = Mutex::new(Vec::new());
     let (first, second) = (Switch::default(), Switch::default());

@@ -30,8 +30,9 @@ use self::judged::Judged;
 use self::ported::Ported;
 use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Jobs, Report};
-use crate::io::tcp::{self, FaultyProxy};
+use crate::io::tcp;
 use crate::links::device::keep;
+use cellwire_sim::FaultyProxy;
 use cellwire_sim::host::{Listener, Notice, Server};
 use cellwire_sim::mma::MotionFaults;
 

@@ -16,7 +16,7 @@ use crate::cell::teleop::input::InputConfig;
 use crate::cell::teleop::{
     LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config,
 };
-use crate::io::line::{Clock, Line, LineFaults, Lines};
+use crate::io::line::{Clock, Line, Lines};
 use crate::io::pauses::{Pauses, Watch};
 use crate::io::samples::Samples;
 use crate::io::trace::TraceArgs;
@@ -24,8 +24,8 @@ use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::links::val2_viewer::workstation;
 use cellwire_motion::latch::{Latch, LatchConfig};
-use cellwire_sim::Viewer;
 use cellwire_sim::viewer::Drawn;
+use cellwire_sim::{ByteFaults, Viewer};
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(7500);
@@ -223,8 +223,8 @@ impl Wire {
     fn new(name: &str, clock: Clock, baud: u32, number: u64, config: &CellConfig) -> Result<Self> {
         let (line, path) = Line::simulated(config.lines, clock, baud, config.trace.start(name))?;
         let faults = match config.faults {
-            true => LineFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
-            false => LineFaults::none(),
+            true => ByteFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
+            false => ByteFaults::none(),
         };
         Ok(Self { line: line.with_faults(faults), path })
     }

@@ -14,6 +14,7 @@ pub mod host;
 pub mod kawasaki;
 #[cfg(feature = "laser")]
 pub mod laser;
+pub mod ledger;
 #[cfg(feature = "mma")]
 pub mod mma;
 mod peer;
@@ -38,6 +39,7 @@ pub use faults::{ByteFaults, Fault, Faults, FaultyProxy, NetworkFaults, Script};
 pub use kawasaki::{KawasakiPc, KawasakiRobot};
 #[cfg(feature = "laser")]
 pub use laser::{Laser, LaserHost};
+pub use ledger::Ledger;
 #[cfg(feature = "mma")]
 pub use mma::{MmaPlatform, MmaRobot};
 pub use peer::{End, Peer};

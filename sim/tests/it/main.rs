@@ -4,6 +4,7 @@
 mod bench;
 mod faults;
 mod gadget;
+mod ledger;
 mod proxy;
 mod running;
 #[cfg(all(feature = "ball", feature = "laser", feature = "mma", feature = "puma", feature = "viewer"))]

@@ -11,7 +11,7 @@ use anyhow::{Result, anyhow, bail, ensure};
 use indicatif::ProgressBar;
 use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timing};
 
-use self::tally::{Ledger, Outcome};
+use self::tally::{Orders, Outcome};
 use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
@@ -150,7 +150,7 @@ struct Repeat<'a> {
     patience: Duration,
     robot_is_off: &'a AtomicBool,
     progress: &'a ProgressBar,
-    ledger: Ledger<'a>,
+    ledger: Orders<'a>,
     over: Option<u32>,
     interrupted: bool,
 }
@@ -171,7 +171,7 @@ impl<'a> Repeat<'a> {
             patience,
             robot_is_off,
             progress: &options.progress,
-            ledger: Ledger::new(lines, options, strokes),
+            ledger: Orders::new(lines, options, strokes),
             over: None,
             interrupted: false,
         }
@@ -230,7 +230,7 @@ struct Seen<'a> {
     packets: Packets,
     /// The most bytes of one.
     limit: usize,
-    ledger: Ledger<'a>,
+    ledger: Orders<'a>,
     robot: robot::Run,
     time: Duration,
 }
@@ -247,9 +247,9 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
     let mut report = Report::new("kawasaki", title).moves("a pen draws a picture");
     report.fact("orders", "orders: pictures begun", ledger.orders());
     report.fact("pictures", "complete pictures", ledger.complete());
-    report.jobs(tally.jobs());
-    if tally.withdrawn > 0 {
-        report.fact("withdrawn", "withdrawn at timeout", tally.withdrawn);
+    report.jobs(tally.jobs);
+    if tally.jobs.withdrawn > 0 {
+        report.fact("withdrawn", "withdrawn at timeout", tally.jobs.withdrawn);
     }
     report.fact("asked_again", "jobs dropped at a full queue and resent", statistics.discarded);
     report.fact("packets", "packets of the PC", packets.count);
@@ -278,11 +278,11 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
         &robot.work_cycle,
         Some(Budget { time: Duration::from_millis(110), source: "§12.1" }),
     );
-    report.require(tally.executed_once > 0, || "nothing was drawn".into());
+    report.require(tally.jobs.executed_once > 0, || "nothing was drawn".into());
     for (count, what) in [
         (tally.altered, "jobs differ from those sent"),
         (tally.out_of_order, "jobs were executed out of order"),
-        (tally.unreported, "jobs were executed that the PC considers lost"),
+        (tally.jobs.unreported, "jobs were executed that the PC considers lost"),
     ] {
         report.require(count == 0, || format!("{count} {what}"));
     }

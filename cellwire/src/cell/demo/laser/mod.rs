@@ -13,7 +13,6 @@ use laser_eb90::{HostConfig, timing};
 
 use self::host::{Cutter, Plan};
 use self::path::{Cut, SHEET};
-use self::tally::Tally;
 use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Point};
@@ -24,6 +23,7 @@ use crate::io::tcp::Dialing;
 use crate::links::laser_eb90::controller::{self, RobotCounts, Switch};
 use cellwire_links::settings::{self, Configure, Fields};
 use cellwire_sim::laser::Job;
+use cellwire_sim::ledger::Counts;
 use cellwire_sim::{ByteFaults, Laser};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
@@ -125,11 +125,11 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     options.spoil(&mut executed);
     let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &config.profile)).collect();
     let cutter = cutter.plan;
-    let tally = Tally::new(&path, &cutter.known, &cuts);
+    let (jobs, unseen) = tally::count(&path, &cutter.known, &cuts);
     if let Some(file) = &options.out {
         sheet::write(file, SHEET, &lines(&cuts), &[], ["laser on", "laser off"])?;
     }
-    Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
+    Ok(report((options, baud), path.len(), &line, &cutter, &robot, (jobs, unseen), rates))
 }
 
 /// The host's run: instructions a second one by one, and seven in a frame.
@@ -203,7 +203,7 @@ fn report(
     line: &Line,
     cutter: &Plan<'_>,
     robot: &RobotCounts,
-    tally: Tally,
+    (jobs, unseen): (Counts, u64),
     [one, seven]: [f64; 2],
 ) -> Report {
     let [single, batch, answer] = FRAME_LENGTHS;
@@ -217,11 +217,11 @@ fn report(
         format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
     )
     .moves("a laser cuts a sheet");
-    report.jobs(tally.jobs());
-    if tally.unknown > 0 {
-        report.fact("unknown_executed", "of these executed", tally.unknown_executed);
+    report.jobs(jobs);
+    if jobs.unknown > 0 {
+        report.fact("unknown_executed", "of these executed", jobs.unknown_executed);
     }
-    report.fact("unseen", "executed corrupt, undetected by the checksum", tally.unseen);
+    report.fact("unseen", "executed corrupt, undetected by the checksum", unseen);
     report.fact("resent", "frames resent after an error code", cutter.counts.resent);
     report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
     report.fact("error_codes", "error codes sent by the robot", robot.refused);
@@ -250,11 +250,11 @@ fn report(
         &robot.answer,
         None,
     );
-    report.require(tally.executed_once > 0, || "nothing was cut".into());
+    report.require(jobs.executed_once > 0, || "nothing was cut".into());
     report.require(!options.faults || cutter.counts.restarts == 1, || {
         format!("the robot restarted once, but {} restarts were detected", cutter.counts.restarts)
     });
-    report.require(options.faults || tally.unknown == 0, || {
+    report.require(options.faults || jobs.unknown == 0, || {
         "outcomes are unknown although the line had no faults".into()
     });
     report

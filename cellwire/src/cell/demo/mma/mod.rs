@@ -29,11 +29,12 @@ use self::central::{Central, Log, Now};
 use self::judged::Judged;
 use self::ported::Ported;
 use crate::cell::demo::DemoOptions;
-use crate::cell::report::{Jobs, Report};
+use crate::cell::report::Report;
 use crate::io::tcp;
 use crate::links::device::keep;
 use cellwire_sim::FaultyProxy;
 use cellwire_sim::host::{Listener, Notice, Server};
+use cellwire_sim::ledger::Counts;
 use cellwire_sim::mma::MotionFaults;
 
 /// How often a read breaks the connection when faults are wanted.
@@ -353,9 +354,9 @@ fn report(
 }
 
 /// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
-fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Jobs {
+fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Counts {
     let executed = [options.spoilt(cell.robot().motions()), cell.platform().motions()];
-    let mut jobs = Jobs::default();
+    let mut jobs = Counts::default();
     for ((agreed, unknown), executed) in log.agreed.iter().zip(log.unknown).zip(executed) {
         jobs.sent += agreed + unknown;
         jobs.lost += agreed.saturating_sub(executed);

@@ -10,6 +10,7 @@ mod limits;
 mod orientation;
 mod planner;
 mod resample;
+mod spline;
 mod tracker;
 mod trajectory;
 

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use fanuc_hmi_modbus::TelemetryBlock;
-use fanuc_ls::{Program, Rules};
+use fanuc_ls::Rules;
 use serde_json::json;
 
 use self::robot::Run;
@@ -62,7 +62,9 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         &Rules::default(),
     )?;
     let text = program.to_text(&Rules::default())?;
-    let run = Run::new(&Program::decode(&text)?, ARM)?; // the robot has what a controller would have: the text
+    // The robot has what a controller would have: the text.
+    let start = trajectory.samples().first().context("the trajectory is empty")?.joints;
+    let run = Run::new(&text, ARM, start)?;
 
     let clock = Clock::start();
     let begins = clock.now().as_secs_f64() + REST;

@@ -4,6 +4,7 @@
 mod bench;
 mod faults;
 mod gadget;
+mod host;
 mod ledger;
 mod proxy;
 mod running;

@@ -7,6 +7,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets::UTF8_FULL_C
 use serde_json::{Map, Value, json};
 
 use crate::io::samples::Samples;
+use cellwire_sim::ledger::Counts;
 
 /// The result of one link's demo.
 #[derive(Debug, Default)]
@@ -27,7 +28,7 @@ pub struct Report {
 #[derive(Debug, Clone, Copy)]
 pub enum Done {
     /// Jobs, each of them once.
-    Jobs(Jobs),
+    Jobs(Counts),
     /// The messages of a stream, in order.
     Stream {
         /// The number of messages that came.
@@ -41,7 +42,7 @@ pub enum Done {
 
 impl Default for Done {
     fn default() -> Self {
-        Self::Jobs(Jobs::default())
+        Self::Jobs(Counts::default())
     }
 }
 
@@ -108,7 +109,7 @@ impl Report {
     }
 
     /// Adds the jobs of the run. Lost and repeated jobs are failures; jobs that the link reported as unknown are not.
-    pub fn jobs(&mut self, jobs: Jobs) {
+    pub fn jobs(&mut self, jobs: Counts) {
         self.done = Done::Jobs(jobs);
         self.fact("sent", "jobs sent", jobs.sent);
         self.fact("executed_once", "executed once", jobs.executed_once);
@@ -269,21 +270,6 @@ impl fmt::Display for Figures<'_> {
     }
 }
 
-/// The outcomes of the jobs of a run, as the simulated device counted them.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Jobs {
-    /// Given to the link.
-    pub sent: u64,
-    /// Executed exactly once.
-    pub executed_once: u64,
-    /// Neither executed nor reported.
-    pub lost: u64,
-    /// Executed more than once.
-    pub repeated: u64,
-    /// Reported by the link as "outcome unknown".
-    pub unknown: u64,
-}
-
 fn right_align(table: &mut Table, index: usize) {
     if let Some(column) = table.column_mut(index) {
         column.set_cell_alignment(CellAlignment::Right);
@@ -341,7 +327,7 @@ mod tests {
         );
         assert!(report.is_good() && !report.is_in_time());
         assert_eq!(report.to_json()["turn_around"]["margin_us"], -7_023.0);
-        report.jobs(Jobs { sent: 2, executed_once: 1, lost: 1, ..Jobs::default() });
+        report.jobs(Counts { sent: 2, executed_once: 1, lost: 1, ..Counts::default() });
         assert_eq!(report.failures(), ["1 job was lost"]);
         let over: Vec<String> = report.over_budget().collect();
         assert_eq!(over, ["turn-around: p99 is 99.01 ms, the budget 90.00 ms (§9.4)"]);

@@ -12,7 +12,6 @@ pub mod interrupt;
 pub mod kawasaki;
 pub mod latency;
 mod limiter;
-pub mod listener;
 pub mod manual;
 #[cfg(unix)]
 pub mod marked;

@@ -1,10 +1,8 @@
-//! TCP: errors that contain advice, and a proxy that simulates the faults of a network.
+//! TCP: errors that contain advice.
 
 use core::ops::RangeInclusive;
-use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::io::{self, ErrorKind};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::thread;
 use std::time::Duration;
 
@@ -12,7 +10,6 @@ use anyhow::{Result, anyhow, ensure};
 use socket2::SockRef;
 
 use crate::input::time;
-use crate::listener;
 use crate::output::remark;
 
 /// Listens on an address; a port alone is one of this machine's loopback address. Access from other machines is reported on standard
@@ -173,119 +170,13 @@ pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
     let stream = stream.ok_or(last)?;
     stream.set_nodelay(true)?;
     // Who is never written to does not learn otherwise that a serial device server was switched off and on.
-    SockRef::from(&stream).set_tcp_keepalive(&listener::probes())?;
+    SockRef::from(&stream).set_tcp_keepalive(&cellwire_sim::host::probes())?;
     dialing.pause();
     Ok(stream)
 }
 
 /// When bytes are discarded that a peer has not acknowledged, where the link's own time is not known.
 pub const DISCARD_AFTER: Duration = Duration::from_secs(2);
-
-/// What a [`FaultyProxy`] has done so far.
-#[derive(Debug, Default)]
-pub struct Faults {
-    /// Reads that were forwarded in pieces.
-    pub splits: AtomicU64,
-    /// Reads that were forwarded late.
-    pub delays: AtomicU64,
-    /// Connections that were broken in the middle of a read.
-    pub disconnects: AtomicU64,
-}
-
-/// A proxy between a client and a server with the faults of a network: it splits, merges and delays reads, and disconnects.
-///
-/// It never corrupts a byte, because TCP does not. It stops when dropped.
-#[derive(Debug)]
-pub struct FaultyProxy {
-    address: SocketAddr,
-    faults: Arc<Faults>,
-    stop: Arc<AtomicBool>,
-}
-
-impl FaultyProxy {
-    /// Listens on a free loopback port and forwards every connection to `server`. `breaks` is the probability that a
-    /// read breaks the connection.
-    ///
-    /// # Errors
-    /// When no port is free.
-    pub fn start(server: SocketAddr, seed: u64, breaks: f64) -> Result<Self> {
-        let listener = listen("127.0.0.1:0")?;
-        let address = listener.local_addr()?;
-        let (faults, stop) = (Arc::new(Faults::default()), Arc::new(AtomicBool::new(false)));
-        let (shared, ended) = (Arc::clone(&faults), Arc::clone(&stop));
-        thread::spawn(move || {
-            let mut rng = fastrand::Rng::with_seed(seed);
-            for client in listener.incoming() {
-                if ended.load(Ordering::Relaxed) {
-                    return;
-                }
-                // If the server cannot be reached, the client's connection is closed.
-                let (Ok(client), Ok(server)) = (client, TcpStream::connect(server)) else { continue };
-                for (from, to) in [(&client, &server), (&server, &client)] {
-                    let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { continue };
-                    let (rng, faults) = (rng.fork(), Arc::clone(&shared));
-                    thread::spawn(move || forward(from, to, rng, breaks, &faults));
-                }
-            }
-        });
-        Ok(Self { address, faults, stop })
-    }
-
-    /// Where a client connects.
-    pub fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// What it has done so far.
-    pub fn faults(&self) -> &Faults {
-        &self.faults
-    }
-}
-
-impl Drop for FaultyProxy {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        let _ = TcpStream::connect(self.address); // wakes the listener
-    }
-}
-
-fn forward(mut from: TcpStream, mut to: TcpStream, mut rng: fastrand::Rng, breaks: f64, faults: &Faults) {
-    let _ = to.set_nodelay(true);
-    let mut buffer = vec![0; 16 * 1024];
-    loop {
-        // A late read merges everything that arrived meanwhile.
-        if rng.f64() < 0.05 {
-            faults.delays.fetch_add(1, Ordering::Relaxed);
-            thread::sleep(Duration::from_micros(rng.u64(100..20_000)));
-        }
-        let Ok(n) = from.read(&mut buffer) else { break };
-        let mut rest = buffer.get(..n).unwrap_or_default();
-        if rest.is_empty() {
-            break;
-        }
-        if rng.f64() < breaks {
-            faults.disconnects.fetch_add(1, Ordering::Relaxed);
-            let _ = to.write_all(rest.get(..rng.usize(0..n)).unwrap_or_default());
-            break;
-        }
-        if rng.f64() < 0.3 {
-            faults.splits.fetch_add(1, Ordering::Relaxed);
-            while rest.len() > 1 && rng.f64() < 0.7 {
-                let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
-                if to.write_all(head).is_err() {
-                    return;
-                }
-                thread::sleep(Duration::from_micros(rng.u64(50..1_000)));
-                rest = tail;
-            }
-        }
-        if to.write_all(rest).is_err() {
-            break;
-        }
-    }
-    let _ = to.shutdown(Shutdown::Both);
-    let _ = from.shutdown(Shutdown::Both);
-}
 
 #[cfg(test)]
 mod tests {
@@ -314,23 +205,5 @@ mod tests {
             connect("nonsense", Dialing::default()).unwrap_err().to_string(),
             "cannot connect to nonsense: give HOST:PORT, such as 192.168.0.10:502"
         );
-    }
-
-    #[test]
-    fn the_proxy_forwards_every_byte_in_order() {
-        let server = listen("127.0.0.1:0").unwrap();
-        let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
-        let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();
-        let mut client = connect(&proxy.address().to_string(), Dialing::default()).unwrap();
-        let copy = sent.clone();
-        let writer = thread::spawn(move || {
-            copy.chunks(1000).for_each(|chunk| client.write_all(chunk).unwrap());
-            client.shutdown(Shutdown::Write).unwrap();
-        });
-        let mut received = Vec::new();
-        server.accept().unwrap().0.read_to_end(&mut received).unwrap();
-        writer.join().unwrap();
-        assert_eq!(received, sent);
-        assert!(proxy.faults().splits.load(Ordering::Relaxed) > 0);
     }
 }

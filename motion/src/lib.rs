@@ -11,6 +11,7 @@ mod orientation;
 mod planner;
 pub mod plausibility;
 mod resample;
+mod spline;
 mod tracker;
 mod trajectory;
 

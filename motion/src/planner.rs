@@ -7,6 +7,7 @@
 use super::inverse::Posture;
 use super::kinematics::{Arm, Kinematics, Pose};
 use super::limits::Limits;
+use super::spline::{Spline, Stretch};
 
 /// Where an arm is, and the motions that bring it elsewhere.
 #[derive(Debug, Clone)]
@@ -18,6 +19,8 @@ pub struct Planner {
     /// Where the last of them ends.
     target: [f64; 6],
     active: Vec<Segment>,
+    /// The curve that the arm follows, and the time at which it has begun: no other motion is active.
+    spline: Option<(f64, Spline)>,
     /// Where the arm was last.
     shown: [f64; 6],
     /// Where the tool is without the motions above, and where the last of them ends, when no arm limits it.
@@ -119,8 +122,8 @@ const PIECES: u32 = 25;
 impl Planner {
     /// An arm at rest.
     pub fn new(arm: Arm, limits: Limits, joints: [f64; 6]) -> Self {
-        let active = Vec::new();
-        Self { arm, limits, base: joints, target: joints, active, shown: joints, anywhere: None }
+        let (active, spline) = (Vec::new(), None);
+        Self { arm, limits, base: joints, target: joints, active, spline, shown: joints, anywhere: None }
     }
 
     /// The same for a tool that goes anywhere: its paths are those of poses, whatever an arm reaches. Joints are near where there are any.
@@ -162,6 +165,7 @@ impl Planner {
         (self.base, self.target, self.shown) = (joints, joints, joints);
         self.anywhere = self.anywhere.map(|_| (here, here));
         self.active.clear();
+        self.spline = None;
     }
 
     /// Adds a motion that begins at `now`: when the next one may begin, and when it has ended.
@@ -194,8 +198,45 @@ impl Planner {
         Ok((next, end))
     }
 
+    /// Whether the tool goes [anywhere](Self::anywhere).
+    pub fn goes_anywhere(&self) -> bool {
+        self.anywhere.is_some()
+    }
+
+    /// Adds a curve through all goals, which begins at `now` with the arm at rest, and ends at rest: the times of the goals. Paces are those of
+    /// straight lines, except that of [`Pace::Path`], which is the speed on the curve. A tool that goes anywhere follows none.
+    ///
+    /// # Errors
+    /// The arm cannot reach a goal; nothing has changed.
+    pub fn add_spline(&mut self, now: f64, goals: &[(Goal, Pace)]) -> Result<Vec<f64>, MoveError> {
+        let (start, mut from, mut stretches) = (self.at(now), self.target, Vec::new());
+        for (goal, pace) in goals {
+            let to = self.joints_of(goal, Way::Linear, &from)?;
+            let path = Path::Linear { from: self.arm.forward(&from), to: self.pose_of(goal) };
+            let line = Segment { begin: now, cruise: 0.0, ramp: 0.0, from, to, path };
+            let stretch = match pace {
+                Pace::Path(speed) => Stretch::Speed(speed.max(1e-3)),
+                pace => Stretch::Time(self.cruise(&line, *pace)),
+            };
+            stretches.push((to, stretch));
+            from = to;
+        }
+        let spline = Spline::new(&self.arm, start, &stretches);
+        let times = spline.times().map(|time| now + time).collect();
+        (self.base, self.target, self.spline) = (from, from, Some((now, spline)));
+        Ok(times)
+    }
+
     /// The joints at a time that is not before the last one asked for.
     pub fn at(&mut self, now: f64) -> [f64; 6] {
+        if let Some((begin, spline)) = &self.spline {
+            let seconds = now - begin;
+            self.shown = spline.at(seconds);
+            if spline.times().last().is_none_or(|end| seconds >= end) {
+                self.spline = None;
+            }
+            return self.shown;
+        }
         while let Some(first) = self.active.first().copied()
             && now >= first.begin + first.cruise + first.ramp
         {

@@ -9,10 +9,12 @@ mod device;
 #[cfg(feature = "fanuc")]
 pub mod fanuc;
 mod faults;
+pub mod host;
 #[cfg(feature = "kawasaki")]
 pub mod kawasaki;
 #[cfg(feature = "laser")]
 pub mod laser;
+pub mod ledger;
 #[cfg(feature = "mma")]
 pub mod mma;
 mod peer;
@@ -32,11 +34,12 @@ pub use bench::{Bench, Wire};
 pub use device::{Device, Error, Executed, Notes};
 #[cfg(feature = "fanuc")]
 pub use fanuc::Fanuc;
-pub use faults::{Fault, Faults, Script};
+pub use faults::{ByteFaults, Fault, Faults, FaultyProxy, NetworkFaults, Script};
 #[cfg(feature = "kawasaki")]
 pub use kawasaki::{KawasakiPc, KawasakiRobot};
 #[cfg(feature = "laser")]
 pub use laser::{Laser, LaserHost};
+pub use ledger::Ledger;
 #[cfg(feature = "mma")]
 pub use mma::{MmaPlatform, MmaRobot};
 pub use peer::{End, Peer};

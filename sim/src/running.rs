@@ -1,7 +1,6 @@
 //! A device in a thread, on a socket or a port.
 
 use core::net::SocketAddr;
-use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::io;
@@ -10,10 +9,11 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use crate::device::{Device, Error, Executed};
 use crate::faults::Faults;
+use crate::host::{Change, Ending, Endpoint, Listener, Notice, Server, State, attend};
 use crate::simulator::{Remote, Simulator, Told};
 
 /// How often a fault that was asked for, a new connection and the end are looked for.
@@ -56,6 +56,29 @@ impl<E, W> Record<E, W> {
     fn ends(&self) -> bool {
         self.ends.load(Ordering::Relaxed)
     }
+
+    /// Stores an event after the commands that were executed before it.
+    fn note<D: Device<Event = E, Work = W>>(
+        &self,
+        simulator: &mut Simulator<D>,
+        notice: Notice<'_, Told<E>>,
+    ) -> io::Result<()> {
+        let told = match notice {
+            Notice::Event(_, told) => Some(told),
+            Notice::Settled => None,
+            _ => return Ok(()),
+        };
+        let mut executed = core::iter::from_fn(|| simulator.poll_executed()).peekable();
+        if told.is_none() && executed.peek().is_none() {
+            return Ok(());
+        }
+        let mut done = self.lock();
+        done.executed.extend(executed);
+        done.told.extend(told.map(|told| (self.clock.elapsed(), told)));
+        drop(done);
+        self.changed.notify_all();
+        Ok(())
+    }
 }
 
 impl<D: Device + Send + 'static> Running<D> {
@@ -65,10 +88,12 @@ impl<D: Device + Send + 'static> Running<D> {
     /// The system's.
     pub fn listen(simulator: Simulator<D>, address: impl ToSocketAddrs) -> Result<Self, Error> {
         let listener = TcpListener::bind(address)?;
-        listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
+        let listener = Listener::new(listener)?;
         Self::start(simulator, address, String::new(), move |simulator, shared| {
-            serve(simulator, shared, &listener);
+            let clock = || shared.clock.elapsed();
+            let server = Server { listener, clock, idle_timeout: None, look: Some(LOOK) };
+            server.run(simulator, || !shared.ends(), |simulator, notice| shared.note(simulator, notice))
         })
     }
 
@@ -79,9 +104,19 @@ impl<D: Device + Send + 'static> Running<D> {
     pub fn connect(simulator: Simulator<D>, address: impl ToSocketAddrs) -> Result<Self, Error> {
         let unknown = || io::Error::new(io::ErrorKind::InvalidInput, "no such address");
         let address = address.to_socket_addrs()?.next().ok_or_else(unknown)?;
-        Self::start(simulator, address, String::new(), move |simulator, shared| {
-            dial(simulator, shared, address);
-        })
+        let find = move |device: State, _: &mut Option<TcpStream>| {
+            device.connects.then(|| {
+                let stream = TcpStream::connect_timeout(&address, CALL)?;
+                stream.set_nodelay(true)?;
+                Ok(stream)
+            })
+        };
+        let release = |stream: TcpStream| {
+            // It may be closed already.
+            let _ = stream.shutdown(Shutdown::Both);
+            None
+        };
+        Self::attend(simulator, address, String::new(), None, find, release)
     }
 
     /// On a pseudo-terminal. A program that opens its other end makes a connection, and ends it by closing that.
@@ -90,8 +125,17 @@ impl<D: Device + Send + 'static> Running<D> {
     /// The system's.
     #[cfg(unix)]
     pub fn pty(simulator: Simulator<D>) -> Result<Self, Error> {
-        let (pty, path) = crate::pty::Pty::open()?;
-        Self::start(simulator, NOWHERE, path, move |simulator, shared| attend(simulator, shared, pty))
+        use crate::pty::Pty;
+        let (pty, path) = Pty::open()?;
+        let find = |device: State, pty: &mut Option<Pty>| {
+            let is_open = device.accepts && pty.as_ref().is_some_and(Pty::is_open);
+            if is_open { pty.take().map(Ok) } else { None }
+        };
+        let release = |pty: Pty| {
+            pty.discard();
+            Some(pty)
+        };
+        Self::attend(simulator, NOWHERE, path, Some(pty), find, release)
     }
 
     /// On a serial port of this machine.
@@ -101,15 +145,35 @@ impl<D: Device + Send + 'static> Running<D> {
     #[cfg(feature = "serialport")]
     pub fn port(simulator: Simulator<D>, path: &str, baud: u32) -> Result<Self, Error> {
         let port = serialport::new(path, baud).open().map_err(io::Error::from)?;
-        let port = robot_session::Serial(port);
-        Self::start(simulator, NOWHERE, path.into(), move |simulator, shared| stay(simulator, shared, port))
+        // The end of a connection does not close the port.
+        let find = |device: State, port: &mut Option<robot_session::Serial>| {
+            if device.accepts { port.take().map(Ok) } else { None }
+        };
+        let port = Some(robot_session::Serial(port));
+        Self::attend(simulator, NOWHERE, path.into(), port, find, Some)
+    }
+
+    /// On the transports that `find` makes or takes, and `release` gives back.
+    fn attend<T: Transport + Send + 'static>(
+        simulator: Simulator<D>,
+        address: SocketAddr,
+        path: String,
+        idle: Option<T>,
+        find: impl FnMut(State, &mut Option<T>) -> Option<io::Result<T>> + Send + 'static,
+        release: fn(T) -> Option<T>,
+    ) -> Result<Self, Error> {
+        Self::start(simulator, address, path, move |mut simulator, shared| {
+            let wire = Wire { transport: None, idle, find, release, clock: shared.clock };
+            let observe = |simulator: &mut _, notice: Notice<'_, _>| shared.note(simulator, notice);
+            attend(&mut simulator, wire, LOOK, || !shared.ends(), observe)
+        })
     }
 
     fn start(
         mut simulator: Simulator<D>,
         address: SocketAddr,
         path: String,
-        run: impl FnOnce(&mut Simulator<D>, &Shared<D>) + Send + 'static,
+        run: impl FnOnce(Simulator<D>, &Shared<D>) -> io::Result<()> + Send + 'static,
     ) -> Result<Self, Error> {
         let shared = Arc::new(Record {
             done: Mutex::new(Done { executed: Vec::new(), told: Vec::new() }),
@@ -119,7 +183,8 @@ impl<D: Device + Send + 'static> Running<D> {
         });
         let (remote, record) = (simulator.remote(), Arc::clone(&shared));
         let thread = thread::Builder::new().name("simulator".into());
-        let thread = Some(thread.spawn(move || run(&mut simulator, &record))?);
+        // A wait that the system refuses ends the device.
+        let thread = Some(thread.spawn(move || drop(run(simulator, &record)))?);
         Ok(Self { address, path, remote, shared, thread })
     }
 }
@@ -194,13 +259,17 @@ impl<D: Device> Drop for Running<D> {
     }
 }
 
-/// What carries the bytes, by the clock of the device.
-struct Wire<T> {
+/// A transport, while the device is connected, by the clock of the device.
+struct Wire<T, F> {
     transport: Option<T>,
+    /// The transport of the next connection.
+    idle: Option<T>,
+    find: F,
+    release: fn(T) -> Option<T>,
     clock: Instant,
 }
 
-impl<T: Transport> Transport for Wire<T> {
+impl<T: Transport, F> Transport for Wire<T, F> {
     fn now(&self) -> Duration {
         self.clock.elapsed()
     }
@@ -221,181 +290,28 @@ impl<T: Transport> Transport for Wire<T> {
     }
 }
 
-/// What a turn has led to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Turn {
-    Goes,
-    /// The connection is over.
-    Ends,
-    /// The device wants one.
-    Connect,
-}
+impl<T, F> Endpoint for Wire<T, F>
+where
+    T: Transport,
+    F: FnMut(State, &mut Option<T>) -> Option<io::Result<T>>,
+{
+    type Error = io::Error;
 
-/// A device's loop over one connection after the other.
-struct Loop<'a, D: Device, T> {
-    simulator: &'a mut Simulator<D>,
-    shared: &'a Shared<D>,
-    driver: Driver<Wire<T>>,
-}
-
-impl<'a, D: Device, T: Transport> Loop<'a, D, T> {
-    fn new(simulator: &'a mut Simulator<D>, shared: &'a Shared<D>) -> Self {
-        let driver = Driver::new(Wire { transport: None, clock: shared.clock });
-        Self { simulator, shared, driver }
-    }
-
-    fn now(&self) -> Duration {
-        self.shared.clock.elapsed()
-    }
-
-    fn connect(&mut self, transport: T) {
-        self.driver = Driver::new(Wire { transport: Some(transport), clock: self.shared.clock });
-        self.simulator.handle_connected(self.now());
-    }
-
-    /// Ends the connection; what carried it.
-    fn disconnect(&mut self) -> Option<T> {
-        let transport = self.driver.transport_mut().transport.take()?;
-        self.driver = Driver::new(Wire { transport: None, clock: self.shared.clock });
-        self.simulator.handle_disconnected(self.now());
-        Some(transport)
-    }
-
-    fn turn(&mut self) -> Turn {
-        let Self { simulator, shared, driver } = self;
-        let turn = driver.turn(&mut **simulator, Some(LOOK), |simulator, told| {
-            note(simulator, shared, Some(told.clone()));
-            match told {
-                Told::Close(_) => ControlFlow::Break(Turn::Ends),
-                Told::Connect => ControlFlow::Break(Turn::Connect),
-                Told::Device(_) | Told::Fault(_) => ControlFlow::Continue(()),
+    fn look(&mut self, device: State) -> io::Result<Option<Change>> {
+        if device.is_connected {
+            return Ok(None);
+        }
+        Ok((self.find)(device, &mut self.idle).map(|found| match found {
+            Ok(transport) => {
+                self.transport = Some(transport);
+                Change::Connected(String::new())
             }
-        });
-        note(simulator, shared, None);
-        match turn {
-            Ok(ControlFlow::Continue(())) => Turn::Goes,
-            Ok(ControlFlow::Break(Ended::ByHandler(turn))) => turn,
-            Ok(ControlFlow::Break(Ended::ByPeer | Ended::Stalled)) | Err(_) => Turn::Ends,
-        }
+            Err(error) => Change::Disconnected(error.into()),
+        }))
     }
-}
 
-/// Takes over what was executed before it is told of.
-fn note<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, told: Option<Told<D::Event>>) {
-    let mut executed = core::iter::from_fn(|| simulator.poll_executed()).peekable();
-    if told.is_none() && executed.peek().is_none() {
-        return;
-    }
-    let mut done = shared.lock();
-    done.executed.extend(executed);
-    done.told.extend(told.map(|told| (shared.clock.elapsed(), told)));
-    drop(done);
-    shared.changed.notify_all();
-}
-
-fn serve<D: Device + Send + 'static>(
-    simulator: &mut Simulator<D>,
-    shared: &Shared<D>,
-    listener: &TcpListener,
-) {
-    let mut others = Vec::new();
-    let mut device = Loop::<D, TcpStream>::new(simulator, shared);
-    while !shared.ends() {
-        let arrival = if device.simulator.accepts(device.now()) { accept(listener) } else { None };
-        match arrival.map(|stream| (stream, device.simulator.another())) {
-            Some((stream, Some(another))) => {
-                let shared = Arc::clone(shared);
-                others.push(thread::spawn(move || converse(another, &shared, stream)));
-            }
-            Some((stream, None)) => {
-                close(device.disconnect());
-                device.connect(stream);
-            }
-            None => {}
-        }
-        if device.turn() == Turn::Ends {
-            close(device.disconnect());
-        }
-    }
-    close(device.disconnect());
-    for other in others {
-        if let Err(panic) = other.join() {
-            std::panic::resume_unwind(panic);
-        }
-    }
-}
-
-/// One connection of several.
-fn converse<D: Device>(mut simulator: Simulator<D>, shared: &Shared<D>, stream: TcpStream) {
-    let mut device = Loop::new(&mut simulator, shared);
-    device.connect(stream);
-    while !shared.ends() && device.turn() != Turn::Ends {}
-    close(device.disconnect());
-}
-
-fn dial<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, address: SocketAddr) {
-    let mut device = Loop::<D, TcpStream>::new(simulator, shared);
-    while !shared.ends() {
-        match device.turn() {
-            Turn::Goes => {}
-            Turn::Connect => match TcpStream::connect_timeout(&address, CALL) {
-                Ok(stream) if stream.set_nodelay(true).is_ok() => device.connect(stream),
-                // It was asked to connect, and says when it tries again.
-                _ => device.simulator.handle_disconnected(device.now()),
-            },
-            Turn::Ends => close(device.disconnect()),
-        }
-    }
-    close(device.disconnect());
-}
-
-/// On a pseudo-terminal, where a program that opens the other end makes a connection.
-#[cfg(unix)]
-fn attend<D: Device>(simulator: &mut Simulator<D>, shared: &Shared<D>, pty: crate::pty::Pty) {
-    let mut device = Loop::new(simulator, shared);
-    let mut line = Some(pty);
-    while !shared.ends() {
-        if line.as_ref().is_some_and(crate::pty::Pty::is_open)
-            && device.simulator.accepts(device.now())
-            && let Some(line) = line.take()
-        {
-            device.connect(line);
-        }
-        if device.turn() == Turn::Ends {
-            line = device.disconnect();
-            line.iter().for_each(crate::pty::Pty::discard);
-        }
-    }
-}
-
-/// On a line, which no end of a connection closes.
-#[cfg(feature = "serialport")]
-fn stay<D: Device, T: Transport>(simulator: &mut Simulator<D>, shared: &Shared<D>, line: T) {
-    let mut device = Loop::new(simulator, shared);
-    device.connect(line);
-    let mut line = None;
-    while !shared.ends() {
-        if device.turn() == Turn::Ends {
-            line = device.disconnect();
-        }
-        if device.simulator.accepts(device.now())
-            && let Some(line) = line.take()
-        {
-            device.connect(line);
-        }
-    }
-}
-
-fn accept(listener: &TcpListener) -> Option<TcpStream> {
-    let (stream, _) = listener.accept().ok()?;
-    // A client that has gone already is none.
-    stream.set_nonblocking(false).and_then(|()| stream.set_nodelay(true)).ok()?;
-    Some(stream)
-}
-
-fn close(stream: Option<TcpStream>) {
-    if let Some(stream) = stream {
-        // It may be closed already.
-        let _ = stream.shutdown(Shutdown::Both);
+    fn end(&mut self, _: &Ending) -> bool {
+        self.idle = self.transport.take().and_then(self.release);
+        true
     }
 }

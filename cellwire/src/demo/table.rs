@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::report::{Done, Jobs, Report};
+use crate::report::{Done, Report};
 use cellwire_io::output::counted;
+use cellwire_sim::ledger::Counts;
 
 /// The columns of a screen.
 const WIDTH: usize = 80;
@@ -111,7 +112,7 @@ pub fn verdict(all: &[Judged]) -> String {
             Done::Stream { .. } => None,
         })
         .collect();
-    let sum = |of: fn(&Jobs) -> u64| jobs.iter().map(of).sum::<u64>();
+    let sum = |of: fn(&Counts) -> u64| jobs.iter().map(of).sum::<u64>();
     let [sent, once] = [sum(|it| it.sent), sum(|it| it.executed_once)];
     let [lost, repeated, unknown] = [sum(|it| it.lost), sum(|it| it.repeated), sum(|it| it.unknown)];
     if sent > 0 && lost + repeated + unknown == 0 {
@@ -180,7 +181,7 @@ mod tests {
     use crate::io::samples::Samples;
     use crate::report::Budget;
 
-    fn judged(link: &str, late: bool, jobs: Option<Jobs>) -> Judged {
+    fn judged(link: &str, late: bool, jobs: Option<Counts>) -> Judged {
         let mut report = Report::new(link, "a title").moves("a pen draws a picture");
         match jobs {
             Some(jobs) => report.jobs(jobs),
@@ -194,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_row_says_what_was_done_and_a_late_one_is_not_good_news() {
-        let whole = Jobs { sent: 7148, executed_once: 7148, ..Jobs::default() };
+        let whole = Counts { sent: 7148, executed_once: 7148, ..Counts::default() };
         let good = judged("kawasaki", false, Some(whole));
         assert_eq!(
             good.row("again"),
@@ -206,7 +207,7 @@ mod tests {
             "LATE ball      a pen draws a picture     261   (6)     -  ########## 56.0  28 ms\n"
         );
         let lossy =
-            judged("laser", false, Some(Jobs { sent: 2, executed_once: 1, lost: 1, ..Jobs::default() }));
+            judged("laser", false, Some(Counts { sent: 2, executed_once: 1, lost: 1, ..Counts::default() }));
         assert!(
             lossy
                 .row("cellwire demo laser --seed 1 --verbose")

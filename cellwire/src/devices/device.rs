@@ -1,23 +1,19 @@
 //! A simulated end of a link, and where its peer reaches it.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::net::TcpListener;
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire_sim::{Device as Simulated, Simulator, Told};
-use robot_session::{Driver, Session as _, Transport as _};
+use cellwire_sim::host::{Ending, Listener, Notice, Server};
 use serde_json::{Map, Value};
 
 use crate::devices::control::Control;
 use crate::io::line::Line;
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::turn;
 pub use cellwire_io::endpoint::Endpoint;
-use cellwire_io::listener::Listener;
-use cellwire_io::priority::{self, Rank};
 use cellwire_io::serial::PtyLink;
 use cellwire_io::tcp::{self, Dialing};
-use cellwire_io::trace::TraceArgs;
+use cellwire_io::trace::{Trace, TraceArgs, Way};
 use cellwire_links::Link;
 use cellwire_links::settings::Setting;
 
@@ -66,6 +62,35 @@ pub struct SimulateOptions {
     pub control: Option<Control>,
 }
 
+impl SimulateOptions {
+    /// The server of a device. Without `--control`, everything that happens to the device comes from its clients.
+    ///
+    /// # Errors
+    /// The listener cannot be made not to block.
+    pub fn server(&self, listener: TcpListener, clock: Clock) -> Result<Server<impl Fn() -> Duration>> {
+        let look = self.control.as_ref().map(|_| LOOK);
+        let listener = Listener::new(listener)?;
+        Ok(Server { listener, clock: move || clock.now(), idle_timeout: self.idle_timeout, look })
+    }
+}
+
+/// Keeps the bytes of a notice.
+pub fn keep<E>(trace: &Trace, notice: &Notice<'_, E>) {
+    match *notice {
+        Notice::Received(at, bytes) => trace.add(at, Way::Received, bytes),
+        Notice::Sent(at, bytes) => trace.add(at, Way::Sent, bytes),
+        _ => {}
+    }
+}
+
+/// The end of a connection in words, with the option that has caused it.
+pub fn reason(ending: &Ending) -> String {
+    match ending {
+        Ending::Idle { .. } => format!("{ending}, see --idle-timeout"),
+        ending => ending.to_string(),
+    }
+}
+
 /// Runs `device` on a line at `baud` until the process is interrupted. `name` is the name of the device, `trace` that of its
 /// traces.
 ///
@@ -97,90 +122,5 @@ pub fn serve(
     }
 }
 
-/// The connection of a device on a line that lasts, whether or not a client is there, until a fault ends it.
-#[derive(Debug, Default)]
-pub struct Attached {
-    is_up: bool,
-}
-
-impl Attached {
-    /// Called between two turns: ends the connection after [`Told::Close`], and makes one when the device can be
-    /// reached again.
-    pub fn keep_up<D: Simulated>(&mut self, closes: bool, line: &mut Line, device: &mut Simulator<D>) {
-        if device.is_held() {
-            line.pass();
-        }
-        let now = line.now();
-        if closes {
-            line.hang_up();
-            device.handle_disconnected(now);
-            self.is_up = false;
-        }
-        if !device.accepts(now) {
-            line.discard();
-        } else if !self.is_up && !line.hangs_up() {
-            device.handle_connected(now);
-            self.is_up = true;
-        }
-    }
-}
-
-/// Whether a client is connected and the device has power. Bytes to a device without power are lost.
-pub fn is_there<D: Simulated>(line: &mut Line, device: &Simulator<D>, now: Duration) -> bool {
-    let has_power = device.accepts(now);
-    if !has_power {
-        line.discard();
-    }
-    has_power && line.is_connected()
-}
-
 /// How often a stop, a client that comes or goes, and commands are looked for.
 pub const LOOK: Duration = Duration::from_millis(10);
-
-/// Runs a simulated device on a line until it is to stop, or until the line is gone for good. `handle` is given its events, and whether a
-/// client has the other end open when that changes.
-///
-/// # Errors
-/// What `handle` returns.
-pub fn on_line<D: Simulated>(
-    line: &mut Line,
-    device: &mut Simulator<D>,
-    stop: &AtomicBool,
-    mut handle: impl FnMut(Result<Told<D::Event>, bool>) -> Result<()>,
-) -> Result<()> {
-    priority::raise(Rank::Hardware);
-    let mut driver = Driver::new(line);
-    let (mut connected, mut left) = (false, 0);
-    while !stop.load(Ordering::Relaxed) {
-        let line = driver.transport_mut();
-        if device.is_held() {
-            line.pass();
-        }
-        let now = line.now();
-        let is_there = is_there(line, device, now);
-        // The next client may be there already.
-        let before = core::mem::replace(&mut left, line.left());
-        let has_left = connected && before != left;
-        if is_there != connected || has_left {
-            connected = !connected;
-            if connected {
-                device.handle_connected(now);
-            } else {
-                device.handle_disconnected(now);
-            }
-            handle(Err(connected))?;
-        }
-        let mut closes = false;
-        let goes_on = turn(&mut driver, device, Some(LOOK), |_, event| {
-            closes |= matches!(event, Told::Close(_));
-            handle(Ok(event))
-        })?;
-        if closes {
-            driver.transport_mut().hang_up();
-        }
-        if !goes_on {
-            break;
-        }
-    }
-    Ok(())
-}

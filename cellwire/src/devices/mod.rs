@@ -9,6 +9,7 @@ pub mod isra_ball;
 pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
+pub mod on_line;
 pub mod val2_alter;
 pub mod val2_viewer;
 

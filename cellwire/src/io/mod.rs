@@ -5,7 +5,6 @@ pub mod drawing;
 pub mod journal;
 pub mod line;
 pub mod samples;
-pub mod serve;
 pub mod sheet;
 pub mod tap;
 pub mod terminal;

@@ -5,12 +5,11 @@ use std::process::{Command, Output};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use cellwire::devices::fanuc_hmi_modbus::simulate::serve_tcp;
-use cellwire::io::serve::Service;
+use cellwire::devices::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
 use cellwire_io::clock::Clock;
-use cellwire_io::listener::Listener;
 use cellwire_io::trace::TraceArgs;
 use cellwire_sim::fanuc::{Controller, circle};
+use cellwire_sim::host::{Listener, Server};
 use fanuc_hmi_modbus::{ServerConfig, WordOrder};
 use serde_json::Value;
 
@@ -368,9 +367,9 @@ fn controller(order: WordOrder) -> String {
     let shared = Arc::new(Mutex::new(Controller::new(Box::new(circle), order)));
     thread::spawn(move || {
         let trace = TraceArgs::off().start("fanuc");
-        let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
-        let listener = Listener::new(listener).unwrap();
-        serve_tcp(listener, &shared, ServerConfig::tcp(), &service)
+        let (listener, clock) = (Listener::new(listener).unwrap(), Clock::start());
+        let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+        serve_tcp(server, connection(&shared, ServerConfig::tcp()).unwrap(), &trace, None)
     });
     address
 }

@@ -5,13 +5,13 @@ use std::net::{SocketAddr, TcpStream, UdpSocket};
 use std::time::Duration;
 
 use anyhow::{Result, bail};
+use cellwire_sim::host::{Arrival, Listener};
 use kawasaki_msg::{Dialect, Message};
 use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::backoff::Backoff;
 use crate::drive::Lost;
 use crate::endpoint::Endpoint;
-use crate::listener::{Arrival, Listener};
 use crate::output::remark;
 use crate::stream::Stream;
 use crate::tcp::{self, Dialing};

@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire_sim::Told;
 use kawasaki_msg::{JobSource, LargePc, PcEvent, SessionError};
 use robot_session::{Driver, Session, Transport as _};
 
@@ -22,18 +21,13 @@ const GLANCE: Duration = Duration::from_millis(20);
 /// The program of a PC.
 pub trait Program {
     /// Its session.
-    type Session: Session<Event: Ends>;
+    type Session: Session<Event = PcEvent>;
 
     /// Acts on the session once everything that has happened was reported; false ends the run.
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
     fn step(&mut self, session: &mut Self::Session) -> Result<bool>;
-
-    /// Whether a robot can connect now.
-    fn accepts(&self, _session: &Self::Session, _now: Duration) -> bool {
-        true
-    }
 
     /// Keeps what has to survive the program, before what the session has written is sent.
     ///
@@ -47,39 +41,14 @@ pub trait Program {
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
-    fn notify(
-        &mut self,
-        session: &mut Self::Session,
-        notification: Notification<'_, Event<Self>>,
-    ) -> Result<()>;
-}
-
-/// What the session of a program reports.
-pub type Event<P> = <<P as Program>::Session as Session>::Event;
-
-/// An event that may end the connection.
-pub trait Ends {
-    /// The reason, if it does.
-    fn ends(&self) -> Option<&'static str>;
-}
-
-impl Ends for PcEvent {
-    fn ends(&self) -> Option<&'static str> {
-        (*self == Self::Disconnect).then_some("the robot is silent")
-    }
-}
-
-impl Ends for Told<PcEvent> {
-    fn ends(&self) -> Option<&'static str> {
-        if let Self::Close(why) = self { Some(why) } else { None }
-    }
+    fn notify(&mut self, session: &mut Self::Session, notification: Notification<'_>) -> Result<()>;
 }
 
 /// What a PC reports while it runs.
 #[derive(Debug)]
-pub enum Notification<'a, E = PcEvent> {
+pub enum Notification<'a> {
     /// An event of the session.
-    Event(E),
+    Event(PcEvent),
     /// A robot has connected.
     Connected(String),
     /// The connection has ended, or cannot be opened.
@@ -141,10 +110,7 @@ impl<P: Program> Server<'_, P> {
     fn meet(&mut self, meeting: &mut Meeting) -> Result<()> {
         let now = self.driver.transport_mut().now();
         let is_open = self.driver.transport_mut().is_connected();
-        if now < self.retry_at
-            || is_open && !meeting.takes_another()
-            || !self.program.accepts(&self.session, now)
-        {
+        if now < self.retry_at || is_open && !meeting.takes_another() {
             return Ok(());
         }
         let (carrier, peer) = match meeting.meet()? {
@@ -172,7 +138,7 @@ impl<P: Program> Server<'_, P> {
         let program = RefCell::new(program);
         let keep = |session: &mut P::Session| program.borrow_mut().keep(session);
         let turn = driver.turn_keeping(session, Some(GLANCE), keep, |session, event| {
-            let ends = event.ends();
+            let ends = (event == PcEvent::Disconnect).then_some("the robot is silent");
             match program.borrow_mut().notify(session, Notification::Event(event)) {
                 Err(error) => ControlFlow::Break(Err(error)),
                 Ok(()) => ends.map_or(ControlFlow::Continue(()), |why| ControlFlow::Break(Ok(why))),

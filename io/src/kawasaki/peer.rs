@@ -62,10 +62,15 @@ impl<'a> Peer<'a> {
         }
     }
 
-    /// Takes a connection.
+    /// The clock of the session.
+    pub fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// Takes a connection; the previous one ends.
     ///
     /// # Errors
-    /// The transport's, when it cannot be set to discard unacknowledged bytes.
+    /// The system's.
     pub fn connect(&mut self, mut carrier: Carrier) -> io::Result<()> {
         if let Some(after) = self.discard_after {
             carrier.discard_after(after)?;

@@ -4,6 +4,9 @@
 mod bench;
 mod faults;
 mod gadget;
+mod host;
+mod ledger;
+mod proxy;
 mod running;
 #[cfg(all(feature = "ball", feature = "laser", feature = "mma", feature = "puma", feature = "viewer"))]
 mod settings;

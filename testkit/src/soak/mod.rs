@@ -26,7 +26,7 @@ pub use fanuc_hmi_modbus::SABOTAGED;
 pub use handles::ROWS as HANDLES;
 pub use laser_eb90::{Article, Fault, frame};
 pub use log::{Log, Mark};
-pub use tally::{Job, Ledger, Reported, Tally};
+pub use tally::{Ledger, Reported, Span, Tally};
 pub use wire::{Check, Unseen, Wire};
 
 /// Who is at the two ends of a session.

@@ -3,21 +3,11 @@
 use core::ops::AddAssign;
 use core::time::Duration;
 
+use cellwire_sim::ledger::Fate;
+pub use cellwire_sim::ledger::Reported;
+
 use super::log::{Log, Mark};
 use crate::link::FaultCounts;
-
-/// What is reported to the sender of a job.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reported {
-    /// Executed, or queued for it.
-    Done,
-    /// Not executed, and it will not be.
-    NotDone,
-    /// Unknown, but not more than once.
-    Unknown,
-    /// Unknown how often, but this often at least: the sender has asked for resends that may do this.
-    AnyTimes(u32),
-}
 
 /// The sums of a row of the table.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -83,93 +73,74 @@ impl AddAssign for Tally {
 
 /// The jobs of one session.
 #[derive(Debug, Default)]
-pub struct Ledger {
-    jobs: Vec<Job>,
-}
+pub struct Ledger(cellwire_sim::Ledger<Span>);
 
-/// One job: what was reported of it, and how often it was executed.
+/// The transmissions of a job, from its first to the one that reported its outcome.
 #[derive(Debug, Clone, Copy)]
-pub struct Job {
-    reported: Option<Reported>,
-    repeated: bool,
-    times: u32,
-    /// The transmissions from its first to the one that reported its outcome.
+pub struct Span {
+    /// The first.
     pub from: Mark,
-    /// As `from`.
+    /// The last.
     pub to: Mark,
 }
 
 impl Ledger {
-    /// A job is sent, after the transmissions of `from`; its number, from 0.
+    /// Adds a job that is sent after the transmissions of `from`; returns its number, from 0.
     pub fn send(&mut self, from: Mark) -> usize {
-        let to = Mark::END;
-        self.jobs.push(Job { reported: None, repeated: false, times: 0, from, to });
-        self.jobs.len() - 1
+        self.0.send(Span { from, to: Mark::END })
     }
 
-    /// A job is executed. False: there is no such job.
+    /// Adds an execution; returns false if no such job was sent.
     pub fn execute(&mut self, job: usize) -> bool {
-        self.jobs.get_mut(job).map(|job| job.times += 1).is_some()
+        self.0.execute(job)
     }
 
-    /// Its outcome is reported. False: there is no such job.
+    /// Sets the outcome of a job; returns false if no such job was sent.
     pub fn report(&mut self, job: usize, reported: Reported, to: Mark) -> bool {
-        let Some(job) = self.jobs.get_mut(job) else { return false };
-        job.repeated |= job.reported.is_some();
-        (job.reported, job.to) = (Some(reported), to);
-        true
+        self.0.report(job, reported).map(|job| job.note.to = to).is_some()
     }
 
-    /// What was reported as done was executed.
+    /// Executes the jobs that were reported as done, and no others.
     pub fn execute_what_is_done(&mut self) {
-        for job in &mut self.jobs {
+        for job in self.0.jobs_mut() {
             job.times = u32::from(job.reported == Some(Reported::Done));
         }
     }
 
-    /// Whether its outcome has been reported.
+    /// Whether the outcome of a job has been reported.
     pub fn is_reported(&self, job: usize) -> bool {
-        self.jobs.get(job).is_some_and(|job| job.reported.is_some())
+        self.0.jobs().get(job).is_some_and(|job| job.reported.is_some())
     }
 
-    /// Whether it has been executed.
+    /// Whether a job has been executed.
     pub fn is_executed(&self, job: usize) -> bool {
-        self.jobs.get(job).is_some_and(|job| job.times > 0)
+        self.0.jobs().get(job).is_some_and(|job| job.times > 0)
     }
 
-    /// How many jobs were sent.
+    /// The number of jobs.
     pub fn len(&self) -> usize {
-        self.jobs.len()
+        self.0.jobs().len()
     }
 
-    /// Whether none was sent.
+    /// Whether no job was sent.
     pub fn is_empty(&self) -> bool {
-        self.jobs.is_empty()
+        self.0.jobs().is_empty()
     }
 
-    /// Counts the jobs. `forged` says whether corruption that no check can see explains an outcome that must not be.
-    pub fn settle(self, now: Duration, log: Log, tally: &mut Tally, forged: impl Fn(&Job) -> bool) {
-        for (number, job) in self.jobs.iter().enumerate() {
+    /// Counts the jobs. `forged` returns whether corruption that no check can see explains an outcome that must not be.
+    pub fn settle(self, now: Duration, log: Log, tally: &mut Tally, forged: impl Fn(&Span) -> bool) {
+        for (number, job) in self.0.jobs().iter().enumerate() {
             tally.jobs += 1;
-            let (column, wrong) = match (job.reported, job.times) {
-                _ if job.repeated => (&mut tally.repeated, "its outcome was reported twice"),
-                (None, _) => (&mut tally.lost, "its outcome was never reported"),
-                (Some(Reported::Done), 0) => (&mut tally.lost, "it was reported as done and not executed"),
-                (Some(Reported::NotDone), 1..) => {
-                    (&mut tally.repeated, "it was reported as not done and executed")
-                }
-                (Some(Reported::AnyTimes(1..)), 0) => {
-                    (&mut tally.lost, "it was reported as done and not executed")
-                }
-                (Some(Reported::AnyTimes(_)), _) => (&mut tally.unknown, ""),
-                (Some(_), 2..) => (&mut tally.repeated, "it was executed more than once"),
-                (Some(Reported::Done), 1) => (&mut tally.once, ""),
-                (Some(Reported::NotDone), 0) => (&mut tally.not_done, ""),
-                (Some(Reported::Unknown), 0 | 1) => (&mut tally.unknown, ""),
+            let (column, wrong) = match job.fate() {
+                Fate::Once => (&mut tally.once, ""),
+                Fate::NotDone => (&mut tally.not_done, ""),
+                Fate::Unknown => (&mut tally.unknown, ""),
+                Fate::Lost(wrong) => (&mut tally.lost, wrong),
+                Fate::Repeated(wrong) => (&mut tally.repeated, wrong),
             };
             if wrong.is_empty() {
                 *column += 1;
-            } else if forged(job) {
+            } else if forged(&job.note) {
                 tally.forged += 1;
                 log.line(now, format_args!("job {number}: {wrong}, by corruption that no check can see"));
             } else {

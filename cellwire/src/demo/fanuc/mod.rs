@@ -13,14 +13,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use fanuc_hmi_modbus::TelemetryBlock;
-use fanuc_ls::{Program, Rules};
+use fanuc_ls::Rules;
 use serde_json::json;
 
 use self::robot::Run;
 use crate::demo::{DemoOptions, MustFail};
-use crate::devices::fanuc_hmi_modbus::simulate::serve_tcp;
+use crate::devices::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
 use crate::io::samples::Samples;
-use crate::io::serve::Service;
 use crate::report::{Budget, Report};
 use crate::telemetry::logger::{Logger, Reading, Source};
 use crate::telemetry::plot;
@@ -28,13 +27,14 @@ use crate::telemetry::recording::{self, Comparison, ComparisonError, Recording};
 use crate::telemetry::task::BackgroundTask;
 use cellwire_io::clock::Clock;
 use cellwire_io::files;
-use cellwire_io::listener::Listener;
 use cellwire_io::tcp;
 use cellwire_links::json::value as json;
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
+use cellwire_sim::FaultyProxy;
 use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
+use cellwire_sim::host::{Listener, Server};
 
 const ARM: Arm = Arm::LR_MATE_200ID;
 /// How long the robot rests before and after the motion.
@@ -62,7 +62,9 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         &Rules::default(),
     )?;
     let text = program.to_text(&Rules::default())?;
-    let run = Run::new(&Program::decode(&text)?, ARM)?; // the robot has what a controller would have: the text
+    // The robot has what a controller would have: the text.
+    let start = trajectory.samples().first().context("the trajectory is empty")?.joints;
+    let run = Run::new(&text, ARM, start)?;
 
     let clock = Clock::start();
     let begins = clock.now().as_secs_f64() + REST;
@@ -150,7 +152,7 @@ struct Log {
     recording: Recording,
     turn_around: Samples,
     failed: u64,
-    _proxy: Option<tcp::FaultyProxy>,
+    _proxy: Option<FaultyProxy>,
 }
 
 impl Log {
@@ -165,15 +167,14 @@ impl Log {
         let address = listener.local_addr()?;
         let listener = Listener::new(listener)?;
         let trace = options.trace.start("fanuc");
-        let (shared, config) = (Arc::new(Mutex::new(controller)), settings.server);
+        let device = connection(&Arc::new(Mutex::new(controller)), settings.server)?;
         // It ends with the process, as the listener does.
         thread::spawn(move || {
-            let service = Service { clock, trace: &trace, idle_timeout: None, look: None };
-            serve_tcp(listener, &shared, config, &service)
+            let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+            serve_tcp(server, device, &trace, None)
         });
-        let proxy =
-            options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
-        let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
+        let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
+        let address = proxy.as_ref().map_or(address, FaultyProxy::address);
         let source = Source {
             server: address.to_string(),
             unit: settings.server.unit.unwrap_or(1),

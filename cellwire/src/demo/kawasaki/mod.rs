@@ -11,20 +11,21 @@ use anyhow::{Result, anyhow, bail, ensure};
 use indicatif::ProgressBar;
 use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timing};
 
-use self::tally::{Ledger, Outcome};
+use self::tally::{Orders, Outcome};
 use crate::demo::DemoOptions;
 use crate::devices::device::Endpoint;
-use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke, Switch};
+use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::report::{Budget, Report};
 use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::kawasaki::pc::{self, Packets, Program};
-use cellwire_io::tcp::{self, FaultyProxy};
+use cellwire_io::tcp;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
 use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_sim::FaultyProxy;
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
 const SPEED: u32 = 16_000;
@@ -108,7 +109,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
 
-    let (switch, robot_is_off) = (Switch::default(), AtomicBool::new(false));
+    let (switch, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
     let (sender, strokes) = mpsc::channel();
     let mut program = Repeat::new(&lines, options, patience, &robot_is_off, strokes);
     let (robot, packets) = thread::scope(|scope| {
@@ -127,7 +128,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         });
         let trace = options.trace.start("kawasaki-pc");
         let packets = pc::run(&mut meeting, session, &trace, &mut program);
-        switch.turn_off();
+        switch.store(true, Ordering::Relaxed);
         (robot.join(), packets)
     });
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
@@ -149,7 +150,7 @@ struct Repeat<'a> {
     patience: Duration,
     robot_is_off: &'a AtomicBool,
     progress: &'a ProgressBar,
-    ledger: Ledger<'a>,
+    ledger: Orders<'a>,
     over: Option<u32>,
     interrupted: bool,
 }
@@ -170,7 +171,7 @@ impl<'a> Repeat<'a> {
             patience,
             robot_is_off,
             progress: &options.progress,
-            ledger: Ledger::new(lines, options, strokes),
+            ledger: Orders::new(lines, options, strokes),
             over: None,
             interrupted: false,
         }
@@ -229,7 +230,7 @@ struct Seen<'a> {
     packets: Packets,
     /// The most bytes of one.
     limit: usize,
-    ledger: Ledger<'a>,
+    ledger: Orders<'a>,
     robot: robot::Run,
     time: Duration,
 }
@@ -246,9 +247,9 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
     let mut report = Report::new("kawasaki", title).moves("a pen draws a picture");
     report.fact("orders", "orders: pictures begun", ledger.orders());
     report.fact("pictures", "complete pictures", ledger.complete());
-    report.jobs(tally.jobs());
-    if tally.withdrawn > 0 {
-        report.fact("withdrawn", "withdrawn at timeout", tally.withdrawn);
+    report.jobs(tally.jobs);
+    if tally.jobs.withdrawn > 0 {
+        report.fact("withdrawn", "withdrawn at timeout", tally.jobs.withdrawn);
     }
     report.fact("asked_again", "jobs dropped at a full queue and resent", statistics.discarded);
     report.fact("packets", "packets of the PC", packets.count);
@@ -277,11 +278,11 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
         &robot.work_cycle,
         Some(Budget { time: Duration::from_millis(110), source: "§12.1" }),
     );
-    report.require(tally.executed_once > 0, || "nothing was drawn".into());
+    report.require(tally.jobs.executed_once > 0, || "nothing was drawn".into());
     for (count, what) in [
         (tally.altered, "jobs differ from those sent"),
         (tally.out_of_order, "jobs were executed out of order"),
-        (tally.unreported, "jobs were executed that the PC considers lost"),
+        (tally.jobs.unreported, "jobs were executed that the PC considers lost"),
     ] {
         report.require(count == 0, || format!("{count} {what}"));
     }

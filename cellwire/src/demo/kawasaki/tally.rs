@@ -6,8 +6,9 @@ use kawasaki_msg::Dialect;
 
 use crate::demo::DemoOptions;
 use crate::devices::kawasaki_msg::robot::Stroke;
-use crate::report::Jobs;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
+use cellwire_sim::Ledger;
+use cellwire_sim::ledger::{Counts, Reported};
 
 /// How an order has ended, as the PC knows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,30 +19,20 @@ pub struct Outcome {
     pub executed: u32,
 }
 
-/// What became of the jobs of all orders.
+/// The outcomes of the jobs of all orders.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Sent.
-    pub sent: u64,
-    /// Executed exactly once, as they were sent.
-    pub executed_once: u64,
-    /// Executed more than once.
-    pub repeated: u64,
-    /// Executed, as reported to the PC, and not executed in truth.
-    pub lost: u64,
-    /// Sent, and withdrawn with the end of the order: reported to the PC as not to be executed.
-    pub withdrawn: u64,
-    /// Executed, and reported to the PC as not executed.
-    pub unreported: u64,
-    /// Not what was sent under the number.
+    /// The jobs that were executed as they were sent. Of a withdrawn job its order has ended; an unreported job was executed after that.
+    pub jobs: Counts,
+    /// Executed jobs that differ from those sent under their number.
     pub altered: u64,
-    /// Not after the job before it.
+    /// Executed jobs that did not follow the previous one.
     pub out_of_order: u64,
 }
 
 /// The orders of a run, counted as they end. It keeps the strokes of two orders, and those of the longest, however long the run is.
 #[derive(Debug)]
-pub struct Ledger<'a> {
+pub struct Orders<'a> {
     picture: &'a [AnyWork],
     options: &'a DemoOptions,
     strokes: Receiver<Stroke>,
@@ -57,7 +48,7 @@ pub struct Ledger<'a> {
     tally: Tally,
 }
 
-impl<'a> Ledger<'a> {
+impl<'a> Orders<'a> {
     /// Nothing was drawn yet. Each order draws the picture from its first line on; `strokes` are what the pen does.
     pub fn new(picture: &'a [AnyWork], options: &'a DemoOptions, strokes: Receiver<Stroke>) -> Self {
         Self {
@@ -126,40 +117,27 @@ impl<'a> Ledger<'a> {
 }
 
 impl Tally {
-    /// Adds an order by its number, counted from 1, and what the pen did until it was counted.
+    /// Adds an order by its number, counted from 1, and the strokes of the pen until it was counted.
     fn add(&mut self, picture: &[AnyWork], outcome: Outcome, order: u32, strokes: &[Stroke]) {
-        let (sent, executed) = (outcome.sent as usize, outcome.executed as usize);
-        let (mut times, mut next) = (vec![0u32; sent], 0);
+        let (mut ledger, mut next) = (Ledger::default(), 0);
+        for number in 0..outcome.sent {
+            let job = ledger.send(());
+            let is_executed = number < outcome.executed;
+            ledger.report(job, if is_executed { Reported::Done } else { Reported::NotDone });
+        }
         for stroke in strokes {
             if stroke.order != order {
-                // Its own order was counted without it.
-                self.unreported += 1;
+                // The order of the stroke was counted without it.
+                self.jobs.unreported += 1;
                 continue;
             }
             let index = place(stroke.job.number, next);
             self.out_of_order += u64::from(index != Some(next));
             next = index.map_or(next, |index| index + 1);
-            match index.and_then(|index| Some((times.get_mut(index)?, picture.get(index)?))) {
-                Some((times, line)) if *line == stroke.job.work => *times += 1,
-                _ => self.altered += 1,
-            }
+            let job = index.filter(|index| picture.get(*index) == Some(&stroke.job.work));
+            self.altered += u64::from(!job.is_some_and(|job| ledger.execute(job)));
         }
-        self.sent += u64::from(outcome.sent);
-        for (index, times) in times.iter().enumerate() {
-            *match (times, index < executed) {
-                (0, true) => &mut self.lost,
-                (0, false) => &mut self.withdrawn,
-                (1, true) => &mut self.executed_once,
-                (1, false) => &mut self.unreported,
-                _ => &mut self.repeated,
-            } += 1;
-        }
-    }
-
-    /// For the report.
-    pub fn jobs(&self) -> Jobs {
-        let Self { sent, executed_once, lost, repeated, .. } = *self;
-        Jobs { sent, executed_once, lost, repeated, unknown: 0 }
+        self.jobs = self.jobs + ledger.count();
     }
 }
 
@@ -205,16 +183,16 @@ mod tests {
         let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
         let mut tally = Tally::default();
         tally.add(&picture(9), outcome, 1, &strokes);
-        let expected = Tally {
+        let jobs = Counts {
             sent: 6,
             executed_once: 1,
             repeated: 1,
             lost: 2,
             withdrawn: 1,
             unreported: 1,
-            altered: 1,
-            out_of_order: 2,
+            ..Counts::default()
         };
+        let expected = Tally { jobs, altered: 1, out_of_order: 2 };
         assert_eq!(tally, expected);
     }
 
@@ -222,19 +200,20 @@ mod tests {
     fn orders_are_distinguished_and_numbers_wrap() {
         let (options, picture) = (DemoOptions::quiet(), picture(2));
         let (sender, strokes) = channel();
-        let mut ledger = Ledger::new(&picture, &options, strokes);
+        let mut orders = Orders::new(&picture, &options, strokes);
         // The last one is late: its order was counted when the next one was over.
         for (order, number) in [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2), (1, 2)] {
             sender.send(stroke(order, number)).unwrap();
             if number == 2 && order > 1 {
-                ledger.over(Outcome { sent: 2, executed: 2 });
+                orders.over(Outcome { sent: 2, executed: 2 });
             }
         }
-        ledger.over(Outcome { sent: 2, executed: 2 });
-        ledger.end();
-        let expected = Tally { sent: 6, executed_once: 6, unreported: 1, ..Tally::default() };
-        assert_eq!((ledger.tally(), ledger.orders(), ledger.complete()), (expected, 3, 3));
-        assert_eq!((ledger.longest().len(), ledger.held.len()), (2, 0));
+        orders.over(Outcome { sent: 2, executed: 2 });
+        orders.end();
+        let jobs = Counts { sent: 6, executed_once: 6, unreported: 1, ..Counts::default() };
+        let expected = Tally { jobs, ..Tally::default() };
+        assert_eq!((orders.tally(), orders.orders(), orders.complete()), (expected, 3, 3));
+        assert_eq!((orders.longest().len(), orders.held.len()), (2, 0));
         assert_eq!(place(1, 9999), Some(9999));
         assert_eq!(place(9999, 9999), Some(9998));
         assert_eq!(place(9999, 0), None);

@@ -13,12 +13,12 @@ use robot_session::end::End as _;
 use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
 
 use super::path::Cut;
-use super::tally::Known;
 use crate::io::samples::Samples;
 use cellwire_io::drive::turn;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial;
 use cellwire_sim::laser::STATUS;
+use cellwire_sim::ledger::Reported;
 
 /// How long questions go on when a run is over.
 const GIVE_UP: Duration = Duration::from_secs(60);
@@ -57,7 +57,7 @@ pub struct Plan<'a> {
     /// When the last frame was sent.
     sent: Rc<Cell<Duration>>,
     /// What is known of each instruction.
-    pub known: Vec<Option<Known>>,
+    pub known: Vec<Option<Reported>>,
     /// What was counted.
     pub counts: HostCounts,
 }
@@ -224,8 +224,8 @@ impl Plan<'_> {
         let tickets = first..first + usize::from(count);
         match fate {
             Fate::Refused => self.again(tickets),
-            Fate::Queued => self.note(tickets, Known::Queued),
-            Fate::Unknown => self.note(tickets, Known::Unknown),
+            Fate::Queued => self.note(tickets, Reported::Done),
+            Fate::Unknown => self.note(tickets, Reported::Unknown),
         }
         match fate {
             Fate::Queued => {}
@@ -248,13 +248,13 @@ impl Plan<'_> {
         }
     }
 
-    fn note(&mut self, tickets: Range<usize>, known: Known) {
+    fn note(&mut self, tickets: Range<usize>, known: Reported) {
         for ticket in self.tickets.get(tickets).unwrap_or_default() {
             let Some(index) = *ticket else { continue };
             if let Some(slot) = self.known.get_mut(index) {
                 *slot = Some(known);
             }
-            if known == Known::Queued {
+            if known == Reported::Done {
                 self.queued.push(index);
                 self.counts.queued += 1;
             }
@@ -269,7 +269,7 @@ impl Plan<'_> {
             let forgotten = self.queued_before.saturating_sub(self.queue);
             for index in self.queued.split_off(forgotten) {
                 if let Some(slot) = self.known.get_mut(index) {
-                    *slot = Some(Known::Unknown);
+                    *slot = Some(Reported::Unknown);
                 }
             }
         }

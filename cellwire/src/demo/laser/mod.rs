@@ -13,19 +13,19 @@ use laser_eb90::{HostConfig, timing};
 
 use self::host::{Cutter, Plan};
 use self::path::{Cut, SHEET};
-use self::tally::Tally;
 use crate::demo::DemoOptions;
 use crate::devices::laser_eb90::controller::{self, RobotCounts, Switch};
 use crate::io::drawing::{self, Point};
-use crate::io::line::{Line, LineFaults};
+use crate::io::line::Line;
 use crate::io::sheet;
 use crate::report::{Budget, Report};
 use cellwire_io::clock::Clock;
 use cellwire_io::port::AnyPort;
 use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::{self, Configure, Fields};
-use cellwire_sim::Laser;
 use cellwire_sim::laser::Job;
+use cellwire_sim::ledger::Counts;
+use cellwire_sim::{ByteFaults, Laser};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
@@ -107,7 +107,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let clock = Clock::start();
     let (mut line, port) = Line::simulated(options.lines, clock, baud, options.trace.start("laser"))?;
     if options.faults {
-        line = line.with_faults(LineFaults::with_rate(FAULT_RATE, options.seed));
+        line = line.with_faults(ByteFaults::with_rate(FAULT_RATE, options.seed));
     }
     let executed = Mutex::new(Vec::new());
     let (first, second) = (Switch::default(), Switch::default());
@@ -126,11 +126,11 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     options.spoil(&mut executed);
     let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &config.profile)).collect();
     let cutter = cutter.plan;
-    let tally = Tally::new(&path, &cutter.known, &cuts);
+    let (jobs, unseen) = tally::count(&path, &cutter.known, &cuts);
     if let Some(file) = &options.out {
         sheet::write(file, SHEET, &lines(&cuts), &[], ["laser on", "laser off"])?;
     }
-    Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
+    Ok(report((options, baud), path.len(), &line, &cutter, &robot, (jobs, unseen), rates))
 }
 
 /// The host's run: instructions a second one by one, and seven in a frame.
@@ -204,7 +204,7 @@ fn report(
     line: &Line,
     cutter: &Plan<'_>,
     robot: &RobotCounts,
-    tally: Tally,
+    (jobs, unseen): (Counts, u64),
     [one, seven]: [f64; 2],
 ) -> Report {
     let [single, batch, answer] = FRAME_LENGTHS;
@@ -218,11 +218,11 @@ fn report(
         format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
     )
     .moves("a laser cuts a sheet");
-    report.jobs(tally.jobs());
-    if tally.unknown > 0 {
-        report.fact("unknown_executed", "of these executed", tally.unknown_executed);
+    report.jobs(jobs);
+    if jobs.unknown > 0 {
+        report.fact("unknown_executed", "of these executed", jobs.unknown_executed);
     }
-    report.fact("unseen", "executed corrupt, undetected by the checksum", tally.unseen);
+    report.fact("unseen", "executed corrupt, undetected by the checksum", unseen);
     report.fact("resent", "frames resent after an error code", cutter.counts.resent);
     report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
     report.fact("error_codes", "error codes sent by the robot", robot.refused);
@@ -251,11 +251,11 @@ fn report(
         &robot.answer,
         None,
     );
-    report.require(tally.executed_once > 0, || "nothing was cut".into());
+    report.require(jobs.executed_once > 0, || "nothing was cut".into());
     report.require(!options.faults || cutter.counts.restarts == 1, || {
         format!("the robot restarted once, but {} restarts were detected", cutter.counts.restarts)
     });
-    report.require(options.faults || tally.unknown == 0, || {
+    report.require(options.faults || jobs.unknown == 0, || {
         "outcomes are unknown although the line had no faults".into()
     });
     report

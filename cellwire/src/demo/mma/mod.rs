@@ -4,6 +4,7 @@ pub mod cell;
 pub mod central;
 pub mod judged;
 mod periphery;
+mod ported;
 mod settings;
 pub mod timeline;
 pub mod verdict;
@@ -13,6 +14,7 @@ pub use settings::Settings;
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -25,11 +27,14 @@ use mmacell_task::{Step, TaskConfig};
 use self::cell::{Cell, Which};
 use self::central::{Central, Log, Now};
 use self::judged::Judged;
+use self::ported::Ported;
 use crate::demo::DemoOptions;
-use crate::devices::mmacell_proto::connections::{Connections, Stop};
-use crate::report::{Jobs, Report};
-use cellwire_io::tcp::{self, FaultyProxy};
-use cellwire_io::trace::{Trace, Way};
+use crate::devices::device::keep;
+use crate::report::Report;
+use cellwire_io::tcp;
+use cellwire_sim::FaultyProxy;
+use cellwire_sim::host::{Listener, Notice, Server};
+use cellwire_sim::ledger::Counts;
 use cellwire_sim::mma::MotionFaults;
 
 /// How often a read breaks the connection when faults are wanted.
@@ -37,6 +42,8 @@ const BREAKS: f64 = 0.001;
 /// Longer than this the task is in no step, even when every connection has to be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);
 
+/// The longest time until a device stops.
+const STOP: Duration = Duration::from_millis(10);
 /// The most attempts that are reported in words.
 const MAX_FAILURES: usize = 20;
 
@@ -73,7 +80,8 @@ struct Run {
     cell: Arc<Mutex<Cell>>,
     clock: Clock,
     addresses: [SocketAddr; 3],
-    devices: Vec<(Stop, JoinHandle<()>)>,
+    goes_on: Arc<AtomicBool>,
+    devices: Vec<JoinHandle<Result<()>>>,
     _proxies: Vec<FaultyProxy>,
 }
 
@@ -98,14 +106,28 @@ impl Run {
         let mut addresses = Vec::new();
         let mut proxies = Vec::new();
         let mut devices = Vec::new();
+        let goes_on = Arc::new(AtomicBool::new(true));
         for which in Which::ALL {
             let listener = tcp::listen("127.0.0.1:0")?;
             let mut address = listener.local_addr()?;
-            let cell = Arc::clone(&cell);
+            let listener = Listener::new(listener)?;
             let trace = options.trace.start(&format!("mma-{}", format!("{which:?}").to_lowercase()));
-            let connections = Connections::accept(listener, None)?;
-            let stop = connections.stop();
-            devices.push((stop, thread::spawn(move || serve(connections, which, &cell, clock, &trace))));
+            let (device, goes_on) = (Ported::new(which, &cell, speed), Arc::clone(&goes_on));
+            devices.push(thread::spawn(move || {
+                let (clock, look) = (|| clock.now().wall, Some(STOP));
+                let server = Server { listener, clock, idle_timeout: None, look };
+                server.run(
+                    device,
+                    || goes_on.load(Ordering::Relaxed),
+                    |_, notice| {
+                        match notice {
+                            Notice::Disconnected(..) => trace.end_session("the connection ended"),
+                            notice => keep(&trace, &notice),
+                        }
+                        Ok(())
+                    },
+                )
+            }));
             if options.faults {
                 let proxy = FaultyProxy::start(address, options.seed + which as u64, BREAKS)?;
                 address = proxy.address();
@@ -115,7 +137,7 @@ impl Run {
         }
         let addresses =
             <[SocketAddr; 3]>::try_from(addresses).map_err(|_| anyhow::anyhow!("three devices"))?;
-        Ok(Self { cell, clock, addresses, devices, _proxies: proxies })
+        Ok(Self { cell, clock, addresses, goes_on, devices, _proxies: proxies })
     }
 
     /// Places this many parts, or as many as fit into the time; what happened.
@@ -175,8 +197,8 @@ impl Run {
         }
         drop(connections);
         // Each device leaves its trace when its last connection has ended, however long that takes to write.
-        for (stop, device) in self.devices {
-            stop.stop();
+        self.goes_on.store(false, Ordering::Relaxed);
+        for device in self.devices {
             let _ = device.join();
         }
         let rest = Cell::new(0, false, MotionFaults::default(), DeviceConfig::DEFAULT)?;
@@ -270,24 +292,6 @@ impl Drop for Connection {
     }
 }
 
-/// A device at its port, one central controller at a time: the newest.
-fn serve(connections: Connections, which: Which, cell: &Mutex<Cell>, clock: Clock, trace: &Trace) {
-    for mut stream in connections {
-        lock(cell).connect(which, clock.now().cell);
-        let mut buffer = [0; 256];
-        while let Ok(len @ 1..) = stream.read(&mut buffer) {
-            let bytes = buffer.get(..len).unwrap_or_default();
-            trace.add(clock.now().wall, Way::Received, bytes);
-            let (reply, closes) = lock(cell).receive(which, clock.now().cell, bytes);
-            trace.add(clock.now().wall, Way::Sent, &reply);
-            if stream.write_all(&reply).is_err() || closes {
-                break;
-            }
-        }
-        trace.end_session("the connection ended");
-    }
-}
-
 fn lock(cell: &Mutex<Cell>) -> MutexGuard<'_, Cell> {
     cell.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -348,9 +352,9 @@ fn report(
 }
 
 /// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
-fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Jobs {
+fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Counts {
     let executed = [options.spoilt(cell.robot().motions()), cell.platform().motions()];
-    let mut jobs = Jobs::default();
+    let mut jobs = Counts::default();
     for ((agreed, unknown), executed) in log.agreed.iter().zip(log.unknown).zip(executed) {
         jobs.sent += agreed + unknown;
         jobs.lost += agreed.saturating_sub(executed);

@@ -19,13 +19,13 @@ use crate::demo::DemoOptions;
 use crate::devices::isra_ball::ball;
 use crate::devices::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::devices::val2_viewer::workstation;
-use crate::io::line::{Line, LineFaults, Lines};
+use crate::io::line::{Line, Lines};
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::TraceArgs;
 use cellwire_motion::latch::{Latch, LatchConfig};
-use cellwire_sim::Viewer;
 use cellwire_sim::viewer::Drawn;
+use cellwire_sim::{ByteFaults, Viewer};
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(7500);
@@ -219,8 +219,8 @@ impl Wire {
     fn new(name: &str, clock: Clock, baud: u32, number: u64, config: &CellConfig) -> Result<Self> {
         let (line, path) = Line::simulated(config.lines, clock, baud, config.trace.start(name))?;
         let faults = match config.faults {
-            true => LineFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
-            false => LineFaults::none(),
+            true => ByteFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
+            false => ByteFaults::none(),
         };
         Ok(Self { line: line.with_faults(faults), path })
     }

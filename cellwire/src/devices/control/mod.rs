@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::{Context as _, Result};
+use cellwire_sim::host::{Listener, Server};
 use cellwire_sim::{Device, Simulator};
 use serde_json::{Map, Value, json};
 
@@ -17,11 +18,8 @@ use self::commands::Commands;
 use self::session::Client;
 pub use self::socket::Control;
 use crate::devices::device::SimulateOptions;
-use crate::io::serve::{Notice, Service};
 use cellwire_io::clock::Clock;
-use cellwire_io::listener::Listener;
 use cellwire_io::output::{announce, remark};
-use cellwire_io::trace::Trace;
 
 /// The fields of an answer.
 pub type Fields = Map<String, Value>;
@@ -70,16 +68,9 @@ impl SimulateOptions {
         let listener = Listener::new(listener.try_clone()?)?;
         let commands = Arc::new(Commands { device, remote: simulator.remote(), own });
         let thread = thread::Builder::new().name("control".into()).spawn(move || {
-            let trace = Trace::new("control", 0, None);
-            let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None, look: None };
-            let served = service.run(
-                listener,
-                || Ok(Client::new(Arc::clone(&commands))),
-                |notice| match notice {
-                    Notice::Event(_, why) => core::ops::ControlFlow::Break(why.into()),
-                    _ => core::ops::ControlFlow::Continue(()),
-                },
-            );
+            let clock = Clock::start();
+            let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+            let served: Result<()> = server.run(Client::new(commands), || true, |_, _| Ok(()));
             if let Err(error) = served {
                 remark(&format!("warning: --control has ended: {error:#}"));
             }

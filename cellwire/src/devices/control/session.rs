@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cellwire_sim::Device;
+use cellwire_sim::host::{Hosted, Request};
 use robot_session::Session;
 
 use super::commands::Commands;
@@ -46,6 +47,16 @@ impl<D: Device + 'static> Client<D> {
         self.unsent.extend(serde_json::json!({"ok": false, "error": why}).to_string().into_bytes());
         self.unsent.push(b'\n');
         self.closes = Some(why);
+    }
+}
+
+impl<D: Device + 'static> Hosted for Client<D> {
+    fn another(&self) -> Option<Self> {
+        Some(Self::new(Arc::clone(&self.commands)))
+    }
+
+    fn request(why: &&'static str) -> Option<Request> {
+        Some(Request::Close(why))
     }
 }
 

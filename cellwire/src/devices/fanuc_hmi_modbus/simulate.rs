@@ -1,8 +1,5 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
-use std::cell::RefCell;
-use std::net::SocketAddr;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -12,9 +9,9 @@ use anyhow::{Context, Result, bail};
 use cellwire_sim::fanuc::{
     Controller, FanucController, FanucEvent, Shared, Tables, TelemetryFaults, Write, circle,
 };
+use cellwire_sim::host::{Notice, Server};
 use cellwire_sim::{Simulator, Told};
 use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, WordOrder};
-use robot_session::{Driver, Session as _};
 use serde_json::{Map, Value, json};
 
 use super::control;
@@ -23,15 +20,12 @@ use super::mapping::Mapping;
 use super::options::{FanucSettings, ProgramSettings};
 use super::program::{Finding, Machine, Programs, load};
 use super::robot::{Reporting, Reports, Robot};
-use crate::devices::device;
-use crate::devices::device::{Attached, Endpoint, LOOK, SimulateOptions};
-use crate::io::line::Line;
-use crate::io::serve::{Notice, Service};
+use crate::devices::device::{self, Endpoint, SimulateOptions, keep, reason};
+use crate::devices::on_line::{Presence, on_line};
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::turn;
-use cellwire_io::listener::Listener;
 use cellwire_io::output::{admits, log, remark};
 use cellwire_io::tcp;
+use cellwire_io::trace::Trace;
 use cellwire_links::settings;
 use cellwire_motion::{Arm, Limits, Planner, Pose};
 
@@ -67,14 +61,12 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             let listener = tcp::listen(address)?;
             options.ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
             let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
-            let mut first = connection(&controller, config)?;
-            options.control("fanuc", &mut first, control::own())?;
-            let look = options.control.as_ref().map(|_| LOOK);
+            let mut device = connection(&controller, config)?;
+            options.control("fanuc", &mut device, control::own())?;
             if runs {
                 keep_running(&controller, &reports, clock)?;
             }
-            let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout, look };
-            serve_clients(Listener::new(listener)?, first, &service, Some(&shown))
+            serve_tcp(options.server(listener, clock)?, device, &trace, Some(&shown))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
@@ -82,7 +74,18 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             }
             let mut robot = connection(&controller, settings.on_line())?;
             options.control("fanuc", &mut robot, control::own())?;
-            serve_line(line, &mut robot, &shown)
+            on_line(
+                &mut robot,
+                line,
+                Presence::Always,
+                || true,
+                |_, notice| {
+                    if let Notice::Event(_, Told::Device(event)) = notice {
+                        shown.print(&event, None);
+                    }
+                    Ok(())
+                },
+            )
         }),
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
@@ -156,98 +159,73 @@ fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<
     thread.context("cannot start a thread that runs the program").map(drop)
 }
 
-/// Serves any number of clients at once until the listener fails, and prints nothing.
+/// Serves any number of clients at once, each with another connection of the same device, until the listener fails. With `shown`, the accesses of
+/// the clients are printed.
 ///
 /// # Errors
-/// When it does.
-pub fn serve_tcp(
-    listener: Listener,
-    controller: &Shared,
-    config: ServerConfig,
-    service: &Service<'_>,
-) -> Result<()> {
-    serve_clients(listener, connection(controller, config)?, service, None)
-}
-
-/// As [`serve_tcp`]: each client has another connection of the same device. `first` is not connected. With `shown`, the accesses of the clients
-/// are printed.
-fn serve_clients(
-    listener: Listener,
-    first: Simulator<FanucController>,
-    service: &Service<'_>,
+/// When it does; a configuration that cannot work.
+pub fn serve_tcp<C: Fn() -> Duration>(
+    server: Server<C>,
+    device: Simulator<FanucController>,
+    trace: &Trace,
     shown: Option<&Shown>,
 ) -> Result<()> {
-    // A script that reads no more is none of our business.
+    // A script that reads no more does not stop the simulator.
     let print = |event: Value| drop(log(&event));
     let admits = |kind| shown.is_some() && admits(kind);
-    let first = RefCell::new(first);
-    let open = || first.borrow().another().context("cannot make another connection of the controller");
-    service.run(listener, open, |notice| {
-        match notice {
-            Notice::Look(now) => {
-                let mut first = first.borrow_mut();
-                first.handle_timeout(now);
-                while first.poll_event().is_some() {}
-                if !first.accepts(now) {
-                    return ControlFlow::Break("the controller has no power".into());
+    let mut violation = None;
+    server.run(
+        device,
+        || true,
+        |_, notice| {
+            match notice {
+                Notice::Connected(peer) if admits("connected") => {
+                    print(json!({"event": "connected", "peer": peer}));
                 }
-            }
-            Notice::Connected(peer) if admits("connected") => {
-                print(json!({"event": "connected", "peer": peer}));
-            }
-            Notice::Refused(peer, why) if admits("refused_client") => {
-                print(json!({"event": "refused_client", "peer": peer, "why": why}))
-            }
-            Notice::Event(_, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(error)))) => {
-                return ControlFlow::Break(format!("the client violates the protocol: {error}"));
-            }
-            Notice::Event(peer, Told::Device(event)) => {
-                shown.into_iter().for_each(|shown| shown.print(&event, Some(peer)));
-            }
-            Notice::Event(_, Told::Close(why)) => return ControlFlow::Break(why.into()),
-            Notice::Disconnected(peer, why) if admits("disconnected") => {
-                print(json!({"event": "disconnected", "peer": peer, "why": why}));
-            }
-            Notice::Traced(path) if shown.is_some() => print(json!({"event": "trace", "path": path})),
-            _ => {}
-        }
-        ControlFlow::Continue(())
-    })
-}
-
-/// An RTU line until it is gone for good.
-fn serve_line(line: &mut Line, robot: &mut Simulator<FanucController>, shown: &Shown) -> Result<()> {
-    let mut driver = Driver::new(line);
-    let (mut attached, mut closes) = (Attached::default(), false);
-    loop {
-        attached.keep_up(core::mem::take(&mut closes), driver.transport_mut(), robot);
-        let goes_on = turn(&mut driver, robot, Some(LOOK), |_, told| {
-            closes |= matches!(told, Told::Close(_));
-            if let Told::Device(event) = told {
-                shown.print(&event, None);
+                Notice::Refused(peer, why) if admits("refused_client") => {
+                    print(json!({"event": "refused_client", "peer": peer, "why": why}))
+                }
+                Notice::Event(peer, Told::Device(event)) => {
+                    if let FanucEvent::Server(ServerEvent::OutOfStep(error)) = &event {
+                        // The device closes the connection next.
+                        violation = Some(format!("the client violates the protocol: {error}"));
+                    }
+                    shown.into_iter().for_each(|shown| shown.print(&event, Some(peer)));
+                }
+                Notice::Disconnected(peer, ending) => {
+                    let why = violation.take().unwrap_or_else(|| reason(ending));
+                    if admits("disconnected") {
+                        print(json!({"event": "disconnected", "peer": peer, "why": why}));
+                    }
+                    if let Some(path) = trace.finish(&why).filter(|_| shown.is_some()) {
+                        print(json!({"event": "trace", "path": path}));
+                    }
+                }
+                notice => keep(trace, &notice),
             }
             Ok(())
-        })?;
-        if !goes_on {
-            return Ok(());
-        }
-    }
+        },
+    )
 }
 
 /// One connection, without a record of writes.
-fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<FanucController>> {
+///
+/// # Errors
+/// A configuration that cannot work.
+pub fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator<FanucController>> {
     Ok(Simulator::new(FanucController::new(config, Arc::clone(controller))?).keeping_nothing())
 }
 
 /// The printed accesses of clients.
-struct Shown {
+#[derive(Debug)]
+pub struct Shown {
     /// The assignments of the holding registers, if there are any.
     mapping: Option<Mapping>,
 }
 
 impl Shown {
     /// Prints the lines of an event: a read, a write, registers without an assignment, a refusal, corrupt bytes.
-    fn print(&self, event: &FanucEvent, peer: Option<SocketAddr>) {
+    fn print(&self, event: &FanucEvent, peer: Option<&str>) {
         let put = |kind: &str, fields: &dyn Fn() -> Value| {
             // Of most requests nothing is printed: their lines are not made.
             if !admits(kind) {
@@ -256,7 +234,7 @@ impl Shown {
             let mut line = Map::new();
             line.insert("event".into(), kind.into());
             if let Some(peer) = peer {
-                line.insert("peer".into(), peer.to_string().into());
+                line.insert("peer".into(), peer.into());
             }
             if let Value::Object(fields) = fields() {
                 line.extend(fields);

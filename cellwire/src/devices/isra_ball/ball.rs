@@ -1,9 +1,10 @@
 //! The simulated ball on a line.
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
 use cellwire_sim::ball::{Grip, HeldBall};
+use cellwire_sim::host::Notice;
 use cellwire_sim::{Settings as _, Simulator, TeachBall, Told};
 use isra_ball::{BallConfig, BallEvent, BallStatistics, Keys};
 use robot_session::Session as _;
@@ -11,7 +12,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::devices::control::{Command, Fields, Own, fields};
-use crate::devices::device::{SimulateOptions, on_line, serve};
+use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use cellwire_io::output::notice;
 use cellwire_links::settings;
@@ -101,10 +103,16 @@ fn answer_polls(
     stop: &AtomicBool,
     mut report: impl FnMut(Value) -> Result<()>,
 ) -> Result<()> {
-    on_line(line, ball, stop, |event| match event {
-        Ok(Told::Device(BallEvent::Reply(packet))) => report(json!({"event": "reply", "message": packet})),
-        Ok(Told::Device(BallEvent::Unknown(byte))) => report(json!({"event": "unknown", "byte": byte})),
-        Ok(_) => Ok(()),
-        Err(connected) => report(json!({"event": if connected { "connected" } else { "disconnected" }})),
+    let goes_on = || !stop.load(Ordering::Relaxed);
+    on_line(ball, line, Presence::OfClient, goes_on, |_, notice| match notice {
+        Notice::Event(_, Told::Device(BallEvent::Reply(packet))) => {
+            report(json!({"event": "reply", "message": packet}))
+        }
+        Notice::Event(_, Told::Device(BallEvent::Unknown(byte))) => {
+            report(json!({"event": "unknown", "byte": byte}))
+        }
+        Notice::Connected(_) => report(json!({"event": "connected"})),
+        Notice::Disconnected(..) => report(json!({"event": "disconnected"})),
+        _ => Ok(()),
     })
 }

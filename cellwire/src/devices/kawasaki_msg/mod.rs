@@ -1,6 +1,7 @@
 //! kawasaki-msg in the tool: both ends simulated, and a picture to draw.
 
 mod control;
+pub mod endpoint;
 pub mod options;
 pub mod robot;
 pub mod sheet;

@@ -3,23 +3,23 @@
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
-use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use cellwire_sim::kawasaki::Pc;
-use cellwire_sim::{KawasakiPc, Settings as _, Simulator, Told};
+use cellwire_sim::host::{Notice, attend};
+use cellwire_sim::{KawasakiPc, Settings as _, Told};
 use kawasaki_msg::{Charset, Decimal, PcConfig, PcEvent, RobotEvent, Takeover};
 use serde_json::{Map, Value, json};
 
 use super::control;
+use super::endpoint::{Connection, Connections, LOOK, Reports, Side};
 use super::options::{PcSettings, RobotSettings};
-use super::robot::{self, Setup, Stroke, Switch};
+use super::robot::{self, Setup, Stroke};
 use super::sheet::{Lines, SHEET};
 use crate::devices::device::SimulateOptions;
 use crate::io::drawing::{self, Picture};
 use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::kawasaki::pc::{self, Program};
 use cellwire_io::output::{log, notice, remark};
 use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
@@ -48,8 +48,25 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
         Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing)?;
     options.ready("kawasaki-pc", kind, &place)?;
     options.control("kawasaki-pc", &mut pc, control::pc())?;
-    pc::run(&mut meeting, pc, &options.trace.start("kawasaki-pc"), &mut Alone)?;
-    Ok(())
+    let trace = options.trace.start("kawasaki-pc");
+    let connections = Connections::new(Side::Pc, &mut meeting, &trace);
+    let mut reports = Reports::new(Side::Pc);
+    attend(
+        &mut pc,
+        connections,
+        LOOK,
+        || true,
+        |_, event| match event {
+            Notice::Event(_, Told::Device(event)) => {
+                let print = match event {
+                    PcEvent::PeerStatus { .. } | PcEvent::Corrupt(_) | PcEvent::Rejected(_) => notice,
+                    _ => log,
+                };
+                print(&serde_json::to_value(event)?)
+            }
+            event => reports.pass(&event, &trace, print),
+        },
+    )
 }
 
 /// A PC's configuration in a plant. If the plant has no message that interrupts an order, as one drafted from a capture may, and
@@ -131,7 +148,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         }
         let _ = sender.send(stroke);
     };
-    robot::execute(simulator, &mut meeting, &trace, &Switch::default(), executed, |notification| {
+    robot::execute(simulator, &mut meeting, &trace, &AtomicBool::new(false), executed, |notification| {
         match notification {
             robot::Notification::Event(event) => {
                 let executed = strokes.try_iter();
@@ -153,9 +170,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
                 };
                 print(&serde_json::to_value(event)?)
             }
-            robot::Notification::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
-            robot::Notification::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
-            robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
+            robot::Notification::Connection(change) => print(change),
         }
     })?;
     Ok(())
@@ -189,37 +204,10 @@ impl Record {
     }
 }
 
-/// The simulated PC, which needs no operator.
-struct Alone;
-
-impl Program for Alone {
-    type Session = Simulator<Pc<AnyWork>>;
-
-    fn step(&mut self, _: &mut Self::Session) -> Result<bool> {
-        Ok(true)
-    }
-
-    fn accepts(&self, session: &Self::Session, now: Duration) -> bool {
-        session.accepts(now)
-    }
-
-    fn notify(
-        &mut self,
-        _: &mut Self::Session,
-        notification: pc::Notification<'_, Told<PcEvent>>,
-    ) -> Result<()> {
-        match notification {
-            pc::Notification::Event(Told::Device(event)) => {
-                let print = match event {
-                    PcEvent::PeerStatus { .. } | PcEvent::Corrupt(_) | PcEvent::Rejected(_) => notice,
-                    _ => log,
-                };
-                print(&serde_json::to_value(event)?)
-            }
-            pc::Notification::Event(_) => Ok(()),
-            pc::Notification::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
-            pc::Notification::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
-            pc::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
-        }
+fn print(change: Connection<'_>) -> Result<()> {
+    match change {
+        Connection::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+        Connection::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
+        Connection::Traced(path) => log(&json!({"event": "trace", "path": path})),
     }
 }

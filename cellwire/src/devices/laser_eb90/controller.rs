@@ -8,22 +8,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
+use cellwire_sim::host::Notice;
 pub use cellwire_sim::laser::STATUS;
 use cellwire_sim::laser::{Job, LaserEvent, LaserRobot};
 use cellwire_sim::{Device as _, Laser, Simulator, Told};
 use laser_eb90::{Item, Items};
-use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait};
+use robot_session::{Received, Sent, Session as _, Transport, Wait};
 use serde_json::{Value, json};
 
 use crate::devices::control::{Command, Own, fields};
-use crate::devices::device::{Attached, SimulateOptions, serve};
+use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::on_line::{OverLine, Presence, on_line};
 use crate::io::line::Line;
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::turn;
 use cellwire_io::output::{log, remark};
-use cellwire_io::priority::{self, Rank};
-use cellwire_io::serial::READ_TIMEOUT;
 use cellwire_links::settings::{self, Configure, Fields};
 
 /// What a robot has done.
@@ -190,9 +189,7 @@ fn execute(
     mut notify: impl FnMut(Value) -> Result<()>,
     mut executed: Option<&mut dyn FnMut(Job)>,
 ) -> Result<RobotCounts> {
-    priority::raise(Rank::Hardware);
-    let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
-    let mut driver = Driver::new(measured);
+    let mut measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
     if executed.is_none() {
         robot = robot.keeping_nothing();
     }
@@ -201,20 +198,24 @@ fn execute(
             core::iter::from_fn(|| robot.poll_executed()).for_each(|done| executed(done.work));
         }
     };
-    let (mut refused, mut attached, mut closes) = (0, Attached::default(), false);
-    while !switch.is_off() {
-        attached.keep_up(core::mem::take(&mut closes), driver.transport_mut().line, &mut robot);
-        let goes_on = turn(&mut driver, &mut robot, Some(READ_TIMEOUT), |_, told| {
-            closes |= matches!(told, Told::Close(_));
-            let Told::Device(event) = told else { return Ok(()) };
-            refused += u64::from(matches!(event, LaserEvent::Refused(_)));
-            show(&event, settings).map_or(Ok(()), &mut notify)
-        })?;
-        keep(&mut robot);
-        if !goes_on {
-            break;
-        }
-    }
+    let mut refused = 0;
+    on_line(
+        &mut robot,
+        &mut measured,
+        Presence::Always,
+        || !switch.is_off(),
+        |robot, notice| match notice {
+            Notice::Event(_, Told::Device(event)) => {
+                refused += u64::from(matches!(event, LaserEvent::Refused(_)));
+                show(&event, settings).map_or(Ok(()), &mut notify)
+            }
+            Notice::Settled => {
+                keep(robot);
+                Ok(())
+            }
+            _ => Ok(()),
+        },
+    )?;
     // What is queued is executed, in no time that anybody waits for.
     while !switch.was_killed()
         && let Some(end) = robot.device().due()
@@ -222,8 +223,7 @@ fn execute(
         robot.handle_timeout(end);
         keep(&mut robot);
     }
-    let counts = core::mem::take(&mut driver.transport_mut().counts);
-    Ok(RobotCounts { refused, ..counts })
+    Ok(RobotCounts { refused, ..measured.counts })
 }
 
 fn show(event: &LaserEvent, settings: &Laser) -> Option<Value> {
@@ -245,6 +245,12 @@ struct Measured<'a> {
     /// When the robot had the processor.
     woken: Duration,
     counts: RobotCounts,
+}
+
+impl OverLine for Measured<'_> {
+    fn line(&mut self) -> &mut Line {
+        self.line
+    }
 }
 
 impl Transport for Measured<'_> {

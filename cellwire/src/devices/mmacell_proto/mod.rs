@@ -1,6 +1,5 @@
 //! mmacell-proto in the tool: the simulated cell, and the central controller that runs the task in it.
 
-pub mod connections;
 pub mod simulate;
 
 use crate::devices::device::Device;

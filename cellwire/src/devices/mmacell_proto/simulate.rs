@@ -1,26 +1,17 @@
 //! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
-use std::io::{self, ErrorKind};
-use std::net::TcpStream;
-use std::ops::ControlFlow;
-use std::thread;
-use std::time::Duration;
-
 use anyhow::{Result, bail};
+use cellwire_sim::host::{Ending, Notice};
 use cellwire_sim::mma::{Fate, Mma, MmaDevice, MmaEvent, Simulated};
-use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, Simulator, Told};
+use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, Told};
 use robot_session::spec::Configure;
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::connections::Connections;
 use crate::devices::control::{Command, Fields, Own, fields};
-use crate::devices::device::{Endpoint, LOOK, SimulateOptions};
+use crate::devices::device::{Endpoint, SimulateOptions, keep, reason};
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::Traced;
-use cellwire_io::output::{log, notice};
-use cellwire_io::stream::Stream;
+use cellwire_io::output::{log, notice, remark};
 use cellwire_io::tcp;
 use cellwire_links::settings;
 
@@ -54,25 +45,34 @@ where
     let listener = tcp::listen(address)?;
     options.ready(name, "listen", &listener.local_addr()?.to_string())?;
     options.control(name, &mut device, own())?;
-    // Without commands, everything that happens to the device comes from its client.
-    let look = options.control.as_ref().map(|_| LOOK);
-    let clock = Clock::start();
     let trace = options.trace.start(name);
-    let mut connections = Connections::accept(listener, options.idle_timeout)?;
-    while let Some(stream) = next(&mut connections, &mut device, clock, look)? {
-        let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
-        notice(&json!({"event": "connected", "peer": peer}))?;
-        let mut watched =
-            Watched { stream: Stream::new(stream), clock, idle: options.idle_timeout, heard: clock.now() };
-        let why = serve(&mut device, Traced::new(&mut watched, &trace, clock), look)?;
-        // What would end it from another thread has a second handle to it.
-        watched.stream.close();
-        notice(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
-        if let Some(path) = trace.finish(&why) {
-            log(&json!({"event": "trace", "path": path}))?;
-        }
-    }
-    Ok(())
+    options.server(listener, Clock::start())?.run(
+        device,
+        || true,
+        |_, event| match event {
+            Notice::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+            Notice::Refused(peer, why) => {
+                remark(&format!("refused the client {peer}: {why}"));
+                Ok(())
+            }
+            Notice::Event(_, told) => print(&told),
+            Notice::Disconnected(peer, ending) => {
+                let why = match ending {
+                    Ending::ByPeer | Ending::Replaced => {
+                        "the central controller closed the connection, or another one replaced it".into()
+                    }
+                    Ending::Stalled => "the central controller does not read".into(),
+                    ending => reason(ending),
+                };
+                notice(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
+                trace.finish(&why).map_or(Ok(()), |path| log(&json!({"event": "trace", "path": path})))
+            }
+            event => {
+                keep(&trace, &event);
+                Ok(())
+            }
+        },
+    )
 }
 
 /// The commands of `--control`: the end of a motion, and the pose.
@@ -95,9 +95,9 @@ fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
                     return Err("no motion is under way; send a motion first".into());
                 }
                 device.end_motion(match fate {
-                    Ending::Arrives => Fate::Arrives,
-                    Ending::Fails => Fate::Fails,
-                    Ending::Stalls => Fate::Stalls,
+                    MotionEnd::Arrives => Fate::Arrives,
+                    MotionEnd::Fails => Fate::Fails,
+                    MotionEnd::Stalls => Fate::Stalls,
                 });
                 return Ok(Fields::new());
             }
@@ -115,66 +115,15 @@ fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct End {
-    fate: Ending,
+    fate: MotionEnd,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Ending {
+enum MotionEnd {
     Arrives,
     Fails,
     Stalls,
-}
-
-/// The next connection, while the device has power. Calls the device meanwhile, each time that `look` has passed.
-fn next<P: Simulated + Serialize>(
-    connections: &mut Connections,
-    device: &mut Simulator<MmaDevice<P>>,
-    clock: Clock,
-    look: Option<Duration>,
-) -> Result<Option<TcpStream>> {
-    let Some(look) = look else { return Ok(connections.next()) };
-    loop {
-        device.handle_timeout(clock.now());
-        while let Some(told) = device.poll_event() {
-            print(&told)?;
-        }
-        if !device.accepts(clock.now()) {
-            thread::sleep(look);
-        } else if let Some(stream) = connections.next_within(look) {
-            return Ok(Some(stream));
-        }
-    }
-}
-
-/// One connection until it ends, and why it ended.
-fn serve<P: Simulated + Serialize>(
-    device: &mut Simulator<MmaDevice<P>>,
-    transport: impl Transport,
-    look: Option<Duration>,
-) -> Result<String> {
-    let mut driver = Driver::new(transport);
-    device.handle_connected(driver.transport_mut().now());
-    let why = loop {
-        let turn = driver.turn(device, look, |_, told| match told {
-            Told::Close(why) => ControlFlow::Break(Ok(why)),
-            told => match print(&told) {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(error) => ControlFlow::Break(Err(error)),
-            },
-        });
-        match turn {
-            Ok(ControlFlow::Continue(())) => {}
-            Ok(ControlFlow::Break(Ended::ByHandler(why))) => break why?.to_owned(),
-            Ok(ControlFlow::Break(Ended::ByPeer)) => {
-                break "the central controller closed the connection, or another one replaced it".into();
-            }
-            Ok(ControlFlow::Break(Ended::Stalled)) => break "the central controller does not read".into(),
-            Err(error) => break error.to_string(),
-        }
-    };
-    device.handle_disconnected(driver.transport_mut().now());
-    Ok(why)
 }
 
 fn print<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Result<()> {
@@ -201,68 +150,4 @@ fn show<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Option<Value> {
         }
         _ => return None,
     })
-}
-
-/// A connection that fails when nothing was heard on it for too long.
-struct Watched {
-    stream: Stream,
-    clock: Clock,
-    idle: Option<Duration>,
-    /// When something was heard last.
-    heard: Duration,
-}
-
-impl Transport for Watched {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
-        let Some(idle) = self.idle else { return self.stream.receive(buffer, wait) };
-        let left = self.heard.saturating_add(idle).saturating_sub(self.clock.now());
-        let received = self.stream.receive(buffer, wait.at_most(left))?;
-        let now = self.clock.now();
-        match received {
-            Received::Nothing if now.saturating_sub(self.heard) >= idle => {
-                let why = format!("silent for {} s, see --idle-timeout", idle.as_secs_f64());
-                return Err(io::Error::new(ErrorKind::TimedOut, why));
-            }
-            Received::Bytes(_) => self.heard = now,
-            _ => {}
-        }
-        Ok(received)
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.stream.send(bytes)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::{BufRead as _, BufReader, Write as _};
-
-    use super::*;
-    use cellwire_io::trace::Trace;
-
-    /// The first connection is half open: its central controller has vanished without a word.
-    #[test]
-    fn a_second_connection_is_served_at_once_while_the_first_is_half_open() {
-        let listener = tcp::listen("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap().to_string();
-        thread::spawn(move || {
-            let mut device = MmaRobot::default().simulator().unwrap();
-            let trace = Trace::new("x", 0, None);
-            for stream in Connections::accept(listener, None).unwrap() {
-                let _ = serve(&mut device, Traced::new(Stream::new(stream), &trace, Clock::start()), None);
-            }
-        });
-        let mut first = tcp::connect(&address, tcp::Dialing::default()).unwrap();
-        first.write_all(b"ST").unwrap();
-        for _ in 0..3 {
-            let mut second = tcp::connect(&address, tcp::Dialing::default()).unwrap();
-            second.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
-            second.write_all(b"STP\r\n").unwrap();
-            let mut reply = String::new();
-            BufReader::new(second.try_clone().unwrap()).read_line(&mut reply).unwrap();
-            assert_eq!(reply, "OK\r\n");
-            std::mem::forget(second); // half open, too
-        }
-    }
 }

@@ -1,31 +1,30 @@
 //! The simulated PUMA 562 on its MARK III controller, and what is measured of its host.
 
-use core::ops::ControlFlow;
+use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
+use cellwire_sim::host::Notice;
 use cellwire_sim::puma::{MarkIii, Pose, Puma, PumaEvent};
 use cellwire_sim::{Settings as _, Simulator, Told};
 use robot_session::end::End as _;
-use robot_session::{Driver, Session as _};
+use robot_session::{Session as _, Transport as _};
 use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, ControllerState, ErrorCode};
 
 use super::control::{self, position};
 use super::judge::{Judge, Taken};
-use super::robot_line::{Request, RobotLine};
+use super::robot_line::{Request, RobotLine, Times};
 use super::script::{self, Script};
-use crate::devices::device::{SimulateOptions, is_there, serve};
+use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use crate::io::samples::Samples;
 use cellwire_io::output::{log, notice};
-use cellwire_io::priority::{self, Rank};
 use cellwire_links::settings;
 
-/// How often the stop, and a client that comes or goes, are looked for.
-const IDLE: Duration = Duration::from_millis(20);
 /// The position is told after this many cycles: twice a second.
 const TOLD: u64 = 18;
 
@@ -151,46 +150,27 @@ fn follow(
     stop: &AtomicBool,
     mut notify: impl FnMut(Duration, Notification) -> Result<()>,
 ) -> Result<PumaRecord> {
-    priority::raise(Rank::Hardware);
     let mut record = Recording::new(keeps_all);
-    let (mut driver, mut was_connected) = (Driver::new(RobotLine::new(line)), false);
-    while !stop.load(Ordering::Relaxed) {
-        if robot.is_held() {
-            driver.transport_mut().pass();
-        }
-        let now = driver.transport_mut().now;
-        let connected = is_there(driver.transport_mut().line, &robot, now);
-        if core::mem::replace(&mut was_connected, connected) != connected {
-            if connected {
-                robot.handle_connected(now);
-            } else {
-                robot.handle_disconnected(now);
+    let (trace, times) = (line.trace(), RefCell::new(Times { now: line.now(), ..Times::default() }));
+    let (line, goes_on) = (RobotLine { line, times: &times }, || !stop.load(Ordering::Relaxed));
+    on_line(&mut robot, line, Presence::OfClient, goes_on, |robot, notice| {
+        let mut times = times.borrow_mut();
+        match notice {
+            Notice::Connected(_) => notify(times.now, Notification::Connected(true)),
+            Notice::Disconnected(..) => notify(times.now, Notification::Connected(false)),
+            Notice::Event(_, Told::Device(event)) => {
+                for told in record.take(event, robot, &mut times) {
+                    notify(times.now, told)?;
+                }
+                if let PumaEvent::Ended(error, _) = event {
+                    trace.end_session(&format!("ALTER ended, {}", error_text(error)));
+                }
+                Ok(())
             }
-            notify(now, Notification::Connected(connected))?;
+            _ => Ok(()),
         }
-        let (mut events, mut closes) = (Vec::new(), false);
-        let turn = driver.turn(&mut robot, Some(IDLE), |_, told| {
-            closes |= matches!(told, Told::Close(_));
-            events.extend(if let Told::Device(event) = told { Some(event) } else { None });
-            ControlFlow::<()>::Continue(())
-        })?;
-        let line = driver.transport_mut();
-        if closes {
-            line.line.hang_up();
-        }
-        for event in events {
-            for told in record.take(event, &robot, line) {
-                notify(line.now, told)?;
-            }
-            if let PumaEvent::Ended(error, _) = event {
-                line.line.end_session(&format!("ALTER ended, {}", error_text(error)));
-            }
-        }
-        if turn.is_break() {
-            break;
-        }
-    }
-    record.count(&robot, driver.transport_mut());
+    })?;
+    record.count(&robot, &times.borrow());
     Ok(record.record)
 }
 
@@ -216,9 +196,9 @@ impl Recording {
         &mut self,
         event: PumaEvent,
         robot: &Simulator<MarkIii>,
-        line: &mut RobotLine<'_>,
+        times: &mut Times,
     ) -> impl Iterator<Item = Notification> + use<> {
-        let at = line.now + line.stood;
+        let at = times.now + times.stood;
         let mut before = None;
         let mut told = Some(Notification::Robot(event));
         match event {
@@ -229,7 +209,7 @@ impl Recording {
                 }
             }
             PumaEvent::Reply(values) => {
-                told = self.measure(values, robot, line.request.take()).map(Notification::Moves);
+                told = self.measure(values, robot, times.request.take()).map(Notification::Moves);
             }
             PumaEvent::BadReply(_) => {
                 let state = robot.device().controller().state();
@@ -247,13 +227,13 @@ impl Recording {
             }
             _ => {}
         }
-        self.count(robot, line);
+        self.count(robot, times);
         before.into_iter().chain(told)
     }
 
-    fn count(&mut self, robot: &Simulator<MarkIii>, line: &RobotLine<'_>) {
+    fn count(&mut self, robot: &Simulator<MarkIii>, times: &Times) {
         let (record, seen) = (&mut self.record, robot.statistics());
-        record.stood = line.stood;
+        record.stood = times.stood;
         (record.cycles, record.missed, record.bad_replies) = (seen.cycles, seen.timeouts, seen.bad_replies);
         (record.starts, record.strays) = (seen.starts, seen.strays);
     }

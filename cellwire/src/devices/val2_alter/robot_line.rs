@@ -1,22 +1,33 @@
-//! The simulated robot's end of the line, and when what was on it.
+//! The simulated robot's end of the line, and the times of the bytes on it.
 
+use std::cell::RefCell;
 use std::io;
 use std::time::Duration;
 
 use robot_session::{Received, Sent, Transport, Wait};
 
+use crate::devices::on_line::OverLine;
 use crate::io::line::Line;
 
 /// The line by the robot's own clock.
 pub(super) struct RobotLine<'a> {
     pub(super) line: &'a mut Line,
+    pub(super) times: &'a RefCell<Times>,
+}
+
+/// The times of a robot's line.
+#[derive(Debug, Default)]
+pub(super) struct Times {
+    /// The time of the robot's clock.
     pub(super) now: Duration,
-    /// When this process gets no processor, a request leaves late through no fault of the host: the robot's clock is stopped.
+    /// The time for which that clock was stopped: if this process gets no processor, a request is sent late, which is not the host's fault.
     pub(super) stood: Duration,
+    /// The request that is being answered.
     pub(super) request: Option<Request>,
 }
 
-/// The request that is being answered.
+/// The times of a request and its reply.
+#[derive(Debug)]
 pub(super) struct Request {
     pub(super) arrived: Duration,
     pub(super) length: usize,
@@ -24,48 +35,50 @@ pub(super) struct Request {
     pub(super) last_byte: Duration,
 }
 
-impl<'a> RobotLine<'a> {
-    pub(super) fn new(line: &'a mut Line) -> Self {
-        let now = line.now();
-        Self { line, now, stood: Duration::ZERO, request: None }
+impl RobotLine<'_> {
+    fn go_on(&mut self) {
+        let mut times = self.times.borrow_mut();
+        times.stood += self.line.take_lateness();
+        times.now = times.now.max(self.line.now().saturating_sub(times.stood));
     }
 }
 
-impl RobotLine<'_> {
-    /// Carries bytes up to now while the robot does not read.
-    pub(super) fn pass(&mut self) {
-        self.line.pass();
-        self.go_on();
+impl OverLine for RobotLine<'_> {
+    fn line(&mut self) -> &mut Line {
+        self.line
     }
 
-    fn go_on(&mut self) {
-        self.stood += self.line.take_lateness();
-        self.now = self.now.max(self.line.now().saturating_sub(self.stood));
+    fn pass(&mut self) {
+        self.line.pass();
+        self.go_on();
     }
 }
 
 impl Transport for RobotLine<'_> {
     fn now(&self) -> Duration {
-        self.now
+        self.times.borrow().now
     }
 
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let received = Transport::receive(self.line, buffer, wait)?;
         self.go_on();
-        // What comes before the request has left is an answer to the one before.
-        if let (Received::Bytes(_), Some(request)) = (received, &mut self.request)
-            && self.now >= request.arrived
+        let mut times = self.times.borrow_mut();
+        let now = times.now;
+        // Bytes that arrive before the request was sent are the reply to the previous request.
+        if let (Received::Bytes(_), Some(request)) = (received, &mut times.request)
+            && now >= request.arrived
         {
-            request.first_byte.get_or_insert(self.now);
-            request.last_byte = self.now;
+            request.first_byte.get_or_insert(now);
+            request.last_byte = now;
         }
         Ok(received)
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        let arrived = self.line.send(bytes).saturating_sub(self.stood);
+        let mut times = self.times.borrow_mut();
+        let arrived = self.line.send(bytes).saturating_sub(times.stood);
         let (length, last_byte) = (bytes.len(), Duration::ZERO);
-        self.request = Some(Request { arrived, length, first_byte: None, last_byte });
+        times.request = Some(Request { arrived, length, first_byte: None, last_byte });
         Ok(Sent::Buffered)
     }
 }

@@ -1,15 +1,17 @@
 //! The simulated graphics workstation on a line.
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
+use cellwire_sim::host::Notice;
 use cellwire_sim::viewer::{Drawn, Screen};
 use cellwire_sim::{Settings as _, Simulator, Told, Viewer};
 use serde_json::{Value, json};
 use val2_viewer::{PosePacket, WorkstationConfig, WorkstationEvent};
 
 use crate::devices::control::{Command, Own, fields};
-use crate::devices::device::{SimulateOptions, on_line, serve};
+use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use cellwire_io::output::notice;
 use cellwire_links::settings;
@@ -73,16 +75,16 @@ fn draw(
     stop: &AtomicBool,
     mut report: impl FnMut(Value) -> Result<()>,
 ) -> Result<()> {
-    on_line(line, screen, stop, |event| match event {
-        Ok(Told::Device(WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet))) => {
-            report(pose(&packet))
+    let goes_on = || !stop.load(Ordering::Relaxed);
+    on_line(screen, line, Presence::OfClient, goes_on, |_, notice| {
+        let Notice::Event(_, Told::Device(event)) = notice else { return Ok(()) };
+        match event {
+            WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) => report(pose(&packet)),
+            WorkstationEvent::Corrupt(error) => report(json!({"event": "corrupt", "error": error})),
+            WorkstationEvent::Missed => report(json!({"event": "missed"})),
+            WorkstationEvent::HoldEnded => report(json!({"event": "hold_ended"})),
+            _ => Ok(()),
         }
-        Ok(Told::Device(WorkstationEvent::Corrupt(error))) => {
-            report(json!({"event": "corrupt", "error": error}))
-        }
-        Ok(Told::Device(WorkstationEvent::Missed)) => report(json!({"event": "missed"})),
-        Ok(Told::Device(WorkstationEvent::HoldEnded)) => report(json!({"event": "hold_ended"})),
-        _ => Ok(()),
     })
 }
 

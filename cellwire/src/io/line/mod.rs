@@ -1,6 +1,5 @@
 //! The device's end of a simulated serial line, on which bytes take as long as on a real one.
 
-mod faults;
 mod port;
 mod server;
 #[cfg(all(test, unix))]
@@ -16,18 +15,17 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use cellwire_sim::ByteFaults;
+use cellwire_sim::host::Listener;
 use robot_session::{Received, Sent, Transport, Wait, is_silence};
 use serialport::SerialPort;
 
 use cellwire_io::clock::Clock;
-use cellwire_io::listener::Listener;
 use cellwire_io::output::remark;
 use cellwire_io::priority::{self, Rank};
 use cellwire_io::serial::{self, READ_TIMEOUT};
 use cellwire_io::tcp;
 use cellwire_io::trace::{Trace, Way};
-
-pub use faults::LineFaults;
 
 /// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
@@ -67,7 +65,7 @@ pub struct Line {
     sending: Direction,
     late: Duration,
     receiving: Direction,
-    faults: LineFaults,
+    faults: ByteFaults,
     trace: Trace,
     had_client: bool,
     /// The client does not read, and bytes were lost.
@@ -229,7 +227,7 @@ impl Line {
             sending: Direction::default(),
             late: Duration::ZERO,
             receiving: Direction::default(),
-            faults: LineFaults::none(),
+            faults: ByteFaults::none(),
             trace,
             had_client: false,
             is_overrun: false,
@@ -239,7 +237,7 @@ impl Line {
 
     /// Sets the faults, for both directions.
     #[must_use]
-    pub fn with_faults(mut self, faults: LineFaults) -> Self {
+    pub fn with_faults(mut self, faults: ByteFaults) -> Self {
         self.faults = faults;
         self
     }
@@ -274,7 +272,7 @@ impl Line {
             if self.is_connected() {
                 self.had_client = true;
             } else if self.receiving.bytes.is_empty() && core::mem::take(&mut self.had_client) {
-                self.end_session("the client disconnected");
+                self.trace.end_session("the client disconnected");
                 self.is_overrun = false;
             }
             if deadline <= now || self.next_byte().is_some_and(|at| at <= now) {
@@ -345,13 +343,12 @@ impl Line {
 
     /// The number of faults so far.
     pub fn faults(&self) -> u64 {
-        self.faults.count
+        self.faults.count()
     }
 
-    /// Writes the trace of a session that has ended, and prints its path on standard error. The same happens when the client
-    /// disconnects and when the line is dropped.
-    pub fn end_session(&self, why: &str) {
-        self.trace.end_session(why);
+    /// The trace. It is written when the client disconnects, and when the line is dropped.
+    pub fn trace(&self) -> Trace {
+        self.trace.clone()
     }
 
     /// Whether the device has sent so much that it waits for the line.
@@ -446,7 +443,7 @@ impl Transport for Line {
 
 impl Drop for Line {
     fn drop(&mut self) {
-        self.end_session("the run ended");
+        self.trace.end_session("the run ended");
     }
 }
 

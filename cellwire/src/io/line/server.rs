@@ -9,11 +9,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use cellwire_sim::host::{Arrival, Listener, refuse};
 use mio::net::TcpStream;
 use mio::{Events, Interest, Poll, Token};
 
 use super::{CARRIED, CHUNK, Chunk, Feed};
-use cellwire_io::listener::{Arrival, Listener, refuse};
 use cellwire_io::output::remark;
 use cellwire_io::serial::READ_TIMEOUT;
 

@@ -139,7 +139,9 @@ fn over_tcp_the_device_serves_one_client_after_another() {
 #[test]
 fn faults_are_about_as_frequent_as_configured() {
     let (line, mut client, clock) = line(10_000_000);
-    let mut line = line.with_faults(LineFaults { flip: 0.02, ..LineFaults::none() });
+    let mut faults = ByteFaults::none();
+    faults.flip = 0.02;
+    let mut line = line.with_faults(faults);
     let sent = vec![0; 2000];
     client.write_all(&sent).unwrap();
     let mut got = Vec::new();

@@ -79,9 +79,22 @@ pub fn load(path: &Path, macros: &Macros) -> Result<(String, Programs, Vec<Findi
 
 fn read(path: &Path, macros: &Macros) -> Result<Loaded> {
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let wrong = || format!("{}: `cellwire ls check` shows more", path.display());
-    let document = Document::decode_bytes(&bytes).with_context(wrong)?;
-    let program = document.program().with_context(wrong)?;
+    parse(&bytes, macros, || format!("{}: `cellwire ls check` shows more", path.display()))
+}
+
+/// Loads a program that calls no other one.
+///
+/// # Errors
+/// When a controller would not take it.
+pub fn load_text(text: &str) -> Result<(String, Programs)> {
+    let loaded = parse(text.as_bytes(), &Macros::new(), || "the program is invalid".into())?;
+    let name = loaded.program.name.to_uppercase();
+    Ok((name.clone(), Programs::from([(name, Arc::new(loaded))])))
+}
+
+fn parse(bytes: &[u8], macros: &Macros, wrong: impl Fn() -> String) -> Result<Loaded> {
+    let document = Document::decode_bytes(bytes).with_context(&wrong)?;
+    let program = document.program().with_context(&wrong)?;
     // A controller does not run a block without its end.
     let is_block = |problem: &Problem| {
         use Mistake::{Crossed, NotOpen, Open, RepeatedElse};
@@ -229,9 +242,10 @@ impl Survey {
 
     fn motion(&mut self, name: &str, line: usize, motion: &Motion) {
         match motion.kind {
-            MotionKind::Spline => {
-                self.add("S runs as a straight line: its curve is not published", name, line)
+            MotionKind::Spline if curves(motion) => {
+                self.add("S runs as a cubic of the joints: its curve is not published", name, line)
             }
+            MotionKind::Spline => self.add("S with an offset or Skip runs as a straight line", name, line),
             MotionKind::Arc => self.add("A runs as a straight line", name, line),
             MotionKind::Joint | MotionKind::Linear | MotionKind::Circular => {}
         }
@@ -244,4 +258,12 @@ impl Survey {
             }
         }
     }
+}
+
+/// Whether a motion is a part of a curve: an S without an offset and without Skip.
+pub(super) fn curves(motion: &Motion) -> bool {
+    let bends = |option: &&str| {
+        ["Offset", "Tool_Offset", "Skip", "Interrupt"].iter().any(|name| option.starts_with(name))
+    };
+    motion.kind == MotionKind::Spline && !motion.each_option().iter().any(bends)
 }

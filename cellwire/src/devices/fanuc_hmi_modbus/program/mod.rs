@@ -1,6 +1,6 @@
 //! A program that the simulated controller runs: a test bench, not a controller.
 //!
-//! One task, one motion group of six axes, the calls beside it; `J`, `L` and `C` with CNT and FINE, registers, position and string
+//! One task, one motion group of six axes, the calls beside it; `J`, `L`, `C` and `S` with CNT and FINE, registers, position and string
 //! registers, inputs and outputs, timers, waits, jumps, conditions, loops. What else there is in a program is passed over, and
 //! reported once at the start ([`Finding`]).
 
@@ -10,7 +10,7 @@ mod memory;
 mod position;
 mod preset;
 
-pub use load::{Finding, Macros, Programs, load};
+pub use load::{Finding, Macros, Programs, load, load_text};
 pub use machine::Machine;
 pub use memory::{Memory, Value};
 pub use position::Place;

@@ -3,7 +3,7 @@
 mod moves;
 mod operations;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use fanuc_ls::{Expression, Instruction, Item, Operation};
@@ -54,6 +54,8 @@ pub struct Machine {
     pub robot: String,
     /// SKIP CONDITION.
     skip: Option<Expression>,
+    /// The times at which the next S motions end: they are one curve.
+    curve: VecDeque<f64>,
     /// When a motion with Skip ends, while it runs.
     skipping: Option<f64>,
     /// OFFSET CONDITION.
@@ -109,6 +111,7 @@ impl Machine {
             tool: None,
             robot: String::new(),
             skip: None,
+            curve: VecDeque::new(),
             skipping: None,
             offset: None,
             jumps: BTreeMap::new(),

@@ -5,7 +5,7 @@ use fanuc_ls::{
 };
 use serde_json::json;
 
-use super::super::load::Loaded;
+use super::super::load::{Loaded, Step, curves};
 use super::super::memory::{Fault, Value};
 use super::super::position::Place;
 use super::{FASTEST, Flow, Machine, PERIOD, RAMP, parsed};
@@ -24,14 +24,12 @@ impl Machine {
         if let (Some(end), Some((label, keeps))) = (self.skipping, skip) {
             return self.watch(end, label, keeps, loaded, tables);
         }
+        if curves(motion) && !self.planner.goes_anywhere() {
+            return self.spline(loaded, tables);
+        }
         let (place, frame, tool) = self.place(&motion.target, loaded, tables)?;
-        let tool_frame =
-            self.memory.frames.get(&(true, tool)).map_or(Pose::IDENTITY, |tool| Pose::from_xyzwpr(*tool));
-        if self.planner.arm().tool != tool_frame {
-            if self.now < self.rest {
-                return Ok(Flow::Again(self.rest)); // another tool begins at rest
-            }
-            self.planner.set_tool(tool_frame);
+        if !self.takes(tool) {
+            return Ok(Flow::Again(self.rest));
         }
         let frame = self.user_frame(frame);
         let mut goal = place.goal(frame);
@@ -77,18 +75,63 @@ impl Machine {
         };
         let ramp = RAMP / acceleration(&motion.each_option());
         let motion = Move { goal, way, pace, ramp, blend: if skips { 0.0 } else { blend } };
-        let (next, end) = self.planner.add(self.now, &motion).map_err(|error| match error {
-            MoveError::Unreachable { .. } | MoveError::Joint { .. } => {
-                format!("{error}: it is {}", self.robot)
-            }
-            error => error.to_string(),
-        })?;
+        let (next, end) = self.planner.add(self.now, &motion).map_err(|error| self.fault(error))?;
         self.rest = self.rest.max(end);
         if skips {
             self.skipping = Some(end);
             return Ok(Flow::Again(self.now + PERIOD));
         }
         Ok(Flow::Later(next))
+    }
+
+    /// The next S motion. The first one begins a curve through it and those that follow, which the arm begins and ends at rest.
+    fn spline(&mut self, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {
+        if self.curve.is_empty() {
+            if self.now < self.rest {
+                return Ok(Flow::Again(self.rest));
+            }
+            let first = self.stack.last().map_or(0, |frame| frame.next);
+            let (mut goals, mut common) = (Vec::new(), None);
+            for step in loaded.steps.iter().skip(first) {
+                let Step::Motion(motion) = step else { break };
+                if !curves(motion) {
+                    break;
+                }
+                let (place, frame, tool) = self.place(&motion.target, loaded, tables)?;
+                if *common.get_or_insert(tool) != tool {
+                    break;
+                }
+                goals.push((place.goal(self.user_frame(frame)), self.pace(&motion.speed, loaded, tables)?));
+            }
+            self.takes(common.unwrap_or(0));
+            let times = self.planner.add_spline(self.now, &goals).map_err(|error| self.fault(error))?;
+            self.curve = times.into();
+        }
+        let end = self.curve.pop_front().unwrap_or(self.now);
+        self.rest = self.rest.max(end);
+        Ok(Flow::Later(end))
+    }
+
+    /// Changes the tool; false if the arm has to come to rest before.
+    fn takes(&mut self, tool: u32) -> bool {
+        let frame = self.memory.frames.get(&(true, tool));
+        let frame = frame.map_or(Pose::IDENTITY, |tool| Pose::from_xyzwpr(*tool));
+        if self.planner.arm().tool != frame {
+            if self.now < self.rest {
+                return false;
+            }
+            self.planner.set_tool(frame);
+        }
+        true
+    }
+
+    fn fault(&self, error: MoveError) -> Fault {
+        match error {
+            MoveError::Unreachable { .. } | MoveError::Joint { .. } => {
+                format!("{error}: it is {}", self.robot)
+            }
+            error => error.to_string(),
+        }
     }
 
     /// A motion with Skip: its condition ends it, and the next line follows; without, its label follows when it has ended.

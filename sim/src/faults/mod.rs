@@ -1,8 +1,14 @@
 //! What goes wrong: by a call, or by a script.
 
+mod bytes;
+mod proxy;
+
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use core::time::Duration;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub use self::bytes::ByteFaults;
+pub use self::proxy::{FaultyProxy, NetworkFaults};
 
 /// What goes wrong with a message, with the connection or with the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -1,11 +1,11 @@
-//! Accepts clients without waiting for them, also when there are more than can be served.
+//! Accepts clients without waiting for them, even if there are more than can be served.
 
+use core::net::SocketAddr;
+use core::time::Duration;
 use std::fs::File;
 use std::io::{self, ErrorKind};
-use std::net::{Shutdown, SocketAddr};
-use std::time::Duration;
+use std::net::Shutdown;
 
-use anyhow::{Context, Result};
 use mio::event::Source;
 use mio::net::{TcpListener, TcpStream};
 use mio::{Interest, Registry, Token};
@@ -25,14 +25,14 @@ pub struct Listener {
     reserve: Option<File>,
 }
 
-/// What has arrived.
+/// A client that has arrived, or none.
 #[derive(Debug)]
 pub enum Arrival {
     /// A client; its stream does not block.
     Client(TcpStream, SocketAddr),
     /// No descriptor was free for this client: its connection was closed.
     Refused(SocketAddr),
-    /// Nobody.
+    /// No client has arrived.
     Nobody,
 }
 
@@ -41,15 +41,15 @@ impl Listener {
     ///
     /// # Errors
     /// When it cannot be made not to block.
-    pub fn new(listener: std::net::TcpListener) -> Result<Self> {
-        listener.set_nonblocking(true).context("cannot make the listener non-blocking")?;
+    pub fn new(listener: std::net::TcpListener) -> io::Result<Self> {
+        listener.set_nonblocking(true)?;
         Ok(Self { listener: TcpListener::from_std(listener), reserve: reserve() })
     }
 
     /// The next client that has arrived.
     ///
     /// # Errors
-    /// When the system has no room for a client: those who wait may be accepted later.
+    /// When the system has no resources for a client: clients that wait may be accepted later.
     pub fn accept(&mut self) -> io::Result<Arrival> {
         loop {
             return match self.listener.accept() {
@@ -107,7 +107,7 @@ impl Source for Listener {
 }
 
 /// The probes of a peer that may vanish without a word.
-pub(super) fn probes() -> TcpKeepalive {
+pub fn probes() -> TcpKeepalive {
     TcpKeepalive::new().with_time(FIRST_PROBE).with_interval(PROBE_INTERVAL)
 }
 

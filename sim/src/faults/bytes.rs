@@ -1,19 +1,19 @@
-//! What a serial line does to bytes.
+//! The faults of a serial line.
 
-/// How often a line corrupts a byte, and the generator that decides when.
+/// The probabilities with which a line corrupts a byte, and the generator that decides.
 #[derive(Debug, Clone)]
-pub struct LineFaults {
+pub struct ByteFaults {
     /// The probability that one bit of a byte is inverted.
     pub flip: f64,
     /// The probability that a byte is lost.
     pub lose: f64,
     /// The probability that a random byte is inserted before a byte.
     pub insert: f64,
-    pub(super) rng: fastrand::Rng,
-    pub(super) count: u64,
+    rng: fastrand::Rng,
+    count: u64,
 }
 
-impl LineFaults {
+impl ByteFaults {
     /// No faults.
     pub fn none() -> Self {
         Self::with_rate(0.0, 0)
@@ -24,7 +24,13 @@ impl LineFaults {
         Self { flip: rate, lose: rate, insert: rate, rng: fastrand::Rng::with_seed(seed), count: 0 }
     }
 
-    pub(super) fn pass(&mut self, byte: u8, mut out: impl FnMut(u8)) {
+    /// The number of faults so far.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Passes the bytes on that arrive for `byte`: none, the byte or another one, or a random byte before it.
+    pub fn pass(&mut self, byte: u8, mut out: impl FnMut(u8)) {
         if self.rng.f64() < self.insert {
             self.count += 1;
             out(self.rng.u8(..));

@@ -1,0 +1,115 @@
+//! A simulated serial line as the endpoint of a device.
+
+use std::io;
+use std::time::Duration;
+
+use anyhow::Result;
+use cellwire_sim::host::{Change, Ending, Endpoint, Hosted, Notice, State, attend};
+use robot_session::{Received, Sent, Transport, Wait};
+
+use crate::devices::device::LOOK;
+use crate::io::line::Line;
+use cellwire_io::priority::{self, Rank};
+
+/// A transport over a line.
+pub trait OverLine: Transport {
+    /// The line.
+    fn line(&mut self) -> &mut Line;
+
+    /// Carries bytes up to now while the device does not read.
+    fn pass(&mut self) {
+        self.line().pass();
+    }
+}
+
+impl OverLine for Line {
+    fn line(&mut self) -> &mut Line {
+        self
+    }
+}
+
+impl<T: OverLine + ?Sized> OverLine for &mut T {
+    fn line(&mut self) -> &mut Line {
+        (**self).line()
+    }
+
+    fn pass(&mut self) {
+        (**self).pass();
+    }
+}
+
+/// The time during which a device on a line is connected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Presence {
+    /// While a client has the other end open.
+    OfClient,
+    /// Always, unless a fault ends the connection: the device does not see clients.
+    Always,
+}
+
+/// Runs a device on a line while `goes_on`, or until the line is gone for good.
+///
+/// # Errors
+/// What `observe` returns.
+pub fn on_line<S: Hosted>(
+    session: &mut S,
+    line: impl OverLine,
+    presence: Presence,
+    goes_on: impl FnMut() -> bool,
+    observe: impl FnMut(&mut S, Notice<'_, S::Event>) -> Result<()>,
+) -> Result<()> {
+    priority::raise(Rank::Hardware);
+    attend(session, OnLine { transport: line, presence, left: 0 }, LOOK, goes_on, observe)
+}
+
+struct OnLine<T> {
+    transport: T,
+    presence: Presence,
+    /// The number of clients that had disconnected at the last look.
+    left: usize,
+}
+
+impl<T: OverLine> Endpoint for OnLine<T> {
+    type Error = io::Error;
+
+    fn look(&mut self, device: State) -> io::Result<Option<Change>> {
+        if device.is_held {
+            self.transport.pass();
+        }
+        let line = self.transport.line();
+        if !device.accepts {
+            line.discard();
+        }
+        // The next client may be connected already.
+        let has_left = core::mem::replace(&mut self.left, line.left()) != line.left();
+        let is_there = device.accepts
+            && match self.presence {
+                Presence::OfClient => line.is_connected() && !(device.is_connected && has_left),
+                Presence::Always => !line.hangs_up(),
+            };
+        Ok(match (device.is_connected, is_there) {
+            (false, true) => Some(Change::Connected(String::new())),
+            (true, false) => Some(Change::Disconnected(Ending::ByPeer)),
+            _ => None,
+        })
+    }
+
+    fn end(&mut self, ending: &Ending) -> bool {
+        self.transport.line().hang_up();
+        matches!(ending, Ending::ByDevice(_))
+    }
+}
+
+impl<T: OverLine> Transport for OnLine<T> {
+    fn now(&self) -> Duration {
+        self.transport.now()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        self.transport.receive(buffer, wait)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.transport.send(bytes)
+    }
+}

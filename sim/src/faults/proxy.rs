@@ -1,0 +1,121 @@
+//! The faults of a network between a client and a server.
+
+use core::net::{Ipv4Addr, SocketAddr};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use core::time::Duration;
+use std::io::{self, Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::thread;
+
+/// The number of faults of a [`FaultyProxy`] so far.
+#[derive(Debug, Default)]
+pub struct NetworkFaults {
+    /// Reads that were forwarded in pieces.
+    pub splits: AtomicU64,
+    /// Reads that were forwarded late.
+    pub delays: AtomicU64,
+    /// Connections that were broken in the middle of a read.
+    pub disconnects: AtomicU64,
+}
+
+/// A proxy between a client and a server with the faults of a network: it splits, merges and delays reads, and disconnects.
+///
+/// It never corrupts a byte, because TCP does not. It stops when dropped.
+#[derive(Debug)]
+pub struct FaultyProxy {
+    address: SocketAddr,
+    faults: Arc<NetworkFaults>,
+    stop: Arc<AtomicBool>,
+}
+
+impl FaultyProxy {
+    /// Listens on a free loopback port and forwards every connection to `server`. `breaks` is the probability that a
+    /// read breaks the connection.
+    ///
+    /// # Errors
+    /// When no port is free.
+    pub fn start(server: SocketAddr, seed: u64, breaks: f64) -> io::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+        let address = listener.local_addr()?;
+        let (faults, stop) = (Arc::new(NetworkFaults::default()), Arc::new(AtomicBool::new(false)));
+        let (shared, ended) = (Arc::clone(&faults), Arc::clone(&stop));
+        thread::spawn(move || {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            for client in listener.incoming() {
+                if ended.load(Ordering::Relaxed) {
+                    return;
+                }
+                // If the server cannot be reached, the client's connection is closed.
+                let (Ok(client), Ok(server)) = (client, TcpStream::connect(server)) else { continue };
+                for (from, to) in [(&client, &server), (&server, &client)] {
+                    let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { continue };
+                    let (rng, faults) = (rng.fork(), Arc::clone(&shared));
+                    thread::spawn(move || forward(from, to, rng, breaks, &faults));
+                }
+            }
+        });
+        Ok(Self { address, faults, stop })
+    }
+
+    /// The address to which clients connect.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The number of faults so far.
+    pub fn faults(&self) -> &NetworkFaults {
+        &self.faults
+    }
+}
+
+impl Drop for FaultyProxy {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let _ = TcpStream::connect(self.address); // wakes the listener
+    }
+}
+
+fn forward(
+    mut from: TcpStream,
+    mut to: TcpStream,
+    mut rng: fastrand::Rng,
+    breaks: f64,
+    faults: &NetworkFaults,
+) {
+    let _ = to.set_nodelay(true);
+    let mut buffer = vec![0; 16 * 1024];
+    loop {
+        // A late read merges everything that arrived meanwhile.
+        if rng.f64() < 0.05 {
+            faults.delays.fetch_add(1, Ordering::Relaxed);
+            thread::sleep(Duration::from_micros(rng.u64(100..20_000)));
+        }
+        let Ok(n) = from.read(&mut buffer) else { break };
+        let mut rest = buffer.get(..n).unwrap_or_default();
+        if rest.is_empty() {
+            break;
+        }
+        if rng.f64() < breaks {
+            faults.disconnects.fetch_add(1, Ordering::Relaxed);
+            let _ = to.write_all(rest.get(..rng.usize(0..n)).unwrap_or_default());
+            break;
+        }
+        if rng.f64() < 0.3 {
+            faults.splits.fetch_add(1, Ordering::Relaxed);
+            while rest.len() > 1 && rng.f64() < 0.7 {
+                let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
+                if to.write_all(head).is_err() {
+                    return;
+                }
+                thread::sleep(Duration::from_micros(rng.u64(50..1_000)));
+                rest = tail;
+            }
+        }
+        if to.write_all(rest).is_err() {
+            break;
+        }
+    }
+    let _ = to.shutdown(Shutdown::Both);
+    let _ = from.shutdown(Shutdown::Both);
+}

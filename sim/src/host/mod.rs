@@ -1,0 +1,131 @@
+//! The loops that run a simulated device: one connection after the other, or many clients at once.
+
+mod attend;
+mod listener;
+mod serve;
+
+use core::time::Duration;
+use std::io;
+
+use robot_session::Session;
+
+use crate::device::Device;
+use crate::simulator::{Simulator, Told};
+
+pub use self::attend::{Change, Endpoint, State, attend};
+pub use self::listener::{Arrival, Listener, probes, refuse};
+pub use self::serve::{MAX_CLIENTS, Server};
+
+/// A session that a host runs: a [`Simulator`], or a session around one.
+pub trait Hosted: Session + Sized {
+    /// The same device on one more connection; `None` if a new connection replaces the previous one.
+    fn another(&self) -> Option<Self> {
+        None
+    }
+
+    /// Whether a connection can be made now.
+    fn accepts(&self, _now: Duration) -> bool {
+        true
+    }
+
+    /// Whether the device does not read, so that the time of its transport passes only if the host advances it.
+    fn is_held(&self) -> bool {
+        false
+    }
+
+    /// The request of an event to the host, if it has one.
+    fn request(event: &Self::Event) -> Option<Request>;
+}
+
+/// A request of a device to its host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Request {
+    /// The connection is to be closed, for this reason.
+    Close(&'static str),
+    /// The device is a client: a connection is to be made.
+    Connect,
+}
+
+impl<D: Device> Hosted for Simulator<D> {
+    fn another(&self) -> Option<Self> {
+        Simulator::another(self)
+    }
+
+    fn accepts(&self, now: Duration) -> bool {
+        Simulator::accepts(self, now)
+    }
+
+    fn is_held(&self) -> bool {
+        Simulator::is_held(self)
+    }
+
+    fn request(event: &Told<D::Event>) -> Option<Request> {
+        match event {
+            Told::Close(why) => Some(Request::Close(why)),
+            Told::Connect => Some(Request::Connect),
+            Told::Device(_) | Told::Fault(_) => None,
+        }
+    }
+}
+
+/// A report of a host to its observer. The peer of a connection is named by its address; a line has no name for it.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Notice<'a, E> {
+    /// A peer is connected.
+    Connected(&'a str),
+    /// A client is not served, for this reason; its connection is closed.
+    Refused(&'a str, &'a str),
+    /// An event of the session.
+    Event(&'a str, E),
+    /// Bytes that have arrived, and their time. Reported by a [`Server`].
+    Received(Duration, &'a [u8]),
+    /// Bytes that are sent, and their time. Reported by a [`Server`].
+    Sent(Duration, &'a [u8]),
+    /// A connection has ended, or could not be made.
+    Disconnected(&'a str, &'a Ending),
+    /// The events of a turn have been reported: executed commands can be fetched.
+    Settled,
+}
+
+/// The reason for which a connection has ended.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Ending {
+    /// The device has closed it, for this reason.
+    #[error("{0}")]
+    ByDevice(&'static str),
+    /// The peer has closed it.
+    #[error("the client closed the connection")]
+    ByPeer,
+    /// Another client has replaced this one.
+    #[error("another client has connected")]
+    Replaced,
+    /// The peer has not sent or taken a byte for this time.
+    #[error("the client {} nothing for {} s", verb(.reads), .time.as_secs_f64())]
+    Idle {
+        /// The time.
+        time: Duration,
+        /// Whether the peer has taken all bytes that were sent to it.
+        reads: bool,
+    },
+    /// The peer takes no bytes any more.
+    #[error("the peer does not read")]
+    Stalled,
+    /// The transport has failed, or a connection could not be made.
+    #[error("{0}")]
+    Failed(String),
+    /// The host is stopped.
+    #[error("the device is switched off")]
+    Stopped,
+}
+
+impl From<io::Error> for Ending {
+    fn from(error: io::Error) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+fn verb(reads: &bool) -> &'static str {
+    if *reads { "sends" } else { "takes" }
+}

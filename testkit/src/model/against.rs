@@ -169,7 +169,7 @@ pub enum Act<W> {
     Word(W),
 }
 
-/// The [`Scene`] of a peer.
+/// The end of a peer, and what is known of the peer.
 pub type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
 
 impl<P: Peer> Against<P> {

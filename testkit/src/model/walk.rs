@@ -69,8 +69,8 @@ struct Walk<'a, P: Wired> {
     tally: Tally,
     /// How often each state was visited.
     visits: HashMap<u128, u32>,
-    /// A word of which the beginning has arrived, and the bytes that follow.
-    rest: Option<(P::Word, Vec<u8>)>,
+    /// A word of which the beginning has arrived, its bytes, and how many of them have arrived.
+    rest: Option<(P::Word, Vec<u8>, usize)>,
     /// A word that the session holds until it reads again.
     held: Option<P::Word>,
     /// The decoder holds no bytes of a word that the line has damaged.
@@ -188,12 +188,13 @@ impl<P: Wired> Walk<'_, P> {
             return self.deliver(word, &bytes);
         }
         if bytes.len() > 1 && self.against.peer.may_pause(word) && self.rng.chance(0.05) {
-            let rest = bytes.split_off(1 + self.rng.below(bytes.len() - 1));
+            let (head, rest) = bytes.split_at(1 + self.rng.below(bytes.len() - 1));
             self.log.line(self.follower.now, format_args!("  {} bytes come later", rest.len()));
-            if let Err(error) = self.follower.hear([bytes.as_slice()]) {
+            if let Err(error) = self.follower.hear([head]) {
                 return self.find(&error);
             }
-            self.rest = Some((word, rest));
+            let arrived = head.len();
+            self.rest = Some((word, bytes, arrived));
             let same = self.scene.clone();
             return self.follow(Act::Word(word), same);
         }
@@ -205,11 +206,13 @@ impl<P: Wired> Walk<'_, P> {
 
     /// The rest of a word arrives, if its peer may still say it; else it never comes.
     fn finish(&mut self) {
-        let Some((word, rest)) = self.rest.take() else { return };
+        let Some((word, bytes, arrived)) = self.rest.take() else { return };
         let act = Act::Word(word);
-        if self.acts().contains(&act) && self.scene.end.reads() {
+        let is_said = self.acts().contains(&act) && self.follower.speak(&self.scene.known, word) == bytes;
+        if is_said && self.scene.end.reads() {
+            let rest = bytes.get(arrived..).unwrap_or_default();
             self.log.line(self.follower.now, format_args!("{act:?}, its last {} bytes", rest.len()));
-            if let Err(error) = self.follower.hear([rest.as_slice()]) {
+            if let Err(error) = self.follower.hear([rest]) {
                 return self.find(&error);
             }
             let heard = self.against.step(&self.scene, act, None);

@@ -418,6 +418,11 @@ impl Wired for AnyController {
         Speech::Bytes(bytes)
     }
 
+    /// The host reads an answer that has begun before its frame was sent as none.
+    fn may_pause(&self, _: Word) -> bool {
+        false
+    }
+
     fn is_written(&self, _: &Due, bytes: &[u8]) -> bool {
         bytes.len() == self.config.longest_frame
             && Message::decode(bytes, &mut [0; Message::MAX_LEN], &self.config.profile).is_ok()

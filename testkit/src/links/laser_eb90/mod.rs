@@ -68,12 +68,12 @@ pub const ANY_CONTROLLER: Pair = Pair {
         let rules = |name: &'static str, property, change: fn(&mut HostConfig)| {
             let mut system = any_controller(true, false);
             change(&mut system.peer.config);
-            MustFail::new(name, property, "keeps the rules", system)
+            MustFail::walked(name, property, "keeps the rules", system)
         };
         let without = |name: &'static str, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules, false);
             system.peer.config.rules = Rules::without(rule);
-            MustFail::new(name, property, at(keeps_rules), system)
+            MustFail::walked(name, property, at(keeps_rules), system)
         };
         use pair::{DONE, ONCE, REFUSED};
         vec![

@@ -2,7 +2,7 @@
 
 Usage: python3 reference/checks/fuzz.py [--seed N] [--count N] [--link LINK]…
 
-Streams are pieces of vectors, and files of LS programs, cut, changed and with noise between them; stories are the committed ones with steps left out,
+Streams are pieces of vectors, cut, changed and with noise between them; stories are the committed ones with steps left out,
 repeated, and at other times. Where the ports differ, or differ from the tool, a clause can be read in two ways. The ports are
 built by ports.py before; without target/debug/cellwire the tool is left out. Exit status 1 on a difference.
 """
@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 from ports import REFERENCE, TARGET
-from testee import ask, load, ls_request, program, read, same, until, whole, without_names
+from testee import ask, load, same, until, without_names
 
 CELLWIRE = REFERENCE.parent / "target/debug/cellwire"
 PORTS = [[sys.executable, "-B", REFERENCE / "ports/python/testee.py"], [TARGET / "c/testee"]]
@@ -39,54 +39,6 @@ def change(data, rng, alphabet):
         long = rng.random() < 0.1
         return bytearray(rng.choices(alphabet, k=rng.randrange(1, LONGEST_NOISE if long else 30)))
     return data
-
-
-# What a text is changed with.
-PIECES = " \t\r\n:;[]{}\"'!,=.*%/0123456789-+PRJLCASGUTFDXYZWEN_axßé\u00a0\ufeff"
-
-
-def change_text(text, rng):
-    """A text as a careless editor leaves it."""
-    for _ in range(rng.randrange(1, 4)):
-        at, end = sorted(rng.randrange(len(text) + 1) for _ in range(2))
-        end = min(end, at + rng.choice([1, 1, 1, 5, 40]))
-        new = rng.choice(["", text[at:end] * 2, rng.choice(PIECES), "".join(rng.choices(PIECES, k=rng.randrange(4)))])
-        text = text[:at] + new + text[end:]
-    return text
-
-
-def change_value(value, rng):
-    """A message object of which one text or number is another one."""
-    if isinstance(value, dict) and value:
-        key = rng.choice(list(value))
-        return value | {key: change_value(value[key], rng)}
-    if isinstance(value, list) and value:
-        at = rng.randrange(len(value))
-        return [*value[:at], change_value(value[at], rng), *value[at + 1 :]]
-    if isinstance(value, str):
-        return change_text(value, rng)
-    if isinstance(value, float):
-        return rng.choice([0.0, -0.0, value * 10 ** rng.randrange(-12, 12), rng.uniform(-1000, 1000), round(rng.uniform(-9, 9), 3)])
-    if isinstance(value, int) and not isinstance(value, bool):
-        return rng.choice([0, value + 1, value * 256, 2**32])
-    return value
-
-
-def changed_programs(vectors, streams, rng, count):
-    """Requests with files and message objects that are like those of the vectors and streams."""
-    parts = vectors["parts"]
-    texts = [whole(parts.get(vector.get("part")), vector["text"]) for vector in vectors["vectors"]]
-    texts += [stream["text"] for stream in streams["streams"]]
-    read_ones = [vector for vector in vectors["vectors"] if "message" in vector]
-    requests = []
-    for _ in range(count):
-        text = change_text(rng.choice(texts), rng)
-        data = text.encode(rng.choice(["utf-8", "utf-8", "latin-1"]), errors="replace")
-        requests += [read(task, {}, data) for task in ("decode", "stream")]
-        vector = rng.choice(read_ones)
-        message = change_value(program(parts.get(vector.get("part")), vector["message"]), rng)
-        requests.append(ls_request("encode", {"options": rng.choice([{}, {"comment": "truncate"}])}, message=message))
-    return requests
 
 
 def stream(link, vectors, rng):
@@ -149,20 +101,15 @@ def comparable(answer):
 
 def run(link, count, seed):
     rng = random.Random(seed)
-    if link == "fanuc-ls":
-        return compare(link, changed_programs(load("vectors", link), load("streams", link), rng, count))
     vectors, stories = load("vectors", link)["vectors"], claimed(link, load("sessions", link).get("stories", []))
     requests = [stream(link, vectors, rng) for _ in range(count)]
     requests += [story(link, stories, rng) for _ in range(count if stories else 0)]
-    return compare(link, [request for request in requests if request.get("hex") != "|"])
-
-
-def compare(link, requests):
+    requests = [request for request in requests if request.get("hex") != "|"]
     one, other = (ask(port, requests) for port in PORTS)
     differences = 0
     for request, a, b in zip(requests, one, other):
         compared = [(a, b, same(comparable(a), comparable(b)))]
-        if request["task"] == "stream" and link != "fanuc-ls" and CELLWIRE.exists():
+        if request["task"] == "stream" and CELLWIRE.exists():
             c = tool(request)
             compared.append((a, c, same(without_ends(a), without_ends(c))))
         for left, right, alike in compared:
@@ -179,7 +126,7 @@ def main():
     parser.add_argument("--count", type=int, default=100, help="streams of each link, and as many stories")
     parser.add_argument("--link", action="append", help="only this link")
     args = parser.parse_args()
-    links = args.link or sorted(path.stem for path in (REFERENCE / "vectors").glob("*.json"))
+    links = args.link or sorted(path.stem for path in (REFERENCE / "sessions").glob("*.json"))
     results = [run(link, args.count, args.seed) for link in links]
     sys.exit(not all(results))
 

@@ -2,7 +2,7 @@
 
 Usage: python3 vectors.py > vectors.h
 
-Those of every link with its default options: what is valid, and what gives an error. fanuc-ls has texts, and is for a host.
+Those of every link with its default options: what is valid, and what gives an error.
 """
 
 import json

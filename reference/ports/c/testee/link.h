@@ -50,11 +50,6 @@ bool read_list(const struct json *list, size_t count, int64_t low, int64_t high,
 
 extern const struct link FANUC_HMI_MODBUS, ISRA_BALL, KAWASAKI_MSG, LASER_EB90, MMACELL_PROTO, VAL2_ALTER, VAL2_VIEWER;
 
-/* fanuc-ls: a file of so many bytes in `program_text`, as a document or as a program; and a program, written. */
-char *program_text(size_t *size);
-void answer_program(const struct json *request, size_t length, bool is_document);
-void answer_written(const struct json *request);
-
 /* Shared by a link's codec and its sessions. */
 void print_alter_message(const struct val2_alter_message *message);
 void print_alter_error(const struct val2_alter_error *error);

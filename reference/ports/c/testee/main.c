@@ -107,21 +107,6 @@ static void decode(const struct link *link, const struct json *request)
     print("]}\n");
 }
 
-/* A file of fanuc-ls. */
-static void read_program(const struct json *request, bool is_document)
-{
-    const struct json *hex = json_get(request, "hex");
-    size_t length = 0, size;
-    char *data = program_text(&size);
-    const char *at = hex->text, *end = hex->text + hex->length;
-    for (int byte = next_byte(&at, end); byte >= 0 && length < size; byte = next_byte(&at, end))
-        data[length++] = (char)byte;
-    is_first = true;
-    print("{\"items\":[");
-    answer_program(request, length, is_document);
-    print("]}\n");
-}
-
 static void encode(const struct link *link, const struct json *request)
 {
     static uint8_t out[MAX_FRAME];
@@ -252,12 +237,7 @@ int main(void)
         const struct link *link = find_link(json_get(request, "link"));
         bool decodes = json_is(task, "decode") || json_is(task, "stream");
         const struct end *end = find_end(request);
-        bool is_program = json_is(json_get(request, "link"), "fanuc-ls");
-        if (is_program && decodes)
-            read_program(request, json_is(task, "stream"));
-        else if (is_program && json_is(task, "encode"))
-            answer_written(request);
-        else if (json_is(task, "session") && end != NULL && !begin(end, request))
+        if (json_is(task, "session") && end != NULL && !begin(end, request))
             print("{\"refused\":\"the configuration\"}\n");
         else if (json_is(task, "session") && end != NULL)
             session(end, request);

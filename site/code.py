@@ -26,9 +26,10 @@ ELSEWHERE = {
     ("docs/simulate.md", "python"): ("docs/pytest/test_control_schema.py", "simulate.md"),
     ("reference/ports/python/README.md", "python"): ("reference/checks/wire.py", "README.md"),
     ("reference/ports/c/README.md", "c"): (".ci/ports-c", "README.md"),
+    ("javascript/README.md", "js"): (".ci/javascript", "README.md"),
 }
 # Shapes, in place of programs: names of a contract, and an error as crates have it.
-SHAPES = {("CONTRIBUTING.md", "rust"), ("reference/ports/typescript/README.md", "ts")}
+SHAPES = {("CONTRIBUTING.md", "rust")}
 # Pictures of bytes and screens, results, and what a browser draws.
 PICTURES = {"text", "", "mermaid"}
 PLACEHOLDER = re.compile(r"\bLINK\b")

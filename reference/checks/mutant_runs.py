@@ -1,4 +1,4 @@
-"""How mutants.py runs a port with a change: Python and TypeScript in the memory of a process, C built and run as a command.
+"""How mutants.py runs a port with a change: Python in the memory of a process, C built and run as a command.
 
 A run answers whether the change is noticed: an answer is wrong, the testee fails, or it does not come to an end.
 """
@@ -38,10 +38,12 @@ class Link:
         self.cases = cases
         self.order = list(range(len(cases)))
         self.costs = dict.fromkeys(self.order, 0.0)  # seconds
+        self.last = 0  # the case that noticed something last
         # The lines of a file to the cases that run them; None: not known.
         self.runs: dict[str, dict[int, set[int]]] | None = None
 
     def noticed_by(self, number: int) -> None:
+        self.last = number
         self.order.remove(number)
         self.order.insert(next((at for at, other in enumerate(self.order) if self.rank(other) >= self.rank(number)), len(self.order)), number)
 
@@ -264,62 +266,6 @@ class C:
         folders = [path.parent, self.copy / "include"]
         inner = [(folder / each).resolve() for folder in folders for each in included if each not in seen]
         return any(each.name == name or self.includes(each, name, seen | set(included)) for each in inner if each.exists())
-
-
-class TypeScript:
-    """The port in a process of Node that stays, in which a changed file is compiled again, and what imports it runs again."""
-
-    def __init__(self, folder: Path, packages: Path) -> None:
-        program = [Path(__file__).parent / "typescript.mjs", packages / "typescript", folder, packages / "@types"]
-        self.command = ["node", f"--max-old-space-size={MEMORY >> 20}", *map(str, program)]
-        self.folder = folder
-        self.asked: list[str] = []
-        self.begin()
-
-    def begin(self) -> None:
-        self.process = subprocess.Popen(self.command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-
-    def ask(self, request: dict):
-        """The answer to a request of typescript.mjs; None: the process has ended."""
-        assert self.process.stdin and self.process.stdout
-        self.process.stdin.write(json.dumps(request) + "\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline()
-        return json.loads(answer) if answer else None
-
-    def prepare(self, link: Link, traced: bool) -> set[str]:
-        self.asked = [json.dumps(request) for request, _ in link.cases]
-        found = self.ask({"cases": self.asked})
-        answers = {number: (json.loads(answer or "{}"), cost) for number, (answer, cost) in enumerate(found)}
-        for number, (answer, _) in answers.items():
-            if "skipped" not in answer and not link.cases[number][1](answer):
-                sys.exit(f"the port itself fails at {self.asked[number][:300]}")
-        link.keep({number: cost for number, (answer, cost) in answers.items() if "skipped" not in answer})
-        return {str(path) for path in self.folder.rglob("*")}
-
-    def valid(self, changes: list[tuple[Path, bytes]]) -> list[bool]:
-        """Whether the compiler takes each of these files."""
-        found = self.ask({"valid": [(str(path), source.decode()) for path, source in changes]})
-        assert isinstance(found, list)
-        return found
-
-    def is_noticed(self, link: Link, path: Path, source: bytes, cases: list[int]) -> bool | None:
-        while cases:
-            found = self.ask({"file": str(path), "source": source.decode(), "order": cases})
-            if found is None:
-                self.process.wait()
-                self.begin()
-                self.ask({"cases": self.asked})
-                return True
-            if "at" not in found:
-                return False
-            number, answer = found["at"], found["answer"]
-            if answer is None or not link.cases[number][1](json.loads(answer)):
-                link.noticed_by(number)
-                return True
-            # Another answer, and a right one.
-            cases = cases[cases.index(number) + 1 :]
-        return False
 
 
 class Command:

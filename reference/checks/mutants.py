@@ -30,12 +30,10 @@ SHARED = "shared"
 WORDS = {
     "modbus": "fanuc-hmi-modbus",
     "fanuc_ls": "fanuc-ls",
-    "/ls_": "fanuc-ls",
     "ball": "isra-ball",
     "kawasaki": "kawasaki-msg",
     "laser": "laser-eb90",
     "mmacell": "mmacell-proto",
-    "/mma_": "mmacell-proto",
     "alter": "val2-alter",
     "viewer": "val2-viewer",
     "workstation": "val2-viewer",
@@ -48,14 +46,14 @@ class Port:
 
     folder: Path
     suffixes: tuple[str, ...]
-    runs: mutant_runs.Python | mutant_runs.TypeScript | mutant_runs.Command
+    runs: mutant_runs.Python | mutant_runs.Command
 
     def files(self) -> list[Path]:
         paths = [path for path in sorted(self.folder.rglob("*")) if path.suffix in self.suffixes]
-        return [path for path in paths if not re.search("testee|tests|cortex-m|node_modules|dist/", path.relative_to(self.folder).as_posix())]
+        return [path for path in paths if not re.search("testee|tests|cortex-m", path.relative_to(self.folder).as_posix())]
 
     def link_of(self, path: Path) -> str:
-        name = path.relative_to(self.folder).as_posix().replace("-", "_")
+        name = path.relative_to(self.folder).as_posix()
         return next((link for word, link in WORDS.items() if word in name), SHARED)
 
 
@@ -67,11 +65,6 @@ def python() -> Port:
 def c() -> Port:
     folder = PORTS / "c"
     return Port(folder, (".c", ".h"), mutant_runs.Command(folder, TARGET / "mutants/c", mutant_runs.C))
-
-
-def typescript() -> Port:
-    folder = PORTS / "typescript"
-    return Port(folder, (".ts",), mutant_runs.TypeScript(folder, TARGET / "node_modules"))
 
 
 def equivalent(port: str) -> dict[tuple[str, str, str, str], str]:
@@ -138,6 +131,35 @@ def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]]
     return counts, clauses, wrong
 
 
+def first(link: str) -> set[str]:
+    """The stories that are the first to reach a cell, or to need a rule, and those of clauses that no vector and no stream names."""
+    documents = [testee.load(kind, link) for kind in ("vectors", "streams")]
+    seen = {clause for document in documents for name in ("vectors", "refused", "streams", "values") for entry in document.get(name, []) for clause in entry.get("clauses", [])}
+    found = set()
+    for story in testee.load("sessions", link)["stories"]:
+        new = {*story["clauses"], *((story["end"], name) for name in story["covers"] + story["needs"])} - seen
+        seen |= new
+        found |= {f"story {story['id']}"} if new else set()
+    return found
+
+
+def cover(port: Port, link_name: str) -> list[int]:
+    """The stories that a cover has: those of `first`, and each that notices a change which nothing before it in the cover does."""
+    names = [case.name for case, group in testee.cases(link_name) for _ in group]
+    link = mutant_runs.Link([case for _, group in testee.cases(link_name) for case in group])
+    loaded = port.runs.prepare(link, True)
+    kept = first(link_name)
+    mutants = [(path, mutant) for path in port.files() if str(path) in loaded for mutant in mutation.mutants(path, port.folder)]
+    for path, mutant in mutants:
+        if port.link_of(path) not in (link_name, SHARED):
+            continue
+        running, source = link.running(str(path), mutant.lines, mutant.nested), mutant.changed(path.read_bytes())
+        needed = [case for case in running if not names[case].startswith("story ") or names[case] in kept]
+        if port.runs.is_noticed(link, path, source, needed) is False and port.runs.is_noticed(link, path, source, [case for case in running if case not in set(needed)]):
+            kept.add(names[link.last])
+    return sorted(int(name.split()[1]) for name in kept)
+
+
 def percent(count: Counter) -> float:
     return 100 * count["noticed"] / max(1, count["noticed"] + count["unnoticed"])
 
@@ -162,15 +184,19 @@ def clause_table(clauses: dict[str, Counter]) -> None:
 
 
 def main() -> None:
-    ports = {"python": python, "c": c, "typescript": typescript}
+    ports = {"python": python, "c": c}
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--link", action="append", help=f"only this link, or `{SHARED}`: files of several links")
     parser.add_argument("--sample", type=int, help="only so many, drawn at random")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--least", type=float, help="percent of all that have to be noticed, in the place of the goals")
+    parser.add_argument("--cover", help="prints the stories that this link needs, as a list of their numbers")
     parser.add_argument("port", choices=ports)
     args = parser.parse_args()
     port, listed = ports[args.port](), equivalent(args.port)
+    if args.cover:
+        print(cover(port, args.cover))
+        return
     links = sorted(path.stem for path in (CHECKS.parent / "vectors").glob("*.json"))
     found = [(path, mutant) for path in port.files() for mutant in mutation.mutants(path, port.folder)]
     gone = listed.keys() - {mutant.name for _, mutant in found}

@@ -1,4 +1,4 @@
-"""Small changes of a source file, for mutants.py: found in the tree that tree-sitter makes of it, for Python, C and TypeScript alike.
+"""Small changes of a source file, for mutants.py: found in the tree that tree-sitter makes of it, for Python and C alike.
 
 A change is one of: a constant one more or less, a comparison at its limit or turned round, `and` for `or`, an operand of them left out,
 a condition that always or never holds, `not` left out, another operator, min for max, a statement left out.
@@ -16,7 +16,7 @@ from tree_sitter import Node, Parser
 
 AT_LIMIT = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 TURNED = {
-    "<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "==", "===": "!==", "!==": "===",
+    "<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "==",
     "in": "not in", "not in": "in", "is": "is not", "is not": "is",
 }  # fmt: skip
 AND, OR = {"and", "&&"}, {"or", "||"}
@@ -25,7 +25,7 @@ OTHER = {
     "+": "-", "-": "+", "*": "+", "/": "*", "//": "*", "%": "*", "**": "*", "<<": ">>", ">>": "<<", "&": "|", "|": "&", "^": "|",
     "+=": "-=", "-=": "+=", "*=": "+=", "|=": "&=", "&=": "|=", "^=": "|=", "<<=": ">>=", ">>=": "<<=", "++": "--", "--": "++",
 }  # fmt: skip
-CALLS = {"min": "max", "max": "min", "any": "all", "all": "any", "Math.min": "Math.max", "Math.max": "Math.min"}
+CALLS = {"min": "max", "max": "min", "any": "all", "all": "any"}
 OPERATIONS = {
     "binary_expression", "binary_operator", "boolean_operator", "comparison_operator", "augmented_assignment",
     "augmented_assignment_expression", "assignment_expression", "update_expression",
@@ -34,13 +34,9 @@ NUMBERS = {"integer", "float", "number_literal", "number"}
 TEXTS = {"string_content", "string_fragment", "character"}
 # What is no code that runs, or only words for a reader.
 PASSED_OVER = {
-    "type", "type_annotation", "type_arguments", "type_parameters", "type_alias_declaration", "interface_declaration", "import_statement",
-    "import_from_statement", "preproc_include", "decorator", "comment", "type_qualifier", "static_assert_declaration", "literal_type",
+    "type", "import_statement", "import_from_statement", "preproc_include", "decorator", "comment", "type_qualifier", "static_assert_declaration",
 }  # fmt: skip
-FUNCTIONS = {
-    "function_definition", "class_definition", "function_declaration", "method_definition", "class_declaration", "abstract_class_declaration",
-    "variable_declarator",
-}  # fmt: skip
+FUNCTIONS = {"function_definition", "class_definition"}
 
 
 @dataclass(frozen=True)
@@ -63,11 +59,6 @@ LANGUAGES = {
         "pass", {"Refused", "integer", "integers", "one_of", "boolean", "NotTaken", "ValueError", "self.unexpected", "self.ignored"},
     ),
     ".c": Language("tree_sitter_c language", "1", "0", {"expression_statement", "break_statement", "continue_statement"}, ";"),
-    ".ts": Language(
-        "tree_sitter_typescript language_typescript", "true", "false",
-        {"expression_statement", "return_statement", "throw_statement", "break_statement", "continue_statement"},
-        ";", {"Refused", "require", "integer"},
-    ),
 }  # fmt: skip
 LANGUAGES[".h"] = LANGUAGES[".c"]
 
@@ -202,13 +193,10 @@ def is_docstring(node: Node) -> bool:
 def is_passed_over(node: Node, language: Language) -> bool:
     if node.type in PASSED_OVER or is_docstring(node):
         return True
-    # What a module gives to others by name, and from which file.
-    if node.type == "export_statement" and node.child_by_field_name("source"):
-        return True
     if node.type == "assignment" and text(node).startswith("__all__"):
         return True
-    if node.type in ("string", "template_string") and node.parent and node.parent.type in ("argument_list", "arguments") and node.parent.parent:
-        called = node.parent.parent.child_by_field_name("function") or node.parent.parent.child_by_field_name("constructor")
+    if node.type == "string" and node.parent and node.parent.type == "argument_list" and node.parent.parent:
+        called = node.parent.parent.child_by_field_name("function")
         return called is not None and text(called) in language.wording
     # How much memory there is: more is no fault, and less is one only for sanitizers.
     return bool(node.parent) and node.parent.type == "array_declarator" and node.parent.child_by_field_name("size") == node
@@ -228,7 +216,7 @@ def function_of(node: Node) -> str:
 
 def clauses_of(node: Node, line: str) -> frozenset[str]:
     """The clauses that a line names, and the comment of the innermost function: before it, or its docstring."""
-    while node.parent and not (node.type in FUNCTIONS and node.type != "variable_declarator"):
+    while node.parent and node.type not in FUNCTIONS:
         node = node.parent
     body, before = node.child_by_field_name("body"), node.prev_sibling
     comments = [line]
@@ -281,7 +269,7 @@ def mutants(path: Path, root: Path) -> list[Mutant]:
 def is_nested(node: Node) -> bool:
     """Whether it is in the body of a function, not in its head, and not in a module or a class."""
     while parent := node.parent:
-        if parent.type in FUNCTIONS - {"class_definition", "class_declaration", "abstract_class_declaration", "variable_declarator"}:
+        if parent.type == "function_definition":
             return parent.child_by_field_name("body") == node
         node = parent
     return False

@@ -1,9 +1,9 @@
 """Builds and checks the ports of ports/, and runs their testees.
 
-Usage: python3 reference/checks/ports.py [python | c | typescript]…
+Usage: python3 reference/checks/ports.py [python | c]…
 
 Python is checked by `mypy --strict`, and its drivers are tested over sockets; C is built with every warning an error, and with the address
-and undefined behaviour sanitizers; TypeScript is checked by its compiler. Prints what testee.py prints for each; exit status 1 on a failure.
+and undefined behaviour sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
 """
 
 import json
@@ -18,12 +18,11 @@ TARGET = REFERENCE.parent / "target/reference"
 VALUES = ["fanuc-hmi-modbus/values", "val2-alter/values"]
 CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
 ENDS = [f"{path.stem}/{end}" for path in (REFERENCE / "sessions").glob("*.json") for end in json.loads(path.read_text())["ends"]]
-SESSIONS = {"python": ENDS, "c": ENDS, "typescript": ENDS}
 
 
 def testee(port):
     """The command that runs a port's testee; nothing of what the port claims may be skipped."""
-    claims = [argument for claim in CODECS + SESSIONS[port] + (VALUES if port != "c" else []) for argument in ("--claim", claim)]
+    claims = [argument for claim in CODECS + ENDS + (VALUES if port != "c" else []) for argument in ("--claim", claim)]
     return [sys.executable, REFERENCE / "checks/testee.py", *claims]
 
 
@@ -49,17 +48,8 @@ def c():
     return passes(*testee("c"), build / "testee", env=os.environ | {"ASAN_OPTIONS": "detect_leaks=1"})
 
 
-def typescript():
-    folder, build = REFERENCE / "ports/typescript", TARGET / "typescript"
-    compiler = TARGET / "node_modules/typescript/bin/tsc"
-    types = TARGET / "node_modules/@types"
-    if not passes("node", compiler, "--project", folder, "--typeRoots", types, "--outDir", build):
-        return False
-    return passes(*testee("typescript"), "node", build / "testee.js")
-
-
 def main():
-    ports = {"python": python, "c": c, "typescript": typescript}
+    ports = {"python": python, "c": c}
     results = []
     for name in sys.argv[1:] or ports:
         print(f"-- {name}", flush=True)

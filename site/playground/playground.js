@@ -1,4 +1,4 @@
-// The playground: asks the codecs, which are playground.wasm, what bytes are, and shows it with the text of the specification.
+// The playground: asks the codecs, which are the module of the JavaScript package, what bytes are, and shows it with the text of the specification.
 import { Specification } from "./specification.js";
 
 const SHOWN = 200; // frames of a long stream
@@ -6,7 +6,7 @@ const COLOURS = 6; // of parts, as the style sheet has them
 
 const $ = (id) => document.getElementById(id);
 const encoder = new TextEncoder(), decoder = new TextDecoder();
-const code = await (await fetch("playground.wasm")).arrayBuffer();
+const code = await (await fetch("cellwire.wasm")).arrayBuffer();
 let codecs = null;
 
 /** The answer of the codecs to a request. */
@@ -17,7 +17,8 @@ async function ask(request) {
     const at = codecs.reserve(bytes.length);
     new Uint8Array(codecs.memory.buffer, at, bytes.length).set(bytes);
     const length = codecs.answer();
-    return JSON.parse(decoder.decode(new Uint8Array(codecs.memory.buffer, codecs.answered(), length)));
+    const answer = JSON.parse(decoder.decode(new Uint8Array(codecs.memory.buffer, codecs.answered(), length)));
+    return answer.wrong === undefined ? answer : { refused: answer.wrong };
   } catch (error) {
     codecs = null; // what has failed is not asked again
     return { refused: `the decoder has failed: please report these bytes as a bug (${error})` };

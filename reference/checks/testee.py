@@ -8,6 +8,7 @@ COMMAND starts the testee; ports/README.md describes what it reads and writes. P
 """
 
 import argparse
+import difflib
 import html
 import json
 import math
@@ -26,6 +27,17 @@ NEVER = 2**63  # nanoseconds, or more
 READS = [0, 1, 3]
 # What a side and a setting are when a file does not name them.
 DEFAULTS = {"options": {}}
+
+
+@dataclass
+class Wrong:
+    """The first wrong step of a story, from 1; it is false."""
+
+    step: int
+    text: str
+
+    def __bool__(self):
+        return False
 
 
 @dataclass
@@ -142,22 +154,20 @@ def story_cases(story, link):
         found = answer.get("steps", [])
         if len(found) != len(story["steps"]):
             return False
-        for number, (got, step) in enumerate(zip(found, story["steps"])):
+        for number, (got, step) in enumerate(zip(found, story["steps"]), 1):
             expected = {name: step[name] for name in ("refused", "events", "transmit", "deadline") if name in step}
             for name, empty in (("refused", None), ("events", []), ("transmit", []), ("deadline", None)):
-                value = expected.get(name, empty)
+                value, given = expected.get(name, empty), got.get(name, empty)
                 if name == "transmit":
                     value = [bytes.fromhex(text).hex().upper() for text in value]
                 if name == "deadline":
-                    got[name], value = until(got.get(name)), until(value)
-                if name == "refused" and value is not None and isinstance(got.get(name), dict):
+                    given, value = until(given), until(value)
+                if name == "refused" and value is not None and isinstance(given, dict):
                     continue  # a port may use other kinds
                 if name == "events":
-                    got[name] = [without_names(event) for event in got.get(name, empty)]
-                    value = [without_names(event) for event in value]
-                if not same(got.get(name, empty), value):
-                    answer["wrong"] = f"step {number}, {step['do']}: {name} is {got.get(name, empty)}, not {value}"
-                    return False
+                    given, value = ([without_names(event) for event in events] for events in (given, value))
+                if not same(given, value):
+                    return Wrong(number, f"step {number}, {step['do']}: {name} is {given}, not {value}")
         return True
 
     steps = [{name: step[name] for name in ("at", "do", "hold", "keep") if name in step} for step in story["steps"]]
@@ -292,9 +302,9 @@ def judge(case, link, claims):
                 case.result = "wrong"
                 case.why = f"is skipped, and {claim} is claimed"
                 return
-        elif not is_right(answer):
+        elif not (verdict := is_right(answer)):
             case.result = "wrong"
-            case.why = answer.get("wrong") or f"{json.dumps(request)}\n  gives {json.dumps(answer)}"
+            case.why = verdict.text if isinstance(verdict, Wrong) else f"{json.dumps(request)}\n  gives {json.dumps(answer)}"
             return
     if all("skipped" in answer for answer in case.answers):
         case.result, case.why = "skipped", case.answers[0]["skipped"]
@@ -341,7 +351,7 @@ def explain(link, case):
         offset = 0
         for field_bytes in re.findall(r"[0-9A-F]+|\|", entry["hex"]):
             for part in re.findall(".{1,64}", field_bytes):
-                lines.append(f"  {offset:5}  {'(an end)' if part == '|' else part}")
+                lines.append(f"  {offset:5}  {'(an end)' if part == '|' else part + as_text(link, part)}")
                 offset += 0 if part == "|" else len(part) // 2
     if "text" in entry:
         lines += ["text:", *(f"  {number:4}  {line!r}" for number, line in enumerate(entry["text"].split("\n"), 1))]
@@ -349,15 +359,35 @@ def explain(link, case):
     for name in ("result", "message", "written", "refused", "error", "only", "given", "gives"):
         if name in entry:
             lines.append(f"  {name}: {json.dumps(entry[name], ensure_ascii=False)}")
-    for step in [*entry.get("items", []), *entry.get("steps", [])]:
-        lines.append(f"  {json.dumps(step, ensure_ascii=False)}")
+    lines += numbered(link, [*entry.get("items", []), *entry.get("steps", [])])
     for (request, is_right), answer in zip(case.checks, case.answers):
         size = f", read {request['read']}" if request.get("read") else ""
-        lines.append(f"{request['task']}{size}: {'right' if is_right(answer) else 'wrong'}")
+        verdict = is_right(answer)
+        lines.append(f"{request['task']}{size}: {'right' if verdict else 'wrong'}")
         given = answer.get("items") or answer.get("steps") or [answer]
-        lines += [f"  {json.dumps(item, ensure_ascii=False)}" for item in given]
-        lines += [f"  {answer['wrong']}"] if "wrong" in answer else []
+        lines += numbered(link, given, getattr(verdict, "step", None))
+        lines += [f"  {verdict.text}"] if isinstance(verdict, Wrong) else []
     return "\n".join(lines)
+
+
+# The links whose frames are text.
+TEXTS = {"kawasaki-msg", "mmacell-proto", "val2-viewer"}
+
+
+def as_text(link, digits):
+    """The bytes of a link of texts as a comment."""
+    text = repr(bytes.fromhex(digits).decode("latin-1"))[1:-1]
+    return f"  {text}" if link in TEXTS and text else ""
+
+
+def numbered(link, steps, wrong=None):
+    """Items or steps with their numbers, and the bytes of a link of texts as text; the wrong one is marked."""
+    lines = []
+    for number, step in enumerate(steps, 1):
+        lines.append(f"{'>' if number == wrong else ' '} {number:3}  {json.dumps(step, ensure_ascii=False)}")
+        for digits in [step.get("do", {}).get("input"), *step.get("transmit", [])]:
+            lines += [f"        {text.strip()}"] if digits and (text := as_text(link, digits)) else []
+    return lines
 
 
 def report(results):
@@ -403,7 +433,11 @@ def main():
         for link, case in shown:
             case.answers = ask(args.command, [request for request, _ in case.checks]) if args.command else []
             print(explain(link, case))
-        sys.exit(0 if shown else f"there is no case {args.explain}")
+        names = [case.name for link in links for case in every_case(link)]
+        near = difflib.get_close_matches(args.explain, names, 3)
+        kinds = {name.rpartition(" ")[0]: name.rpartition(" ")[2] for name in names}
+        last = ", ".join(f"{kind} 1 to {number}" for kind, number in kinds.items())
+        sys.exit(0 if shown else f"there is no case {args.explain!r}, but {', '.join(near) or 'none like it'}; the names are {last}")
     wanted = set(args.clause or [])
     chosen = lambda case: not wanted or not wanted.isdisjoint(case.entry.get("clauses", []))
     results = {link: run(args.command, link, chosen, set(args.claim)) for link in links}

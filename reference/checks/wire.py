@@ -213,6 +213,12 @@ def modbus_client(scene):
     check(re.match(r"TelemetryBlock\(life_counter=\d+, override=100, ", program.lines[0]), "no telemetry block")
 
 
+def modbus_client_aio(scene):
+    host, port = scene.simulate("fanuc", "--listen", "127.0.0.1:0").address()
+    program = scene.program(2, ('"192.168.0.7", 502', f'"{host}", {port}'))
+    check(program.ends() == 0 and "'event': 'replied'" in program.lines[0], "no reply")
+
+
 def modbus_server(scene):
     port = scene.port()
     program = scene.program(1, ("502", str(port)))
@@ -326,6 +332,14 @@ def kawasaki_pc(scene):
     check("'order_over', 'order': 50, 'executed': 20, 'complete': True" in program.lines[-2] + program.lines[-1], "not over")
 
 
+def kawasaki_pc_aio(scene):
+    port = scene.port()
+    program = scene.program(2, ("9105", str(port)))
+    wait_for(lambda: is_listening(port), LIMIT)
+    scene.simulate("kawasaki-robot", "--connect", f"127.0.0.1:{port}", "--set", "speed=100000")
+    check(program.ends() == 0 and "'order_over', 'order': 50, 'executed': 1, 'complete': True" in program.lines[-1], "not over")
+
+
 def kawasaki_robot(scene):
     port = scene.port()
     jobs = scene.file("jobs.csv", "kind,x1,y1,x2,y2\n" + "".join(f"1,{x},0,{x + 1},0\n" for x in range(30)))
@@ -385,10 +399,10 @@ def example(scene):
 
 
 SCENES = {
-    "fanuc-hmi-modbus": [modbus_client, modbus_server],
+    "fanuc-hmi-modbus": [modbus_client, modbus_server, modbus_client_aio],
     "fanuc-ls": [ls],
     "isra-ball": [ball_host, ball],
-    "kawasaki-msg": [kawasaki_pc, kawasaki_robot],
+    "kawasaki-msg": [kawasaki_pc, kawasaki_robot, kawasaki_pc_aio],
     "laser-eb90": [laser_host, laser_controller],
     "mmacell-proto": [mma_central, mma_device],
     "val2-alter": [alter_host, alter_controller],

@@ -95,7 +95,7 @@ fn transport(given: &mut Given) -> Result<(String, u32)> {
     Ok((framing.unwrap_or_else(|| "tcp".into()), given.take("baud")?.unwrap_or(19_200)))
 }
 
-/// What reference/README.md says that a server of the stories holds.
+/// The tables of a server in the stories: reference/fanuc-hmi-modbus.md.
 #[derive(Debug, Clone)]
 struct Tables {
     coils: [bool; 100],

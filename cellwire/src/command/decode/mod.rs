@@ -14,7 +14,7 @@ use self::hex::HexReader;
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
 use cellwire_io::output::{Unwritten, remark};
-use cellwire_links::codec::{Item, Kind};
+use cellwire_links::codec::{Item, Kind, Stream};
 
 /// How much is read and written at once.
 const CHUNK: usize = 64 * 1024;
@@ -61,7 +61,8 @@ pub fn run(args: &Args) -> Result<bool> {
 
 fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
     let side = args.codec.side()?;
-    let mut stream = args.codec.of.stream_of(side, 0)?;
+    // As the reference reads it: XON and XOFF are bytes like others.
+    let mut stream = Stream::new(args.codec.of.codec_of(side)?);
     let mut hex = HexReader::default();
     let mut buffer = vec![0; CHUNK];
     loop {

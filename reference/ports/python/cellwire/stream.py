@@ -1,6 +1,6 @@
 """What the modules of all links share: items of a stream, the shape of a decoder, refusals of an encoder.
 
-A message is the JSON object that reference/README.md describes, and so is an error.
+A message is the JSON object that reference/<link>.md describes, and so is an error.
 """
 
 from abc import ABC, abstractmethod

@@ -209,7 +209,7 @@ def read_program(text: str) -> tuple[Json | None, Json | None]:
 
 
 class Document:
-    """Everything that there is in a file (LS-32, LS-36), as reference/README.md orders it in `items`."""
+    """Everything that there is in a file (LS-32, LS-36), as the annex of reference/fanuc-ls.md orders it in `items`."""
 
     def __init__(self, text: str, options: Json) -> None:
         self.text = text

@@ -79,38 +79,54 @@ impl<'de> Visitor<'de> for FourOrTwo {
 
 impl<'de, P: Deserialize<'de>> Deserialize<'de> for Command<P> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let object = CommandObject::deserialize(deserializer)?;
-        let command = match object.command {
-            Head::Sta => Self::Status,
-            Head::Srv => Self::Servo { on: need(object.on, "on")? },
-            Head::Ovr => Self::Override { percent: need(object.percent, "percent")? },
-            Head::Mov => Self::Move { mode: need(object.mode, "mode")?, pose: need(object.axes, "axes")? },
-            Head::Stp => Self::Stop,
-            Head::Rst => Self::Reset,
-            Head::Clo => Self::Close,
-            Head::Acq => Self::Acquire { camera: need(object.camera, "camera")? },
-            Head::Hnd => {
-                Self::Grip { gripper: need(object.gripper, "gripper")?, open: need(object.open, "open")? }
-            }
+        let CommandObject { command, on, percent, mode, axes, camera, gripper, open } =
+            CommandObject::deserialize(deserializer)?;
+        let given = [
+            on.is_some(),
+            percent.is_some(),
+            mode.is_some(),
+            axes.is_some(),
+            camera.is_some(),
+            gripper.is_some(),
+            open.is_some(),
+        ];
+        let (command, fields) = match command {
+            Head::Sta => (Self::Status, 0),
+            Head::Srv => (Self::Servo { on: need(on, "on")? }, 1),
+            Head::Ovr => (Self::Override { percent: need(percent, "percent")? }, 1),
+            Head::Mov => (Self::Move { mode: need(mode, "mode")?, pose: need(axes, "axes")? }, 2),
+            Head::Stp => (Self::Stop, 0),
+            Head::Rst => (Self::Reset, 0),
+            Head::Clo => (Self::Close, 0),
+            Head::Acq => (Self::Acquire { camera: need(camera, "camera")? }, 1),
+            Head::Hnd => (Self::Grip { gripper: need(gripper, "gripper")?, open: need(open, "open")? }, 2),
         };
+        no_others(&given, fields)?;
         Ok(command)
     }
 }
 
 impl<'de, P: Deserialize<'de>> Deserialize<'de> for Reply<P> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let object = ReplyObject::deserialize(deserializer)?;
-        Ok(match object.reply {
-            Kind::Ok => Self::Ok,
-            Kind::Error => Self::Error { error: need(object.error, "error")? },
-            Kind::Status => Self::Status(Status {
-                moving: need(object.moving, "moving")?,
-                pose: need(object.axes, "axes")?,
-                servo: need(object.servo, "servo")?,
-                percent: need(object.percent, "override")?,
-                error: need(object.error, "error")?,
-            }),
-        })
+        let ReplyObject { reply, moving, axes, servo, percent, error } =
+            ReplyObject::deserialize(deserializer)?;
+        let given = [moving.is_some(), axes.is_some(), servo.is_some(), percent.is_some(), error.is_some()];
+        let (reply, fields) = match reply {
+            Kind::Ok => (Self::Ok, 0),
+            Kind::Error => (Self::Error { error: need(error, "error")? }, 1),
+            Kind::Status => {
+                let status = Status {
+                    moving: need(moving, "moving")?,
+                    pose: need(axes, "axes")?,
+                    servo: need(servo, "servo")?,
+                    percent: need(percent, "override")?,
+                    error: need(error, "error")?,
+                };
+                (Self::Status(status), 5)
+            }
+        };
+        no_others(&given, fields)?;
+        Ok(reply)
     }
 }
 
@@ -165,4 +181,12 @@ enum Kind {
 
 fn need<T, E: Error>(field: Option<T>, name: &'static str) -> Result<T, E> {
     field.ok_or_else(|| E::missing_field(name))
+}
+
+/// Checks that an object has only the fields that its message has, which is this number of them.
+fn no_others<E: Error>(given: &[bool], fields: usize) -> Result<(), E> {
+    if given.iter().filter(|is_given| **is_given).count() > fields {
+        return Err(E::custom("a field that belongs to another message"));
+    }
+    Ok(())
 }

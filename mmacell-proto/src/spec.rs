@@ -41,11 +41,12 @@ impl Configure for DeviceConfig {
             #[cfg(feature = "model")]
                 rules: _,
         } = self;
+        dialects(fields, accepts, writes);
         let mut number = i32::from(*refusal);
         let about = "the error number for refusals by the protocol; not 0";
-        fields.source("§5").whole("refusal", -32768..=32767, "", about, &mut number);
+        let range = if writes.wide_integers { -99_999..=99_999 } else { -32768..=32767 };
+        fields.source("§5").whole("refusal", range, "", about, &mut number);
         *refusal = ErrorCode::from(number);
-        dialects(fields, accepts, writes);
     }
 }
 

@@ -9,9 +9,30 @@
 const struct mmacell_central_config MMACELL_CENTRAL_DEFAULT = {
     .device = MMACELL_PROTO_PLATFORM, .timeout = SECOND, .settle = 100 * MS, .tolerance = 10};
 
-/* A new event. A call makes two at most, and the next command waits until they are taken (MM-30, MM-40). */
+static bool is_notice(const struct mmacell_central_event *event)
+{
+    return event->kind == MMACELL_CENTRAL_CONNECTED || event->kind == MMACELL_CENTRAL_UNEXPECTED;
+}
+
+/* How many outcomes wait to be taken: a notice holds nothing up. */
+static size_t outcomes(const struct mmacell_central *central)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < central->event_count; i++)
+        count += !is_notice(&central->events[i]);
+    return count;
+}
+
+/* A new event, in the place of the oldest notice if there is no other. */
 static struct mmacell_central_event *report(struct mmacell_central *central, enum mmacell_central_kind kind)
 {
+    struct mmacell_central_event *first = central->events, *end = first + central->event_count;
+    while (first < end && !is_notice(first))
+        first++;
+    if (central->event_count == MMACELL_CENTRAL_EVENTS && first < end) {
+        memmove(first, first + 1, (size_t)(end - first - 1) * sizeof *first);
+        central->event_count--;
+    }
     struct mmacell_central_event *event = ADD_EVENT(central);
     event->kind = kind;
     event->message = central->command;
@@ -46,7 +67,10 @@ bool mmacell_central_init(struct mmacell_central *central, const struct mmacell_
 
 void mmacell_central_connected(struct mmacell_central *central, uint64_t now)
 {
-    (void)now;
+    if (outcomes(central) > 2) { /* MM-40 */
+        mmacell_central_disconnected(central, now);
+        return;
+    }
     if (is_open(central))
         close_link(central, "disconnected", MMACELL_CENTRAL_DOWN);
     central->link = MMACELL_CENTRAL_IDLE;
@@ -179,9 +203,10 @@ size_t mmacell_central_input(struct mmacell_central *central, uint64_t now, cons
     for (size_t taken = 0; taken < size && central->link != MMACELL_CENTRAL_ENDED;) {
         taken += mmacell_proto_push(&central->decoder, data + taken, size - taken);
         while (central->link != MMACELL_CENTRAL_ENDED && mmacell_proto_next(&central->decoder, &item)) {
-            if (central->link == MMACELL_CENTRAL_DOWN)
-                report(central, MMACELL_CENTRAL_UNEXPECTED);
-            else if (item.message.kind >= MMACELL_PROTO_TOO_LONG)
+            if (central->link == MMACELL_CENTRAL_DOWN) {
+                if (outcomes(central) < MMACELL_CENTRAL_EVENTS)
+                    report(central, MMACELL_CENTRAL_UNEXPECTED);
+            } else if (item.message.kind >= MMACELL_PROTO_TOO_LONG)
                 close_link(central, "malformed", MMACELL_CENTRAL_ENDED)->item = item;
             else
                 take_reply(central, now, &item.message);
@@ -196,20 +221,11 @@ void mmacell_central_timeout(struct mmacell_central *central, uint64_t now)
         close_link(central, "timeout", MMACELL_CENTRAL_ENDED);
 }
 
-/* Whether an outcome waits to be taken: a notice holds nothing up. */
-static bool has_outcome(const struct mmacell_central *central)
-{
-    for (size_t i = 0; i < central->event_count; i++)
-        if (central->events[i].kind != MMACELL_CENTRAL_CONNECTED && central->events[i].kind != MMACELL_CENTRAL_UNEXPECTED)
-            return true;
-    return false;
-}
-
 /* MM-30 */
 bool mmacell_central_request(struct mmacell_central *central, const struct mmacell_proto_message *command)
 {
     uint8_t line[MMACELL_PROTO_MAX_LINE];
-    if (central->link != MMACELL_CENTRAL_IDLE || has_outcome(central) || command->kind > MMACELL_PROTO_HND ||
+    if (central->link != MMACELL_CENTRAL_IDLE || outcomes(central) > 0 || command->kind > MMACELL_PROTO_HND ||
         mmacell_proto_encode(command, central->config.writes, line, sizeof line) == 0)
         return false;
     central->command = *command;

@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-#define MMACELL_CENTRAL_EVENTS 8
+#define MMACELL_CENTRAL_EVENTS 4
 
 /* MM-71; times in nanoseconds. */
 struct mmacell_central_config {

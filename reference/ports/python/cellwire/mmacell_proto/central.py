@@ -10,6 +10,8 @@ from .pose import Pose, added, counts
 
 
 OUTCOMES = frozenset({"done", "refused", "status", "aborted", "closed"})
+# Places for events that wait for the owner, and those that a connection needs (MM-40).
+PLACES, NEEDED = 4, 2
 
 
 class Link(Enum):
@@ -78,7 +80,17 @@ class Central(Session):
         self.report("closed", reason=reason, unfinished={name: self.command} if name else "nothing")
         self.link = link
 
+    def report(self, event: str, **fields: object) -> None:
+        """Of too many events the oldest notice is dropped."""
+        super().report(event, **fields)
+        notices = [at for at, each in enumerate(self.events) if each["event"] not in OUTCOMES]
+        if len(self.events) > PLACES and notices:
+            del self.events[notices[0]]
+
     def connected(self, now: int) -> None:
+        if self.waiting(OUTCOMES) + NEEDED > PLACES:
+            self.disconnected(now)
+            return
         if self.link not in (Link.DOWN, Link.ENDED):
             self.close("disconnected", Link.DOWN)
         self.link = Link.IDLE

@@ -24,18 +24,29 @@ struct Seen {
     unasked: u32,
     /// The greatest age of values that may be used.
     oldest: Duration,
+    /// The longest time for which values are used that are older than the host's greatest age.
+    too_old: Duration,
     /// The longest time without stale values.
     live: Duration,
 }
 
 /// Ten seconds of a ball that measures what it is asked for when it is asked, and whose packets are so late.
 fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Seen {
+    ten_seconds_called(|at| at, late, fate)
+}
+
+/// The same with a host that is called later than it asks for: `called` is the time of its call.
+fn ten_seconds_called(
+    called: impl Fn(Duration) -> Duration,
+    late: impl Fn(u32) -> Duration,
+    fate: impl Fn(u32) -> Fate,
+) -> Seen {
     let mut host = Host::new(HostConfig::default()).unwrap();
     let (mut seen, mut asked, mut now) = (Seen::default(), 0, Duration::ZERO);
     let mut line: VecDeque<(Duration, [u8; 12])> = VecDeque::new();
     // When the values of each packet were measured, by their number.
     let mut measured = Vec::new();
-    let (mut using, mut live_since) = (None, None);
+    let (mut using, mut live_since, mut old_since) = (None, None, None);
     host.handle_connected(now);
     while now < 10_000 * MS {
         while line.front().is_some_and(|(at, _)| *at <= now) {
@@ -73,7 +84,7 @@ fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Se
                 }
                 HostEvent::Stale => {
                     seen.stale += 1;
-                    (using, live_since) = (None, None);
+                    (using, live_since, old_since) = (None, None, None);
                 }
                 HostEvent::Unasked(_) => seen.unasked += 1,
                 _ => {}
@@ -81,10 +92,15 @@ fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Se
         }
         if let Some(measured) = using {
             seen.oldest = seen.oldest.max(now - measured);
+            if now - measured > HostConfig::default().max_age {
+                seen.too_old = seen.too_old.max(now - *old_since.get_or_insert(now));
+            } else {
+                old_since = None;
+            }
             seen.live = seen.live.max(now - live_since.unwrap());
         }
         let next = line.front().map(|(at, _)| *at).into_iter().chain(host.poll_timeout()).min().unwrap();
-        now = next.max(now + MS / 10);
+        now = called(next.max(now + MS / 10));
     }
     seen
 }
@@ -132,5 +148,17 @@ fn a_ball_that_becomes_late_is_stale_in_time() {
         let seen = ten_seconds(|n| if n < 100 { Duration::ZERO } else { late }, |_| Fate::New);
         assert!(seen.stale > 0 && seen.unasked > 10, "{late:?}: {seen:?}");
         assert!(seen.oldest <= max_age, "{late:?}: {seen:?}");
+    }
+}
+
+/// A ball that is late each time, and a host that is called late twice a second: values that are too old are used no longer than twice the greatest
+/// age.
+#[test]
+fn late_values_of_a_host_that_is_called_late_are_found_out() {
+    let max_age = HostConfig::default().max_age;
+    let called = |at: Duration| if at.as_millis() % 500 < 10 { at + 60 * MS } else { at };
+    for late in (0..=1200).map(|late| late * MS) {
+        let seen = ten_seconds_called(called, |_| late, |_| Fate::New);
+        assert!(seen.too_old <= 2 * max_age, "{late:?}: {seen:?}");
     }
 }

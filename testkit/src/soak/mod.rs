@@ -8,14 +8,12 @@
 mod cell;
 mod fanuc_hmi_modbus;
 mod handles;
-mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
 mod log;
-mod mmacell_proto;
 mod tally;
 mod val2_alter;
-mod val2_viewer;
+mod walks;
 mod wire;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -54,8 +52,9 @@ pub struct Row {
     session: fn(u64, Log) -> Tally,
 }
 
-/// Every session of the workspace: of each link first both of our ends, then each against one that is not ours.
-pub const ROWS: [Row; 39] = [
+/// The sessions of the workspace: both of our ends of the links that have a model of the pair, then each end against one that is not ours. Both of our
+/// ends of every link are also in [`HANDLES`].
+pub const ROWS: [Row; 36] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::AS,
@@ -67,16 +66,6 @@ pub const ROWS: [Row; 39] = [
     val2_alter::ANY_CONTROLLER,
     val2_alter::ANY_HOST,
     val2_alter::HOSTILE,
-    val2_viewer::SERIAL,
-    val2_viewer::ANY_WORKSTATION,
-    val2_viewer::ANY_HOST,
-    val2_viewer::HOSTILE_WORKSTATION,
-    val2_viewer::HOSTILE_HOST,
-    isra_ball::SERIAL,
-    isra_ball::ANY_BALL,
-    isra_ball::ANY_HOST,
-    isra_ball::HOSTILE_BALL,
-    isra_ball::HOSTILE_HOST,
     fanuc_hmi_modbus::TCP,
     fanuc_hmi_modbus::RTU,
     fanuc_hmi_modbus::RTU_OVER_TCP,
@@ -89,11 +78,18 @@ pub const ROWS: [Row; 39] = [
     laser_eb90::ANY_HOST,
     laser_eb90::HOSTILE_CONTROLLER,
     laser_eb90::HOSTILE_HOST,
-    mmacell_proto::TCP,
-    mmacell_proto::ANY_CENTRAL,
-    mmacell_proto::ANY_DEVICE,
-    mmacell_proto::HOSTILE_CENTRAL,
-    mmacell_proto::HOSTILE_DEVICE,
+    walks::ANY_WORKSTATION,
+    walks::HOSTILE_WORKSTATION,
+    walks::ANY_HOST_OF_VIEWER,
+    walks::HOSTILE_HOST_OF_VIEWER,
+    walks::ANY_BALL,
+    walks::HOSTILE_BALL,
+    walks::ANY_HOST_OF_BALL,
+    walks::HOSTILE_HOST_OF_BALL,
+    walks::ANY_CENTRAL,
+    walks::HOSTILE_CENTRAL,
+    walks::ANY_DEVICE,
+    walks::HOSTILE_DEVICE,
     cell::TASK,
 ];
 

@@ -1,6 +1,5 @@
 //! The handle of each link against the simulated device at its other end: both are tasks of tokio on a virtual clock, and what is between
-//! them are pipes whose bytes pass through the faulty [`Link`]. The faults are those that no check has to see: what is late, in pieces,
-//! silent, or cut off.
+//! them are pipes whose bytes pass through the faulty [`Link`](crate::link::Link). Either end is restarted now and then.
 //!
 //! A job is a call, or one of those that a call is for. Some calls are dropped while they wait. Of a link without calls it is a value that
 //! is waited for.
@@ -21,8 +20,8 @@ use tokio::time::timeout;
 
 pub use self::rows::ROWS;
 use self::wire::{Plug, Wire};
-use super::{Ledger, Log, Mark, Reported, Tally};
-use crate::link::Faults;
+use super::{Check, Ledger, Log, Reported, Tally};
+use crate::link::{End, Faults};
 use robot_session::contract::Rng;
 
 const MS: Duration = Duration::from_millis(1);
@@ -38,6 +37,12 @@ trait Handled: Sized {
     const FAULTS: Faults;
     /// Whether the device says which jobs it has executed; otherwise what was reported as done was.
     const NAMES_JOBS: bool = true;
+    /// Of this many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
+    const ONE_IN: Option<u32> = None;
+    /// The most bytes of a message.
+    const LONGEST: usize = 0;
+    /// A restart of the device loses no work that was reported as done.
+    const RESTARTS: bool = true;
 
     /// The device's settings.
     fn device() -> Self::Device;
@@ -47,6 +52,11 @@ trait Handled: Sized {
 
     /// Has jobs done, and says what became of each.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported>;
+
+    /// What some bytes begin with.
+    fn check(_from: End, _bytes: &[u8]) -> Check {
+        Check::Nothing
+    }
 
     /// The number of a job that was executed.
     fn job(work: &Work<Self>) -> Option<usize>;
@@ -110,31 +120,51 @@ where
     let (mut rng, begun) = (Rng::new(!seed), now());
     let log_line = |text: core::fmt::Arguments<'_>| log.line(now() - begun, text);
     let bad = [0.3, 1.0, 4.0][rng.below(3)];
-    let Faults { lose, disconnect, .. } = L::FAULTS;
-    let faults = Faults { lose: lose * bad, disconnect: disconnect * bad, ..L::FAULTS };
-    let (wire, [near, far]) = Wire::start(seed, faults);
+    let Faults { flip, lose_byte, insert, lose, disconnect, .. } = L::FAULTS;
+    let faults = Faults {
+        flip: flip * bad,
+        lose_byte: lose_byte * bad,
+        insert: insert * bad,
+        lose: lose * bad,
+        disconnect: disconnect * bad,
+        ..L::FAULTS
+    };
+    let (wire, [near, far]) = Wire::start(seed, faults, log);
     let executed = Shared::default();
     let simulator = L::device().simulator().unwrap();
+    let device_faults = simulator.faults().clone();
     let (device, task) = spawn(simulator, Executing(Arc::clone(&executed)), far);
     let device_task = tokio::spawn(task.run());
-    let (mut handle, mut ledger, mut tally) = (L::spawn(near), Ledger::default(), Tally::default());
+    let (mut handle, mut ledger, mut tally) = (L::spawn(near.clone()), Ledger::default(), Tally::default());
 
     let send = |ledger: &mut Ledger, rng: &mut Rng| {
         let count = 1 + rng.below(8);
         let first = ledger.len();
-        (0..count).for_each(|_| _ = ledger.send(Mark::END));
+        (0..count).for_each(|_| _ = ledger.send(wire.mark()));
         first..first + count
     };
     for _ in 0..3 + rng.below(20) {
         let jobs = send(&mut ledger, &mut rng);
         let patience = if rng.chance(0.2) { rng.log_uniform(MS, 2000 * MS) } else { Duration::MAX };
+        if L::RESTARTS && rng.chance(0.1) {
+            let (faults, off) = (device_faults.clone(), rng.log_uniform(10 * MS, 3000 * MS));
+            let later = rng.log_uniform(MS, 1000 * MS);
+            tokio::spawn(async move {
+                tokio::time::sleep(later).await;
+                faults.restart(off);
+            });
+        }
         log_line(format_args!("jobs {jobs:?}"));
         let reported = timeout(patience, handle.work(jobs.clone())).await;
         // Whoever goes away learns nothing.
         let reported = reported.unwrap_or_else(|_| vec![Reported::Unknown; jobs.len()]);
         log_line(format_args!("  {reported:?}"));
         for (job, reported) in jobs.zip(reported) {
-            ledger.report(job, reported, Mark::END);
+            ledger.report(job, reported, wire.mark());
+        }
+        if rng.chance(0.1) {
+            log_line(format_args!("the program is restarted"));
+            handle = L::spawn(near.clone());
         }
     }
     wire.heal();
@@ -146,13 +176,13 @@ where
         let Ok(reported) = tokio::time::timeout_at(end, handle.work(jobs.clone())).await else {
             log_line(format_args!("!!! {done} jobs are done"));
             tally.stuck = 1;
-            jobs.for_each(|job| _ = ledger.report(job, Reported::Unknown, Mark::END));
+            jobs.for_each(|job| _ = ledger.report(job, Reported::Unknown, wire.mark()));
             break;
         };
         log_line(format_args!("jobs {jobs:?}: {reported:?}"));
         for (job, reported) in jobs.zip(reported) {
             done += usize::from(reported == Reported::Done);
-            ledger.report(job, reported, Mark::END);
+            ledger.report(job, reported, wire.mark());
         }
     }
     // What is queued is executed.
@@ -161,8 +191,10 @@ where
     if let Ok(mut simulator) = device_task.await {
         Executing(Arc::clone(&executed)).note(&mut simulator);
     }
+    let unseen = wire.settle(&mut tally, L::LONGEST, L::check);
     for done in executed.lock().unwrap_or_else(PoisonError::into_inner).iter() {
-        if L::NAMES_JOBS && !L::job(&done.work).is_some_and(|job| ledger.execute(job)) {
+        let is_named = !L::NAMES_JOBS || L::job(&done.work).is_some_and(|job| ledger.execute(job));
+        if !is_named && unseen.iter().all(|unseen| unseen.from != End::A) {
             log_line(format_args!("!!! nobody sent {:?}", done.work));
             tally.invented += 1;
         }
@@ -170,7 +202,8 @@ where
     if !L::NAMES_JOBS {
         ledger.execute_what_is_done();
     }
-    tally.faults = wire.counts();
-    ledger.settle(now() - begun, log, &mut tally, |_| false);
+    ledger.settle(now() - begun, log, &mut tally, |job| {
+        unseen.iter().any(|unseen| unseen.is_between(job.from, job.to))
+    });
     tally
 }

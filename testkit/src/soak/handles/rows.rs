@@ -13,12 +13,13 @@ use laser_eb90::{ControllerConfig, HostConfig, tokio as laser};
 use mmacell_proto::{CentralConfig, Command, RobotPose, tokio as mma};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
+use val2_alter::Message as _;
 use val2_alter::tokio as alter;
 use val2_viewer::tokio as viewer;
 
 use super::{Handled, MS, Plug, Simulated, Work, session};
-use crate::link::Faults;
-use crate::soak::{Reported, Row};
+use crate::link::{End, Faults};
+use crate::soak::{Check, Reported, Row};
 
 use Reported::{Done, NotDone, Unknown};
 
@@ -37,11 +38,11 @@ const fn row<L: Handled>(link: &'static str, job: &'static str) -> Row
 where
     Simulated<L>: 'static,
 {
-    Row { link, transport: "handle", job, one_in: None, session: session::<L> }
+    Row { link, transport: "handle", job, one_in: L::ONE_IN, session: session::<L> }
 }
 
-/// A line whose port vanishes now and then, and that changes no byte.
-const SERIAL: Faults = Faults { flip: 0.0, lose_byte: 0.0, insert: 0.0, disconnect: 0.003, ..Faults::SERIAL };
+/// A line whose port vanishes now and then.
+const SERIAL: Faults = Faults { disconnect: 0.003, ..Faults::SERIAL };
 
 /// What is given to this many jobs: the first are done, of those after them nobody knows, and the others are not done.
 fn split(count: usize, done: usize, unknown: usize) -> Vec<Reported> {
@@ -102,6 +103,8 @@ impl Handled for alter::Arm {
     type Device = Puma;
     const FAULTS: Faults = SERIAL.at_baud(val2_alter::timing::BAUD);
     const NAMES_JOBS: bool = false;
+    const ONE_IN: Option<u32> = Some(256);
+    const LONGEST: usize = val2_alter::Frame::MAX_LEN;
 
     fn device() -> Puma {
         Puma { restart: 100 * MS, is_paced: false, ..Puma::default() }
@@ -129,6 +132,20 @@ impl Handled for alter::Arm {
         reported
     }
 
+    fn check(from: End, bytes: &[u8]) -> Check {
+        let framing = val2_alter::Framing::DEFAULT;
+        let (frame, length) = match val2_alter::Frame::decode(bytes, framing) {
+            Ok(Some(found)) => found,
+            Err(val2_alter::DecodeError::Checksum { .. }) => return Check::Refused,
+            Ok(None) | Err(_) => return Check::Nothing,
+        };
+        let reads = match from {
+            End::A => val2_alter::HostMessage::decode(frame.data(), framing).is_ok(),
+            End::B => val2_alter::RobotMessage::decode(frame.data(), framing).is_ok(),
+        };
+        if reads { Check::Good(length) } else { Check::Nothing }
+    }
+
     fn job(_: &Work<Self>) -> Option<usize> {
         None
     }
@@ -138,6 +155,8 @@ impl Handled for viewer::Arm {
     type Device = Peer<val2_viewer::Host>;
     const FAULTS: Faults = SERIAL.at_baud(val2_viewer::timing::BAUD);
     const NAMES_JOBS: bool = false;
+    const ONE_IN: Option<u32> = Some(256);
+    const LONGEST: usize = val2_viewer::PosePacket::MAX_LEN;
 
     fn device() -> Self::Device {
         let config = val2_viewer::HostConfig {
@@ -171,6 +190,16 @@ impl Handled for viewer::Arm {
         reported
     }
 
+    /// A request of one byte has no check: one out of noise is answered with a pose.
+    fn check(from: End, bytes: &[u8]) -> Check {
+        match val2_viewer::PosePacket::decode(bytes) {
+            _ if from == End::A => Check::Nothing,
+            Ok(Some((_, length))) => Check::Good(length),
+            Err(val2_viewer::DecodeError::Checksum { .. }) => Check::Refused,
+            Ok(None) | Err(_) => Check::Nothing,
+        }
+    }
+
     fn job(_: &Work<Self>) -> Option<usize> {
         None
     }
@@ -180,6 +209,8 @@ impl Handled for ball::Ball {
     type Device = TeachBall;
     const FAULTS: Faults = SERIAL.at_baud(9600);
     const NAMES_JOBS: bool = false;
+    const ONE_IN: Option<u32> = Some(256);
+    const LONGEST: usize = isra_ball::Frame::MAX_LEN;
 
     fn device() -> TeachBall {
         TeachBall::default()
@@ -198,6 +229,16 @@ impl Handled for ball::Ball {
             reported.push(timeout(1000 * MS, value).await.map_or(NotDone, |()| Done));
         }
         reported
+    }
+
+    /// A poll of one byte has no check: an ENQ out of noise is answered.
+    fn check(from: End, bytes: &[u8]) -> Check {
+        match isra_ball::Frame::decode(bytes) {
+            _ if from == End::A => Check::Nothing,
+            Ok(Some((_, length))) => Check::Good(length),
+            Err(isra_ball::DecodeError::Checksum { .. }) => Check::Refused,
+            Ok(None) | Err(_) => Check::Nothing,
+        }
     }
 
     fn job(_: &Work<Self>) -> Option<usize> {
@@ -251,6 +292,10 @@ impl Handled for fanuc::Client {
 impl Handled for laser::Laser {
     type Device = Laser;
     const FAULTS: Faults = SERIAL.at_baud(laser_eb90::timing::BAUD);
+    const ONE_IN: Option<u32> = Some(256);
+    const LONGEST: usize = laser_eb90::Frame::MAX_LEN;
+    /// Its queue is lost.
+    const RESTARTS: bool = false;
 
     fn device() -> Laser {
         // As long as the longest frame, or a frame would wait forever.
@@ -279,6 +324,15 @@ impl Handled for laser::Laser {
             Err(laser::Error::Unknown { taken, count: unknown, .. }) => split(count, taken, unknown),
             Err(laser::Error::Closed(_)) => split(count, 0, count),
             Err(_) => split(count, 0, 0),
+        }
+    }
+
+    fn check(_: End, bytes: &[u8]) -> Check {
+        let mut payload = [0; laser_eb90::MAX_PAYLOAD];
+        match laser_eb90::Frame::decode(bytes, &mut payload, &laser_eb90::Profile::default()) {
+            Ok(Some((frame, used))) if frame.items().check().is_ok() => Check::Good(used),
+            Err(laser_eb90::DecodeError::Checksum { .. }) => Check::Refused,
+            Ok(_) | Err(_) => Check::Nothing,
         }
     }
 

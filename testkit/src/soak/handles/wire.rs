@@ -1,4 +1,4 @@
-//! Pipes of tokio through the faulty link.
+//! Pipes of tokio through the faulty line.
 
 use core::future::pending;
 use std::io;
@@ -10,12 +10,15 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, W
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::sleep;
 
-use crate::link::{Delivery, End, FaultCounts, Faults, Link};
+use super::super::wire::{Check, Unseen, Wire as Line};
+use crate::link::{Delivery, End, Faults};
+use crate::soak::{Log, Mark, Tally};
 
 /// What a pipe holds, in each direction.
 const PIPE: usize = 1 << 16;
 
 /// Where an end is plugged in: it has a connection when the other one is plugged in too.
+#[derive(Clone)]
 pub struct Plug(mpsc::UnboundedSender<oneshot::Sender<DuplexStream>>);
 
 impl Connector for Plug {
@@ -31,12 +34,13 @@ impl Connector for Plug {
 
 /// What carries the bytes.
 #[derive(Clone)]
-pub struct Wire(Arc<Mutex<Link>>);
+pub struct Wire(Arc<Mutex<Line>>);
 
 impl Wire {
     /// A wire in a task of its own, and its two ends.
-    pub fn start(seed: u64, faults: Faults) -> (Self, [Plug; 2]) {
-        let wire = Self(Arc::new(Mutex::new(Link::new(seed, faults))));
+    pub fn start(seed: u64, faults: Faults, log: Log) -> (Self, [Plug; 2]) {
+        let line = Line::new(seed, faults, ["handle", "device"], false, log);
+        let wire = Self(Arc::new(Mutex::new(line)));
         let [(near, to_near), (far, to_far)] = core::array::from_fn(|_| mpsc::unbounded_channel());
         tokio::spawn(wire.clone().run([to_near, to_far]));
         (wire, [Plug(near), Plug(far)])
@@ -44,15 +48,20 @@ impl Wire {
 
     /// No fault is committed from now on.
     pub fn heal(&self) {
-        self.lock().heal();
+        self.lock().heal(now());
     }
 
-    /// The faults so far.
-    pub fn counts(&self) -> FaultCounts {
-        self.lock().counts()
+    /// The transmissions so far.
+    pub fn mark(&self) -> Mark {
+        self.lock().mark()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Link> {
+    /// As [`Line::settle`].
+    pub fn settle(&self, tally: &mut Tally, longest: usize, check: fn(End, &[u8]) -> Check) -> Vec<Unseen> {
+        self.lock().settle(now(), tally, longest, check)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Line> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -62,7 +71,7 @@ impl Wire {
         while let (Some(to_near), Some(to_far)) = (next(&mut near).await, next(&mut far).await) {
             let [(near_end, near_pipe), (far_end, far_pipe)] = [duplex(PIPE), duplex(PIPE)];
             if to_near.send(near_end).is_ok() && to_far.send(far_end).is_ok() {
-                self.lock().reconnect();
+                self.lock().reconnect(now());
                 self.carry([near_pipe, far_pipe].map(split)).await;
             }
         }

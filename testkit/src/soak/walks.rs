@@ -1,0 +1,34 @@
+//! The ends whose peers the model describes: each is walked at random over bytes. A job is a message, heard or lost.
+
+use super::Row;
+use crate::links::{isra_ball, mmacell_proto, val2_viewer};
+use crate::model::walk;
+
+/// One row: the link, the transport and the peer, of how many random messages the check passes one, and the system.
+macro_rules! rows {
+    ($($name:ident: $link:literal, $transport:literal, $one_in:expr, $system:expr;)*) => {$(
+        pub(super) const $name: Row = Row {
+            link: $link,
+            transport: $transport,
+            job: "messages",
+            one_in: $one_in,
+            session: |seed, log| walk(&$system, seed, log),
+        };
+    )*};
+}
+
+// A poll of the ball and a request of the viewer are one byte without a check; TCP corrupts nothing.
+rows! {
+    ANY_WORKSTATION: "val2-viewer", "serial, any workstation", None, val2_viewer::any_workstation(true);
+    HOSTILE_WORKSTATION: "val2-viewer", "serial, hostile workstation", None, val2_viewer::any_workstation(false);
+    ANY_HOST_OF_VIEWER: "val2-viewer", "serial, any host", Some(256), val2_viewer::any_host(true);
+    HOSTILE_HOST_OF_VIEWER: "val2-viewer", "serial, hostile host", Some(256), val2_viewer::any_host(false);
+    ANY_BALL: "isra-ball", "serial, any ball", Some(256), isra_ball::any_ball(true);
+    HOSTILE_BALL: "isra-ball", "serial, hostile ball", Some(256), isra_ball::any_ball(false);
+    ANY_HOST_OF_BALL: "isra-ball", "serial, any host", None, isra_ball::any_host(true);
+    HOSTILE_HOST_OF_BALL: "isra-ball", "serial, hostile host", None, isra_ball::any_host(false);
+    ANY_CENTRAL: "mmacell-proto", "tcp, any central", None, mmacell_proto::any_central(true);
+    HOSTILE_CENTRAL: "mmacell-proto", "tcp, hostile central", None, mmacell_proto::any_central(false);
+    ANY_DEVICE: "mmacell-proto", "tcp, any device", None, mmacell_proto::any_device(true);
+    HOSTILE_DEVICE: "mmacell-proto", "tcp, hostile device", None, mmacell_proto::any_device(false);
+}

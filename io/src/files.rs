@@ -5,7 +5,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
 /// A file that a command writes while it works, or at its end, could not be written: what that leaves.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +29,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
         return Ok(OpenOptions::new().write(true).open(path)?.write_all(bytes)?);
     }
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     let mut builder = tempfile::Builder::new();
     builder.prefix(".cellwire-");
     let mut file = match &earlier {
@@ -115,6 +116,8 @@ mod tests {
         assert!(!fs::metadata(null).unwrap().is_file());
         let error = format!("{:#}", write(Path::new("/dev/full"), b"x").unwrap_err());
         assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");
+        let error = format!("{:#}", write(Path::new("/none/a.txt"), b"x").unwrap_err());
+        assert_eq!(error, "cannot write /none/a.txt: there is no folder /none");
     }
 
     #[test]

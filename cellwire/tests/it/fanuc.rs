@@ -358,6 +358,13 @@ fn background_writes_the_sources_task() {
     let summary = "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are scratch\n";
     assert!(err(&output).starts_with(summary), "{}", err(&output));
     assert_eq!(folder.run("ls background --first 20").status.code(), Some(2));
+    for same in ["ls background", "ls background"] {
+        assert_eq!(folder.run(same).status.code(), Some(0));
+    }
+    let other = folder.run("ls background --first 101");
+    let refusal = "error: BG_TELEMETRY.LS exists and is another program; --out FILE replaces a file";
+    assert_eq!((other.status.code(), err(&other).trim_end()), (Some(2), refusal));
+    assert_eq!(folder.run("ls background --first 101 --out BG_TELEMETRY.LS").status.code(), Some(0));
 }
 
 /// Starts a controller on a free port of this machine; it runs until the test's process ends.

@@ -86,7 +86,7 @@ fn a_write_without_a_known_outcome_may_have_been_executed() {
         (is_silent_then, 8, vec![ACKNOWLEDGED, "no reply before the timeout"]),
         (refuses, 6, vec!["error: the controller refuses: exception 2"]),
         (refuses_then, 8, vec![ACKNOWLEDGED, "the controller refuses: exception 2"]),
-        (differs, 1, vec!["error: 7.0 was written, the controller holds 8.0"]),
+        (differs, 1, vec!["error: 7 was written, the controller holds 8"]),
         (one_reply_a_connection, 0, vec![""]),
         (closes_at_once, 3, vec!["error: the server closed the connection"]),
     ];

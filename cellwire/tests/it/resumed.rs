@@ -166,6 +166,17 @@ fn an_order_that_two_signals_have_broken_off_is_gone_on_with_unasked() {
 }
 
 #[test]
+fn an_answer_that_finishes_the_work_is_described() {
+    let cell = mma_run::Cell::new(50);
+    let run = Run::start(&cell.arguments(1, &[]), Input::Null);
+    mma_run::step(&run.0, "vacuum_on");
+    run.0.kill();
+    let next = |answer| dry_run(&cell.arguments(1, &["--unknown", answer]))["next"].clone();
+    assert_eq!(next("done"), "a run only records the answer: the task is finished then");
+    assert_eq!(next("repeat"), "a run goes on at 1");
+}
+
+#[test]
 fn a_part_that_was_begun_is_described_and_answered_by_an_option() {
     let cell = mma_run::Cell::new(50);
     let run = Run::start(&cell.arguments(3, &[]), Input::Null);

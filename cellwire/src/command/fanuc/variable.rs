@@ -218,6 +218,11 @@ impl Variable<'_> {
             KindArg::Int16 | KindArg::Int32 | KindArg::Real => {
                 let word = |index| registers.get(index).copied().unwrap_or(0);
                 let value = self.number().read([word(0), word(1)]);
+                if self.place.kind != KindArg::Real
+                    && let Some(whole) = whole(value)
+                {
+                    return json!(whole);
+                }
                 // JSON has neither NaN nor infinities.
                 if value.is_finite() { json!(value) } else { json!(value.to_string()) }
             }
@@ -248,4 +253,10 @@ fn scale(text: &str) -> Result<Multiply, String> {
         Ok(_) => Err("give 0.0001 to 10000; for reals and strings use their types".into()),
         Err(error) => Err(error.to_string()),
     }
+}
+
+/// A number without a fraction.
+#[expect(clippy::cast_possible_truncation, reason = "it is a whole number below 2^53")]
+fn whole(value: f64) -> Option<i64> {
+    (value.fract() == 0.0 && value.abs() < 9_007_199_254_740_992.0).then_some(value as i64)
 }

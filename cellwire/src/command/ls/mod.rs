@@ -171,7 +171,7 @@ fn rules(name_limit: usize) -> Rules {
     rules
 }
 
-/// Writes a program to a file, NAME.LS where none is given; what to call it.
+/// Writes a program to a file, or to NAME.LS where none is given; returns its name.
 fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String> {
     let text = program.to_text(rules)?;
     if out == Some(Path::new("-")) {

@@ -277,9 +277,10 @@ fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>, answer: Option<Ans
     spans.truncate(MAX_SPANS);
     let open = outcomes.iter().position(|it| matches!(it, Outcome::NotSent | Outcome::Refused));
     let answered = journal.unknown().and_then(|(first, count)| Some(first + answer?.done(first, count)?));
-    let answered = answered.filter(|next| *next < outcomes.len());
-    let next = match (answered, journal.unknown(), journal.tally().queued, open) {
-        (Some(next), ..) => format!("a run goes on at {}", open.map_or(next, |open| open.min(next)) + 1),
+    let left = |next: usize| open.into_iter().chain(Some(next).filter(|next| *next < outcomes.len())).min();
+    let next = match (answered.map(left), journal.unknown(), journal.tally().queued, open) {
+        (Some(Some(next)), ..) => format!("a run goes on at {}", next + 1),
+        (Some(None), ..) => format!("a run only records the answer: the {} is finished then", work.what),
         (None, Some((first, count)), ..) => format!(
             "a run asks whether {} to {} are done, unless --unknown answers",
             first + 1,

@@ -195,6 +195,7 @@ impl<P: Peer> Against<P> {
         // What was given up may have been what was waited for.
         if scene.end.expires(NOW) {
             self.drive(scene, Cause::Due, InputOf::<P>::TIMEOUT, edges);
+            self.read_on(scene, None, edges);
         }
     }
 
@@ -222,6 +223,8 @@ impl<P: Peer> Against<P> {
         let Some(what) = scene.end.transmit(NOW, self.peer.config()) else { return };
         let sent = self.peer.answer(&scene.end, &mut scene.known, &what);
         self.drive(scene, Cause::Sent(what), sent, edges);
+        // Bytes that were held are read when there is room again.
+        self.read_on(scene, None, edges);
     }
 
     fn say(&self, scene: &mut SceneOf<P>, word: P::Word, edges: &mut Option<&mut Vec<Edge>>) {

@@ -2,12 +2,16 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::ServerConfig;
 use fanuc_hmi_modbus::server::machine::{Action, Due, Input, ServerLink, ServerMachine};
+use fanuc_hmi_modbus::{
+    Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent, Words, WordsMut,
+};
+use robot_session::Encode as _;
 use robot_session::end::Machine as _;
 
 use super::world::{COLLISION, GIVEN_UP, OTHER_UNIT, TICK, UNIT};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use crate::faults::Faults;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, Wired};
 
 pub(super) const ANSWERED: &str = "each request that was carried out has one reply, on its connection";
 pub(super) const UNANSWERED: &str = "a broadcast is not answered";
@@ -38,17 +42,29 @@ pub struct AnyClient {
 pub struct Known {
     /// What has come since the last silence that was seen.
     holds: Vec<Frame>,
-    /// A silence was seen after the beginning of a frame, which is to be waited for.
-    is_partial: bool,
-    /// What the session reads now.
+    /// The beginning of a frame, after which a silence was seen.
+    waits: Waits,
+    /// What the session reads now, or when it has room for a reply.
     judging: Vec<Frame>,
     /// What it has read last, and whether nothing has followed it.
     judged: Option<(Frame, bool)>,
+    /// Through TCP, RTU frames behind bytes that are no frame are lost.
+    is_lost: bool,
     /// Requests that were carried out and are not answered.
     open: u8,
     /// Bytes have come since the last tick.
     is_arriving: bool,
     wrong: Option<&'static str>,
+}
+
+/// What becomes of the beginning of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Waits {
+    Nothing,
+    /// A silence was seen after it: its rest is to be waited for.
+    Found,
+    /// The machine is told so.
+    Said,
 }
 
 /// What comes.
@@ -68,20 +84,16 @@ pub enum Frame {
     Rest,
 }
 
-/// What happens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
-    /// Bytes come.
-    Bytes(Frame),
-    /// The session reads the next of them.
-    Read,
-    /// It has found that the last of them is the beginning of a frame.
-    Partial,
-}
+/// Bytes come.
+pub type Word = Frame;
 
 impl AnyClient {
+    fn framing(&self) -> Framing {
+        self.config.framing
+    }
+
     fn is_serial(&self) -> bool {
-        matches!(self.config.framing, fanuc_hmi_modbus::Framing::Rtu { .. })
+        matches!(self.framing(), Framing::Rtu { .. })
     }
 }
 
@@ -103,9 +115,10 @@ impl Peer for AnyClient {
     fn known(&self) -> Known {
         Known {
             holds: vec![],
-            is_partial: false,
+            waits: Waits::Nothing,
             judging: vec![],
             judged: None,
+            is_lost: false,
             open: 0,
             is_arriving: false,
             wrong: None,
@@ -116,55 +129,57 @@ impl Peer for AnyClient {
         if end.link == ServerLink::Down {
             return;
         }
-        if known.is_partial {
-            words.push(Word::Partial);
-        } else if !known.judging.is_empty() {
-            words.push(Word::Read);
-        } else if self.is_serial() && known.holds.last() == Some(&Frame::Part) {
-            words.push(Word::Bytes(Frame::Rest));
-        } else if known.holds.len() < 3 {
+        if self.is_serial() && known.holds.last() == Some(&Frame::Part) {
+            words.push(Frame::Rest);
+        } else if known.holds.len() + known.judging.len() < 3 {
             let waits = self.is_serial() && self.keeps_rules && (known.is_arriving || known.open > 0);
             let frames = [Frame::Corrupt, Frame::Other, Frame::Broadcast, Frame::Own, Frame::Part];
             let count = if waits { 2 } else { 4 + usize::from(self.is_serial()) };
-            words.extend(frames.into_iter().take(count).map(Word::Bytes));
+            words.extend(frames.into_iter().take(count));
         }
     }
 
+    /// They do not wait for the server to read.
     fn by(&self, _: Word) -> By {
         By::Others
     }
 
-    fn hear(&self, end: &ServerMachine<2>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        match word {
-            Word::Partial => {
-                known.is_partial = false;
-                Some(Input::Partial)
-            }
-            Word::Bytes(Frame::Rest) => {
-                known.is_arriving = true;
-                known.holds.pop();
-                known.holds.push(Frame::Own);
-                Some(Input::Received)
-            }
-            Word::Bytes(frame) => {
-                known.is_arriving = true;
-                if self.is_serial() { &mut known.holds } else { &mut known.judging }.push(frame);
-                Some(Input::Received)
-            }
-            Word::Read if !end.reads() => None,
-            Word::Read => {
-                let frame = known.judging.remove(0);
-                let is_last = !self.is_serial() || known.judging.is_empty();
-                known.judged = Some((frame, is_last));
-                let unit = match frame {
-                    Frame::Own => UNIT,
-                    Frame::Broadcast => 0,
-                    Frame::Other => UNIT + 1,
-                    Frame::Corrupt | Frame::Part | Frame::Rest => return None,
-                };
-                Some(Input::Request { unit, is_last })
-            }
+    fn hear(&self, _: &ServerMachine<2>, known: &mut Known, frame: Word) -> Option<InputOf<Self>> {
+        known.is_arriving = true;
+        let frames = if self.is_serial() { &mut known.holds } else { &mut known.judging };
+        if frame == Frame::Rest {
+            frames.pop();
+            frames.push(Frame::Own);
+        } else {
+            frames.push(frame);
         }
+        Some(Input::Received)
+    }
+
+    fn next(&self, end: &ServerMachine<2>, known: &mut Known) -> Option<InputOf<Self>> {
+        if known.waits == Waits::Found {
+            known.waits = Waits::Said;
+            return Some(Input::Partial);
+        }
+        while end.reads() && !known.judging.is_empty() {
+            let frame = known.judging.remove(0);
+            let is_last = !self.is_serial() || known.judging.is_empty();
+            known.judged = Some((frame, is_last));
+            let unit = match frame {
+                _ if known.is_lost => continue,
+                Frame::Own => UNIT,
+                Frame::Broadcast => 0,
+                Frame::Other => UNIT + 1,
+                // Behind bytes that are no frame nothing is read before a stall.
+                Frame::Corrupt => {
+                    known.is_lost = matches!(self.framing(), Framing::RtuOverTcp { .. });
+                    continue;
+                }
+                Frame::Part | Frame::Rest => continue,
+            };
+            return Some(Input::Request { unit, is_last });
+        }
+        None
     }
 
     fn sent(&self, Due: &Due) -> InputOf<Self> {
@@ -172,25 +187,33 @@ impl Peer for AnyClient {
     }
 
     fn acted(&self, _: &ServerMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        let (judged, waits) = (known.judged.take(), core::mem::replace(&mut known.waits, Waits::Nothing));
         match (cause, action) {
             (Cause::Connected | Cause::Disconnected, _) => self.restarted(known),
             // Whole frames, or nothing, or the rest is to come.
-            (Cause::Due, Action::Cut) if known.holds.contains(&Frame::Corrupt) => known.holds.clear(),
-            (Cause::Due, Action::Cut) if known.holds.last() == Some(&Frame::Part) => known.is_partial = true,
-            (Cause::Due, Action::Cut) => known.judging = core::mem::take(&mut known.holds),
-            (Cause::Due, Action::GiveUp) => known.holds.clear(),
-            (Cause::Word(Word::Partial), Action::GiveUp) => known.wrong = Some(REST),
-            (Cause::Word(Word::Read), Action::Serve) => {
+            (Cause::Due, Action::Cut) => {
+                known.is_lost = false;
+                if known.holds.contains(&Frame::Corrupt) {
+                    known.holds.clear();
+                } else if known.holds.last() == Some(&Frame::Part) {
+                    known.waits = Waits::Found;
+                } else {
+                    known.judging.append(&mut known.holds);
+                }
+            }
+            (_, Action::GiveUp) if waits == Waits::Said => known.wrong = Some(REST),
+            (_, Action::GiveUp) => known.holds.clear(),
+            (_, Action::Serve) => {
                 known.open += 1;
-                match known.judged {
+                match judged {
                     Some((Frame::Own, true)) => {}
                     Some((Frame::Own, false)) => known.wrong = Some(GIVEN_UP),
                     Some((Frame::Broadcast, _)) => known.wrong = Some(UNANSWERED),
                     _ => known.wrong = Some(OTHER_UNIT),
                 }
             }
-            (Cause::Word(Word::Read), Action::Refuse) if !self.is_serial() => known.wrong = Some(TAKEN),
-            (Cause::Sent(Due), _) => {
+            (_, Action::Refuse) if !self.is_serial() => known.wrong = Some(TAKEN),
+            (Cause::Sent(Due), Action::Sent) => {
                 match known.open.checked_sub(1) {
                     Some(open) => known.open = open,
                     None => known.wrong = Some(ANSWERED),
@@ -201,7 +224,6 @@ impl Peer for AnyClient {
             }
             _ => {}
         }
-        known.judged = None;
     }
 
     fn tick(&self, known: &mut Known) {
@@ -219,9 +241,75 @@ impl Peer for AnyClient {
     fn is_over(&self, _: &ServerMachine<2>, known: &Known) -> bool {
         known.open == 0 && known.holds.is_empty() && known.judging.is_empty()
     }
+}
 
-    fn benign(&self, _: &ServerMachine<2>, known: &Known) -> Option<Word> {
-        let read = (!known.judging.is_empty()).then_some(Word::Read);
-        if known.is_partial { Some(Word::Partial) } else { read }
+impl Wired for AnyClient {
+    type Session = Server<Bank, 2>;
+
+    // Damaged bytes, and those in pieces, are words.
+    const FAULTS: Faults = Faults::NONE;
+
+    fn session(&self) -> Server<Bank, 2> {
+        Server::new(self.config, Bank).expect("a configuration that works")
+    }
+
+    fn speak(&self, _: &Known, frame: Word, _: &mut Server<Bank, 2>, _: Duration) -> Speech {
+        let read = |unit| self.encode(unit, Request::ReadHoldingRegisters { address: 0, quantity: 1 });
+        Speech::Bytes(match frame {
+            Frame::Own => read(UNIT),
+            Frame::Other => read(UNIT + 1),
+            Frame::Broadcast => self.encode(0, Request::WriteRegister { address: 0, value: 7 }),
+            // As long as a frame of its function: nothing is waited for.
+            Frame::Corrupt if self.framing() == Framing::Tcp => vec![0, 0, 0, 1, 0, 6, 1, 3, 0, 0, 0, 1],
+            Frame::Corrupt => vec![0xFF, 6, 0, 0, 0, 0, 0, 0],
+            Frame::Part => read(UNIT).get(..4).unwrap_or_default().to_vec(),
+            Frame::Rest => read(UNIT).get(4..).unwrap_or_default().to_vec(),
+        })
+    }
+
+    fn is_written(&self, _: &Due, bytes: &[u8]) -> bool {
+        bytes.get(if self.framing() == Framing::Tcp { 6 } else { 0 }) == Some(&UNIT)
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        match action {
+            Action::Serve | Action::ServeBroadcast => reports.push("served".into()),
+            Action::Refuse => reports.push("refused".into()),
+            _ => {}
+        }
+    }
+
+    fn reported(&self, event: &ServerEvent) -> Option<String> {
+        match event {
+            ServerEvent::Served { .. } => Some("served".into()),
+            ServerEvent::Refused { .. } => Some("refused".into()),
+            ServerEvent::Unexpected(unexpected) => Some(unexpected.to_string()),
+            _ => None,
+        }
+    }
+}
+
+impl AnyClient {
+    fn encode(&self, unit: u8, request: Request<'_>) -> Vec<u8> {
+        let transaction = (self.framing() == Framing::Tcp).then_some(7);
+        let mut bytes = [0; fanuc_hmi_modbus::Frame::MAX_LEN];
+        let frame = fanuc_hmi_modbus::Frame { transaction, unit, pdu: request };
+        let length = frame.encode(&mut bytes).expect("a request fits");
+        bytes.get(..length).unwrap_or_default().to_vec()
+    }
+}
+
+/// Registers of which all are zero.
+#[derive(Debug, Clone, Copy)]
+pub struct Bank;
+
+impl Registers for Bank {
+    fn read_holding_registers(&mut self, _: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        out.fill_with(|_| 0);
+        Ok(())
+    }
+
+    fn write_registers(&mut self, _: u16, _: Words<'_>) -> Result<(), Exception> {
+        Ok(())
     }
 }

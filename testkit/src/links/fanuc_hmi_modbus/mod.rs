@@ -93,7 +93,7 @@ pub const ANY_CLIENT: Pair = Pair {
             [(true, "keeps the rules", any_client::RULES), (false, "does anything", any_client::ANYTHING)]
                 .map(|(keeps_rules, what, terms)| {
                     let system = Against::new(AnyClient { config, keeps_rules });
-                    Setting::new(format!("{name}, {what}"), system).on(terms)
+                    Setting::walked(format!("{name}, {what}"), system).on(terms)
                 })
         };
         each("tcp", ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() })
@@ -105,7 +105,7 @@ pub const ANY_CLIENT: Pair = Pair {
     must_fail: || {
         let without = |name, property, config: ServerConfig, rule| {
             let config = ServerConfig { rules: Rules::without(rule), ..config };
-            MustFail::new(
+            MustFail::walked(
                 name,
                 property,
                 "keeps the rules",
@@ -124,7 +124,12 @@ pub const ANY_CLIENT: Pair = Pair {
         ]
     },
     diagrams: Vec::new,
-    refined: Vec::new,
+    refined: || {
+        let tcp = ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() };
+        let configs = [tcp, rtu(&[], 0).server, rtu_over_tcp(&[], 0).server];
+        let each = |config| [true, false].map(|keeps_rules| Against::new(AnyClient { config, keeps_rules }));
+        configs.into_iter().flat_map(each).map(|system| system.refined()).collect()
+    },
 };
 
 /// A client, and servers that are not ours.

@@ -86,6 +86,10 @@ impl Faults {
         ..Self::NONE
     };
 
+    /// A serial line that corrupts one message in ten or so, much worse than real ones, without times of its own.
+    pub const BAD_LINE: Self =
+        Self { flip: 0.004, lose_byte: 0.002, insert: 0.002, lose: 0.02, split: 0.3, ..Self::NONE };
+
     /// What UDP can commit: loss, repetition, reordering.
     pub const UDP: Self = Self {
         datagrams: true,

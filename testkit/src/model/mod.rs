@@ -41,4 +41,4 @@ pub use system::{System, trace};
 pub use table::Table;
 #[cfg(feature = "links")]
 pub use walk::walk;
-pub use wired::{Follower, Speech, WRITTEN, Wired};
+pub use wired::{Follower, WRITTEN, Wired};

@@ -230,7 +230,7 @@ pub fn draw(link: &str, ends: &[&str], settings: &[Setting]) -> Vec<Diagram> {
     ends.iter().map(draw).collect()
 }
 
-/// What the setting of such a peer is called.
+/// The name of the setting of such a peer.
 pub const fn at(keeps_rules: bool) -> &'static str {
     if keeps_rules { "keeps the rules" } else { "does anything" }
 }

@@ -95,7 +95,7 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// The next step, or some. False: none is possible.
+    /// Does one step, or several of time. Returns false if no step is possible.
     fn turn(&mut self, often: f64) -> bool {
         if self.rest.is_some() && self.rng.chance(0.5) {
             self.finish();
@@ -108,10 +108,12 @@ impl<P: Wired> Walk<'_, P> {
         // A program that is not called for a while.
         let is_asleep = act == Act::Tick && self.against.late && !self.is_calm && self.rng.chance(0.01);
         let times = if is_asleep { 1 + self.rng.next_u64() % ASLEEP } else { 1 };
-        for _ in 0..times {
-            if !self.is_judged() && (act != Act::Tick || self.acts().contains(&act)) {
-                self.step(act);
+        self.step(act);
+        for _ in 1..times {
+            if self.is_judged() || !self.acts(&self.scene).contains(&act) {
+                break;
             }
+            self.step(act);
         }
         true
     }
@@ -121,16 +123,24 @@ impl<P: Wired> Walk<'_, P> {
         matches!(act, Act::Word(word) if self.against.peer.by(word) == By::Line)
     }
 
-    fn acts(&self) -> Vec<Act<P::Word>> {
+    /// The possible acts in a scene. No other word is heard before the rest of one.
+    fn acts(&self, scene: &SceneOf<P>) -> Vec<Act<P::Word>> {
         let mut acts = Vec::new();
-        self.against.acts(&self.scene, &mut acts);
+        self.against.acts(scene, &mut acts);
         acts.retain(|act| self.rest.is_none() || !self.is_heard(*act));
         acts
     }
 
+    /// Delivers bytes in these pieces. Returns false if the session differs from its machine.
+    fn hear<'b>(&mut self, pieces: impl IntoIterator<Item = &'b [u8]>) -> bool {
+        let heard = self.follower.hear(pieces);
+        heard.as_ref().err().into_iter().for_each(|error| self.find(error));
+        heard.is_ok()
+    }
+
     /// The act that leads to the state with the fewest visits. Few acts break the connection.
     fn choose(&mut self) -> Option<Act<P::Word>> {
-        let acts = self.acts();
+        let acts = self.acts(&self.scene);
         let breaks = |act: &Act<P::Word>| matches!(act, Act::Connect | Act::Disconnect | Act::Restart);
         let has_others = acts.iter().any(|act| !breaks(act));
         let is_likely = |act: &Act<P::Word>| !(breaks(act) && has_others && self.rng.chance(0.95));
@@ -160,10 +170,8 @@ impl<P: Wired> Walk<'_, P> {
                 }
             }
             act => {
-                if !bytes.is_empty()
-                    && let Err(error) = self.follower.hear([bytes.as_slice()])
-                {
-                    return self.find(&error);
+                if !bytes.is_empty() && !self.hear([bytes.as_slice()]) {
+                    return;
                 }
                 // A connection begins with nothing of the one before.
                 self.is_clean |= matches!(act, Act::Connect | Act::Restart);
@@ -190,8 +198,8 @@ impl<P: Wired> Walk<'_, P> {
         if bytes.len() > 1 && self.against.peer.may_pause(word) && self.rng.chance(0.05) {
             let (head, rest) = bytes.split_at(1 + self.rng.below(bytes.len() - 1));
             self.log.line(self.follower.now, format_args!("  {} bytes come later", rest.len()));
-            if let Err(error) = self.follower.hear([head]) {
-                return self.find(&error);
+            if !self.hear([head]) {
+                return;
             }
             let arrived = head.len();
             self.rest = Some((word, bytes, arrived));
@@ -208,12 +216,13 @@ impl<P: Wired> Walk<'_, P> {
     fn finish(&mut self) {
         let Some((word, bytes, arrived)) = self.rest.take() else { return };
         let act = Act::Word(word);
-        let is_said = self.acts().contains(&act) && self.follower.speak(&self.scene.known, word) == bytes;
+        let is_said =
+            self.acts(&self.scene).contains(&act) && self.follower.speak(&self.scene.known, word) == bytes;
         if is_said && self.scene.end.reads() {
             let rest = bytes.get(arrived..).unwrap_or_default();
             self.log.line(self.follower.now, format_args!("{act:?}, its last {} bytes", rest.len()));
-            if let Err(error) = self.follower.hear([rest]) {
-                return self.find(&error);
+            if !self.hear([rest]) {
+                return;
             }
             let heard = self.against.step(&self.scene, act, None);
             self.tally.once += 1;
@@ -228,16 +237,15 @@ impl<P: Wired> Walk<'_, P> {
     /// Another word arrives in the same read.
     fn glue(&mut self, word: P::Word, mut bytes: Vec<u8>) {
         let between = self.against.step(&self.scene, Act::Word(word), None);
-        let mut acts = Vec::new();
-        self.against.acts(&between, &mut acts);
+        let mut acts = self.acts(&between);
         acts.retain(|act| self.is_heard(*act));
         let Some(Act::Word(next)) = acts.get(self.rng.below(acts.len().max(1))).copied() else {
             return self.deliver(word, &bytes);
         };
         self.log.line(self.follower.now, format_args!("  and {next:?}"));
         bytes.extend(self.follower.speak(&between.known, next));
-        if let Err(error) = self.follower.hear([bytes.as_slice()]) {
-            return self.find(&error);
+        if !self.hear([bytes.as_slice()]) {
+            return;
         }
         self.tally.once += 2;
         let heard = if between.end.reads() {
@@ -273,8 +281,8 @@ impl<P: Wired> Walk<'_, P> {
     /// The connection ends within a word.
     fn cut(&mut self, word: P::Word, bytes: &[u8]) {
         self.log.line(self.follower.now, format_args!("  cut after {} bytes", bytes.len()));
-        if let Err(error) = self.follower.hear([bytes]) {
-            return self.find(&error);
+        if !self.hear([bytes]) {
+            return;
         }
         let heard = self.against.step(&self.scene, Act::Word(word), None);
         let mut scenes = self.lost(word);
@@ -298,8 +306,8 @@ impl<P: Wired> Walk<'_, P> {
         let pieces: Vec<Vec<u8>> = delivered
             .filter_map(|part| if let Delivery::Bytes(bytes) = part { Some(bytes) } else { None })
             .collect();
-        if let Err(error) = self.follower.hear(pieces.iter().map(Vec::as_slice)) {
-            return self.find(&error);
+        if !self.hear(pieces.iter().map(Vec::as_slice)) {
+            return;
         }
         let is_hurt = self.link.counts().corruption() > before.corruption();
         self.tally.corrupt += u64::from(is_hurt);

@@ -24,14 +24,14 @@ pub trait Wired: Peer {
     /// The session when its process starts.
     fn session(&self) -> Self::Session;
 
-    /// Encodes a word as bytes, or makes its call.
+    /// Returns the bytes of a word; none after making its call, or for a word that happens elsewhere.
     fn speak(
         &self,
         known: &Self::Known,
         word: Self::Word,
         session: &mut Self::Session,
         now: Duration,
-    ) -> Speech;
+    ) -> Vec<u8>;
 
     /// Whether these bytes are what was to be sent.
     fn is_written(&self, what: &TransmitOf<Self>, bytes: &[u8]) -> bool;
@@ -64,17 +64,6 @@ pub trait Wired: Peer {
 
     /// Clears what the model does not count in a session's machine, such as job numbers.
     fn forget(&self, _machine: &mut Self::End) {}
-}
-
-/// The form of a word on the way to a session.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Speech {
-    /// Bytes, not yet delivered.
-    Bytes(Vec<u8>),
-    /// A call, already made.
-    Call,
-    /// Neither: it happens elsewhere.
-    Elsewhere,
 }
 
 /// A session that follows the end of a scene, step by step.
@@ -115,12 +104,9 @@ impl<'a, P: Wired> Follower<'a, P> {
         self.check_reports().map(|()| bytes)
     }
 
-    /// The bytes of a word, or none after its call.
+    /// As [`Wired::speak`].
     pub fn speak(&mut self, known: &P::Known, word: P::Word) -> Vec<u8> {
-        match self.peer.speak(known, word, &mut self.session, self.now) {
-            Speech::Bytes(bytes) => bytes,
-            Speech::Call | Speech::Elsewhere => Vec::new(),
-        }
+        self.peer.speak(known, word, &mut self.session, self.now)
     }
 
     /// Delivers bytes in these pieces.

@@ -8,7 +8,7 @@ use crate::Carrier;
 use crate::link::{Delivery, End, Faults, Link};
 use robot_session::contract::Rng;
 
-/// What some bytes begin with, by the protocol's own check.
+/// The message that some bytes begin with, by the protocol's own check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Check {
     /// No whole message.

@@ -480,7 +480,7 @@ mod pairs {
     use testkit::links::PAIRS;
     use testkit::model::{Depth, Terms, WRITTEN, check_or_write};
 
-    /// What one end's peer keeps, the other end is shown to keep with any peer: that both hold together follows.
+    /// The clauses that the peer of one end keeps are those that the other end is shown to keep with any peer: both hold together.
     #[test]
     fn what_a_peer_keeps_the_other_end_is_shown_to_keep() {
         for link in ["isra-ball", "mmacell-proto", "val2-viewer"] {
@@ -495,7 +495,7 @@ mod pairs {
                 for (clause, property) in *shows {
                     assert!(*property == WRITTEN || properties.contains(property), "{name}: {clause}");
                 }
-                // What is no clause is an assumption about time.
+                // The other entries are assumptions about time.
                 for clause in keeps.split(", ").filter(|clause| clause.starts_with(char::is_uppercase)) {
                     let shown = |(other, terms): &(&str, Terms)| {
                         other != name && terms.shows.iter().any(|(shown, _)| *shown == clause)

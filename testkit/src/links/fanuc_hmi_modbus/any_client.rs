@@ -11,7 +11,7 @@ use robot_session::end::Machine as _;
 
 use super::world::{COLLISION, GIVEN_UP, OTHER_UNIT, TICK, UNIT};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, Wired};
 
 pub(super) const ANSWERED: &str = "each request that was carried out has one reply, on its connection";
 pub(super) const UNANSWERED: &str = "a broadcast is not answered";
@@ -44,7 +44,7 @@ pub struct Known {
     holds: Vec<Frame>,
     /// The beginning of a frame, after which a silence was seen.
     waits: Waits,
-    /// What the session reads now, or when it has room for a reply.
+    /// The frames that the session reads now, or when it has room for a reply.
     judging: Vec<Frame>,
     /// What it has read last, and whether nothing has followed it.
     judged: Option<(Frame, bool)>,
@@ -57,7 +57,7 @@ pub struct Known {
     wrong: Option<&'static str>,
 }
 
-/// What becomes of the beginning of a frame.
+/// The fate of the beginning of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Waits {
     Nothing,
@@ -253,9 +253,9 @@ impl Wired for AnyClient {
         Server::new(self.config, Bank).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, frame: Word, _: &mut Server<Bank, 2>, _: Duration) -> Speech {
+    fn speak(&self, _: &Known, frame: Word, _: &mut Server<Bank, 2>, _: Duration) -> Vec<u8> {
         let read = |unit| self.encode(unit, Request::ReadHoldingRegisters { address: 0, quantity: 1 });
-        Speech::Bytes(match frame {
+        match frame {
             Frame::Own => read(UNIT),
             Frame::Other => read(UNIT + 1),
             Frame::Broadcast => self.encode(0, Request::WriteRegister { address: 0, value: 7 }),
@@ -264,7 +264,7 @@ impl Wired for AnyClient {
             Frame::Corrupt => vec![0xFF, 6, 0, 0, 0, 0, 0, 0],
             Frame::Part => read(UNIT).get(..4).unwrap_or_default().to_vec(),
             Frame::Rest => read(UNIT).get(4..).unwrap_or_default().to_vec(),
-        })
+        }
     }
 
     fn is_written(&self, _: &Due, bytes: &[u8]) -> bool {

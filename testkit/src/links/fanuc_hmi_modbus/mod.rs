@@ -17,7 +17,7 @@ use robot_session::end::Rules;
 pub use self::any_client::AnyClient;
 pub use self::any_server::AnyServer;
 use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, GIVEN_UP, Job, OTHER_UNIT, STALE, Setup, TICK};
-use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
+use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, at, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -89,28 +89,18 @@ pub const RTU_OVER_TCP: Pair = Pair {
 pub const ANY_CLIENT: Pair = Pair {
     name: "fanuc-hmi-modbus server × any client",
     settings: |_| {
-        let each = |name: &str, config: ServerConfig| {
-            [(true, "keeps the rules", any_client::RULES), (false, "does anything", any_client::ANYTHING)]
-                .map(|(keeps_rules, what, terms)| {
-                    let system = Against::new(AnyClient { config, keeps_rules });
-                    Setting::walked(format!("{name}, {what}"), system).on(terms)
-                })
+        let each = |(name, config)| {
+            [(true, any_client::RULES), (false, any_client::ANYTHING)].map(|(keeps_rules, terms)| {
+                let name = format!("{name}, {}", at(keeps_rules));
+                Setting::new(name, any_client(config, keeps_rules)).on(terms)
+            })
         };
-        each("tcp", ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() })
-            .into_iter()
-            .chain(each("rtu", rtu(&[], 0).server))
-            .chain(each("rtu over tcp", rtu_over_tcp(&[], 0).server))
-            .collect()
+        servers().into_iter().flat_map(each).collect()
     },
     must_fail: || {
         let without = |name, property, config: ServerConfig, rule| {
             let config = ServerConfig { rules: Rules::without(rule), ..config };
-            MustFail::walked(
-                name,
-                property,
-                "keeps the rules",
-                Against::new(AnyClient { config, keeps_rules: true }),
-            )
+            MustFail::walked(name, property, at(true), any_client(config, true))
         };
         let line = || rtu(&[], 0).server;
         vec![
@@ -125,10 +115,8 @@ pub const ANY_CLIENT: Pair = Pair {
     },
     diagrams: Vec::new,
     refined: || {
-        let tcp = ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() };
-        let configs = [tcp, rtu(&[], 0).server, rtu_over_tcp(&[], 0).server];
-        let each = |config| [true, false].map(|keeps_rules| Against::new(AnyClient { config, keeps_rules }));
-        configs.into_iter().flat_map(each).map(|system| system.refined()).collect()
+        let each = |(_, config)| [true, false].map(|keeps_rules| any_client(config, keeps_rules).refined());
+        servers().into_iter().flat_map(each).collect()
     },
 };
 
@@ -185,6 +173,17 @@ pub const ANY_SERVER: Pair = Pair {
     diagrams: Vec::new,
     refined: Vec::new,
 };
+
+/// A server of each framing.
+fn servers() -> [(&'static str, ServerConfig); 3] {
+    let tcp = ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() };
+    [("tcp", tcp), ("rtu", rtu(&[], 0).server), ("rtu over tcp", rtu_over_tcp(&[], 0).server)]
+}
+
+/// A client of which only the rules are known, or nothing.
+fn any_client(config: ServerConfig, keeps_rules: bool) -> Against<AnyClient> {
+    Against::new(AnyClient { config, keeps_rules })
+}
 
 /// A server that answers as late as the client assumes, over TCP this many requests later.
 fn any_server(config: ClientConfig, memory: u8) -> AnyServer {

@@ -5,9 +5,9 @@ use core::time::Duration;
 use isra_ball::host::machine::{Action, Enquiry, HostMachine, Input, Poll};
 use isra_ball::{ENQ, Host, HostConfig, HostEvent, Keys, Packet as Message, Status};
 
-use super::world::{AGE, CLAIMED, Config, FAULTS, FOUND_OUT, LINE, ONE_OUTCOME, PAIRED, STALE, TICK};
+use super::world::{AGE, CLAIMED, Config, FOUND_OUT, LINE, ONE_OUTCOME, PAIRED, STALE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
 
 /// Ticks after which every time of a poll or a connection has passed.
 const LONG: u8 = 6;
@@ -423,7 +423,7 @@ impl Peer for AnyBall {
 impl Wired for AnyBall {
     type Session = Host;
 
-    const FAULTS: Faults = FAULTS;
+    const FAULTS: Faults = Faults::BAD_LINE;
 
     fn session(&self) -> Host {
         Host::new(self.config.0).expect("a configuration that works")
@@ -434,17 +434,17 @@ impl Wired for AnyBall {
         self.keeps_rules
     }
 
-    fn speak(&self, known: &Known, word: Word, _: &mut Host, now: Duration) -> Speech {
+    fn speak(&self, known: &Known, word: Word, _: &mut Host, now: Duration) -> Vec<u8> {
         let fresh = match word {
             Word::Read => known.up.first().is_some_and(|packet| packet.fresh),
             Word::Packet { fresh } => fresh,
-            Word::Answer { .. } | Word::LosePoll | Word::Lose => return Speech::Elsewhere,
+            Word::Answer { .. } | Word::LosePoll | Word::Lose => return Vec::new(),
         };
         let [a, b, c, ..] = now.as_micros().to_le_bytes().map(u8::cast_signed);
         let status = if fresh { Status::Fresh } else { Status::Old };
         let packet =
             Message { sensor_type: 3, sensor: 4, status, force: [a, b, c], moment: [a; 3], keys: Keys::NONE };
-        Speech::Bytes(packet.to_bytes().expect("it is a packet").to_vec())
+        packet.to_bytes().expect("it is a packet").to_vec()
     }
 
     fn is_written(&self, _: &Enquiry, bytes: &[u8]) -> bool {

@@ -5,9 +5,9 @@ use core::time::Duration;
 use isra_ball::ball::machine::{Action, BallMachine, Input, Link, Reply};
 use isra_ball::{Ball, BallConfig, BallEvent, ENQ, Frame, Keys};
 
-use super::world::{ASKED, FAULTS, LINE, TICK};
+use super::world::{ASKED, LINE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Speech, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Terms, Wired};
 
 /// Ticks after which a host that keeps the rules polls again, if no reply has come.
 const WINDOW: u8 = LINE + 2;
@@ -147,19 +147,19 @@ impl Peer for AnyHost {
 impl Wired for AnyHost {
     type Session = Ball;
 
-    const FAULTS: Faults = FAULTS;
+    const FAULTS: Faults = Faults::BAD_LINE;
 
     fn session(&self) -> Ball {
         Ball::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Ball, now: Duration) -> Speech {
+    fn speak(&self, _: &Known, word: Word, session: &mut Ball, now: Duration) -> Vec<u8> {
         match word {
-            Word::Enquiry => Speech::Bytes(vec![ENQ]),
+            Word::Enquiry => vec![ENQ],
             Word::Measured => {
                 let [a, b, c, ..] = now.as_micros().to_le_bytes().map(u8::cast_signed);
                 session.measure([a, b, c], [c, b, a], Keys::NONE);
-                Speech::Call
+                Vec::new()
             }
         }
     }

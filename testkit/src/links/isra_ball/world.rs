@@ -5,13 +5,8 @@ use core::time::Duration;
 use isra_ball::HostConfig;
 use robot_session::end::Rules;
 
-use crate::faults::Faults;
-
 /// The time of a tick: at 13,000 baud poll and packet take two.
 pub const TICK: Duration = Duration::from_millis(5);
-/// A serial line without parity, much worse than real ones.
-pub(super) const FAULTS: Faults =
-    Faults { flip: 0.004, lose_byte: 0.002, insert: 0.002, lose: 0.02, split: 0.3, ..Faults::NONE };
 /// The ticks of a poll and its packet on the line.
 pub(super) const LINE: u8 = 2;
 

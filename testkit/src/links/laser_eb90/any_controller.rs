@@ -9,7 +9,7 @@ use laser_eb90::{Class, Frame as Message, Host, HostConfig, HostEvent, Payload, 
 use super::pair::{DONE, ONCE, ONE_OUTCOME, REFUSED};
 use super::world::{CUT, SWITCH};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Speech, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms, Wired};
 
 const TICK: Duration = Duration::from_millis(50);
 /// In ticks: a frame on the line, its pauses, the longest execution, how late an answer comes, and how late an error code.
@@ -380,22 +380,21 @@ fn answer(payload: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
 impl Wired for AnyController {
     type Session = Host;
 
-    const FAULTS: Faults =
-        Faults { flip: 0.004, lose_byte: 0.002, insert: 0.002, lose: 0.02, split: 0.3, ..Faults::NONE };
+    const FAULTS: Faults = Faults::BAD_LINE;
 
     fn session(&self) -> Host {
         Host::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, said: Word, session: &mut Host, _: Duration) -> Speech {
+    fn speak(&self, known: &Known, said: Word, session: &mut Host, _: Duration) -> Vec<u8> {
         let answered = match said {
             Word::Submit(class) => {
                 session.submit(word(class), |payload| payload.u8(&VALUES).map(drop)).expect("it has room");
-                return Speech::Call;
+                return Vec::new();
             }
             Word::Resume => {
                 session.resume();
-                return Speech::Call;
+                return Vec::new();
             }
             Word::Read { corrupt: false } => {
                 known.answers.first().map_or(Answer::Corrupt, |(answer, _)| *answer)
@@ -403,7 +402,7 @@ impl Wired for AnyController {
             Word::Read { corrupt: true } => Answer::Corrupt,
             Word::Say(answer) => answer,
             Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => {
-                return Speech::Elsewhere;
+                return Vec::new();
             }
         };
         let code = match answered {
@@ -415,7 +414,7 @@ impl Wired for AnyController {
         if answered == Answer::Corrupt {
             bytes[6] ^= 0x04;
         }
-        Speech::Bytes(bytes)
+        bytes
     }
 
     /// The host reads an answer that has begun before its frame was sent as none.

@@ -11,7 +11,7 @@ use robot_session::end::Machine as _;
 
 use super::world::{HOME, IN_FAULT, ONE_MOTION, PENDING, Pose, SERVO_OFF, TICK, bytes};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 
@@ -271,18 +271,18 @@ impl Wired for AnyCentral {
         device
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Device<Pose>, _: Duration) -> Speech {
+    fn speak(&self, _: &Known, word: Word, session: &mut Device<Pose>, _: Duration) -> Vec<u8> {
         match word {
-            Word::Command(command) => return Speech::Bytes(bytes(&command)),
-            Word::Corrupt => return Speech::Bytes(b"XYZ\r\n".into()),
-            Word::Overrun => return Speech::Bytes(vec![b'X'; 2 * Device::<Pose>::BACKLOG]),
+            Word::Command(command) => return bytes(&command),
+            Word::Corrupt => return b"XYZ\r\n".into(),
+            Word::Overrun => return vec![b'X'; 2 * Device::<Pose>::BACKLOG],
             Word::Accept(order) => _ = session.accept(order),
             Word::Refuse(order) => _ = session.refuse(order, ErrorCode::Other(77)),
             Word::Arrived => session.arrived(),
             Word::Failed => session.fail(ErrorCode::Servo1),
             Word::Pose(pose) => session.set_pose(pose.unwrap_or(Pose::from_units([i32::MAX, 0]))),
         }
-        Speech::Call
+        Vec::new()
     }
 
     fn is_written(&self, what: &Reply<Pose>, sent: &[u8]) -> bool {
@@ -300,7 +300,7 @@ impl Wired for AnyCentral {
     fn reported(&self, event: &Event<Pose>) -> Option<String> {
         Some(match event {
             Event::Closed { reason } => format!("Closed {reason:?}"),
-            // Which bytes were not understood is for the decoder's tests.
+            // The decoder's tests compare the bytes that were not understood.
             Event::Rejected { reason: Rejection::Malformed(_) } => "Malformed".into(),
             event => format!("{event:?}"),
         })

@@ -13,7 +13,7 @@ use super::world::{
     TICK, bytes,
 };
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 const MOVE: Command<Pose> = Command::Move { mode: Mode::Absolute, pose: THERE };
@@ -57,7 +57,7 @@ pub struct Known {
     axes: Axes,
     /// It has begun to move in this tick: it may still say that it is at rest.
     young: bool,
-    /// What comes is no answer.
+    /// The line that comes is no answer.
     stray: bool,
     /// The device has accepted a motion on this connection, and nothing else that ends it, as the caller knows it.
     has_target: bool,
@@ -256,7 +256,7 @@ impl Peer for AnyDevice {
             Word::Abort => Some(Input::Abort),
             Word::Reply(reply) => {
                 known.asked = None;
-                // What has said that it moves does not say that it has not begun.
+                // A device that has reported a motion does not report afterwards that it has not begun.
                 known.young &= !matches!(reply, Reply::Status(status) if status.moving);
                 known.stray = matches!(end.link, CentralLink::Idle | CentralLink::Sending { .. });
                 let fits = matches!(end.link, CentralLink::Awaiting { .. });
@@ -360,15 +360,15 @@ impl Wired for AnyDevice {
         Central::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Central<Pose>, now: Duration) -> Speech {
+    fn speak(&self, _: &Known, word: Word, session: &mut Central<Pose>, now: Duration) -> Vec<u8> {
         match word {
             Word::Request(command) => _ = session.request(command),
             Word::Abort => session.abort(now),
-            Word::Reply(reply) => return Speech::Bytes(bytes(&reply)),
-            Word::Corrupt => return Speech::Bytes(b"Ok\r\n".into()),
-            Word::Obey | Word::Rest(_) | Word::Off => return Speech::Elsewhere,
+            Word::Reply(reply) => return bytes(&reply),
+            Word::Corrupt => return b"Ok\r\n".into(),
+            Word::Obey | Word::Rest(_) | Word::Off => return Vec::new(),
         }
-        Speech::Call
+        Vec::new()
     }
 
     fn is_written(&self, what: &Command<Pose>, sent: &[u8]) -> bool {
@@ -389,7 +389,7 @@ impl Wired for AnyDevice {
     fn reported(&self, event: &Event<Pose>) -> Option<String> {
         match event {
             Event::Connected => None,
-            // Which bytes were not understood is for the decoder's tests.
+            // The decoder's tests compare the bytes that were not understood.
             Event::Closed { reason: Closing::Malformed(_), unfinished } => {
                 Some(format!("Malformed {unfinished:?}"))
             }

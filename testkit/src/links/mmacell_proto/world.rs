@@ -1,4 +1,4 @@
-//! What the models of both ends have in common, and what must hold.
+//! The constants of the models of both ends, and their properties.
 
 use core::time::Duration;
 

@@ -9,7 +9,7 @@ use val2_viewer::{ENQ, PosePacket, Workstation, WorkstationConfig, WorkstationEv
 use super::hold::{HELD, Hold, RESUMED};
 use super::world::{ASKS, CLAIMED, CREDIT, FAULTS, ONE_OUTCOME, STALE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
 
 /// Ticks. A pause is shorter than the time of an answer, so that a request ends by either.
 pub(super) const PAUSE: u8 = 3;
@@ -326,8 +326,8 @@ impl Wired for AnyHost {
         Workstation::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Workstation, now: Duration) -> Speech {
-        Speech::Bytes(match word {
+    fn speak(&self, _: &Known, word: Word, session: &mut Workstation, now: Duration) -> Vec<u8> {
+        match word {
             Word::Pose { .. } => {
                 let pose = [now.as_millis() as i16; 12];
                 let mut line = vec![0; PosePacket::MAX_LEN];
@@ -339,12 +339,12 @@ impl Wired for AnyHost {
             Word::Corrupt { line: false } => b"x$".into(),
             Word::Xoff => vec![XOFF],
             Word::Xon => vec![XON],
-            Word::Lose => return Speech::Elsewhere,
+            Word::Lose => Vec::new(),
             Word::Draw => {
                 session.draw(now);
-                return Speech::Call;
+                Vec::new()
             }
-        })
+        }
     }
 
     fn is_written(&self, _: &Enquiry, bytes: &[u8]) -> bool {

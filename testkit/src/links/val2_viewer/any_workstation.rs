@@ -8,7 +8,7 @@ use val2_viewer::{ENQ, Host, HostConfig, HostEvent, PosePacket, XOFF, XON};
 use super::hold::{HELD, Hold, RESUMED};
 use super::world::{ASKED, FAULTS, FRESH, PACED, PILED, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Speech, Terms, TransmitOf, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, TransmitOf, WRITTEN, Wired};
 
 /// Ticks.
 pub(super) const INTERVAL: u8 = 2;
@@ -194,16 +194,16 @@ impl Wired for AnyWorkstation {
         Host::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Host, now: Duration) -> Speech {
-        Speech::Bytes(vec![match word {
+    fn speak(&self, _: &Known, word: Word, session: &mut Host, now: Duration) -> Vec<u8> {
+        vec![match word {
             Word::Enquiry => ENQ,
             Word::Xoff => XOFF,
             Word::Xon => XON,
             Word::Pose => {
                 session.set_pose(now, [now.as_millis() as i16; 12]);
-                return Speech::Call;
+                return Vec::new();
             }
-        }])
+        }]
     }
 
     fn is_written(&self, _: &TransmitOf<Self>, bytes: &[u8]) -> bool {

@@ -53,7 +53,7 @@ trait Handled: Sized {
     /// Has jobs done, and says what became of each.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported>;
 
-    /// What some bytes begin with.
+    /// The message that some bytes begin with, if any.
     fn check(_from: End, _bytes: &[u8]) -> Check {
         Check::Nothing
     }

@@ -10,9 +10,8 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, ReadHalf, W
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::sleep;
 
-use super::super::wire::{Check, Unseen, Wire as Line};
 use crate::link::{Delivery, End, Faults};
-use crate::soak::{Log, Mark, Tally};
+use crate::soak::{Check, Log, Mark, Tally, Unseen, Wire as Line};
 
 /// What a pipe holds, in each direction.
 const PIPE: usize = 1 << 16;

@@ -64,39 +64,34 @@ pub fn on_interrupt(policy: Policy) -> Result<()> {
 }
 
 impl Policy {
-    /// What is called with the count of each signal, for a program that has a handler of its own.
+    /// The function that is called with the count of each signal, for a program that has a handler of its own.
     pub fn handler(self) -> Box<dyn FnMut(u32) + Send> {
-        const SECOND: &str = "a second signal ended the program";
-        match self {
-            Self::End => Box::new(|_| {
-                let is_silent = lock(&ACCOUNT).is_empty();
-                if is_silent {
-                    exit();
-                }
-                end_at_once("interrupted");
-            }),
-            Self::EndAfterReply => Box::new(|count| {
-                if count > 1 {
-                    end_at_once(SECOND);
-                }
-                thread::spawn(end_after_reply);
-            }),
-            Self::Note => Box::new(|count| {
-                if count > 1 {
-                    end_at_once(SECOND);
-                }
-            }),
-            Self::NoteWithin(limit, remark) => Box::new(move |count| {
-                if count > 1 {
-                    end_at_once(SECOND);
-                }
+        let mut first: Box<dyn FnMut() + Send> = match self {
+            Self::End => {
+                return Box::new(|_| {
+                    let is_silent = lock(&ACCOUNT).is_empty();
+                    if is_silent {
+                        exit();
+                    }
+                    end_at_once("interrupted");
+                });
+            }
+            Self::Call(handler) => return handler,
+            Self::EndAfterReply => Box::new(|| drop(thread::spawn(end_after_reply))),
+            Self::Note => Box::new(|| {}),
+            Self::NoteWithin(limit, remark) => Box::new(move || {
                 thread::spawn(move || {
                     thread::sleep(limit);
                     end_at_once(remark);
                 });
             }),
-            Self::Call(handler) => handler,
-        }
+        };
+        Box::new(move |count| {
+            if count > 1 {
+                end_at_once("a second signal ended the program");
+            }
+            first();
+        })
     }
 }
 

@@ -1,10 +1,9 @@
 //! `cellwire ls background`.
 
-use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use fanuc_hmi_modbus::Assignment;
 
 use super::{rules, write};
@@ -51,13 +50,7 @@ pub(super) fn background(args: &Args) -> Result<()> {
         ..BackgroundTask::default()
     };
     let rules = rules(args.name_limit);
-    let program = task.program(&rules)?;
-    let path = PathBuf::from(format!("{}.LS", program.name));
-    let text = program.to_text(&rules)?;
-    if args.out.is_none() && fs::read(&path).is_ok_and(|earlier| earlier != text.as_bytes()) {
-        bail!("{} exists and is another program; --out FILE replaces a file", path.display());
-    }
-    let path = write(&program, &rules, args.out.as_deref())?;
+    let path = write(&task.program(&rules)?, &rules, args.out.as_deref(), false)?;
     let Args { first, scratch, period, .. } = args;
     remark(&format!(
         "{path}: R[{first}] to R[{}] every {period} ms; R[{scratch}] to R[{}] are scratch",

@@ -129,7 +129,7 @@ pub(super) fn make(args: &Args) -> Result<()> {
         rules.comment = CommentRule::Truncate;
     }
     let (program, report) = resampling.program(&name, &args.comment, &trajectory, &arm, &rules)?;
-    let path = write(&program, &rules, args.out.as_deref())?;
+    let path = write(&program, &rules, args.out.as_deref(), true)?;
     remark(made(&trajectory, &report, &path).trim_end());
     Ok(())
 }

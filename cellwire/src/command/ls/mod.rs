@@ -8,6 +8,7 @@ mod fmt;
 mod make;
 mod run;
 
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -171,14 +172,18 @@ fn rules(name_limit: usize) -> Rules {
     rules
 }
 
-/// Writes a program to a file, or to NAME.LS where none is given; returns its name.
-fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String> {
+/// Writes a program to a file, or to NAME.LS where none is given; returns its name. Unless `replaces`, NAME.LS takes no other program's place.
+fn write(program: &Program, rules: &Rules, out: Option<&Path>, replaces: bool) -> Result<String> {
     let text = program.to_text(rules)?;
     if out == Some(Path::new("-")) {
         std::io::stdout().write_all(text.as_bytes())?;
         return Ok("standard output".into());
     }
     let path = out.map_or_else(|| PathBuf::from(format!("{}.LS", program.name)), Path::to_path_buf);
+    let keeps = out.is_none() && !replaces;
+    if keeps && fs::read(&path).is_ok_and(|earlier| earlier != text.as_bytes()) {
+        bail!("{} exists and is another program; --out FILE replaces a file", path.display());
+    }
     files::write(&path, text.as_bytes())?;
     if !same_name(&path, &program.name) {
         remark(&format!(

@@ -115,14 +115,10 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (robot, packets) = thread::scope(|scope| {
         let robot = scope.spawn(|| {
             let trace = options.trace.start("kawasaki-robot");
-            let run = robot::run(
-                &setup,
-                &mut robot_meeting,
-                &trace,
-                &switch,
-                |stroke| sender.send(stroke).unwrap_or_default(),
-                |_| Ok(()),
-            );
+            let run = robot::simulator(&setup).and_then(|robot| {
+                let drawn = |stroke| sender.send(stroke).unwrap_or_default();
+                robot::run(robot, &mut robot_meeting, &trace, &switch, drawn, |_| Ok(()))
+            });
             robot_is_off.store(true, Ordering::Relaxed);
             run
         });

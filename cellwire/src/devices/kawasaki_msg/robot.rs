@@ -23,7 +23,7 @@ use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 pub struct Setup {
     /// The session's configuration.
     pub config: RobotConfig<'static>,
-    /// What a job is.
+    /// The fields of a job.
     pub layout: Layout,
     /// How many jobs its queue holds.
     pub queue: usize,
@@ -42,7 +42,7 @@ pub struct Run {
     pub exchange: Samples,
     /// Reading a packet, checking it and queueing its jobs.
     pub unpack: Samples,
-    /// What the session has counted.
+    /// The counters of the session.
     pub statistics: RobotStatistics,
     /// How often a connection was opened.
     pub connections: u64,
@@ -51,7 +51,7 @@ pub struct Run {
 /// A job that was executed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stroke {
-    /// Which order it was of, counted from 1.
+    /// The number of its order, from 1.
     pub order: u32,
     /// The job.
     pub job: Job<AnyWork>,
@@ -66,21 +66,6 @@ pub enum Notification<'a> {
     Connection(Connection<'a>),
 }
 
-/// Runs until it is switched off: meets the PC, again whenever the connection is lost. Each job that is executed is given to `stroke`.
-///
-/// # Errors
-/// What `notify` returns; settings that cannot work.
-pub fn run(
-    setup: &Setup,
-    meeting: &mut Meeting,
-    trace: &Trace,
-    is_off: &AtomicBool,
-    stroke: impl FnMut(Stroke),
-    notify: impl FnMut(Notification<'_>) -> Result<()>,
-) -> Result<Run> {
-    execute(simulator(setup)?, meeting, trace, is_off, stroke, notify)
-}
-
 /// The robot.
 ///
 /// # Errors
@@ -93,11 +78,11 @@ pub fn simulator(setup: &Setup) -> Result<Simulator<Kawasaki<AnyWork>>> {
     Ok(KawasakiRobot { config, ranges: layout, queue, job_time, time_of }.simulator()?)
 }
 
-/// As [`run`], with a robot that was made before.
+/// Runs the robot until it is switched off: meets the PC, again whenever the connection is lost. Each job that is executed is given to `stroke`.
 ///
 /// # Errors
-/// As [`run`].
-pub fn execute(
+/// The errors of `notify`.
+pub fn run(
     robot: Simulator<Kawasaki<AnyWork>>,
     meeting: &mut Meeting,
     trace: &Trace,

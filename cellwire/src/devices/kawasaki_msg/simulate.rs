@@ -148,7 +148,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         }
         let _ = sender.send(stroke);
     };
-    robot::execute(simulator, &mut meeting, &trace, &AtomicBool::new(false), executed, |notification| {
+    robot::run(simulator, &mut meeting, &trace, &AtomicBool::new(false), executed, |notification| {
         match notification {
             robot::Notification::Event(event) => {
                 let executed = strokes.try_iter();

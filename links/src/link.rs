@@ -17,7 +17,7 @@ pub struct Link {
     pub name: &'static str,
     /// The name in commands.
     pub short: &'static str,
-    /// What it is, in one line.
+    /// The link in one line.
     pub about: &'static str,
     /// The names of the sides that send messages; the first is the default.
     pub sides: &'static [&'static str],

@@ -60,7 +60,7 @@ pub enum Notification {
     Reply {
         /// What the ball asked for.
         demand: [i16; AXES],
-        /// What the limits made of it.
+        /// The demand within the limits, as it is sent.
         values: [i16; AXES],
         /// From the last byte read to the reply written.
         thinking: Duration,

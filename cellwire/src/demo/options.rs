@@ -24,7 +24,7 @@ pub struct DemoOptions {
     pub must_fail: Option<MustFail>,
     /// The SVG file to draw; `None`: a built-in picture.
     pub drawing: Option<PathBuf>,
-    /// What to do with the bytes of a session that ended, for links that keep them.
+    /// The options of traces: where the bytes of a session that ended are kept, for links that keep them.
     pub trace: TraceArgs,
     /// Settings other than the demo's defaults.
     pub settings: Map<String, Value>,

@@ -24,9 +24,9 @@ pub struct Device {
     pub name: &'static str,
     /// Its link, where that has no other device: another name, and so is that of the link's crate.
     pub link: Option<&'static str>,
-    /// What it is, in one line.
+    /// The device in one line.
     pub about: &'static str,
-    /// What can be set of it, and the defaults.
+    /// Its settings, with their defaults.
     pub settings: fn() -> Vec<Setting>,
     /// Runs it until the process is interrupted; fails when its endpoint cannot be opened.
     pub simulate: fn(&SimulateOptions) -> Result<()>,
@@ -54,7 +54,7 @@ pub struct SimulateOptions {
     pub dialing: Dialing,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
-    /// What to do with the bytes of a session that ended.
+    /// The options of traces: where the bytes of a session that ended are kept.
     pub trace: TraceArgs,
     /// Settings other than the device's defaults.
     pub settings: Map<String, Value>,

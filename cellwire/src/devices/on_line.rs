@@ -50,7 +50,7 @@ pub enum Presence {
 /// Runs a device on a line while `goes_on`, or until the line is gone for good.
 ///
 /// # Errors
-/// What `observe` returns.
+/// The errors of `observe`.
 pub fn on_line<S: Hosted>(
     session: &mut S,
     line: impl OverLine,

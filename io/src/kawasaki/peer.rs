@@ -43,7 +43,7 @@ pub struct Peer<'a> {
     trace: &'a Trace,
     carrier: Option<Traced<'a, Carrier>>,
     discard_after: Option<Duration>,
-    /// What this end has sent, over all connections.
+    /// The bytes that this end has sent, over all connections.
     pub packets: Packets,
     /// The other end has sent something since this was looked at.
     received: bool,

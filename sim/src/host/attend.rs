@@ -48,7 +48,7 @@ pub enum Change {
 /// connection.
 ///
 /// # Errors
-/// The endpoint's, and what `observe` returns.
+/// The errors of the endpoint and of `observe`.
 pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
     session: &mut S,
     mut endpoint: T,

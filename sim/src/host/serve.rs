@@ -44,7 +44,7 @@ impl<C: Fn() -> Duration> Server<C> {
     /// Serves while `goes_on`. A client that does not read its replies stops the reading of its requests, and does not stop another client.
     ///
     /// # Errors
-    /// When the system cannot wait for events; what `observe` returns.
+    /// The system cannot wait for events; the errors of `observe`.
     pub fn run<S: Hosted, E: From<io::Error>>(
         self,
         session: S,

@@ -14,9 +14,9 @@ use crate::io::samples::Samples;
 pub struct Judged {
     /// Attempts.
     pub attempts: u64,
-    /// Those that a fault broke off.
+    /// The attempts that a fault broke off.
     pub broken_off: u64,
-    /// Those after which the part may be in its place or not.
+    /// The attempts after which the part may be in its place or not.
     pub open: u64,
     /// The attempts whose steps were out of order.
     pub failures: Vec<String>,

@@ -1,4 +1,4 @@
-//! What was asked for, and what the limits made of it.
+//! The demands of a hand on the ball, beside the values that the limits let through.
 
 use std::time::Duration;
 
@@ -17,9 +17,9 @@ pub struct Cycle {
     pub stood: u64,
     /// The robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
     pub interrupted: bool,
-    /// What the ball asked for, in units a cycle.
+    /// The demand of the ball, in units a cycle.
     pub demand: [i16; AXES],
-    /// What the limits made of it.
+    /// The demand within the limits, as it was sent.
     pub values: [i16; AXES],
 }
 

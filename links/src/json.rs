@@ -40,6 +40,10 @@ pub fn write(value: &impl Serialize, out: &mut Vec<u8>) -> serde_json::Result<()
 fn escape(begin: usize, out: &mut Vec<u8>) {
     let line = out.split_off(begin);
     for c in String::from_utf8_lossy(&line).chars() {
-        let _ = if c.is_control() { write!(out, "\\u{:04x}", u32::from(c)) } else { write!(out, "{c}") }; // into a Vec
+        if c.is_control() {
+            let _ = write!(out, "\\u{:04x}", u32::from(c)); // into a Vec
+        } else {
+            out.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes());
+        }
     }
 }

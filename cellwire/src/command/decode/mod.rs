@@ -110,6 +110,12 @@ impl Write for Printed {
         self.note(written)
     }
 
+    /// A line is many small pieces: the buffer's own is one copy for each.
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let written = self.out.write_all(bytes);
+        self.note(written)
+    }
+
     fn flush(&mut self) -> io::Result<()> {
         let flushed = self.out.flush();
         self.note(flushed)

@@ -42,19 +42,29 @@ pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
 /// The device of this name.
 ///
 /// # Errors
-/// When there is none.
+/// When there is none, or the link of this name has two.
 pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
     DEVICES.iter().find(|device| device.is_called(name)).with_context(|| {
         let names: Vec<&str> = DEVICES.iter().map(|device| device.name).collect();
+        if let Some(link) = links_of_two().find(|link| [link.short, link.name].contains(&name)) {
+            let both: Vec<&str> = names.into_iter().filter(|name| name.starts_with(link.short)).collect();
+            return format!("{} has two ends: say {}", link.short, both.join(" or "));
+        }
         let meant = did_you_mean(name, &names);
         format!("there is no device {name}; the devices are {}{meant}", names.join(", "))
     })
 }
 
+/// The links whose name is that of no device, since they have two.
+fn links_of_two() -> impl Iterator<Item = &'static Link> {
+    LINKS.iter().filter(|link| !DEVICES.iter().any(|device| device.is_called(link.short)))
+}
+
 /// The parser of DEVICE on the command line.
 pub fn device_parser() -> impl TypedValueParser<Value = &'static Device> {
-    let names = DEVICES
-        .each_ref()
+    let devices = DEVICES
+        .iter()
         .map(|device| PossibleValue::new(device.name).aliases(device.aliases()).help(device.about));
-    PossibleValuesParser::new(names).try_map(|name| device_by_name(&name))
+    let refused = links_of_two().map(|link| PossibleValue::new(link.short).alias(link.name).hide(true));
+    PossibleValuesParser::new(devices.chain(refused)).try_map(|name| device_by_name(&name))
 }

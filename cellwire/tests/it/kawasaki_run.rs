@@ -368,7 +368,13 @@ fn a_drawing_is_drawn_in_any_plant_whose_jobs_are_lines() {
         let file = path("square.svg");
         let draw = ["run", "kawasaki", &file, "--picture", &plan, "--again"];
         let dry = Tool::start(&[&draw[..], &["--dry-run"], &common].concat());
-        assert_eq!(dry.line()["jobs"], 6);
+        let plan_of = dry.line();
+        let (least, most) = (&plan_of["mm"]["least"], &plan_of["mm"]["most"]);
+        assert_eq!(
+            (&plan_of["jobs"], &plan_of["board"]),
+            (&serde_json::json!(6), &serde_json::json!([420.0, 297.0]))
+        );
+        assert_eq!((least, most), (&serde_json::json!([91.2, 29.7]), &serde_json::json!([328.8, 267.3])));
         assert_eq!(dry.end().0, Some(0));
         let run = Tool::start(&[&draw[..], &common, &["--listen", "127.0.0.1:0"]].concat());
         let address = run.line()["listen"].as_str().unwrap().to_owned();

@@ -190,6 +190,8 @@ fn a_device_refuses_what_is_out_of_range_before_it_starts() {
         assert_eq!(code, Some(2), "{said}");
         said
     };
+    let both = simulate("kawasaki", "queue=1");
+    assert!(both.contains("kawasaki has two ends: say kawasaki-robot or kawasaki-pc"), "{both}");
     let error = simulate("laser", "queue=0");
     assert!(error.contains("queue=0: out of range, give 1 to 9999 instructions"), "{error}");
     let error = simulate("puma", "attempts=300");

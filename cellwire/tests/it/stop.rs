@@ -203,7 +203,9 @@ fn a_second_signal_ends_at_once_and_says_what_that_leaves() {
         // The robot takes nothing, and answers nothing that the host reads.
         let cell = laser_run::Cell::new(&["tail=etx", "silence=never"]);
         let program = cell.program(30);
-        let run = Run::start(&cell.arguments(&program, &["--set", "answer_timeout=10min"]), input);
+        let table = cell.path("part.outcomes.csv");
+        let more = ["--set", "answer_timeout=10min", "--outcomes", table.to_str().unwrap()];
+        let run = Run::start(&cell.arguments(&program, &more), input);
         let journal = || fs::read_to_string(cell.path("part.csv.journal")).unwrap_or_default();
         while !journal().contains("unknown") {
             thread::sleep(Duration::from_millis(10));
@@ -215,6 +217,7 @@ fn a_second_signal_ends_at_once_and_says_what_that_leaves() {
         let said = ended_at_once(run);
         let rest = "0 of 30 done, 7 unknown; the controller may still execute up to 7 queued instructions; the same command continues from ";
         assert!(said.contains(&format!("a second signal ended the program: {rest}")), "{input:?}: {said}");
+        assert!(said.contains("; with --dry-run it writes the outcomes"), "{said}");
     }
     let mut cell = kawasaki_run::Cell::new(kawasaki_run::TCP, 300);
     let mut run = Run::start(&cell.arguments(&[]), Input::Null);

@@ -108,7 +108,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         if input::extension(file) == "csv" {
             writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
         }
-        log(&jobs.summary(config.limits.packet))?;
+        log(&jobs.summary(config.limits.packet, settings.sheet()))?;
         args.work.tell(&work, earlier.as_ref())?;
         return Ok(true);
     }
@@ -146,7 +146,7 @@ fn serve(
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");
-    let (notify, progress) = (&mut |event| log(&event), &mut work::shown(progress, journal, machine));
+    let (notify, progress) = (&mut |event| log(&event), &mut args.work.shown(progress, journal, machine));
     let console = Console::new(typed, notify, progress);
     let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
     let answer = args.work.unknown;

@@ -140,7 +140,7 @@ fn execute(
     say_resumed(journal)?;
     let before = journal.count(Outcome::Done);
     let (notify, progress) =
-        (&mut |event| log(&event), &mut work::shown(progress, journal, |tally| machine(before, tally)));
+        (&mut |event| log(&event), &mut args.work.shown(progress, journal, |tally| machine(before, tally)));
     let console = Console::new(typed, notify, progress);
     // A question is asked when its answer can be used.
     let place = args.serial.as_deref().unwrap_or_default();

@@ -151,7 +151,7 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     let typed = work::operator(bell.clone())?;
     say_resumed(journal)?;
     let (notify, progress) =
-        (&mut |event| log(&event), &mut work::shown(progress, journal, |_| MAY_MOVE.into()));
+        (&mut |event| log(&event), &mut args.work.shown(progress, journal, |_| MAY_MOVE.into()));
     let console = Console::new(typed, notify, progress);
     let mut runner = Runner::new(journal, console, bell.clone());
     if !runner.settle_begun(args.work.unknown)? {

@@ -158,6 +158,27 @@ impl WorkArgs {
         }
     }
 
+    /// Shows how much of the work is done, and sets the line for a program that has to end at once. `machine` is what the machine still
+    /// does.
+    pub(super) fn shown<R: Record, M: Fn(&Tally) -> String>(
+        &self,
+        progress: &ProgressBar,
+        journal: &Journal<R>,
+        machine: M,
+    ) -> impl FnMut(Tally) + use<R, M> {
+        let (progress, path) = (progress.clone(), journal.path().display().to_string());
+        let is_asked = self.outcomes.is_some();
+        let table =
+            if is_asked { "; with --dry-run it writes the outcomes, which the journal has" } else { "" };
+        let show = move |tally: Tally| {
+            progress.set_position(tally.done as u64);
+            let machine = machine(&tally);
+            interrupt::account(format!("{tally}; {machine}; the same command continues from {path}{table}"));
+        };
+        show(journal.tally());
+        show
+    }
+
     fn go_on<R: Record, T>(
         &self,
         what: &str,
@@ -231,22 +252,6 @@ pub(super) fn ended<R: Record>(journal: &Journal<R>, why: &str, machine: &str) -
 pub(super) fn operator(bell: Bell) -> Result<Receiver<Option<Typed>>> {
     // A run that waits for its machine ends by itself before that.
     input::operator(bell, STOP_WITHIN + 2 * END_WITHIN)
-}
-
-/// Shows how much of the work is done, and sets the line for a program that has to end at once. `machine` is what the machine still
-/// does.
-pub(super) fn shown<R: Record, M: Fn(&Tally) -> String>(
-    progress: &ProgressBar,
-    journal: &Journal<R>,
-    machine: M,
-) -> impl FnMut(Tally) + use<R, M> {
-    let (progress, path) = (progress.clone(), journal.path().display().to_string());
-    let show = move |tally: Tally| {
-        progress.set_position(tally.done as u64);
-        interrupt::account(format!("{tally}; {}; the same command continues from {path}", machine(&tally)));
-    };
-    show(journal.tally());
-    show
 }
 
 /// Says that the work was begun before.

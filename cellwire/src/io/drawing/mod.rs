@@ -179,7 +179,8 @@ pub(super) fn strokes(lines: &[Line], draws: bool, color: &str, width: f64) -> s
         .set("d", data)
 }
 
-pub(super) fn mm(hundredths: i32) -> f64 {
+/// Hundredths of a millimetre in millimetres.
+pub fn mm(hundredths: i32) -> f64 {
     f64::from(hundredths) / 100.0
 }
 

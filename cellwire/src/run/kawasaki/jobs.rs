@@ -105,13 +105,29 @@ impl Jobs {
         format!("{:016x}", self.hash)
     }
 
-    /// What is known of them before anything is sent; `packet` is the most bytes of one.
-    pub fn summary(&self, packet: usize) -> Value {
+    /// What is known of them before anything is sent; `packet` is the most bytes of one. A picture fills as much of the board as it can.
+    pub fn summary(&self, packet: usize, board: drawing::Point) -> Value {
         let packets = self.bytes.div_ceil(packet);
         let seconds = timing::EXCHANGE.as_secs_f64() * f64::from(u32::try_from(packets).unwrap_or(u32::MAX));
-        json!({
+        let mut summary = json!({
             "jobs": self.work.len(), "bytes": self.bytes, "packets": packets,
             "seconds_on_the_line": (seconds * 10.0).round() / 10.0,
+        });
+        if let (Some((least, most)), Some(summary)) = (self.bounds(), summary.as_object_mut()) {
+            summary.insert("mm".into(), json!({"least": least, "most": most}));
+            summary.insert("board".into(), json!([drawing::mm(board.x), drawing::mm(board.y)]));
+        }
+        summary
+    }
+
+    /// The least and the greatest coordinates that are drawn, in millimetres: `None` if the jobs are no lines, or none is drawn.
+    fn bounds(&self) -> Option<([f64; 2], [f64; 2])> {
+        let lines = Lines::of(&self.layout).ok()?;
+        let drawn = self.work.iter().map(|work| lines.line(work)).filter(|line| line.draws);
+        let points = drawn.flat_map(|line| [line.from, line.to]);
+        points.map(|point| [point.x, point.y].map(drawing::mm)).fold(None, |bounds, [x, y]| {
+            let ([left, top], [right, bottom]) = bounds.unwrap_or(([x, y], [x, y]));
+            Some(([left.min(x), top.min(y)], [right.max(x), bottom.max(y)]))
         })
     }
 

@@ -152,8 +152,14 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
 
 impl EndRow {
     /// The end of this owner.
-    pub(crate) const fn of<O: Owner>(name: &'static str) -> Self {
-        Self { name, rules: rules::<O>, calls: calls::<O>, once: O::ONCE, make: make::<O> }
+    pub(crate) const fn of<O: Owner>() -> Self {
+        Self {
+            name: <O::End as Session>::END,
+            rules: rules::<O>,
+            calls: calls::<O>,
+            once: O::ONCE,
+            make: make::<O>,
+        }
     }
 }
 

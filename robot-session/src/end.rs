@@ -9,7 +9,7 @@ pub use crate::echo::Echo;
 pub use crate::event::{EventQueue, Events};
 pub use crate::machine::{Expiry, Input, Machine, is_due};
 pub use crate::rules::{Rule, Rules};
-use crate::{Decoder, Session, Unexpected};
+use crate::{Decoder, Session, Unexpected, trace};
 
 /// The parts of every end.
 #[derive(Debug, Clone)]
@@ -58,6 +58,10 @@ pub trait End: Sized {
     /// The data of a frame that the machine does not use.
     type Payload;
 
+    /// [`Session::LINK`].
+    const LINK: &'static str;
+    /// [`Session::END`].
+    const END: &'static str;
     /// [`Session::MAX_INPUT`]. Where the machine may stop to read, this many bytes fit the decoder beside the beginning of a frame.
     const MAX_INPUT: usize;
     /// [`Session::MAX_TRANSMIT`].
@@ -272,10 +276,13 @@ impl<E: End> Session for E {
     type Event = EventOf<E>;
     type Statistics = E::Statistics;
 
+    const LINK: &'static str = E::LINK;
+    const END: &'static str = E::END;
     const MAX_INPUT: usize = E::MAX_INPUT;
     const MAX_TRANSMIT: usize = E::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {
+        trace::connected();
         expire_first(self, now);
         self.reset_echo();
         let core = self.core_mut();
@@ -285,6 +292,7 @@ impl<E: End> Session for E {
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
+        trace::disconnected();
         expire_first(self, now);
         self.reset_echo();
         self.core_mut().decoder.clear();
@@ -293,6 +301,7 @@ impl<E: End> Session for E {
 
     #[inline]
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        trace::received(bytes);
         if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeInput | Expiry::BeforeBytes) {
             self.handle_timeout(now);
         }
@@ -337,7 +346,7 @@ impl<E: End> Session for E {
 
     #[inline]
     fn poll_event(&mut self) -> Option<Self::Event> {
-        self.next_event()
+        self.next_event().inspect(trace::event)
     }
 
     #[inline]
@@ -353,6 +362,7 @@ impl<E: End> Session for E {
             return None;
         }
         let (length, sent) = self.write(now, what, out)?;
+        trace::written(out.get(..length).unwrap_or_default());
         self.advance(now, sent, None);
         // At once: a caller that polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
         read_held(self, now);

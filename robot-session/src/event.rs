@@ -117,7 +117,7 @@ impl<E, const N: usize> Default for EventQueue<E, N> {
 /// An [`EventQueue`] of any length.
 pub trait Events: Default {
     /// What has happened.
-    type Event;
+    type Event: core::fmt::Debug;
 
     /// [`EventQueue::push_outcome`].
     ///
@@ -138,7 +138,7 @@ pub trait Events: Default {
     fn dropped_notices(&self) -> u64;
 }
 
-impl<E, const N: usize> Events for EventQueue<E, N> {
+impl<E: core::fmt::Debug, const N: usize> Events for EventQueue<E, N> {
     type Event = E;
 
     #[inline]

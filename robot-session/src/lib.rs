@@ -38,6 +38,7 @@ mod std_driver;
 mod step;
 #[cfg(feature = "tokio")]
 pub mod tokio;
+mod trace;
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
 mod turn;
 #[cfg(feature = "serde")]

@@ -24,10 +24,16 @@ use core::time::Duration;
 /// - **Statistics.** Counters, including one of inputs that the machine did not expect.
 pub trait Session {
     /// What the session reports: small and owned, so that a handler may call the session.
-    type Event;
+    type Event: core::fmt::Debug;
 
     /// Plain counters since the session was made.
     type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
+
+    /// The name of its link, for records of `tracing`.
+    const LINK: &'static str = "";
+
+    /// The name of its end of the link, for records of `tracing`.
+    const END: &'static str = "";
 
     /// The maximum of bytes for one [`handle_input`](Self::handle_input): the length of a driver's buffer.
     const MAX_INPUT: usize;

@@ -12,6 +12,7 @@ use crate::ended::{Ended, keep_first, report, report_all};
 use crate::left::Left;
 use crate::session::Session;
 use crate::step::Step;
+use crate::trace::Span;
 use crate::wait::{Wait, Waker};
 
 /// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
@@ -103,6 +104,14 @@ pub(crate) fn instant(at: Duration) -> Option<Instant> {
 /// # Errors
 /// The transport's.
 pub fn drive<S: Session, B>(
+    session: &mut S,
+    transport: impl Transport,
+    handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+) -> io::Result<Ended<B>> {
+    Span::of::<S>(None).within(|| run(session, transport, handler))
+}
+
+fn run<S: Session, B>(
     session: &mut S,
     transport: impl Transport,
     handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,

@@ -8,7 +8,7 @@ use toy_link::{Device, DeviceConfig, Host, HostConfig, device, host};
 use crate::end::{By, Call, EndRow, Once, Owner, Room, called};
 use crate::given::Given;
 
-pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Device>("device")];
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Device>()];
 
 impl Owner for Host {
     type End = Self;

@@ -268,6 +268,8 @@ impl<const N: usize> End for Client<N> {
     type Payload = Range<usize>;
 
     /// A reply for every place, whatever their framing.
+    const LINK: &'static str = "fanuc-hmi-modbus";
+    const END: &'static str = "client";
     const MAX_INPUT: usize = EVENTS * Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     /// Every place's outcome has room.

@@ -151,6 +151,8 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     type Payload = Range<usize>;
 
     /// What fits beside a run of corrupt bytes.
+    const LINK: &'static str = "fanuc-hmi-modbus";
+    const END: &'static str = "server";
     const MAX_INPUT: usize = Decoder::CAPACITY - WINDOW;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;

@@ -22,5 +22,6 @@ mod receiver;
 mod server;
 #[cfg(feature = "serde")]
 mod shapes;
+mod traced;
 #[cfg(feature = "tokio")]
 mod values;

@@ -103,6 +103,8 @@ impl End for Ball {
     type Payload = ();
 
     // What a serial port holds: requests that have piled up there have one answer.
+    const LINK: &'static str = "isra-ball";
+    const END: &'static str = "ball";
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Packet::LEN;
     const ROOM: Room = Room::NONE;

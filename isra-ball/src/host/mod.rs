@@ -130,6 +130,8 @@ impl End for Host {
     type Statistics = HostStatistics;
     type Payload = Packet;
 
+    const LINK: &'static str = "isra-ball";
+    const END: &'static str = "host";
     const MAX_INPUT: usize = 256;
     const MAX_TRANSMIT: usize = 1;
     /// Between a poll and the next: values that become stale, the poll's own, and its values that become stale.

@@ -324,6 +324,8 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     type Payload = Result<(Role, Params), MessageError>;
 
     /// A datagram that is longer than any message is seen to be.
+    const LINK: &'static str = "kawasaki-msg";
+    const END: &'static str = "pc";
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     const ROOM: Room = Room::NONE;

@@ -204,6 +204,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     type Payload = ();
 
     /// A datagram that is longer than any message is seen to be.
+    const LINK: &'static str = "kawasaki-msg";
+    const END: &'static str = "robot";
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = MESSAGE;
     const ROOM: Room = Room::NONE;

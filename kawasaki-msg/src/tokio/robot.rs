@@ -25,9 +25,9 @@ pub struct Robot<W: Job> {
 }
 
 /// What a job of a task has to be.
-pub trait Job: Work<Ranges: Send> + Send + 'static {}
+pub trait Job: Work<Ranges: Send> + core::fmt::Debug + Send + 'static {}
 
-impl<W: Work<Ranges: Send> + Send + 'static> Job for W {}
+impl<W: Work<Ranges: Send> + core::fmt::Debug + Send + 'static> Job for W {}
 
 /// A robot, the end of its motion task, and the task that the robot works through. It queues at most `capacity` jobs, whose fields are
 /// in `ranges`: what it can reach.

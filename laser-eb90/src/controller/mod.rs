@@ -216,6 +216,8 @@ where
     /// What is reported of a good frame.
     type Payload = ControllerEvent;
 
+    const LINK: &'static str = "laser-eb90";
+    const END: &'static str = "controller";
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     /// Its one outcome was taken when the instruction before was answered.

@@ -229,6 +229,8 @@ impl End for Host {
     type Statistics = HostStatistics;
     type Payload = ();
 
+    const LINK: &'static str = "laser-eb90";
+    const END: &'static str = "host";
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room { connect: 0, read: 0, transmit: EVENTS };

@@ -14,11 +14,8 @@ use crate::given::Given;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[
-    EndRow { make: by_places::<Client<2>, Client<8>>, ..EndRow::of::<Client<8>>("client") },
-    EndRow {
-        make: by_places::<Server<Tables, 2>, Server<Tables, 8>>,
-        ..EndRow::of::<Server<Tables, 8>>("server")
-    },
+    EndRow { make: by_places::<Client<2>, Client<8>>, ..EndRow::of::<Client<8>>() },
+    EndRow { make: by_places::<Server<Tables, 2>, Server<Tables, 8>>, ..EndRow::of::<Server<Tables, 8>>() },
 ];
 
 /// `places` of a configuration is how many places the end has.
@@ -28,8 +25,8 @@ fn by_places<Two: Owner, Eight: Owner>(
 ) -> Result<Box<dyn End>> {
     let mut config = config.clone();
     match config.remove("places").map_or(Some(8), |places| places.as_u64()) {
-        Some(2) => (EndRow::of::<Two>("").make)(&config, left_out),
-        Some(8) => (EndRow::of::<Eight>("").make)(&config, left_out),
+        Some(2) => (EndRow::of::<Two>().make)(&config, left_out),
+        Some(8) => (EndRow::of::<Eight>().make)(&config, left_out),
         _ => bail!("an end of the table has 2 or 8 places"),
     }
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};
 use crate::given::Given;
 
-pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Ball>("ball")];
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Ball>()];
 
 impl Owner for Host {
     type End = Self;

@@ -19,7 +19,7 @@ use crate::end::{Call, Called, EndRow, Owner, called, done};
 use crate::given::Given;
 use crate::json;
 
-pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Pc>("pc"), EndRow::of::<Robot>("robot")];
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Pc>(), EndRow::of::<Robot>()];
 
 /// Slots of the queue where nothing says how many.
 const SLOTS: usize = 256;

@@ -16,7 +16,7 @@ use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};
 use crate::given::Given;
 use crate::json;
 
-pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Robot>("controller")];
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Robot>()];
 
 /// The room of the queue where nothing says it.
 const QUEUE: usize = 8;

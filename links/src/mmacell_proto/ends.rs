@@ -12,7 +12,7 @@ use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};
 use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] =
-    &[EndRow::of::<Central<PlatformPose>>("central"), EndRow::of::<Device<PlatformPose>>("device")];
+    &[EndRow::of::<Central<PlatformPose>>(), EndRow::of::<Device<PlatformPose>>()];
 
 impl Owner for Central<PlatformPose> {
     type End = Self;

@@ -11,7 +11,7 @@ use val2_alter::{
 use crate::end::{Call, EndRow, Owner, called, done};
 use crate::given::Given;
 
-pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Controller>("controller"), EndRow::of::<Host>("host")];
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Controller>(), EndRow::of::<Host>()];
 
 impl Owner for Host {
     type End = Self;

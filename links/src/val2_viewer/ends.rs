@@ -10,7 +10,7 @@ use val2_viewer::{
 use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};
 use crate::given::Given;
 
-pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Workstation>("workstation"), EndRow::of::<Host>("host")];
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Workstation>(), EndRow::of::<Host>()];
 
 impl Owner for Host {
     type End = Self;

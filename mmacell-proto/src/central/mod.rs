@@ -119,6 +119,8 @@ impl<P: Pose> End for Central<P> {
     type Statistics = CentralStatistics;
     type Payload = ();
 
+    const LINK: &'static str = "mmacell-proto";
+    const END: &'static str = "central";
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Command::<P>::MAX_LEN;
     /// Two outcomes at most: the connection before, and this one.

@@ -146,6 +146,8 @@ impl<P: Pose> End for Device<P> {
     type Payload = ();
 
     /// What fits beside the beginning of a line.
+    const LINK: &'static str = "mmacell-proto";
+    const END: &'static str = "device";
     const MAX_INPUT: usize = BACKLOG - Line::MAX_LEN;
     const MAX_TRANSMIT: usize = Reply::<P>::MAX_LEN;
     /// An order and the end of the connection.

@@ -26,6 +26,7 @@ use super::service::Service;
 use super::timer::Timer;
 use crate::left::Left;
 use crate::machine::is_due;
+use crate::trace::Span;
 use crate::turn::{Outgoing, Passed, take};
 use crate::{Ended, Session as _, now};
 
@@ -56,6 +57,7 @@ pub(super) struct Connection<S: Service> {
     stall: Duration,
     /// A caller has left this to the task.
     handed_over: Option<HandedOver>,
+    span: Span,
 }
 
 /// What the task waits for.
@@ -118,7 +120,7 @@ struct Clock {
 }
 
 impl<S: Service> Connection<S> {
-    pub(super) fn new(served: Served<S>, port: Box<dyn Stream>, stall: Duration) -> Self {
+    pub(super) fn new(served: Served<S>, port: Box<dyn Stream>, stall: Duration, span: Span) -> Self {
         Self {
             served,
             port: Port(port),
@@ -132,6 +134,7 @@ impl<S: Service> Connection<S> {
             has_sent: false,
             stall,
             handed_over: None,
+            span,
         }
     }
 
@@ -307,8 +310,11 @@ impl<S: Service> Connection<S> {
         }
         let made = catch_unwind(AssertUnwindSafe(|| {
             let now = now();
-            self.served.service.call(&mut self.served.session, now, call);
-            self.send(now)
+            let span = self.span.clone();
+            span.within(|| {
+                self.served.service.call(&mut self.served.session, now, call);
+                self.send(now)
+            })
         }));
         self.handed_over = match made {
             Ok(Ok(Sent::All)) => None,

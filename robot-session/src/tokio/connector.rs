@@ -6,7 +6,7 @@ use core::pin::Pin;
 use core::task::{Context, Poll, ready};
 use core::time::Duration;
 use std::io;
-use std::string::String;
+use std::string::{String, ToString};
 
 use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket, lookup_host};
@@ -29,6 +29,11 @@ pub trait Connector: Send {
     /// Bytes that the peer has not acknowledged after this time are discarded, and the connection ends, of all connections from now
     /// on: [`Session::discards_after`](crate::Session::discards_after).
     fn discard_after(&mut self, _after: Duration) {}
+
+    /// The peer of the last attempt, for records of `tracing`: an address or the name of a port. `None`: unknown.
+    fn peer(&self) -> Option<String> {
+        None
+    }
 
     /// Waits until the connection in use is to give way to another one, which [`connect`](Self::connect) then gives. Never returns if it dials.
     fn replaced(&mut self) -> impl Future<Output = ()> + Send {
@@ -87,6 +92,10 @@ impl Connector for Tcp {
     fn discard_after(&mut self, after: Duration) {
         self.discard_after = Some(after);
     }
+
+    fn peer(&self) -> Option<String> {
+        Some(self.address.clone())
+    }
 }
 
 /// Accepts TCP peers, one at a time. A later one takes the place of an earlier one: a robot that was switched off and on is back before
@@ -95,6 +104,7 @@ impl Connector for Tcp {
 pub struct Listen {
     listener: TcpListener,
     next: Option<TcpStream>,
+    peer: Option<SocketAddr>,
     discard_after: Option<Duration>,
 }
 
@@ -104,7 +114,7 @@ impl Listen {
     /// # Errors
     /// The system's: the address is in use, or not this machine's.
     pub async fn bind(address: impl ToSocketAddrs) -> io::Result<Self> {
-        Ok(Self { listener: TcpListener::bind(address).await?, next: None, discard_after: None })
+        Ok(Self { listener: TcpListener::bind(address).await?, next: None, peer: None, discard_after: None })
     }
 
     /// Where it listens: of port 0 the one that the system has chosen.
@@ -126,12 +136,17 @@ impl Connector for Listen {
             Some(stream) => stream,
             None => self.listener.accept().await?.0,
         };
+        self.peer = stream.peer_addr().ok();
         prepare(&stream, self.discard_after)?;
         Ok(stream)
     }
 
     fn discard_after(&mut self, after: Duration) {
         self.discard_after = Some(after);
+    }
+
+    fn peer(&self) -> Option<String> {
+        self.peer.map(|peer| peer.to_string())
     }
 
     async fn replaced(&mut self) {
@@ -179,6 +194,10 @@ impl Connector for Udp {
         let peer = lookup_host(&self.peer).await?.find(of_its_kind).ok_or(io::ErrorKind::AddrNotAvailable)?;
         socket.connect(peer).await?;
         Ok(Datagrams(socket))
+    }
+
+    fn peer(&self) -> Option<String> {
+        Some(self.peer.clone())
     }
 }
 

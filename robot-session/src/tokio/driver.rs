@@ -15,6 +15,7 @@ use ::tokio::time::sleep;
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
+use crate::trace::Span;
 use crate::turn::{Outgoing, Passed, Turn};
 use crate::{Clock, Ended, Session, now};
 
@@ -111,6 +112,15 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// # Errors
     /// The transport's.
     pub async fn drive<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<Ended<B>> {
+        Span::of::<S>(None).instrument(self.run(session, handler)).await
+    }
+
+    /// [`drive`](Self::drive), in the span of the caller.
+    pub(super) async fn run<S: Session, B>(
         &mut self,
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,

@@ -1,6 +1,6 @@
 //! What the user of a session has, while its task has the session.
 
-use core::fmt;
+use core::fmt::{self, Debug};
 use core::future::Future;
 use core::pin::Pin;
 use core::task::{Context, Poll};
@@ -11,28 +11,35 @@ use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::shared::{Link, Shared};
 use super::{Service, Waker};
-use crate::now;
+use crate::{now, trace};
 
 /// The receiver of a call's outcome.
-#[derive(Debug)]
 pub struct Reply<T> {
     outcome: oneshot::Sender<T>,
     /// Counts the call as one in progress.
     _in_progress: Arc<()>,
+    trace: trace::Call,
 }
 
-impl<T> Reply<T> {
+impl<T: Debug> Reply<T> {
     /// Ends the call.
     ///
     /// # Errors
     /// It is no longer awaited: the outcome is given back.
     pub fn send(self, outcome: T) -> Result<(), T> {
+        self.trace.ended(&outcome);
         self.outcome.send(outcome)
     }
 
     /// It is no longer awaited.
     pub fn is_abandoned(&self) -> bool {
         self.outcome.is_closed()
+    }
+}
+
+impl<T> Debug for Reply<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Reply")
     }
 }
 
@@ -102,7 +109,10 @@ impl<S: Service> Handle<S> {
             return Err(Closed);
         }
         let (reply, outcome) = oneshot::channel();
-        let call = call(Reply { outcome: reply, _in_progress: self.shared.begin_call() });
+        let trace = trace::Call::of::<S::Session>();
+        let record = trace.clone();
+        let call = call(Reply { outcome: reply, _in_progress: self.shared.begin_call(), trace });
+        record.begun(&call);
         // While the task sleeps, the caller makes the call itself: waking the task for it costs as much as the call.
         let call = match self.shared.borrow(&self.calls) {
             Some(mut connection) => match connection.call(call) {

@@ -5,6 +5,7 @@ use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io;
+use std::string::ToString;
 
 use ::tokio::net::TcpListener;
 use ::tokio::select;
@@ -14,6 +15,7 @@ use ::tokio::time::sleep;
 use super::Driver;
 use super::connector::prepare;
 use crate::Session;
+use crate::trace::Span;
 
 /// Accepts TCP connections, `most` at a time, and runs a session of its own over each: `session` makes it, `event` is given what it
 /// reports. Beyond `most` the system lets peers wait. A dropped future ends all connections.
@@ -45,14 +47,16 @@ where
                     continue;
                 }
                 let (mut session, mut event) = (session(peer), event.clone());
-                connections.spawn(async move {
+                let span = Span::of::<S>(Some(&peer.to_string()));
+                let serve = async move {
                     let each = |session: &mut S, reported| {
                         event(peer, session, reported);
                         ControlFlow::<()>::Continue(())
                     };
                     // A connection that is lost ends as one that is closed.
-                    let _ = Driver::new(stream).drive(&mut session, each).await;
-                });
+                    let _ = Driver::new(stream).run(&mut session, each).await;
+                };
+                connections.spawn(span.instrument(serve));
             }
             Err(error) if is_of_the_listener(&error) => return Err(error),
             Err(_) => sleep(Duration::from_millis(100)).await,

@@ -1,5 +1,6 @@
 //! The part of a handle that a link adds to its session.
 
+use core::fmt::Debug;
 use core::future::{Future, ready};
 use core::time::Duration;
 use std::io;
@@ -17,7 +18,7 @@ pub trait Service: Send {
     /// The session that receives the calls.
     type Session: Session + Send;
     /// One call: its arguments, and the receiver of its outcome.
-    type Call: Send;
+    type Call: Debug + Send;
     /// The items of [`Handle::events`](super::Handle::events): all events except outcomes of awaited calls.
     type Event: Clone + Send;
 

@@ -20,6 +20,7 @@ use super::served::Served;
 use super::shared::{Link, LinkState, Shared, Unrun};
 use super::{Connector, Handle, Reports, Service, Waker};
 use crate::machine::is_due;
+use crate::trace::{self, Span};
 use crate::{STALL, Session, now};
 
 /// How many calls wait in the task for room in the session; further ones wait at the caller.
@@ -173,26 +174,36 @@ impl<S: Service, C: Connector> Task<S, C> {
             let error = match connected {
                 Ok(transport) => {
                     let begun = Instant::now();
-                    let mut connection = Box::new(Connection::new(served, Box::new(transport), stall));
-                    connection.begin();
+                    let span = Span::of::<S::Session>(connector.peer().as_deref());
+                    let transport = Box::new(transport);
+                    let mut connection = Box::new(Connection::new(served, transport, stall, span.clone()));
+                    span.within(|| connection.begin());
                     link.set(Link::Connected);
-                    let (connection, over) = serve(connection, &mut inbox, &mut connector).await;
+                    let (connection, over) =
+                        span.instrument(serve(connection, &mut inbox, &mut connector)).await;
                     let lasted = begun.elapsed();
                     let soon_unusable = matches!(over, Over::Unusable(_)) && lasted < give_up_after;
                     if connection.has_sent && !soon_unusable {
                         outage = Outage::new(give_up_after);
                     }
-                    served = connection.end();
+                    served = span.within(|| connection.end());
                     if lasted >= pause {
                         pause = first;
                     }
                     match over {
                         Over::Stopped => break,
                         Over::Replaced => continue,
-                        Over::Lost(error) | Over::Unusable(error) => error,
+                        Over::Lost(error) | Over::Unusable(error) => {
+                            span.within(|| trace::failed("the connection is lost", &error));
+                            error
+                        }
                     }
                 }
-                Err(error) => error,
+                Err(error) => {
+                    let span = Span::of::<S::Session>(connector.peer().as_deref());
+                    span.within(|| trace::failed("no connection", &error));
+                    error
+                }
             };
             let error = Arc::new(error);
             link.set(Link::Failed(Arc::clone(&error)));

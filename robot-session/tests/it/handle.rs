@@ -30,6 +30,7 @@ const FAST: Reconnect = Reconnect { first: Duration::from_millis(5), longest: Du
 #[derive(Default)]
 struct Asking(VecDeque<Reply<Result<String, String>>>);
 
+#[derive(Debug)]
 struct Ask(&'static str, Reply<Result<String, String>>);
 
 impl Service for Asking {

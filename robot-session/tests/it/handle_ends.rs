@@ -20,6 +20,7 @@ const LONG: Duration = Duration::from_secs(3600);
 #[derive(Default)]
 struct Asking(Option<Reply<Result<String, String>>>);
 
+#[derive(Debug)]
 struct Ask(&'static str, Reply<Result<String, String>>);
 
 impl Service for Asking {

@@ -187,6 +187,8 @@ impl robot_session::end::End for Controller {
     type Statistics = ControllerStatistics;
     type Payload = HostMessage;
 
+    const LINK: &'static str = "val2-alter";
+    const END: &'static str = "controller";
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;

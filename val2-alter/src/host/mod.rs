@@ -319,6 +319,8 @@ impl End for Host {
     /// The message, as it is reported.
     type Payload = HostEvent;
 
+    const LINK: &'static str = "val2-alter";
+    const END: &'static str = "host";
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize =
         timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });

@@ -115,6 +115,8 @@ impl End for Host {
     type Payload = ();
 
     // What a serial port holds: requests that have piled up there have one answer.
+    const LINK: &'static str = "val2-viewer";
+    const END: &'static str = "host";
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = 256;
     const ROOM: Room = Room::NONE;

@@ -127,6 +127,8 @@ impl End for Workstation {
     type Statistics = WorkstationStatistics;
     type Payload = PosePacket;
 
+    const LINK: &'static str = "val2-viewer";
+    const END: &'static str = "workstation";
     const MAX_INPUT: usize = 256;
     const MAX_TRANSMIT: usize = 1;
     /// Between a request and the next: a picture that becomes stale, the request's own, and its picture.

@@ -142,6 +142,8 @@ impl End for Echo {
     type Statistics = EchoStatistics;
     type Payload = ();
 
+    const LINK: &'static str = "echo";
+    const END: &'static str = "end";
     const MAX_INPUT: usize = 32;
     const MAX_TRANSMIT: usize = 1;
     const ROOM: Room = Room { connect: 3, read: 2, transmit: 1 };

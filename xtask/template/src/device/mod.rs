@@ -81,6 +81,8 @@ impl End for Device {
     type Statistics = DeviceStatistics;
     type Payload = ();
 
+    const LINK: &'static str = "toy-link";
+    const END: &'static str = "device";
     const MAX_INPUT: usize = 32;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     const ROOM: Room = Room { connect: 0, read: 1, transmit: 0 };

@@ -104,6 +104,8 @@ impl End for Host {
     type Statistics = HostStatistics;
     type Payload = i32;
 
+    const LINK: &'static str = "toy-link";
+    const END: &'static str = "host";
     const MAX_INPUT: usize = 64;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     /// The outcome of a request.

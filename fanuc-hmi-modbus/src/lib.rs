@@ -17,6 +17,8 @@ mod error;
 mod frame;
 mod framing;
 mod line;
+#[cfg(feature = "tokio")]
+mod many;
 mod message;
 pub mod position;
 mod registers;

@@ -22,11 +22,14 @@ use std::vec;
 use std::vec::Vec;
 
 use robot_session::end::End as _;
+use robot_session::now;
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Reports, Service, Task};
 
 use crate::block::TelemetryBlock;
 use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
 use crate::error::{ConfigError, EncodeError, Mismatch, SessionError, TextError};
+pub use crate::many::Block;
+use crate::many::join;
 use crate::message::{Bits, Exception, PduBuf, Reply, Request, Words};
 use crate::position::PositionRegister;
 use crate::text;
@@ -181,6 +184,43 @@ impl Client {
     pub async fn read_holding_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadHoldingRegisters { address, quantity }).await
+    }
+
+    /// Several ranges of holding registers by function 3, in as few requests as the limit of 125 registers allows, one after the other. A
+    /// range of up to 125 registers is read by one request; others that are at most `gap` registers away are read with it. With a gap, the
+    /// server must have the registers between them too.
+    ///
+    /// ```no_run
+    /// # async fn run(robot: fanuc_hmi_modbus::tokio::Client) -> Result<(), fanuc_hmi_modbus::tokio::Error> {
+    /// let blocks = robot.read_many(&[0..37, 40..42, 500..510], 8).await?; // two requests
+    /// let [telemetry, parts, recipe] = &blocks[..] else { unreachable!("one for each range") };
+    /// assert_eq!(telemetry.at, parts.at); // of one request
+    /// # Ok(()) }
+    /// ```
+    ///
+    /// # Errors
+    /// Those of the first request that fails: the others are not made. See [`Error`].
+    pub async fn read_many(&self, ranges: &[impl RangeBounds<u16>], gap: u16) -> Result<Vec<Block>, Error> {
+        let ranges: Vec<_> = ranges
+            .iter()
+            .map(|range| run(range))
+            .map(|(address, quantity)| u32::from(address)..u32::from(address) + u32::from(quantity))
+            .collect();
+        let mut blocks = vec![Block { registers: Vec::new(), at: now() }; ranges.len()];
+        for joined in join(&ranges, gap) {
+            let [first, end] = [joined.addresses.start, joined.addresses.end];
+            let address = u16::try_from(first).unwrap_or(u16::MAX);
+            let quantity = u16::try_from(end - first).unwrap_or(u16::MAX);
+            let words = self.words(&Request::ReadHoldingRegisters { address, quantity }).await?;
+            let at = now();
+            for place in &joined.ranges {
+                if let (Some(block), Some(range)) = (blocks.get_mut(*place), ranges.get(*place)) {
+                    block.registers.extend_from_slice(joined.part_of(range, &words));
+                    block.at = at;
+                }
+            }
+        }
+        Ok(blocks)
     }
 
     /// Function 4: up to 125 input registers.

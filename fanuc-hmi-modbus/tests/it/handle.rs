@@ -66,6 +66,13 @@ async fn every_call_has_its_reply() {
     robot.write_position(50, &position, WordOrder::HighFirst).await.unwrap();
     assert_eq!(robot.read_position(50, WordOrder::HighFirst).await.unwrap(), position);
 
+    robot.write_registers(40, &[1, 2, 3, 4]).await.unwrap();
+    let many = robot.read_many(&[40..42, 43..44, 60..62], 1).await.unwrap();
+    assert_eq!((&many[0].registers[..], &many[1].registers[..]), (&[1, 2][..], &[4][..]));
+    assert_eq!((many[0].at, many[2].registers.len()), (many[1].at, 2));
+    assert!(many[2].at > many[0].at);
+    assert!(robot.read_many(&[40..42, 98..102], 0).await.is_err());
+
     let refused = robot.read_holding_registers(99..101).await;
     assert!(matches!(refused, Err(Error::Exception(Exception::IllegalDataAddress))), "{refused:?}");
     let wrong = robot.read_holding_registers(0..126).await;

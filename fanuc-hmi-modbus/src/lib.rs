@@ -22,6 +22,7 @@ mod many;
 mod message;
 pub mod position;
 mod registers;
+pub mod security;
 pub mod server;
 #[cfg(feature = "serde")]
 mod shape;

@@ -36,6 +36,8 @@ pub mod spec;
 #[cfg(feature = "std")]
 mod std_driver;
 mod step;
+#[cfg(feature = "tls")]
+pub mod tls;
 #[cfg(feature = "tokio")]
 pub mod tokio;
 mod trace;

@@ -19,6 +19,7 @@ mod proof;
 mod properties;
 mod receiver;
 #[cfg(feature = "std")]
+mod security;
 mod server;
 #[cfg(feature = "serde")]
 mod shapes;

@@ -1,13 +1,14 @@
 //! A session for each connection of a listener.
 
-use core::future::pending;
+use core::future::{Future, pending};
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io;
 use std::string::ToString;
 
-use ::tokio::net::TcpListener;
+use ::tokio::io::{AsyncRead, AsyncWrite};
+use ::tokio::net::{TcpListener, TcpStream};
 use ::tokio::select;
 use ::tokio::task::JoinSet;
 use ::tokio::time::sleep;
@@ -33,6 +34,15 @@ pub async fn serve<S>(
 where
     S: Session<Event: Send> + Send + 'static,
 {
+    accept(listener, most, |stream, peer| run(stream, peer, session(peer), event.clone())).await
+}
+
+/// Accepts connections, `most` at a time, and spawns what `connection` makes of each.
+pub(super) async fn accept<F: Future<Output = ()> + Send + 'static>(
+    listener: TcpListener,
+    most: usize,
+    mut connection: impl FnMut(TcpStream, SocketAddr) -> F,
+) -> io::Result<()> {
     let mut connections = JoinSet::new();
     loop {
         let has_room = connections.len() < most.max(1);
@@ -43,25 +53,30 @@ where
         };
         match accepted {
             Ok((stream, peer)) => {
-                if prepare(&stream, None).is_err() {
-                    continue;
+                if prepare(&stream, None).is_ok() {
+                    connections.spawn(connection(stream, peer));
                 }
-                let (mut session, mut event) = (session(peer), event.clone());
-                let span = Span::of::<S>(Some(&peer.to_string()));
-                let serve = async move {
-                    let each = |session: &mut S, reported| {
-                        event(peer, session, reported);
-                        ControlFlow::<()>::Continue(())
-                    };
-                    // A connection that is lost ends as one that is closed.
-                    let _ = Driver::new(stream).run(&mut session, each).await;
-                };
-                connections.spawn(span.instrument(serve));
             }
             Err(error) if is_of_the_listener(&error) => return Err(error),
             Err(_) => sleep(Duration::from_millis(100)).await,
         }
     }
+}
+
+/// Runs a session over a connection to its end.
+pub(super) async fn run<S: Session>(
+    stream: impl AsyncRead + AsyncWrite + Unpin,
+    peer: SocketAddr,
+    mut session: S,
+    mut event: impl FnMut(SocketAddr, &mut S, S::Event),
+) {
+    let each = |session: &mut S, reported| {
+        event(peer, session, reported);
+        ControlFlow::<()>::Continue(())
+    };
+    let span = Span::of::<S>(Some(&peer.to_string()));
+    // A connection that is lost ends as one that is closed.
+    let _ = span.instrument(Driver::new(stream).run(&mut session, each)).await;
 }
 
 /// No later peer is accepted either.

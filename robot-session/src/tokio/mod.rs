@@ -14,6 +14,8 @@ mod service;
 mod shared;
 mod task;
 mod timer;
+#[cfg(feature = "tokio-tls")]
+pub mod tls;
 
 /// A value that changes, and who waits for it.
 pub use ::tokio::sync::watch;

@@ -21,5 +21,7 @@ mod handle_ends;
 mod handle_outcomes;
 #[cfg(feature = "serialport")]
 mod serial;
+#[cfg(feature = "tokio-tls")]
+mod tls;
 #[cfg(feature = "tokio")]
 mod tokio;

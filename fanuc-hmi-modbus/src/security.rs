@@ -1,0 +1,188 @@
+//! Modbus/TCP Security (MBTCP-Security, v21): Modbus in TLS with certificates of both ends, where the client's certificate has its role.
+//!
+//! Port [`PORT`], TLS 1.2 or later: [`robot_session::tls`] and, for handles, `robot_session::tokio::tls`. A server gives each connection registers
+//! that are [`Guarded`] by the [`role`] of its peer.
+
+use core::str;
+
+use crate::message::{Bits, BitsMut, Exception, Words, WordsMut, function};
+use crate::registers::Registers;
+
+/// The port of Modbus in TLS.
+pub const PORT: u16 = 802;
+
+/// The extension of a certificate that has the role: 1.3.6.1.4.1.50316.802.1.
+const ROLE: [u8; 11] = [0x2B, 6, 1, 4, 1, 0x83, 0x89, 0x0C, 0x86, 0x22, 1];
+
+/// A certificate whose role cannot be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum RoleError {
+    /// It is no certificate of X.509 in DER.
+    #[error("not a certificate of X.509 in DER")]
+    Certificate,
+    /// Its role is no UTF8String.
+    #[error("the role in the certificate is not a UTF8String")]
+    Role,
+    /// It has more than one role.
+    #[error("the certificate has more than one role")]
+    Several,
+}
+
+/// The role in a certificate (DER), which its verification is to precede; `None` if there is none.
+///
+/// # Errors
+/// It is no certificate, or its role is not one UTF8String.
+pub fn role(certificate: &[u8]) -> Result<Option<&str>, RoleError> {
+    let mut extensions = extensions(certificate).ok_or(RoleError::Certificate)?;
+    let mut found = None;
+    while !extensions.is_empty() {
+        let mut extension = inside(&mut extensions, SEQUENCE).ok_or(RoleError::Certificate)?;
+        if inside(&mut extension, OBJECT_IDENTIFIER).ok_or(RoleError::Certificate)? != ROLE {
+            continue;
+        }
+        if found.is_some() {
+            return Err(RoleError::Several);
+        }
+        found = Some(value(extension).ok_or(RoleError::Role)?);
+    }
+    Ok(found)
+}
+
+const BOOLEAN: u8 = 0x01;
+const OCTET_STRING: u8 = 0x04;
+const OBJECT_IDENTIFIER: u8 = 0x06;
+const UTF8_STRING: u8 = 0x0C;
+const SEQUENCE: u8 = 0x30;
+/// `[3]`, in which a certificate has its extensions.
+const EXTENSIONS: u8 = 0xA3;
+
+/// The extensions of a certificate; empty if it has none.
+fn extensions(mut certificate: &[u8]) -> Option<&[u8]> {
+    let mut signed = inside(&mut certificate, SEQUENCE)?;
+    let mut fields = inside(&mut signed, SEQUENCE)?;
+    while !fields.is_empty() {
+        let (tag, mut content) = element(&mut fields)?;
+        if tag == EXTENSIONS {
+            return inside(&mut content, SEQUENCE);
+        }
+    }
+    Some(&[])
+}
+
+/// The text in an extension, behind the flag whether it is critical.
+fn value(mut extension: &[u8]) -> Option<&str> {
+    let (mut tag, mut content) = element(&mut extension)?;
+    if tag == BOOLEAN {
+        (tag, content) = element(&mut extension)?;
+    }
+    let text = inside(&mut content, UTF8_STRING).filter(|_| tag == OCTET_STRING && content.is_empty())?;
+    str::from_utf8(text).ok()
+}
+
+/// The content of the next element, if it has this tag.
+fn inside<'a>(bytes: &mut &'a [u8], tag: u8) -> Option<&'a [u8]> {
+    element(bytes).filter(|(found, _)| *found == tag).map(|(_, content)| content)
+}
+
+/// The next element of DER: its tag, and its content.
+fn element<'a>(bytes: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
+    let (&[tag, short], mut rest) = bytes.split_first_chunk()?;
+    let length = match short {
+        0..=0x7F => short.into(),
+        0x81..=0x83 => {
+            let (length, content) = rest.split_at_checked((short & 3).into())?;
+            rest = content;
+            length.iter().fold(0, |length, byte| length << 8 | usize::from(*byte))
+        }
+        _ => return None,
+    };
+    let (content, rest) = rest.split_at_checked(length)?;
+    *bytes = rest;
+    Some((tag, content))
+}
+
+/// An access to registers: the function that stands for it, 15 also for function 5, 16 for 6, and both halves of 22 and 23 by themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Access {
+    /// 1, 2, 3, 4, 15, 16, or that of a function without a type.
+    pub function: u8,
+    /// The first address; 0 of a function without a type.
+    pub address: u16,
+    /// How many bits or registers; 0 of a function without a type.
+    pub quantity: u16,
+}
+
+/// Registers of which a client sees and changes only what `allows` permits: the server refuses everything else with exception 1, as the
+/// security protocol has it.
+///
+/// ```
+/// use fanuc_hmi_modbus::Registers;
+/// use fanuc_hmi_modbus::security::{Access, Guarded, role};
+///
+/// /// An operator reads; an engineer also writes from address 100 on.
+/// fn guard<R: Registers>(registers: R, certificate: &[u8]) -> impl Registers + use<R> {
+///     let is_engineer = role(certificate) == Ok(Some("engineer"));
+///     let is_known = is_engineer || role(certificate) == Ok(Some("operator"));
+///     Guarded::new(registers, move |access: Access| match access.function {
+///         1..=4 => is_known,
+///         _ => is_engineer && access.address >= 100,
+///     })
+/// }
+/// ```
+#[derive(Debug, Clone)]
+pub struct Guarded<R, A> {
+    registers: R,
+    allows: A,
+}
+
+impl<R: Registers, A: FnMut(Access) -> bool> Guarded<R, A> {
+    /// These registers.
+    pub const fn new(registers: R, allows: A) -> Self {
+        Self { registers, allows }
+    }
+
+    fn check(&mut self, function: u8, address: u16, quantity: usize) -> Result<(), Exception> {
+        let quantity = u16::try_from(quantity).unwrap_or(u16::MAX);
+        match (self.allows)(Access { function, address, quantity }) {
+            true => Ok(()),
+            false => Err(Exception::IllegalFunction),
+        }
+    }
+}
+
+impl<R: Registers, A: FnMut(Access) -> bool> Registers for Guarded<R, A> {
+    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.check(function::READ_COILS, address, out.len())?;
+        self.registers.read_coils(address, out)
+    }
+
+    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.check(function::READ_DISCRETE_INPUTS, address, out.len())?;
+        self.registers.read_discrete_inputs(address, out)
+    }
+
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.check(function::READ_HOLDING_REGISTERS, address, out.len())?;
+        self.registers.read_holding_registers(address, out)
+    }
+
+    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.check(function::READ_INPUT_REGISTERS, address, out.len())?;
+        self.registers.read_input_registers(address, out)
+    }
+
+    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        self.check(function::WRITE_COILS, address, values.len())?;
+        self.registers.write_coils(address, values)
+    }
+
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.check(function::WRITE_REGISTERS, address, values.len())?;
+        self.registers.write_registers(address, values)
+    }
+
+    fn other(&mut self, function: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
+        self.check(function, 0, 0)?;
+        self.registers.other(function, data, out)
+    }
+}

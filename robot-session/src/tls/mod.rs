@@ -1,0 +1,203 @@
+//! TLS over TCP for every link, by rustls: versions 1.2 and 1.3. Certificates are in files of PEM.
+//!
+//! ```no_run
+//! use robot_session::tls::{Identity, Secure, client};
+//! use std::net::TcpStream;
+//!
+//! # fn run() -> Result<(), Box<dyn core::error::Error>> {
+//! let own = Identity { certificate: "cell7.pem".as_ref(), key: "cell7.key".as_ref() };
+//! let config = client("authority.pem".as_ref(), Some(own))?;
+//! let transport = Secure::dial(TcpStream::connect("robot.local:802")?, config, "robot.local")?;
+//! // robot_session::drive(&mut session, transport, handler)
+//! # Ok(()) }
+//! ```
+
+pub(crate) mod advice;
+mod files;
+
+use core::fmt;
+use core::time::Duration;
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::TcpStream;
+use std::string::ToString;
+use std::sync::Arc;
+use std::time::Instant;
+
+pub use ::rustls;
+use ::rustls::pki_types::ServerName;
+use ::rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerConnection};
+
+pub use self::files::{FileError, Identity, client, server};
+use crate::{Received, Sent, Transport, Wait, discard_unacknowledged, is_silence};
+
+/// The time that a handshake may take.
+pub(crate) const HANDSHAKE: Duration = Duration::from_secs(10);
+
+/// The name of a server: a host name or an IP address.
+pub(crate) fn server_name(name: &str) -> io::Result<ServerName<'static>> {
+    let neither = |_| io::Error::new(ErrorKind::InvalidInput, "neither a host name nor an IP address");
+    ServerName::try_from(name.to_string()).map_err(neither)
+}
+
+pub(crate) fn late() -> io::Error {
+    io::Error::new(ErrorKind::TimedOut, "the peer has not answered the TLS handshake")
+}
+
+/// A secure connection over TCP, for the drivers of std. A handshake takes 10 s at most. Its errors say what is wrong with a certificate,
+/// and what to do.
+pub struct Secure {
+    stream: TcpStream,
+    tls: Connection,
+}
+
+impl Secure {
+    /// The client's end; the server's certificate has to be for `name`, a host name or an IP address.
+    ///
+    /// # Errors
+    /// `name` is neither; the handshake has failed.
+    pub fn dial(stream: TcpStream, config: Arc<ClientConfig>, name: &str) -> io::Result<Self> {
+        let tls = ClientConnection::new(config, server_name(name)?).map_err(io::Error::other)?;
+        Self::shake_hands(stream, tls.into())
+    }
+
+    /// The server's end.
+    ///
+    /// # Errors
+    /// The handshake has failed.
+    pub fn accept(stream: TcpStream, config: Arc<ServerConfig>) -> io::Result<Self> {
+        let tls = ServerConnection::new(config).map_err(io::Error::other)?;
+        Self::shake_hands(stream, tls.into())
+    }
+
+    fn shake_hands(mut stream: TcpStream, mut tls: Connection) -> io::Result<Self> {
+        let begun = Instant::now();
+        while tls.is_handshaking() {
+            let left = HANDSHAKE.saturating_sub(begun.elapsed());
+            if left.is_zero() {
+                return Err(late());
+            }
+            stream.set_read_timeout(Some(left))?;
+            stream.set_write_timeout(Some(left))?;
+            match tls.complete_io(&mut stream) {
+                Ok(_) => {}
+                Err(error) if is_silence(&error) => return Err(late()),
+                Err(error) => return Err(advice::of(error)),
+            }
+        }
+        stream.set_read_timeout(None)?;
+        stream.set_write_timeout(None)?;
+        Ok(Self { stream, tls })
+    }
+
+    /// The state of TLS, with the certificates of the peer.
+    pub const fn connection(&self) -> &Connection {
+        &self.tls
+    }
+
+    /// Returns bytes that were received and decrypted before.
+    fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<Received> {
+        match self.tls.reader().read(buffer) {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Err(error) => Err(advice::of(error)),
+        }
+    }
+
+    /// Sends what TLS has for the peer, as far as there is room.
+    fn flush(&mut self) -> io::Result<()> {
+        let Self { stream, tls } = self;
+        while tls.wants_write() {
+            match tls.write_tls(&mut Now(stream)) {
+                Ok(_) => {}
+                Err(error) if is_silence(&error) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A stream that does not wait.
+struct Now<'a>(&'a mut TcpStream);
+
+impl io::Read for Now<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self.0.receive(buffer, Wait::limited(Duration::ZERO))? {
+            Received::Bytes(length) => Ok(length),
+            Received::Closed => Ok(0),
+            Received::Nothing => Err(ErrorKind::WouldBlock.into()),
+        }
+    }
+}
+
+impl io::Write for Now<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self.0.send(bytes)? {
+            Sent::Part(0) => Err(ErrorKind::WouldBlock.into()),
+            Sent::Part(length) => Ok(length),
+            Sent::Buffered | Sent::Transmitted => Ok(bytes.len()),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Transport for Secure {
+    fn receive(&mut self, buffer: &mut [u8], mut wait: Wait<'_>) -> io::Result<Received> {
+        let decrypted = self.decrypted(buffer)?;
+        if decrypted != Received::Nothing {
+            return Ok(decrypted);
+        }
+        self.flush()?;
+        wait.room |= self.tls.wants_write();
+        if !wait.readable(&self.stream)? {
+            self.flush()?;
+            return Ok(Received::Nothing);
+        }
+        match self.tls.read_tls(&mut Now(&mut self.stream)) {
+            Err(error) if is_silence(&error) => return Ok(Received::Nothing),
+            read => read?,
+        };
+        let read = self.tls.process_new_packets();
+        // The peer gets the reason why it is refused.
+        self.flush()?;
+        read.map_err(|error| advice::of(io::Error::new(ErrorKind::InvalidData, error)))?;
+        self.decrypted(buffer)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.flush()?;
+        if self.tls.wants_write() {
+            return Ok(Sent::Part(0));
+        }
+        let taken = self.tls.writer().write(bytes)?;
+        // What there is no room for goes out while the next bytes are waited for.
+        self.flush()?;
+        Ok(if taken == bytes.len() { Sent::Buffered } else { Sent::Part(taken) })
+    }
+
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        discard_unacknowledged(&self.stream, after)
+    }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        wait.writable(&self.stream).map(drop)
+    }
+}
+
+/// Ends TLS, so that the peer does not take the end for a lost connection.
+impl Drop for Secure {
+    fn drop(&mut self) {
+        self.tls.send_close_notify();
+        let _ = self.flush(); // a peer that reads nothing is not waited for
+    }
+}
+
+impl fmt::Debug for Secure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Secure").field("stream", &self.stream).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,302 @@
+//! TLS: a call over it, and what is said of each connection that cannot be secure.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
+
+use core::time::Duration;
+use std::io;
+use std::path::PathBuf;
+
+use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair, date_time_ymd};
+use robot_session::tls::{FileError, Identity, Secure, client, server};
+use robot_session::tokio::tls::{Tls, serve};
+use robot_session::tokio::{Connector, Listen, Tcp};
+use robot_session::{Received, Sent, Transport as _, Wait};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
+use tokio::time::timeout;
+
+use crate::common::Asker;
+
+const LONG: Duration = Duration::from_secs(20);
+
+struct Authority {
+    folder: tempfile::TempDir,
+    issuer: CertifiedIssuer<'static, KeyPair>,
+}
+
+impl Authority {
+    fn new(name: &str) -> Self {
+        let mut params = CertificateParams::new([]).unwrap();
+        params.distinguished_name.push(DnType::CommonName, name);
+        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+        let issuer = CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("authority.pem"), issuer.pem()).unwrap();
+        Self { folder, issuer }
+    }
+
+    fn path(&self, file: &str) -> PathBuf {
+        self.folder.path().join(file)
+    }
+
+    fn pem(&self) -> PathBuf {
+        self.path("authority.pem")
+    }
+
+    /// The files of a certificate for this name and until this year, and of its key.
+    fn sign(&self, name: &str, until: i32) -> [PathBuf; 2] {
+        let mut params = CertificateParams::new([name.to_owned()]).unwrap();
+        params.not_after = date_time_ymd(until, 1, 1);
+        let key = KeyPair::generate().unwrap();
+        let files = [self.path(&format!("{name}-{until}.pem")), self.path(&format!("{name}-{until}.key"))];
+        std::fs::write(&files[0], params.signed_by(&key, &self.issuer).unwrap().pem()).unwrap();
+        std::fs::write(&files[1], key.serialize_pem()).unwrap();
+        files
+    }
+}
+
+fn identity([certificate, key]: &[PathBuf; 2]) -> Identity<'_> {
+    Identity { certificate, key }
+}
+
+/// What a client and a server say of their connection.
+async fn meet(
+    own: &[PathBuf; 2],
+    clients: Option<PathBuf>,
+    (authority, client_own): (PathBuf, Option<&[PathBuf; 2]>),
+    name: &str,
+) -> [Result<(), String>; 2] {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let (said, mut says) = mpsc::unbounded_channel();
+    let session = move |_, met: Result<&_, io::Error>| {
+        said.send(met.map(drop).map_err(|error| error.to_string())).unwrap();
+        Some(Asker::new(&["ready?"]))
+    };
+    let config = server(identity(own), clients.as_deref()).unwrap();
+    let serving = tokio::spawn(serve(listener, 4, config, session, |_, _, _| {}));
+    let config = client(&authority, client_own.map(identity)).unwrap();
+    let mut connector = Tls::dial(Tcp::new(address), config, name).unwrap();
+    let mut line = [0; 7];
+    let met = async {
+        let mut stream = connector.connect().await?;
+        stream.read_exact(&mut line).await.map(drop) // a server refuses a certificate of TLS 1.3 after the handshake
+    };
+    let met = timeout(LONG, met).await.unwrap().map_err(|error| error.to_string());
+    let answer = timeout(LONG, says.recv()).await.unwrap().unwrap();
+    serving.abort();
+    [met, answer]
+}
+
+#[tokio::test]
+async fn a_connection_that_cannot_be_secure_says_why() {
+    let [ours, theirs, again] = ["cell", "other plant", "cell"].map(Authority::new);
+    let (own, expired) = (ours.sign("localhost", 2100), ours.sign("localhost", 2020));
+    let (person, stranger) = (ours.sign("operator", 2100), theirs.sign("operator", 2100));
+    let lookalike = again.sign("operator", 2100);
+    let expired_person = ours.sign("former", 2020);
+    let all = [
+        (&own, false, None, "localhost", Ok(()), Ok(())),
+        (&own, true, Some(&person), "localhost", Ok(()), Ok(())),
+        (
+            &expired,
+            false,
+            None,
+            "localhost",
+            Err("the peer's certificate has expired"),
+            Err("says that this end's certificate has expired"),
+        ),
+        (
+            &own,
+            false,
+            None,
+            "robot.local",
+            Err("is for other names"),
+            Err("the peer refuses this end's certificate"),
+        ),
+        (
+            &stranger,
+            false,
+            None,
+            "operator",
+            Err("not signed by the given authority"),
+            Err("does not know the authority"),
+        ),
+        (
+            &lookalike,
+            false,
+            None,
+            "operator",
+            Err("not signed by the given authority"),
+            Err("the peer refuses this end's certificate"),
+        ),
+        (
+            &own,
+            true,
+            None,
+            "localhost",
+            Err("the peer requires a certificate"),
+            Err("the client has no certificate"),
+        ),
+        (
+            &own,
+            true,
+            Some(&stranger),
+            "localhost",
+            Err("does not know the authority"),
+            Err("not signed by the given authority"),
+        ),
+        (
+            &own,
+            true,
+            Some(&expired_person),
+            "localhost",
+            Err("says that this end's certificate has expired"),
+            Err("the peer's certificate has expired"),
+        ),
+    ];
+    for (own, asks, shown, name, ours_says, server_says) in all {
+        let clients = asks.then(|| ours.pem());
+        let met = meet(own, clients, (ours.pem(), shown), name).await;
+        println!("{name}: {met:?}");
+        for (met, expected) in met.iter().zip([ours_says, server_says]) {
+            match (met, expected) {
+                (Ok(()), Ok(())) => {}
+                (Err(said), Err(expected)) if said.contains(expected) => {}
+                _ => panic!("{name}, {asks}: {met:?}, not {expected:?}"),
+            }
+        }
+    }
+}
+
+/// A peer that speaks something else, and one that says nothing, on either side.
+#[tokio::test(start_paused = true)]
+async fn a_peer_without_tls_is_named() {
+    let authority = Authority::new("cell");
+    let own = authority.sign("localhost", 2100);
+    let mut listen =
+        Tls::accept(Listen::bind("127.0.0.1:0").await.unwrap(), server(identity(&own), None).unwrap());
+    let address = listen.tcp().address().unwrap();
+    let mut plain = TcpStream::connect(address).await.unwrap();
+    plain.write_all(&[0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 37]).await.unwrap();
+    let said = listen.connect().await.unwrap_err().to_string();
+    assert!(said.contains("does not speak TLS on this port"), "{said}");
+    let silent = TcpStream::connect(address).await.unwrap();
+    let said = listen.connect().await.unwrap_err();
+    assert_eq!(said.to_string(), "the peer has not answered the TLS handshake");
+    drop(silent);
+    let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = server.local_addr().unwrap().to_string();
+    let mut dial =
+        Tls::dial(Tcp::new(address), client(&authority.pem(), None).unwrap(), "localhost").unwrap();
+    let closing = async { drop(server.accept().await.unwrap()) };
+    let (said, ()) = tokio::join!(dial.connect(), closing);
+    let said = said.unwrap_err().to_string();
+    assert!(said.contains("closed the connection without ending TLS") || said.contains("reset"), "{said}");
+    let modbus = async {
+        let mut stream = server.accept().await.unwrap().0;
+        stream.write_all(&[0, 1, 0, 0, 0, 3, 1, 0x83, 1]).await.unwrap();
+        stream
+    };
+    let (said, _stream) = tokio::join!(dial.connect(), modbus);
+    let said = said.unwrap_err().to_string();
+    assert!(said.contains("does not speak TLS on this port"), "{said}");
+}
+
+#[test]
+fn a_file_that_cannot_be_used_is_named() {
+    let authority = Authority::new("cell");
+    let (own, other) = (authority.sign("localhost", 2100), authority.sign("other", 2100));
+    let none = authority.path("none.pem");
+    let FileError { file, why } = client(&none, None).unwrap_err();
+    assert_eq!((&file, why.contains("No such file")), (&none, true), "{why}");
+    let error = client(&own[1], None).unwrap_err();
+    assert_eq!((&error.file, &error.why[..]), (&own[1], "it has no certificate"));
+    let mixed = Identity { certificate: &own[0], key: &other[1] };
+    let error = server(mixed, None).unwrap_err();
+    assert!(error.file == other[1] && error.why.contains("keys may not be consistent"), "{error}");
+    let swapped = Identity { certificate: &own[0], key: &own[0] };
+    let error = server(swapped, None).unwrap_err();
+    assert!(error.to_string().contains("no items found"), "{error}");
+    assert!(Tls::dial(Tcp::new("x:1"), client(&authority.pem(), None).unwrap(), "not a name!").is_err());
+}
+
+/// A megabyte in each direction between two ends that read it late: all of it comes, and then the end.
+#[test]
+fn secure_connections_of_std_lose_nothing() {
+    let authority = Authority::new("cell");
+    let (own, person) = (authority.sign("localhost", 2100), authority.sign("operator", 2100));
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let config = server(identity(&own), Some(&authority.pem())).unwrap();
+    let far = std::thread::spawn(move || {
+        let mut far = Secure::accept(listener.accept().unwrap().0, config).unwrap();
+        assert!(far.connection().peer_certificates().is_some());
+        exchange(&mut far);
+    });
+    let config = client(&authority.pem(), Some(identity(&person))).unwrap();
+    let mut near = Secure::dial(std::net::TcpStream::connect(address).unwrap(), config, "localhost").unwrap();
+    exchange(&mut near);
+    far.join().unwrap();
+    let mut buffer = [0; 64];
+    assert_eq!(near.receive(&mut buffer, Wait::limited(LONG)).unwrap(), Received::Closed);
+}
+
+/// Sends a megabyte and reads one.
+fn exchange(end: &mut Secure) {
+    let bytes: Vec<u8> = (0..1_000_000_u32).map(|at| (at % 251) as u8).collect();
+    let (mut sent, mut read, mut buffer) = (0, Vec::new(), [0; 4096]);
+    while sent < bytes.len() || read.len() < bytes.len() {
+        sent += match end.send(&bytes[sent..]).unwrap() {
+            Sent::Part(length) => length,
+            Sent::Buffered | Sent::Transmitted => bytes.len() - sent,
+        };
+        if let Received::Bytes(length) =
+            end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap()
+        {
+            read.extend_from_slice(&buffer[..length]);
+        }
+    }
+    // Bytes that TLS still has go out with a wait.
+    for _ in 0..100 {
+        assert_eq!(
+            end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap_or(Received::Nothing),
+            Received::Nothing
+        );
+    }
+    assert!(read == bytes);
+}
+
+#[tokio::test]
+async fn a_connection_that_is_dropped_ends_tls() {
+    let authority = Authority::new("cell");
+    let own = authority.sign("localhost", 2100);
+    let mut listen =
+        Tls::accept(Listen::bind("127.0.0.1:0").await.unwrap(), server(identity(&own), None).unwrap());
+    let address = listen.tcp().address().unwrap().to_string();
+    let mut dial =
+        Tls::dial(Tcp::new(address), client(&authority.pem(), None).unwrap(), "localhost").unwrap();
+    let (near, far) = tokio::join!(dial.connect(), listen.connect());
+    drop(far.unwrap());
+    assert_eq!(near.unwrap().read(&mut [0; 8]).await.unwrap(), 0);
+}
+
+#[test]
+fn a_client_of_std_without_a_certificate_is_told() {
+    let authority = Authority::new("cell");
+    let own = authority.sign("localhost", 2100);
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let config = server(identity(&own), Some(&authority.pem())).unwrap();
+    let far = std::thread::spawn(move || {
+        Secure::accept(listener.accept().unwrap().0, config).unwrap_err().to_string()
+    });
+    let config = client(&authority.pem(), None).unwrap();
+    let stream = std::net::TcpStream::connect(address).unwrap();
+    let said = Secure::dial(stream, config, "localhost")
+        .and_then(|mut near| near.receive(&mut [0; 64], Wait::limited(LONG)))
+        .unwrap_err();
+    assert_eq!(said.to_string(), "TLS: the peer requires a certificate: give one with its key");
+    assert_eq!(far.join().unwrap(), "TLS: the client has no certificate, and has to have one");
+}

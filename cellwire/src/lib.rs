@@ -107,6 +107,8 @@ enum Command {
     Alter(command::alter::Args),
     Settings(settings::Args),
     #[command(hide = true)]
+    Certificates(command::certificates::Args),
+    #[command(hide = true)]
     Completions(manual::Completions),
     #[command(hide = true)]
     Man(manual::Man),
@@ -136,6 +138,7 @@ pub fn main() -> ExitCode {
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => command::alter::run(&args),
         Command::Settings(args) => settings::run(&args),
+        Command::Certificates(args) => command::certificates::run(&args),
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
         Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
     };

@@ -24,6 +24,7 @@ pub mod priority;
 pub mod serial;
 pub mod stream;
 pub mod tcp;
+pub mod tls;
 pub mod trace;
 pub mod udp;
 #[cfg(windows)]

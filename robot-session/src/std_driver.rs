@@ -108,7 +108,7 @@ pub fn drive<S: Session, B>(
     transport: impl Transport,
     handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
 ) -> io::Result<Ended<B>> {
-    Span::of::<S>(None).within(|| run(session, transport, handler))
+    Span::of([S::LINK, S::END], None).within(|| run(session, transport, handler))
 }
 
 fn run<S: Session, B>(

@@ -2,6 +2,7 @@
 
 pub mod alter;
 pub mod capture;
+pub mod certificates;
 mod codec;
 mod compare;
 pub mod decode;

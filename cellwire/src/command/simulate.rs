@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 
 use super::settings::SetArgs;
 use crate::devices::control::Control;
@@ -13,6 +13,7 @@ use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::{self, EventArgs};
 use cellwire_io::tcp::{self, ConnectArgs};
+use cellwire_io::tls;
 use cellwire_io::trace::TraceArgs;
 
 /// Simulates a device until interrupted.
@@ -43,6 +44,8 @@ pub struct Args {
     control: Option<String>,
     #[command(flatten)]
     connect: ConnectArgs,
+    #[command(flatten)]
+    tls: tls::ServerArgs,
     /// Disconnect a client after this time without a byte in either direction, or `never`
     #[arg(long, value_name = "TIME", default_value = "600s", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
     idle_timeout: Duration,
@@ -88,6 +91,11 @@ pub fn run(args: &Args) -> Result<bool> {
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
     let settings = args.set.read(&(args.device.settings)())?;
+    let tls = args.tls.read()?;
+    ensure!(
+        tls.is_none() || args.device.name == "fanuc" && matches!(endpoint, Endpoint::Listen(_)),
+        "--tls-cert is for a device with --listen whose clients speak TLS: simulate fanuc"
+    );
     args.events.choose();
     if args.quiet {
         output::be_quiet();
@@ -97,6 +105,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let options = SimulateOptions {
         endpoint,
         dialing: args.connect.dialing(),
+        tls,
         idle_timeout: (args.idle_timeout < Duration::MAX).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,

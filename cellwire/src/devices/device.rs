@@ -1,6 +1,7 @@
 //! A simulated end of a link, and where its peer reaches it.
 
 use std::net::TcpListener;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -13,6 +14,7 @@ use cellwire_io::clock::Clock;
 pub use cellwire_io::endpoint::Endpoint;
 use cellwire_io::serial::PtyLink;
 use cellwire_io::tcp::{self, Dialing};
+use cellwire_io::tls::ServerConfig;
 use cellwire_io::trace::{Trace, TraceArgs, Way};
 use cellwire_links::Link;
 use cellwire_links::settings::Setting;
@@ -52,6 +54,8 @@ pub struct SimulateOptions {
     pub endpoint: Endpoint,
     /// How a connection is opened, for a device that is a TCP client.
     pub dialing: Dialing,
+    /// The clients of the device have to speak TLS, with this.
+    pub tls: Option<Arc<ServerConfig>>,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
     /// The options of traces: where the bytes of a session that ended are kept.
@@ -70,7 +74,13 @@ impl SimulateOptions {
     pub fn server(&self, listener: TcpListener, clock: Clock) -> Result<Server<impl Fn() -> Duration>> {
         let look = self.control.as_ref().map(|_| LOOK);
         let listener = Listener::new(listener)?;
-        Ok(Server { listener, clock: move || clock.now(), idle_timeout: self.idle_timeout, look })
+        Ok(Server {
+            listener,
+            clock: move || clock.now(),
+            idle_timeout: self.idle_timeout,
+            look,
+            tls: self.tls.clone(),
+        })
     }
 }
 

@@ -13,6 +13,7 @@ use cellwire_io::clock::Clock;
 use cellwire_io::drive::Lost;
 use cellwire_io::interrupt;
 use cellwire_io::tcp::{self, Dialing};
+use cellwire_io::tls::{Carrier, Tls};
 
 /// Where the telemetry is, and how often it is read.
 #[derive(Debug, Clone)]
@@ -27,6 +28,8 @@ pub struct Source {
     pub poll: Duration,
     /// How connections are opened.
     pub dialing: Dialing,
+    /// How they are made secure.
+    pub tls: Option<Tls>,
     /// The session's configuration, of Modbus TCP.
     pub config: ClientConfig,
 }
@@ -36,7 +39,7 @@ pub struct Source {
 pub struct Logger {
     source: Source,
     /// The connection, or the reason that there has been none yet.
-    connection: Result<Driver<TcpStream>, String>,
+    connection: Result<Driver<Carrier<TcpStream>>, String>,
     client: Client<1>,
     clock: Clock,
     /// The pauses before another connection, until there is a block.
@@ -66,6 +69,16 @@ const MOST_SILENT: u32 = 3;
 /// An interrupt is seen after this time at the latest.
 const TURN: Duration = Duration::from_millis(100);
 
+impl Source {
+    fn connect(&self) -> Result<Driver<Carrier<TcpStream>>> {
+        let stream = tcp::connect(&self.server, self.dialing)?;
+        Ok(Driver::new(match &self.tls {
+            None => Carrier::Plain(stream),
+            Some(tls) => Carrier::Secure(Box::new(tls.secure(stream, &self.server)?)),
+        }))
+    }
+}
+
 impl Logger {
     /// A client. If the controller does not accept a connection yet, [`run`](Self::run) waits for it.
     ///
@@ -74,10 +87,10 @@ impl Logger {
     pub fn open(source: Source, clock: Clock) -> Result<Self> {
         tcp::resolve(&source.server).map(drop)?;
         let mut client = Client::new(source.config)?;
-        let connection = match tcp::connect(&source.server, source.dialing) {
-            Ok(stream) => {
+        let connection = match source.connect() {
+            Ok(driver) => {
                 client.handle_connected(robot_session::now());
-                Ok(Driver::new(stream))
+                Ok(driver)
             }
             Err(error) => Err(format!("{error:#}")),
         };
@@ -182,9 +195,9 @@ impl Logger {
         let clock = self.clock;
         let goes_on = || !interrupt::requested() && end.is_none_or(|end| clock.now() < end);
         while self.backoff.wait(goes_on) {
-            match tcp::connect(&self.source.server, self.source.dialing) {
-                Ok(stream) => {
-                    self.connection = Ok(Driver::new(stream));
+            match self.source.connect() {
+                Ok(driver) => {
+                    self.connection = Ok(driver);
                     self.client.handle_connected(robot_session::now());
                     return each(Reading::Reconnected(self.clock.now().saturating_sub(lost)));
                 }

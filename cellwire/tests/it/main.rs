@@ -81,4 +81,5 @@ mod tap;
 mod tap_delay;
 #[cfg(unix)]
 mod teleop;
+mod tls;
 mod tool;

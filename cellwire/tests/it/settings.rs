@@ -12,7 +12,7 @@ use cellwire_links::settings::{Form, list_as};
 use cellwire_links::{LINKS, Link};
 
 /// What the tool prints and its exit status, for this input.
-fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
+pub(crate) fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
     command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();

@@ -6,6 +6,7 @@
     reason = "the test has a pipe and a subscriber"
 )]
 
+use core::cell::Cell;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
@@ -13,7 +14,15 @@ use fanuc_hmi_modbus::ClientConfig;
 use fanuc_hmi_modbus::robot_session::tokio::{Connector, Link};
 use fanuc_hmi_modbus::tokio::client;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
-use tracing_subscriber::fmt::MakeWriter;
+use tracing_subscriber::filter::dynamic_filter_fn;
+use tracing_subscriber::fmt::{self, MakeWriter};
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
+use tracing_subscriber::{Layer as _, registry};
+
+thread_local! {
+    static IS_RECORDED: Cell<bool> = const { Cell::new(false) };
+}
 
 /// The first connection, whose name is known; then none.
 struct Once(Option<DuplexStream>);
@@ -55,13 +64,10 @@ impl MakeWriter<'_> for Lines {
 #[tokio::test(start_paused = true)]
 async fn a_connection_and_its_calls_are_recorded() {
     let lines = Lines::default();
-    let subscriber = tracing_subscriber::fmt()
-        .with_max_level(tracing_subscriber::filter::LevelFilter::TRACE)
-        .with_writer(lines.clone())
-        .without_time()
-        .with_ansi(false)
-        .finish();
-    let _subscribed = tracing_subscriber::util::SubscriberInitExt::set_default(subscriber);
+    // One for the process: one of a thread misses records while other threads come and go. The other tests are not recorded.
+    let layer = fmt::layer().with_writer(lines.clone()).without_time().with_ansi(false);
+    registry().with(layer.with_filter(dynamic_filter_fn(|_, _| IS_RECORDED.get()))).init();
+    IS_RECORDED.set(true);
     let (near, mut server) = duplex(64);
     let (robot, task) = client(ClientConfig::tcp(), Once(Some(near))).unwrap();
     let running = tokio::spawn(task.run());

@@ -8,8 +8,8 @@ use std::vec::Vec;
 use rustls::CertificateError as Wrong;
 use rustls::{AlertDescription as Alert, Error, InvalidMessage, PeerIncompatible};
 
-/// The same error with words for people, if it is one of TLS.
-pub(crate) fn of(error: io::Error) -> io::Error {
+/// The same error with what is wrong and what to do, if it is one of TLS, for programs with a loop of their own over [`rustls`](super::rustls).
+pub fn advised(error: io::Error) -> io::Error {
     if error.kind() == io::ErrorKind::UnexpectedEof {
         let closed = "the peer has closed the connection without ending TLS: it may not speak TLS, or refuse our certificate";
         return io::Error::new(error.kind(), closed);
@@ -23,7 +23,7 @@ pub(crate) fn of(error: io::Error) -> io::Error {
             Wrong::NotValidYet | Wrong::NotValidYetContext { .. } => {
                 "the peer's certificate is not valid yet, or the clock of this machine is wrong".into()
             }
-            // An authority that was made anew has the same name.
+            // Another authority may have the same name.
             Wrong::UnknownIssuer | Wrong::BadSignature => {
                 "the peer's certificate is self-signed, or not signed by the given authority".into()
             }

@@ -2,7 +2,7 @@
 //!
 //! ```no_run
 //! use robot_session::tls::{Identity, Secure, client};
-//! use std::net::TcpStream;
+//! use std::net::{Shutdown, TcpStream};
 //!
 //! # fn run() -> Result<(), Box<dyn core::error::Error>> {
 //! let own = Identity { certificate: "cell7.pem".as_ref(), key: "cell7.key".as_ref() };
@@ -12,13 +12,13 @@
 //! # Ok(()) }
 //! ```
 
-pub(crate) mod advice;
+mod advice;
 mod files;
 
 use core::fmt;
 use core::time::Duration;
 use std::io::{self, ErrorKind, Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::string::ToString;
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,6 +27,7 @@ pub use ::rustls;
 use ::rustls::pki_types::ServerName;
 use ::rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerConnection};
 
+pub use self::advice::advised;
 pub use self::files::{FileError, Identity, client, server};
 use crate::{Received, Sent, Transport, Wait, discard_unacknowledged, is_silence};
 
@@ -81,7 +82,7 @@ impl Secure {
             match tls.complete_io(&mut stream) {
                 Ok(_) => {}
                 Err(error) if is_silence(&error) => return Err(late()),
-                Err(error) => return Err(advice::of(error)),
+                Err(error) => return Err(advised(error)),
             }
         }
         stream.set_read_timeout(None)?;
@@ -94,13 +95,20 @@ impl Secure {
         &self.tls
     }
 
+    /// Ends TLS, so that the peer does not take the end for a lost connection, and the connection. A peer that reads nothing is not waited for.
+    pub fn close(&mut self) {
+        self.tls.send_close_notify();
+        let _ = self.flush();
+        let _ = self.stream.shutdown(Shutdown::Both);
+    }
+
     /// Returns bytes that were received and decrypted before.
     fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<Received> {
         match self.tls.reader().read(buffer) {
             Ok(0) => Ok(Received::Closed),
             Ok(length) => Ok(Received::Bytes(length)),
             Err(error) if is_silence(&error) => Ok(Received::Nothing),
-            Err(error) => Err(advice::of(error)),
+            Err(error) => Err(advised(error)),
         }
     }
 
@@ -164,7 +172,7 @@ impl Transport for Secure {
         let read = self.tls.process_new_packets();
         // The peer gets the reason why it is refused.
         self.flush()?;
-        read.map_err(|error| advice::of(io::Error::new(ErrorKind::InvalidData, error)))?;
+        read.map_err(|error| advised(io::Error::new(ErrorKind::InvalidData, error)))?;
         self.decrypted(buffer)
     }
 
@@ -188,11 +196,10 @@ impl Transport for Secure {
     }
 }
 
-/// Ends TLS, so that the peer does not take the end for a lost connection.
+/// Closes it.
 impl Drop for Secure {
     fn drop(&mut self) {
-        self.tls.send_close_notify();
-        let _ = self.flush(); // a peer that reads nothing is not waited for
+        self.close();
     }
 }
 

@@ -116,7 +116,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<Ended<B>> {
-        Span::of::<S>(None).instrument(self.run(session, handler)).await
+        Span::of([S::LINK, S::END], None).instrument(self.run(session, handler)).await
     }
 
     /// [`drive`](Self::drive), in the span of the caller.

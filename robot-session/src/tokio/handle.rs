@@ -109,7 +109,7 @@ impl<S: Service> Handle<S> {
             return Err(Closed);
         }
         let (reply, outcome) = oneshot::channel();
-        let trace = trace::Call::of::<S::Session>();
+        let trace = trace::Call::of([S::Session::LINK, S::Session::END]);
         let record = trace.clone();
         let call = call(Reply { outcome: reply, _in_progress: self.shared.begin_call(), trace });
         record.begun(&call);

@@ -74,7 +74,7 @@ pub(super) async fn run<S: Session>(
         event(peer, session, reported);
         ControlFlow::<()>::Continue(())
     };
-    let span = Span::of::<S>(Some(&peer.to_string()));
+    let span = Span::of([S::LINK, S::END], Some(&peer.to_string()));
     // A connection that is lost ends as one that is closed.
     let _ = span.instrument(Driver::new(stream).run(&mut session, each)).await;
 }

@@ -174,7 +174,7 @@ impl<S: Service, C: Connector> Task<S, C> {
             let error = match connected {
                 Ok(transport) => {
                     let begun = Instant::now();
-                    let span = Span::of::<S::Session>(connector.peer().as_deref());
+                    let span = Span::of([S::Session::LINK, S::Session::END], connector.peer().as_deref());
                     let transport = Box::new(transport);
                     let mut connection = Box::new(Connection::new(served, transport, stall, span.clone()));
                     span.within(|| connection.begin());
@@ -200,7 +200,7 @@ impl<S: Service, C: Connector> Task<S, C> {
                     }
                 }
                 Err(error) => {
-                    let span = Span::of::<S::Session>(connector.peer().as_deref());
+                    let span = Span::of([S::Session::LINK, S::Session::END], connector.peer().as_deref());
                     span.within(|| trace::failed("no connection", &error));
                     error
                 }

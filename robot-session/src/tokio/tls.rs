@@ -26,7 +26,7 @@ use std::sync::Arc;
 use super::Connector;
 use super::listener::{accept, run};
 use crate::Session;
-use crate::tls::{HANDSHAKE, advice, late, server_name};
+use crate::tls::{HANDSHAKE, advised, late, server_name};
 use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::net::{TcpListener, TcpStream};
 use ::tokio::time::timeout;
@@ -106,7 +106,7 @@ impl<C: Connector<Transport = TcpStream>> Connector for Tls<C> {
 }
 
 async fn in_time<T>(handshake: impl Future<Output = io::Result<T>>) -> io::Result<T> {
-    timeout(HANDSHAKE, handshake).await.map_err(|_| late())?.map_err(advice::of)
+    timeout(HANDSHAKE, handshake).await.map_err(|_| late())?.map_err(advised)
 }
 
 /// As [`serve`](super::serve), over TLS. `session` is called after each handshake, with the certificates of the peer among others, or with the
@@ -178,7 +178,7 @@ impl AsyncRead for Secure {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.0).poll_read(context, buffer).map_err(advice::of)
+        Pin::new(&mut self.0).poll_read(context, buffer).map_err(advised)
     }
 }
 
@@ -188,14 +188,14 @@ impl AsyncWrite for Secure {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.0).poll_write(context, bytes).map_err(advice::of)
+        Pin::new(&mut self.0).poll_write(context, bytes).map_err(advised)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.0).poll_flush(context).map_err(advice::of)
+        Pin::new(&mut self.0).poll_flush(context).map_err(advised)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.0).poll_shutdown(context).map_err(advice::of)
+        Pin::new(&mut self.0).poll_shutdown(context).map_err(advised)
     }
 }

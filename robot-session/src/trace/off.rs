@@ -27,7 +27,7 @@ pub(crate) struct Span;
 
 #[cfg(feature = "std")]
 impl Span {
-    pub(crate) const fn of<S>(_peer: Option<&str>) -> Self {
+    pub(crate) const fn of(_of: [&str; 2], _peer: Option<&str>) -> Self {
         Self
     }
 
@@ -49,7 +49,7 @@ pub(crate) struct Call;
 #[cfg(feature = "tokio")]
 impl Call {
     #[inline(always)]
-    pub(crate) const fn of<S>() -> Self {
+    pub(crate) const fn of(_of: [&str; 2]) -> Self {
         Self
     }
 

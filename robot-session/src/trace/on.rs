@@ -4,8 +4,6 @@ use core::fmt::Debug;
 #[cfg(feature = "tokio")]
 use core::{fmt::Display, future::Future, time::Duration};
 
-#[cfg(feature = "std")]
-use crate::Session;
 #[cfg(feature = "tokio")]
 use crate::now;
 
@@ -47,8 +45,8 @@ pub(crate) struct Span(tracing::Span);
 
 #[cfg(feature = "std")]
 impl Span {
-    pub(crate) fn of<S: Session>(peer: Option<&str>) -> Self {
-        Self(tracing::info_span!(target: TARGET, "connection", link = S::LINK, end = S::END, peer))
+    pub(crate) fn of([link, end]: [&str; 2], peer: Option<&str>) -> Self {
+        Self(tracing::info_span!(target: TARGET, "connection", link, end, peer))
     }
 
     /// Calls `work` in the span.
@@ -73,8 +71,8 @@ pub(crate) struct Call {
 
 #[cfg(feature = "tokio")]
 impl Call {
-    pub(crate) fn of<S: Session>() -> Self {
-        let span = tracing::debug_span!(target: TARGET, "call", link = S::LINK, end = S::END);
+    pub(crate) fn of([link, end]: [&str; 2]) -> Self {
+        let span = tracing::debug_span!(target: TARGET, "call", link, end);
         Self { span, begun: now() }
     }
 

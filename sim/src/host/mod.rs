@@ -1,6 +1,7 @@
 //! The loops that run a simulated device: one connection after the other, or many clients at once.
 
 mod attend;
+mod carrier;
 mod listener;
 mod serve;
 

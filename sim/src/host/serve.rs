@@ -10,6 +10,7 @@ use mio::{Events, Interest, Poll, Token};
 use robot_session::{Step, Steps};
 use slab::Slab;
 
+use super::carrier::Carrier;
 use super::{Arrival, Ending, Hosted, Listener, Notice, Request, refuse};
 
 /// The number of clients that are served at once; others are refused.
@@ -38,6 +39,9 @@ pub struct Server<C> {
     /// The interval at which the sessions are called even if no bytes arrive and no deadline has passed, because another thread may have
     /// changed them; also the longest time until the server stops.
     pub look: Option<Duration>,
+    /// The clients have to speak TLS, with this.
+    #[cfg(feature = "tls")]
+    pub tls: Option<std::sync::Arc<robot_session::tls::rustls::ServerConfig>>,
 }
 
 impl<C: Fn() -> Duration> Server<C> {
@@ -77,7 +81,7 @@ struct Serving<C, S, H> {
 }
 
 struct Client<S> {
-    stream: TcpStream,
+    stream: Carrier,
     peer: String,
     session: S,
     /// The session is the only one of its device.
@@ -210,6 +214,20 @@ where
                 None
             }
         };
+        #[cfg(feature = "tls")]
+        let tls = match self
+            .server
+            .tls
+            .clone()
+            .map(robot_session::tls::rustls::ServerConnection::new)
+            .transpose()
+        {
+            Ok(tls) => tls.map(Box::new),
+            Err(error) => {
+                refuse(&stream);
+                return self.refuse(&peer, &error.to_string());
+            }
+        };
         let key = self.clients.vacant_key();
         let interest = Interest::READABLE | Interest::WRITABLE;
         if let Err(error) = self.poll.registry().register(&mut stream, Token(key), interest) {
@@ -219,6 +237,11 @@ where
         let is_first = another.is_none();
         let Some(mut session) = another.or_else(|| self.first.take()) else { return Ok(()) };
         session.handle_connected(now);
+        let stream = Carrier {
+            tcp: stream,
+            #[cfg(feature = "tls")]
+            tls,
+        };
         let (unsent, is_readable, is_ended) = (Vec::new(), false, false);
         let mut client =
             Client { stream, peer, session, is_first, unsent, is_readable, is_ended, active: now };
@@ -286,8 +309,9 @@ where
         let Some(mut client) = self.clients.try_remove(key) else { return Ok(()) };
         // Earlier replies are sent, as far as the system accepts them.
         _ = client.stream.write(&client.unsent);
-        _ = client.stream.shutdown(Shutdown::Both);
-        _ = self.poll.registry().deregister(&mut client.stream);
+        client.stream.end();
+        _ = client.stream.tcp.shutdown(Shutdown::Both);
+        _ = self.poll.registry().deregister(&mut client.stream.tcp);
         let Client { mut session, peer, is_first, .. } = client;
         session.handle_disconnected(now);
         while let Some(event) = session.poll_event() {
@@ -323,7 +347,8 @@ impl<S: Hosted> Client<S> {
                 Ok(length) => {
                     // On Unix, bytes after a read that was not filled are an event again; an end that was reported is not. On Windows there
                     // is no event until a read would have to wait.
-                    self.is_readable = length == input.len() || self.is_ended || cfg!(windows);
+                    let is_filled = length == input.len() || self.stream.keeps_bytes();
+                    self.is_readable = is_filled || self.is_ended || cfg!(windows);
                     self.active = now;
                     let bytes = input.get(..length).unwrap_or_default();
                     observe(&mut self.session, Notice::Received(now, bytes)).map_err(Stop::Server)?;
@@ -381,6 +406,6 @@ impl<S: Hosted> Client<S> {
                 Err(error) => return Err(error.into()),
             }
         }
-        Ok(())
+        Ok(self.stream.flush()?)
     }
 }

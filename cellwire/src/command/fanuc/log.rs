@@ -28,6 +28,7 @@ use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::remark;
 use cellwire_io::tcp::TimeoutArgs;
+use cellwire_io::tls;
 use cellwire_links::fanuc_hmi_modbus::Frames;
 use cellwire_motion::plausibility::{Fault, Plausibility};
 
@@ -79,6 +80,8 @@ pub(super) struct Args {
     #[command(flatten)]
     connect: TimeoutArgs,
     #[command(flatten)]
+    tls: tls::ClientArgs,
+    #[command(flatten)]
     set: SetArgs,
     /// Print one JSON object at the end instead of a table
     #[arg(long)]
@@ -120,6 +123,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         address: args.address.or(view.address).unwrap_or(TelemetryBlock::ADDRESS),
         poll,
         dialing: args.set.dialing(None, args.connect)?,
+        tls: args.tls.read()?,
         config,
     };
     let mut logger = Logger::open(source, clock)?;

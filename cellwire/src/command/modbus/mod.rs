@@ -19,6 +19,7 @@ use cellwire_io::output::remark;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial::{self, Mode};
 use cellwire_io::tcp::TimeoutArgs;
+use cellwire_io::tls;
 use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
 use cellwire_links::settings::Setting;
 
@@ -90,6 +91,8 @@ struct PortArgs {
     mode: Mode,
     #[command(flatten)]
     connect: TimeoutArgs,
+    #[command(flatten)]
+    tls: tls::ClientArgs,
     #[command(flatten)]
     set: SetArgs,
 }
@@ -163,7 +166,8 @@ impl PortArgs {
         let kind = if is_path {
             PortKind::Serial { path: server.to_owned(), baud: self.baud, mode: self.mode }
         } else {
-            PortKind::Tcp { server: server.to_owned(), rtu: given.view.frames == Frames::Rtu }
+            let tls = self.tls.read()?;
+            PortKind::Tcp { server: server.to_owned(), rtu: given.view.frames == Frames::Rtu, tls }
         };
         let mut port = Port::new(kind, self.set.dialing(None, self.connect)?);
         port.config.timeout = timeout;

@@ -170,7 +170,8 @@ impl Log {
         let device = connection(&Arc::new(Mutex::new(controller)), settings.server)?;
         // It ends with the process, as the listener does.
         thread::spawn(move || {
-            let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+            let server =
+                Server { listener, clock: || clock.now(), idle_timeout: None, look: None, tls: None };
             serve_tcp(server, device, &trace, None)
         });
         let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
@@ -181,6 +182,7 @@ impl Log {
             address: TelemetryBlock::ADDRESS,
             poll: settings.poll,
             dialing: tcp::Dialing::default(),
+            tls: None,
             config: settings.client,
         };
         Ok(Self {

@@ -18,6 +18,7 @@ use cellwire_io::output::remark;
 use cellwire_io::port::AnyPort;
 use cellwire_io::stream::Stream;
 use cellwire_io::tcp::{self, Dialing};
+use cellwire_io::tls::{Carrier, Tls};
 
 /// A connection that the client itself has replaced is tried again for this long.
 const REGAINED: Duration = Duration::from_secs(5);
@@ -42,6 +43,8 @@ pub enum PortKind {
         server: String,
         /// Whether RTU frames go through it.
         rtu: bool,
+        /// How it is made secure.
+        tls: Option<Tls>,
     },
     /// A serial port, with RTU.
     Serial {
@@ -57,7 +60,7 @@ pub enum PortKind {
 impl Port {
     /// Modbus TCP with a timeout of a second.
     pub fn tcp(server: &str, dialing: Dialing) -> Self {
-        Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false }, dialing)
+        Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false, tls: None }, dialing)
     }
 
     /// With the configuration that this kind of port needs.
@@ -78,13 +81,19 @@ impl Port {
         }
     }
 
-    fn open(&self) -> Result<AnyPort> {
-        match &self.kind {
-            PortKind::Tcp { server, .. } => {
-                Ok(AnyPort::Tcp(Stream::new(tcp::connect(server, self.dialing)?)))
+    fn open(&self) -> Result<Carrier<AnyPort>> {
+        Ok(match &self.kind {
+            PortKind::Tcp { server, tls, .. } => {
+                let stream = tcp::connect(server, self.dialing)?;
+                match tls {
+                    None => Carrier::Plain(AnyPort::Tcp(Stream::new(stream))),
+                    Some(tls) => Carrier::Secure(Box::new(tls.secure(stream, server)?)),
+                }
             }
-            PortKind::Serial { path, baud, mode } => AnyPort::open_with(path, *baud, *mode, self.dialing),
-        }
+            PortKind::Serial { path, baud, mode } => {
+                Carrier::Plain(AnyPort::open_with(path, *baud, *mode, self.dialing)?)
+            }
+        })
     }
 }
 
@@ -92,7 +101,7 @@ impl Port {
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Client {
     port: Port,
-    driver: Driver<AnyPort>,
+    driver: Driver<Carrier<AnyPort>>,
     session: modbus::Client<1>,
     /// The next request needs another connection.
     is_used_up: bool,
@@ -320,7 +329,10 @@ impl Client {
         self.session.handle_disconnected(robot_session::now());
         while self.session.poll_event().is_some() {}
         // The old one first: some servers have room for one.
-        self.driver.transport_mut().close();
+        match self.driver.transport_mut() {
+            Carrier::Plain(port) => port.close(),
+            Carrier::Secure(stream) => stream.close(),
+        }
         self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
         self.is_used_up = false;
         self.opened = Instant::now();
@@ -375,7 +387,10 @@ fn answer<T>(
             None
         }
         ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
-            remark(&format!("corrupt: {error}"));
+            // An alert of TLS: 15 03 03 00.
+            let is_tls = matches!(error, DecodeError::Protocol { found: 0x0300, .. });
+            let hint = if is_tls { "; a server that speaks TLS begins so: --tls" } else { "" };
+            remark(&format!("corrupt: {error}{hint}"));
             instead.get_or_insert_with(|| event.to_string());
             None
         }

@@ -31,7 +31,6 @@ pub const PAIRS: &[Pair] = &[
     laser_eb90::ANY_HOST,
     mmacell_proto::ANY_DEVICE,
     mmacell_proto::ANY_CENTRAL,
-    val2_alter::PAIR,
     val2_alter::ANY_CONTROLLER,
     val2_alter::ANY_HOST,
     val2_viewer::ANY_WORKSTATION,

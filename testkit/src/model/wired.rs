@@ -33,8 +33,8 @@ pub trait Wired: Peer {
         now: Duration,
     ) -> Vec<u8>;
 
-    /// Whether these bytes are what was to be sent.
-    fn is_written(&self, what: &TransmitOf<Self>, bytes: &[u8]) -> bool;
+    /// Whether these bytes are what was to be sent; none, if nothing is sent.
+    fn is_written(&self, scene: &SceneOf<Self>, what: &TransmitOf<Self>, bytes: &[u8]) -> bool;
 
     /// Pushes the reports that an action makes.
     fn reports(&self, action: &ActionOf<Self>, reports: &mut Vec<String>);
@@ -123,9 +123,9 @@ impl<'a, P: Wired> Follower<'a, P> {
         let what = scene.end.transmit(Duration::ZERO, self.peer.config()).filter(|_| !due);
         let mut out = vec![0; <P::Session as End>::MAX_TRANSMIT];
         let length = self.session.poll_transmit(self.now, &mut out);
-        let sent = length.and_then(|length| out.get(..length));
+        let sent = length.and_then(|length| out.get(..length)).unwrap_or_default();
         match what {
-            Some(what) if !sent.is_some_and(|bytes| self.peer.is_written(&what, bytes)) => {
+            Some(what) if !self.peer.is_written(scene, &what, sent) => {
                 Err(format!("{what:?} is sent as {sent:02X?}"))
             }
             _ => Ok(()),

@@ -12,7 +12,6 @@ mod kawasaki_msg;
 mod laser_eb90;
 mod log;
 mod tally;
-mod val2_alter;
 mod walks;
 mod wire;
 
@@ -62,10 +61,10 @@ pub const ROWS: [Row; 36] = [
     kawasaki_msg::ANY_PC,
     kawasaki_msg::HOSTILE_ROBOT,
     kawasaki_msg::HOSTILE_PC,
-    val2_alter::SERIAL,
-    val2_alter::ANY_CONTROLLER,
-    val2_alter::ANY_HOST,
-    val2_alter::HOSTILE,
+    walks::ANY_CONTROLLER,
+    walks::HOSTILE_CONTROLLER,
+    walks::ANY_HOST_OF_ALTER,
+    walks::HOSTILE_HOST_OF_ALTER,
     fanuc_hmi_modbus::TCP,
     fanuc_hmi_modbus::RTU,
     fanuc_hmi_modbus::RTU_OVER_TCP,

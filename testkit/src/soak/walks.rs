@@ -1,7 +1,7 @@
 //! The ends whose peers the model describes: each is walked at random over bytes. A job is a message, heard or lost.
 
 use super::Row;
-use crate::links::{isra_ball, mmacell_proto, val2_viewer};
+use crate::links::{isra_ball, mmacell_proto, val2_alter, val2_viewer};
 use crate::model::walk;
 
 /// One row: the link, the transport and the peer, of how many random messages the check passes one, and the system.
@@ -19,6 +19,10 @@ macro_rules! rows {
 
 // A poll of the ball and a request of the viewer are one byte without a check; TCP corrupts nothing.
 rows! {
+    ANY_CONTROLLER: "val2-alter", "serial, any controller", None, val2_alter::any_controller(true);
+    HOSTILE_CONTROLLER: "val2-alter", "serial, hostile controller", None, val2_alter::any_controller(false);
+    ANY_HOST_OF_ALTER: "val2-alter", "serial, any host", None, val2_alter::any_host(true);
+    HOSTILE_HOST_OF_ALTER: "val2-alter", "serial, hostile host", None, val2_alter::any_host(false);
     ANY_WORKSTATION: "val2-viewer", "serial, any workstation", None, val2_viewer::any_workstation(true);
     HOSTILE_WORKSTATION: "val2-viewer", "serial, hostile workstation", None, val2_viewer::any_workstation(false);
     ANY_HOST_OF_VIEWER: "val2-viewer", "serial, any host", Some(256), val2_viewer::any_host(true);

@@ -11,7 +11,7 @@ use robot_session::end::Machine as _;
 
 use super::world::{COLLISION, GIVEN_UP, OTHER_UNIT, TICK, UNIT};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, Wired};
 
 pub(super) const ANSWERED: &str = "each request that was carried out has one reply, on its connection";
 pub(super) const UNANSWERED: &str = "a broadcast is not answered";
@@ -267,7 +267,7 @@ impl Wired for AnyClient {
         }
     }
 
-    fn is_written(&self, _: &Due, bytes: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, _: &Due, bytes: &[u8]) -> bool {
         bytes.get(if self.framing() == Framing::Tcp { 6 } else { 0 }) == Some(&UNIT)
     }
 

@@ -7,7 +7,7 @@ use isra_ball::{ENQ, Host, HostConfig, HostEvent, Keys, Packet as Message, Statu
 
 use super::world::{AGE, CLAIMED, Config, FOUND_OUT, LINE, ONE_OUTCOME, PAIRED, STALE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
 
 /// Ticks after which every time of a poll or a connection has passed.
 const LONG: u8 = 6;
@@ -447,7 +447,7 @@ impl Wired for AnyBall {
         packet.to_bytes().expect("it is a packet").to_vec()
     }
 
-    fn is_written(&self, _: &Enquiry, bytes: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, _: &Enquiry, bytes: &[u8]) -> bool {
         bytes == [ENQ]
     }
 

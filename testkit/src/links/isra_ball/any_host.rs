@@ -7,7 +7,7 @@ use isra_ball::{Ball, BallConfig, BallEvent, ENQ, Frame, Keys};
 
 use super::world::{ASKED, LINE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, SceneOf, Terms, Wired};
 
 /// Ticks after which a host that keeps the rules polls again, if no reply has come.
 const WINDOW: u8 = LINE + 2;
@@ -164,7 +164,7 @@ impl Wired for AnyHost {
         }
     }
 
-    fn is_written(&self, what: &Reply, bytes: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, what: &Reply, bytes: &[u8]) -> bool {
         let Ok(Some((frame, length))) = Frame::decode(bytes) else { return false };
         length == bytes.len() && frame.packet().is_ok_and(|packet| packet.status.is_fresh() == what.fresh)
     }

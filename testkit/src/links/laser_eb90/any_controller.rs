@@ -3,13 +3,11 @@
 use core::time::Duration;
 
 use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome};
-use laser_eb90::robot_session::Encode as _;
-use laser_eb90::{Class, Frame as Message, Host, HostConfig, HostEvent, Payload, Profile, Refusal};
+use laser_eb90::{Class, HostConfig, Refusal};
 
-use super::pair::{DONE, ONCE, ONE_OUTCOME, REFUSED};
+use super::pair::{DONE, DONE_ONCE, ECHOED, ONCE, ONE_OUTCOME, REFUSED};
 use super::world::{CUT, SWITCH};
-use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms};
 
 const TICK: Duration = Duration::from_millis(50);
 /// In ticks: a frame on the line, its pauses, the longest execution, how late an answer comes, and how late an error code.
@@ -25,13 +23,16 @@ pub(super) const RULES: Terms = Terms {
     keeps: "LE-5, LE-25, LE-72, LE-102, LE-103",
     free: "when it takes a frame, what it refuses, whether it keeps a first half and answers each, what the line loses",
     shows: &[],
-    properties: &[DONE, REFUSED, ONCE, ONE_OUTCOME, EXPECTED],
+    properties: &[DONE, REFUSED, ONCE, ECHOED, ONE_OUTCOME, EXPECTED],
 };
+/// The same of a host that sends a frame again if no answer comes.
+pub(super) const INSISTS: Terms =
+    Terms { properties: &[DONE, DONE_ONCE, REFUSED, ECHOED, ONE_OUTCOME, EXPECTED], ..RULES };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any answer at any time",
     shows: &[],
-    properties: &[CLAIMED, ONE_OUTCOME, EXPECTED],
+    properties: &[CLAIMED, ECHOED, ONE_OUTCOME, EXPECTED],
 };
 
 /// A controller of which only this is known.
@@ -70,11 +71,10 @@ pub struct Known {
     /// Frames on the line and in the controller, the oldest first.
     frames: Vec<Frame>,
     /// Answers, and the ticks before which they come or are lost.
-    answers: Vec<(Answer, u8)>,
+    pub(super) answers: Vec<(Answer, u8)>,
     /// The frame in flight.
     job: Option<Job>,
-    /// The frame before: whether it was reported as refused, and how often it was executed.
-    before: (bool, u8),
+    before: Before,
     wrong: Option<&'static str>,
 }
 
@@ -85,6 +85,16 @@ struct Job {
     executed: u8,
     /// Its word has come.
     has_come: bool,
+}
+
+/// The frame before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+struct Before {
+    /// It was reported as refused, or as done after each of its transmissions was answered.
+    refused: bool,
+    answered: bool,
+    /// How often.
+    executed: u8,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -198,15 +208,16 @@ impl AnyController {
             return;
         };
         let refused = matches!(outcome, Outcome::Refused(_));
-        if let Outcome::Done { .. } = outcome {
-            if self.keeps_rules && executed == 0 {
-                known.wrong = Some(DONE);
-            }
-            if !has_come {
-                known.wrong = Some(CLAIMED);
-            }
+        let answered = matches!(outcome, Outcome::Done { unanswered: 0, .. });
+        match outcome {
+            Outcome::Done { .. } if self.keeps_rules && executed == 0 => known.wrong = Some(DONE),
+            Outcome::Done { .. } if !has_come => known.wrong = Some(CLAIMED),
+            Outcome::Done { unanswered: 0, .. } if executed > 1 => known.wrong = Some(DONE_ONCE),
+            Outcome::Done { .. } => {}
+            Outcome::Refused(_) | Outcome::Unknown(_) if has_come => known.wrong = Some(ECHOED),
+            Outcome::Refused(_) | Outcome::Unknown(_) => {}
         }
-        known.leave(refused, executed);
+        known.leave(Before { refused, answered, executed });
     }
 }
 
@@ -226,7 +237,7 @@ impl Peer for AnyController {
     }
 
     fn known(&self) -> Known {
-        Known { frames: Vec::new(), answers: Vec::new(), job: None, before: (false, 0), wrong: None }
+        Known { frames: Vec::new(), answers: Vec::new(), job: None, before: Before::default(), wrong: None }
     }
 
     fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
@@ -283,7 +294,9 @@ impl Peer for AnyController {
             Word::Say(answer) => return Some(self.hear(known, answer)),
             Word::Take(at) => {
                 let frame = known.frames[at];
-                known.execute(frame);
+                if known.execute(frame) && !self.config.resend_on_silence {
+                    known.wrong = Some(ONCE);
+                }
                 if frame.class == Class::Interpreted {
                     known.frames.remove(at);
                     known.answers.push((Answer::Echo(frame.class), self.real.settle));
@@ -348,7 +361,7 @@ impl Peer for AnyController {
             frame.left = (frame.left + self.real.earlier).saturating_sub(LINE);
         }
         if let Some(job) = known.job.take() {
-            known.leave(false, job.executed);
+            known.leave(Before { executed: job.executed, ..Before::default() });
         }
     }
 
@@ -366,137 +379,34 @@ impl Peer for AnyController {
     }
 }
 
-/// The values of an instruction, so that its frame takes [`LINE`] ticks.
-const VALUES: [u8; 37] = [7; 37];
-
-fn answer(payload: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
-    let (mut buffer, mut out) = ([0; 64], [0; Message::MAX_LEN]);
-    let mut written = Payload::new(&mut buffer, &Profile::default());
-    payload(&mut written);
-    let length = written.frame().expect("a frame").encode(&mut out).expect("it has a form");
-    out[..length].to_vec()
-}
-
-impl Wired for AnyController {
-    type Session = Host;
-
-    const FAULTS: Faults = Faults::BAD_LINE;
-
-    fn session(&self) -> Host {
-        Host::new(self.config).expect("a configuration that works")
-    }
-
-    fn speak(&self, known: &Known, said: Word, session: &mut Host, _: Duration) -> Vec<u8> {
-        let answered = match said {
-            Word::Submit(class) => {
-                session.submit(word(class), |payload| payload.u8(&VALUES).map(drop)).expect("it has room");
-                return Vec::new();
-            }
-            Word::Resume => {
-                session.resume();
-                return Vec::new();
-            }
-            Word::Read { corrupt: false } => {
-                known.answers.first().map_or(Answer::Corrupt, |(answer, _)| *answer)
-            }
-            Word::Read { corrupt: true } => Answer::Corrupt,
-            Word::Say(answer) => answer,
-            Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => {
-                return Vec::new();
-            }
-        };
-        let code = match answered {
-            Answer::Echo(class) => word(class),
-            Answer::Error(refusal) => self.config.words.errors().code(refusal),
-            Answer::Corrupt => CUT,
-        };
-        let mut bytes = answer(|payload| _ = payload.word(code));
-        if answered == Answer::Corrupt {
-            bytes[6] ^= 0x04;
-        }
-        bytes
-    }
-
-    /// The host reads an answer that has begun before its frame was sent as none.
-    fn may_pause(&self, _: Word) -> bool {
-        false
-    }
-
-    fn is_written(&self, _: &Due, bytes: &[u8]) -> bool {
-        bytes.len() == self.config.longest_frame
-            && Message::decode(bytes, &mut [0; Message::MAX_LEN], &self.config.profile).is_ok()
-    }
-
-    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
-        match action {
-            Action::Nothing | Action::Sent(_) => {}
-            Action::Report(_, Outcome::Done { resends, unanswered }) => {
-                reports.push(format!("done {resends} {unanswered}"))
-            }
-            Action::Report(_, Outcome::Refused(refusal)) => reports.push(format!("{refusal:?}")),
-            Action::Report(_, Outcome::Unknown(reason)) => reports.push(format!("{reason:?}")),
-            Action::Unasked { word } => reports.push(format!("unasked {word}")),
-        }
-    }
-
-    fn reported(&self, event: &HostEvent) -> Option<String> {
-        Some(match event {
-            HostEvent::Done { resends, unanswered, .. } => format!("done {resends} {unanswered}"),
-            HostEvent::Refused { refusal, .. } => format!("{refusal:?}"),
-            HostEvent::Unknown { reason, .. } => format!("{reason:?}"),
-            HostEvent::Unasked { word } => format!("unasked {word}"),
-            HostEvent::Corrupt(_) => return None,
-            other => format!("{other:?}"),
-        })
-    }
-
-    fn lost(&self, _: &Known, said: Word) -> Vec<Vec<Word>> {
-        match said {
-            Word::Read { .. } => vec![vec![Word::Read { corrupt: true }], vec![Word::Lose]],
-            _ => vec![vec![Word::Say(Answer::Corrupt)]],
-        }
-    }
-
-    fn given_up(&self) -> Option<Word> {
-        Some(Word::Say(Answer::Corrupt))
-    }
-
-    /// Instructions have numbers.
-    fn forget(&self, machine: &mut HostMachine) {
-        machine.next.iter_mut().for_each(|batch| batch.first = 0);
-        match &mut machine.link {
-            HostLink::Awaiting(sent) => sent.batch.first = 0,
-            HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.first = 0,
-            HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => {}
-        }
-    }
-}
-
 impl Known {
-    fn execute(&mut self, frame: Frame) {
+    /// Returns whether the frame was executed before.
+    fn execute(&mut self, frame: Frame) -> bool {
         let executed = match &mut self.job {
             Some(job) if !frame.is_old => &mut job.executed,
-            _ => &mut self.before.1,
+            _ => &mut self.before.executed,
         };
         *executed = (*executed + 1).min(2);
-        if *executed > 1 {
-            self.wrong = Some(ONCE);
-        }
-        if frame.is_old && self.before.0 {
+        let is_repeated = *executed > 1;
+        if frame.is_old && self.before.refused {
             self.wrong = Some(REFUSED);
         }
+        if frame.is_old && self.before.answered && is_repeated {
+            self.wrong = Some(DONE_ONCE);
+        }
+        is_repeated
     }
 
     /// The frame has its outcome.
-    fn leave(&mut self, refused: bool, executed: u8) {
-        if refused && executed > 0 {
+    fn leave(&mut self, before: Before) {
+        if before.refused && before.executed > 0 {
             self.wrong = Some(REFUSED);
         }
-        self.before = (refused, executed);
+        self.before = before;
         self.frames.iter_mut().for_each(|frame| frame.is_old = true);
     }
 }
 
-fn word(class: Class) -> u16 {
+pub(super) fn word(class: Class) -> u16 {
     if class == Class::Interpreted { CUT } else { SWITCH }
 }

@@ -2,6 +2,7 @@
 
 mod any_controller;
 mod any_host;
+mod line_to_host;
 mod machines;
 mod margins;
 mod pair;
@@ -61,6 +62,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
             Setting::new("keeps the rules", any_controller(true, false)).on(rules),
             Setting::new("keeps the rules, the host is late", late).on(rules),
             Setting::new("keeps the rules, drops first halves", any_controller(true, true)).on(rules),
+            Setting::new(INSISTS, insists()).on(any_controller::INSISTS),
             Setting::new("does anything", any_controller(false, false)).on(anything),
         ]
     },
@@ -75,8 +77,12 @@ pub const ANY_CONTROLLER: Pair = Pair {
             system.peer.config.rules = Rules::without(rule);
             MustFail::walked(name, property, at(keeps_rules), system)
         };
-        use pair::{DONE, ONCE, REFUSED};
+        use pair::{DONE, ECHOED, ONCE, REFUSED};
+        let mut unsure = insists();
+        unsure.peer.config.rules = Rules::without(HostRule::UnansweredIsUnknown);
         vec![
+            MustFail::walked("UnansweredIsUnknown", REFUSED, INSISTS, unsure),
+            without("ConfirmLate", ECHOED, true, HostRule::ConfirmLate),
             rules("max_pause", DONE, |host| host.max_pause = Duration::ZERO),
             rules("settle", DONE, |host| host.settle = Duration::ZERO),
             rules("reply_time", ONCE, |host| host.reply_time = Duration::ZERO),
@@ -96,6 +102,15 @@ pub const ANY_CONTROLLER: Pair = Pair {
         systems.map(|(keeps_rules, drops)| any_controller(keeps_rules, drops).refined()).into()
     },
 };
+
+const INSISTS: &str = "keeps the rules, the host resends on silence";
+
+/// A host that sends a frame again if no answer comes.
+fn insists() -> Against<AnyController> {
+    let mut system = any_controller(true, false);
+    system.peer.config.resend_on_silence = true;
+    system
+}
 
 /// A controller of which only the rules are known, or nothing.
 pub fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {

@@ -11,7 +11,7 @@ use robot_session::end::Machine as _;
 
 use super::world::{HOME, IN_FAULT, ONE_MOTION, PENDING, Pose, SERVO_OFF, TICK, bytes};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 
@@ -285,7 +285,7 @@ impl Wired for AnyCentral {
         Vec::new()
     }
 
-    fn is_written(&self, what: &Reply<Pose>, sent: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, what: &Reply<Pose>, sent: &[u8]) -> bool {
         sent == bytes(what)
     }
 

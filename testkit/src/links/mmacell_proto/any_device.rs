@@ -13,7 +13,7 @@ use super::world::{
     TICK, bytes,
 };
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 const MOVE: Command<Pose> = Command::Move { mode: Mode::Absolute, pose: THERE };
@@ -371,7 +371,7 @@ impl Wired for AnyDevice {
         Vec::new()
     }
 
-    fn is_written(&self, what: &Command<Pose>, sent: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, what: &Command<Pose>, sent: &[u8]) -> bool {
         sent == bytes(what)
     }
 

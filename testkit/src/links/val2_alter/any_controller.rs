@@ -2,8 +2,9 @@
 //!
 //! One axis stands for all six. What a host knows of words is a bit for each axis, and each is changed by its own bit alone. Axes meet
 //! where a word is chosen, where the last one that is not zero keeps a stop from being done, and in how long a reply is. So other axes
-//! decide when a word is left out that need not be there, whether a reply is at rest, and by when it has to begin. Here all three are
-//! open: any reply may have a word that moves, or a zero, or [be on the way](Word::Brake), and replies are lost, or late.
+//! decide when a word is left out that need not be there, whether a reply is at rest, and by when it has to begin. All three are open
+//! if replies [are free](AnyController::is_free): each may have a word that moves, or a zero, or [be on the way](Word::Brake). Replies
+//! are lost, or late.
 //!
 //! One mode stands for all, too. A machine asks it whether a start message names it, how long the window is (15 or 17 ms are the same
 //! ticks here), and where values go without a target, which is open. A transformation makes the message longer, and the window
@@ -12,15 +13,16 @@
 use core::time::Duration;
 
 use robot_session::end::Machine as _;
-use val2_alter::host::machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Pending};
-use val2_alter::{AXES, ErrorCode, Exception, HostConfig, Policy, timing};
+use val2_alter::host::machine::{Action, Answer, HostMachine, HostPhase, Input, Pending};
+use val2_alter::{ErrorCode, Exception, HostConfig, Policy, StartCode};
 
 use super::any_robot::{
-    AnyController, CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, RUNNING, Reply, Robot, Window, Word,
+    AnyController, CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, Opening, RUNNING, Reply, Robot, Window,
+    Word,
 };
-use super::setup::{FRESH, TICK};
 use super::world::{
-    DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, STALE, WORDS, ZEROS,
+    DONE, FITS, FRESH, GRIP, Held, INVENTED_MODE, NOT_DONE, ONCE, OUTCOME, REFUSED, SILENCE, SILENT, STALE,
+    TICK, WORDS, ZEROS,
 };
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
 
@@ -32,7 +34,7 @@ pub(super) const DELAYED: &str = "a message is not reported as delayed when it i
 pub(super) const AGAIN: &str = "an exception is sent again only after messages that say it was not read";
 
 pub(super) const RULES: Terms = Terms {
-    keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, delays no longer than max_delay",
+    keeps: "AL-71, AL-72, AL-73, AL-75, AL-76, AL-77, AL-78, AL-79, AL-90, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply, what it makes of words that come in an interruption, what is \
            lost or corrupt, when it interrupts, ends and restarts",
     shows: &[],
@@ -49,19 +51,34 @@ pub(super) const RULES: Terms = Terms {
         ANSWERED,
         INTERRUPTED,
         REJECTED,
+        REFUSED,
         DELAYED,
         EXPECTED,
     ],
 };
 pub(super) const LATER: Terms = Terms {
-    keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, replies no later than a cycle; words that come in an interruption stay",
+    keeps: "AL-71, AL-72, AL-73, AL-75, AL-76, AL-77, AL-78, AL-79, AL-90, replies no later than a cycle; words that come in an interruption stay",
     free: "which errors it finds, whether it goes on without a reply, which of two replies a window has, what is lost or corrupt, when it \
            interrupts and ends",
     shows: &[],
-    properties: &[WORDS, ZEROS, FITS, SILENT, SILENCE, ANSWERED, EXPECTED],
+    properties: &[
+        ONCE,
+        DONE,
+        NOT_DONE,
+        OUTCOME,
+        WORDS,
+        ZEROS,
+        FITS,
+        SILENT,
+        SILENCE,
+        ANSWERED,
+        INTERRUPTED,
+        REFUSED,
+        EXPECTED,
+    ],
 };
 pub(super) const LATE: Terms = Terms {
-    keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-90, delays no longer than max_delay",
+    keeps: "AL-71, AL-72, AL-73, AL-75, AL-76, AL-78, AL-79, AL-90, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply and takes one that is late, what it makes of words that come in an \
            interruption, what is lost, or corrupt after the start, when it interrupts, ends and restarts",
     shows: &[],
@@ -82,8 +99,8 @@ pub(super) const LATE: Terms = Terms {
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
-    free: "any message and noise at any time",
-    shows: &[],
+    free: "any message, whole, in part or corrupt, and noise at any time",
+    shows: &[("AL-53", FITS), ("AL-54", ANSWERED), ("AL-67", INTERRUPTED)],
     properties: &[
         OUTCOME,
         AGAIN,
@@ -94,6 +111,7 @@ pub(super) const ANYTHING: Terms = Terms {
         ANSWERED,
         INTERRUPTED,
         INVENTED_MODE,
+        REFUSED,
         EXPECTED,
     ],
 };
@@ -121,7 +139,7 @@ impl Peer for AnyController {
     }
 
     fn end(&self) -> HostMachine {
-        HostMachine::new(Policy::Accept, true)
+        HostMachine::new(self.config.policy, self.config.subroutine)
     }
 
     fn known(&self) -> Known {
@@ -135,11 +153,16 @@ impl Peer for AnyController {
             down: None,
             up: [None; 2],
             late: 0,
+            line: Held::Nothing,
+            inputs: Vec::new(),
             asked: None,
             started: None,
             since_read: 0,
+            corrupt: (0, 0),
             job: None,
             target: FRESH,
+            wanted: false,
+            arm: (false, false),
             stopped: false,
             reply: None,
             wrong: None,
@@ -157,9 +180,13 @@ impl Peer for AnyController {
             }
         } else if end.phase != HostPhase::Disconnected {
             words.extend(FRAMES.map(Word::Come));
-            words.push(Word::Noise);
+            if known.line != Held::Head {
+                words.extend([Word::Head, Word::Noise]);
+            }
         }
-        if let Some(Answer::Reply { .. }) = end.transmit(NOW, &self.config) {
+        if self.is_free
+            && let Some(Answer::Reply { .. }) = end.transmit(NOW, &self.config)
+        {
             words.extend([Word::Move, Word::Brake]);
         }
         let HostPhase::Active(active) = &end.phase else {
@@ -169,19 +196,25 @@ impl Peer for AnyController {
             return;
         };
         // Where it makes no difference what moves the arm, there is no target.
-        if !self.keeps_rules {
-            words.push(Word::Target);
+        if !(self.is_free && self.keeps_rules) {
+            words.push(Word::Target { moves: true });
+        }
+        // With a controller that does anything a stop brings the arm back.
+        if !self.is_free && self.keeps_rules {
+            words.push(Word::Target { moves: false });
         }
         words.push(Word::Stop);
-        if end.name() == "running" && active.exception == Pending::None && self.delay <= DELAY {
+        if end.subroutine && end.name() == "running" && active.exception == Pending::None {
             words.push(Word::Ask);
         }
     }
 
     fn by(&self, word: Word) -> By {
         match word {
-            Word::Read { .. } | Word::Come(_) | Word::Noise => By::Line,
-            Word::Move | Word::Brake | Word::Target | Word::Ask | Word::Stop | Word::Accept => By::User,
+            Word::Read { .. } | Word::Come(_) | Word::Head | Word::Noise => By::Line,
+            Word::Move | Word::Brake | Word::Target { .. } | Word::Ask | Word::Stop | Word::Accept => {
+                By::User
+            }
             Word::Say(_) | Word::Lose | Word::Arrive { .. } => By::Others,
             Word::Interrupt | Word::Return | Word::Restart => By::Others,
         }
@@ -192,24 +225,28 @@ impl Peer for AnyController {
             Word::Read { corrupt } => {
                 let frame = known.down.take()?;
                 known.late = known.since_sent;
-                return Some(self.read(end, known, if corrupt { Frame::Corrupt } else { frame }));
+                self.receive(end, known, if corrupt { Frame::Corrupt } else { frame });
             }
-            Word::Come(frame) => return Some(self.read(end, known, frame)),
-            Word::Noise => {
-                known.lose_sequence();
-                return Some(Input::Noise);
+            Word::Come(frame) => self.receive(end, known, frame),
+            Word::Head => {
+                known.end_noise();
+                known.hold(Held::Head);
             }
+            Word::Noise => known.hold(known.line.with_noise()),
             Word::Move => return Some(self.reply(end, known, true, false)),
             Word::Brake => return Some(self.reply(end, known, false, false)),
-            Word::Target => {
-                known.target = 0;
+            Word::Target { moves } => {
+                (known.target, known.wanted) = (0, moves && !self.is_free);
                 return Some(Input::Target);
             }
             Word::Ask => {
                 known.job = Some(Job { executed: 0, sent: None });
                 return Some(Input::Exception { exception: GRIP, has_room: true });
             }
-            Word::Stop => return Some(Input::Stop),
+            Word::Stop => {
+                known.started = None;
+                return Some(Input::Stop);
+            }
             Word::Accept => return Some(Input::Policy(Policy::Accept)),
             Word::Say(frame) => known.say(frame),
             Word::Lose => known.down = None,
@@ -222,7 +259,11 @@ impl Peer for AnyController {
                 (known.held, known.window) = (false, Window::Nothing);
             }
         }
-        None
+        known.next_input()
+    }
+
+    fn next(&self, _: &HostMachine, known: &mut Known) -> Option<InputOf<Self>> {
+        known.next_input()
     }
 
     fn sent(&self, answer: &Answer) -> InputOf<Self> {
@@ -251,10 +292,19 @@ impl Peer for AnyController {
             Action::SentStart(code) => {
                 let started = known.started.take();
                 must(started.is_some(), ANSWERED);
-                if code == val2_alter::StartCode::Accept {
-                    must(started == Some(true), INVENTED_MODE);
-                    (known.since_read, known.stopped, known.target) = (0, false, FRESH);
-                    known.answered(self, Reply::Accept);
+                let is_often = known.corrupt.0 > self.config.repeats;
+                match code {
+                    StartCode::Accept => {
+                        must(started == Some(Opening::Expected), INVENTED_MODE);
+                        (known.since_read, known.stopped, known.target) = (0, false, FRESH);
+                        (known.wanted, known.arm) = (false, (false, false));
+                        known.answered(self, Reply::Accept);
+                    }
+                    StartCode::Repeat => {}
+                    StartCode::Refuse => must(
+                        started == Some(Opening::Other) || started == Some(Opening::Corrupt) && is_often,
+                        REFUSED,
+                    ),
                 }
             }
             Action::SentReply(exception) => {
@@ -269,31 +319,54 @@ impl Peer for AnyController {
                 }
                 let (select, moves) = reply.unwrap_or_default();
                 let has_word = select & 1 != 0;
-                known.answered(self, Reply::Values { has_word, moves, exception: has_exception });
+                let exception = has_exception.then_some(true);
+                known.answered(self, Reply::Values { has_word, moves, exception });
             }
             Action::Stopped(judged) => {
                 known.stopped = true;
+                known.rest(judged.missed, judged.rejected);
                 must(!self.keeps_rules || !known.held, ZEROS);
                 must(!known.is_misjudged(self, judged.rejected), REJECTED);
                 known.end_job(self, judged.outcome, &mut must);
             }
             Action::Asked(judged) => {
                 must(!(self.keeps_rules && judged.delayed), DELAYED);
+                known.rest(judged.missed, judged.rejected);
                 must(!known.is_misjudged(self, judged.rejected), REJECTED);
                 known.end_job(self, judged.outcome, &mut must);
             }
-            Action::Missed if cause == Cause::Due => (known.asked, known.started) = (None, None),
+            Action::Missed => {
+                known.rest(true, None);
+                if cause == Cause::Due {
+                    (known.asked, known.started) = (None, None);
+                }
+            }
+            Action::EndFrame => match core::mem::replace(&mut known.line, Held::Nothing) {
+                Held::Noise => known.lose_noise(),
+                Held::Head => {
+                    let input = self.read(end, known, Frame::Corrupt);
+                    known.inputs.push(input);
+                }
+                Held::Nothing | Held::Corrupt => {}
+            },
             Action::Exception(exception, outcome) => {
                 known.end_job(self, Some((exception, outcome)), &mut must)
             }
             Action::Ended(outcome) | Action::Lost { outcome, .. } => known.end_job(self, outcome, &mut must),
             Action::Refuse(_) => known.job = None,
-            Action::Nothing | Action::EndFrame | Action::Stale | Action::Missed => {}
+            Action::Nothing | Action::Stale => {}
         }
-        if matches!(cause, Cause::Connected | Cause::Disconnected) {
-            (known.asked, known.started, known.stopped) = (None, None, false);
+        match cause {
+            Cause::Connected | Cause::Disconnected => {
+                (known.asked, known.started, known.stopped) = (None, None, false);
+                (known.line, known.corrupt) = (Held::Nothing, (0, 0));
+            }
+            Cause::Sent(Answer::Nothing) => known.started = None,
+            Cause::Due | Cause::Sent(_) | Cause::Word(_) => {}
         }
-        known.target = if matches!(end.phase, HostPhase::Active(_)) { known.target } else { FRESH };
+        if !matches!(end.phase, HostPhase::Active(_)) {
+            (known.target, known.wanted, known.arm) = (FRESH, false, (false, false));
+        }
         known.wrong = known.wrong.or(wrong);
     }
 
@@ -305,6 +378,12 @@ impl Peer for AnyController {
             older(&mut known.since_sent, CYCLE);
         }
         older(&mut known.since_read, self.silence() + 1);
+        if known.corrupt.0 > 0 && known.line != Held::Head {
+            older(&mut known.corrupt.1, self.silence());
+        }
+        if known.corrupt.1 == self.silence() {
+            known.corrupt = (0, 0);
+        }
         if self.config.target_timeout < Duration::MAX {
             older(&mut known.target, FRESH);
         }
@@ -327,6 +406,7 @@ impl Peer for AnyController {
         let Known { robot, sending, since_sent, window, held, taken, down, up, late, wrong, .. } = *known;
         *known =
             Known { robot, sending, since_sent, window, held, taken, down, up, late, wrong, ..self.known() };
+        known.forget_exception();
     }
 
     fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
@@ -349,72 +429,19 @@ impl Peer for AnyController {
     fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
         known.job.is_none()
     }
-}
 
-impl AnyController {
-    /// After how many ticks without a message the controller counts as lost.
-    fn silence(&self) -> u8 {
-        CYCLE * self.config.silence_cycles as u8
-    }
-
-    /// The host reads a message.
-    fn read(&self, end: &HostMachine, known: &mut Known, frame: Frame) -> Input {
-        let is_active = matches!(end.phase, HostPhase::Active(_));
-        match frame {
-            Frame::Start { is_expected } => {
-                (known.started, known.asked) = (Some(is_expected), None);
-                Input::Start { is_expected }
-            }
-            Frame::Motion(phase, error) => {
-                known.asked = is_active.then_some(phase);
-                let follows = u32::from(known.since_read) * TICK + self.config.max_delay < timing::CYCLE * 2;
-                known.since_read = 0;
-                if let Some(Job { sent: Some((messages, unread)), .. }) = &mut known.job
-                    && *messages < 2
-                {
-                    let is_unread = *messages > 0 || error != ErrorCode::None;
-                    *unread &= is_unread && phase == RUNNING && follows;
-                    *messages += 1;
-                }
-                Input::Motion { phase, error, len: Message::MOTION_LEN.into() }
-            }
-            Frame::End => {
-                (known.started, known.asked) = (None, None);
-                Input::End
-            }
-            Frame::Corrupt => {
-                known.lose_sequence();
-                // It may have been a start message.
-                if !is_active {
-                    known.started = known.started.or(Some(false));
-                }
-                Input::CorruptFrame
-            }
+    /// The controller sends a message in each cycle and reads each reply.
+    fn benign(&self, end: &HostMachine, known: &Known) -> Option<Word> {
+        let mut words = Vec::new();
+        if self.keeps_rules {
+            self.words(end, known, &mut words);
         }
-    }
-
-    /// What the host does with the answer that is due.
-    fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool, at_rest: bool) -> Input {
-        let Some(answer) = end.transmit(NOW, &self.config) else { return Input::Late };
-        let (bare, end_by) = match &end.phase {
-            HostPhase::Active(active) => (8, active.request.map(|request| request.due.end_by)),
-            HostPhase::Starting { answer, .. } | HostPhase::Repeating { answer: Some(answer), .. } => {
-                (7, Some(answer.end_by))
-            }
-            _ => (7, None),
-        };
-        let draft = Draft { bare, words: [2; AXES], moving: moves.into() };
-        let Some((select, _)) = end.select(NOW, &draft, &self.config) else { return Input::Late };
-        let len = usize::from(bare) + 2 * select.count_ones() as usize;
-        if end_by.is_none_or(|end_by| timing::transmission_time(len, self.config.baud) > end_by) {
-            known.wrong = known.wrong.or(Some(FITS));
-        }
-        let is_follower = matches!(answer, Answer::Reply { course: Course::Target, .. });
-        if is_follower && known.target >= FRESH {
-            known.wrong = known.wrong.or(Some(STALE));
-        }
-        let moving = draft.moving & select;
-        known.reply = Some((select, moving != 0));
-        Input::Sent { moving, at_rest }
+        words.into_iter().find(|word| match word {
+            Word::Arrive { corrupt, takes } => !corrupt && *takes,
+            Word::Read { corrupt } => !corrupt,
+            Word::Say(frame) => *frame != Frame::End,
+            Word::Return | Word::Accept => true,
+            _ => false,
+        })
     }
 }

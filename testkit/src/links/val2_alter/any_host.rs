@@ -6,10 +6,9 @@ use val2_alter::controller::machine::{
     Action, ControllerMachine, ControllerPhase, Handling, Input, Outgoing, StartOutcome, Taken,
 };
 use val2_alter::timing::Budget;
-use val2_alter::{ControllerConfig, ErrorCode, Exception, MotionPhase, StartCode};
+use val2_alter::{ControllerConfig, ErrorCode, Exception, Framing, Message as _, MotionPhase, StartCode};
 
-use super::setup::TICK;
-use super::world::{GRIP, INFORMED, Message, NESTED, TRIES, UNASKED};
+use super::world::{GRIP, Held, INFORMED, NESTED, TICK, TRIES, UNASKED, message};
 use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Terms};
 
 /// Ticks after which every window has closed.
@@ -19,17 +18,34 @@ pub(super) const TAKEN: &str = "one answer to a message is taken at most, in its
 pub(super) const REPORTED: &str = "a message has the error of the window before, and no reply ends ALTER";
 pub(super) const APART: &str = "a message is sent when the window of the one before is over, and in an ALTER";
 pub(super) const ENDED: &str = "each ALTER has one end";
+pub(super) const TURN: &str = "the program interrupts ALTER only while no reply is awaited";
 
 const PROPERTIES: &[&str] =
-    &[TAKEN, REPORTED, APART, ENDED, NESTED, INFORMED, UNASKED, TRIES, STANDSTILL, EXPECTED];
+    &[TAKEN, REPORTED, APART, ENDED, TURN, NESTED, INFORMED, UNASKED, TRIES, STANDSTILL, EXPECTED];
 pub(super) const RULES: Terms = Terms {
     keeps: "AL-53, AL-54, AL-67",
     free: "whether and when it answers and what, what is lost, corrupt, in pieces or late",
     shows: &[],
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any message and noise at any time", shows: &[], properties: PROPERTIES };
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "any message, whole, in part or corrupt, and noise at any time",
+    shows: &[
+        ("AL-71", APART),
+        ("AL-72", APART),
+        ("AL-73", APART),
+        ("AL-75", TRIES),
+        ("AL-76", REPORTED),
+        ("AL-77", TAKEN),
+        ("AL-78", NESTED),
+        ("AL-79", INFORMED),
+        ("AL-90", TURN),
+    ],
+    properties: PROPERTIES,
+};
+/// The same without room to report an exception.
+pub(super) const FULL: Terms = Terms { shows: &[], ..ANYTHING };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -39,6 +55,8 @@ pub struct AnyHost {
     /// It answers a message once at most and by its kind (AL-53, AL-54), without an exception in an interruption (AL-67). When the answer
     /// comes is open.
     pub keeps_rules: bool,
+    /// There is room to report an exception.
+    pub has_room: bool,
 }
 
 /// What is known of the line and the program.
@@ -46,11 +64,10 @@ pub struct AnyHost {
 pub struct Known {
     /// The message that the host may answer.
     pending: Option<Outgoing>,
-    /// The head of a frame has come.
-    held: bool,
-    /// It is given up, and to be read; it is just read.
-    cut: bool,
-    read: bool,
+    /// The bytes that the decoder holds, what else those that were read are to the controller, and what is just read.
+    pub(super) held: Held,
+    inputs: Vec<Input>,
+    read: Option<Input>,
     /// An ALTER has no end.
     open: bool,
     /// Start messages sent in it.
@@ -85,13 +102,13 @@ pub enum Word {
     Reply {
         /// With an exception.
         exception: bool,
-        /// There is room to report it.
-        has_room: bool,
     },
-    /// The head of a frame comes.
+    /// The start mark of a frame comes. The next answer is the rest of the frame.
     Head,
-    /// Bytes come that are no message.
+    /// A corrupt frame comes.
     Corrupt,
+    /// Bytes come outside of any frame.
+    Noise,
     /// The program executes its ALTER instruction.
     Begin,
     /// It ends ALTER.
@@ -104,10 +121,6 @@ pub enum Word {
 
 const STARTS: [Word; 3] =
     [Word::Start(StartCode::Accept), Word::Start(StartCode::Repeat), Word::Start(StartCode::Refuse)];
-const REPLY: Word = Word::Reply { exception: false, has_room: true };
-const EXCEPTIONS: [Word; 2] =
-    [Word::Reply { exception: true, has_room: true }, Word::Reply { exception: true, has_room: false }];
-
 impl Peer for AnyHost {
     type End = ControllerMachine;
     type Known = Known;
@@ -126,9 +139,9 @@ impl Peer for AnyHost {
     fn known(&self) -> Known {
         Known {
             pending: None,
-            held: false,
-            cut: false,
-            read: false,
+            held: Held::Nothing,
+            inputs: Vec::new(),
+            read: None,
             open: false,
             attempts: 0,
             window: Window::Good,
@@ -146,7 +159,10 @@ impl Peer for AnyHost {
         if end.phase == ControllerPhase::Disconnected {
             return;
         }
-        words.extend([Word::Head, Word::Corrupt]);
+        words.push(Word::Corrupt);
+        if known.held != Held::Head {
+            words.extend([Word::Head, Word::Noise]);
+        }
         let (starts, replies, exceptions) = match known.pending {
             _ if !self.keeps_rules => (true, true, true),
             Some(Outgoing::Start(_)) => (true, false, false),
@@ -157,59 +173,66 @@ impl Peer for AnyHost {
             words.extend(STARTS);
         }
         if replies {
-            words.push(REPLY);
+            words.push(Word::Reply { exception: false });
         }
         if exceptions {
-            words.extend(EXCEPTIONS);
+            words.push(Word::Reply { exception: true });
         }
     }
 
     fn by(&self, word: Word) -> By {
         match word {
-            Word::Start(_) | Word::Reply { .. } | Word::Head | Word::Corrupt => By::Line,
+            Word::Start(_) | Word::Reply { .. } | Word::Head | Word::Corrupt | Word::Noise => By::Line,
             Word::Begin | Word::Finish | Word::Interrupt | Word::Return => By::User,
         }
     }
 
     fn hear(&self, _: &ControllerMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        if self.by(word) == By::Line {
-            // The rest of a frame is the answer, or spoils it.
-            known.held = word == Word::Head;
+        // A frame begins: what came before it is read.
+        if known.held == Held::Noise && self.by(word) == By::Line && word != Word::Noise {
+            known.inputs.push(Input::Corrupt(ErrorCode::Mark));
         }
-        Some(match word {
+        match word {
             Word::Start(code) => {
                 known.pending = None;
-                Input::StartReply(code)
+                known.hold(Some(Input::StartReply(code)), Held::Nothing);
             }
-            Word::Reply { exception, has_room } => {
+            Word::Reply { exception } => {
                 known.pending = None;
-                Input::Reply { exception: if exception { GRIP } else { Exception::None }, has_room }
+                let exception = if exception { GRIP } else { Exception::None };
+                known.hold(Some(Input::Reply { exception, has_room: self.has_room }), Held::Nothing);
             }
-            Word::Head => Input::Bytes { partial: true },
-            Word::Corrupt => Input::Corrupt(ErrorCode::Checksum),
-            Word::Begin => Input::Start { has_room: true },
-            Word::Finish => Input::Finish,
-            Word::Interrupt => Input::Interrupt,
-            Word::Return => Input::Return,
-        })
+            Word::Corrupt => known.hold(Some(Input::Corrupt(ErrorCode::Checksum)), Held::Corrupt),
+            Word::Head => known.hold(None, Held::Head),
+            Word::Noise => known.hold(None, known.held.with_noise()),
+            Word::Begin => known.inputs.push(Input::Start { has_room: true }),
+            Word::Finish => known.inputs.push(Input::Finish),
+            Word::Interrupt => known.inputs.push(Input::Interrupt),
+            Word::Return => known.inputs.push(Input::Return),
+        }
+        known.next_input()
     }
 
     fn cut(&self, known: &mut Known) {
-        (known.cut, known.held) = (known.held, false);
+        known.inputs.extend(match core::mem::replace(&mut known.held, Held::Nothing) {
+            Held::Noise => Some(Input::Corrupt(ErrorCode::Mark)),
+            Held::Head => Some(Input::Corrupt(ErrorCode::Incomplete)),
+            Held::Nothing | Held::Corrupt => None,
+        });
     }
 
-    fn next(&self, end: &ControllerMachine, known: &mut Known) -> Option<InputOf<Self>> {
-        known.read = core::mem::take(&mut known.cut) && end.phase != ControllerPhase::Disconnected;
-        known.read.then_some(Input::Corrupt(ErrorCode::Format))
+    fn next(&self, _: &ControllerMachine, known: &mut Known) -> Option<InputOf<Self>> {
+        known.next_input()
     }
 
     fn sent(&self, message: &Outgoing) -> InputOf<Self> {
-        Input::Sent { len: Message::from(*message).len() }
+        Input::Sent { len: self.length(*message) }
     }
 
     fn acted(&self, _: &ControllerMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
         let (in_window, is_over) = self.window(known);
-        let is_read = core::mem::take(&mut known.read);
+        let read = known.read.take();
+        let is_read = cause == Cause::Due && matches!(read, Some(Input::Corrupt(_)));
         let mut wrong = None;
         let mut must = |holds: bool, what| {
             if !holds {
@@ -225,7 +248,7 @@ impl Peer for AnyHost {
             Action::Sent(message) => {
                 must(known.open && is_over, APART);
                 must(self.is_next(known, message), REPORTED);
-                known.send(message, &mut must);
+                known.send(message, self.length(message), &mut must);
             }
             Action::Take(taken, handling) => {
                 must(in_window && known.is_awaited(), TAKEN);
@@ -261,12 +284,15 @@ impl Peer for AnyHost {
             Action::Rest => known.window = Window::Good,
             // What has begun before the window closes is in it, however late it is given up.
             Action::Nothing => {
-                self.note(known, cause, in_window || is_read && is_over && !known.closed, is_read)
+                if read == Some(Input::Interrupt) {
+                    must(known.window == Window::Good || known.closed, TURN);
+                }
+                known.note(read, in_window || is_read && is_over && !known.closed);
             }
             Action::Refuse(_) | Action::Stray => {}
         }
-        if matches!(cause, Cause::Connected | Cause::Disconnected) {
-            (known.held, known.cut) = (false, false);
+        if matches!(cause, Cause::Connected | Cause::Disconnected | Cause::Sent(_)) {
+            known.held = Held::Nothing;
         }
         known.wrong = known.wrong.or(wrong);
     }
@@ -315,31 +341,8 @@ impl AnyHost {
         }
     }
 
-    /// What did nothing else.
-    fn note(&self, known: &mut Known, cause: CauseOf<Self>, in_window: bool, is_read: bool) {
-        let fault = match cause {
-            Cause::Word(Word::Corrupt) => ErrorCode::Checksum,
-            Cause::Due if is_read => ErrorCode::Format,
-            Cause::Word(Word::Start(StartCode::Repeat)) if known.starts() && in_window => {
-                known.window = Window::Good;
-                return;
-            }
-            Cause::Word(Word::Start(_)) => ErrorCode::Format,
-            Cause::Word(Word::Reply { .. }) if known.starts() => ErrorCode::Format,
-            Cause::Word(Word::Reply { .. }) => ErrorCode::Overflow,
-            Cause::Word(Word::Interrupt) => {
-                (known.interrupted, known.unreported) = (true, true);
-                return;
-            }
-            Cause::Word(Word::Return) => {
-                known.interrupted = false;
-                return;
-            }
-            _ => return,
-        };
-        if in_window && known.window == Window::Nothing {
-            known.window = Window::Fault(fault);
-        }
+    fn length(&self, what: Outgoing) -> u8 {
+        message(what, self.config.mode).encoded_len(Framing::DEFAULT) as u8
     }
 }
 
@@ -354,9 +357,47 @@ impl Known {
         self.attempts > 0
     }
 
-    fn send(&mut self, message: Outgoing, must: &mut impl FnMut(bool, &'static str)) {
+    /// A word is these bytes.
+    fn hold(&mut self, input: Option<Input>, held: Held) {
+        self.inputs.extend(input);
+        self.inputs.push(Input::Bytes { partial: held != Held::Nothing });
+        self.held = held;
+    }
+
+    fn next_input(&mut self) -> Option<Input> {
+        self.read = (!self.inputs.is_empty()).then(|| self.inputs.remove(0));
+        self.read
+    }
+
+    /// An input has done nothing else.
+    fn note(&mut self, read: Option<Input>, in_window: bool) {
+        let fault = match read {
+            Some(Input::Corrupt(code)) => code,
+            Some(Input::StartReply(StartCode::Repeat)) if self.starts() && in_window => {
+                self.window = Window::Good;
+                return;
+            }
+            Some(Input::StartReply(_)) => ErrorCode::Format,
+            Some(Input::Reply { .. }) if self.starts() => ErrorCode::Format,
+            Some(Input::Reply { .. }) => ErrorCode::Overflow,
+            Some(Input::Interrupt) => {
+                (self.interrupted, self.unreported) = (true, true);
+                return;
+            }
+            Some(Input::Return) => {
+                self.interrupted = false;
+                return;
+            }
+            _ => return,
+        };
+        if in_window && self.window == Window::Nothing {
+            self.window = Window::Fault(fault);
+        }
+    }
+
+    fn send(&mut self, message: Outgoing, len: u8, must: &mut impl FnMut(bool, &'static str)) {
         (self.pending, self.window, self.since_sent) = (Some(message), Window::Nothing, 0);
-        (self.len, self.held, self.closed) = (Message::from(message).len(), false, false);
+        (self.len, self.closed) = (len, false);
         match message {
             Outgoing::Start(_) => self.attempts += 1,
             Outgoing::Motion(MotionPhase::Running, _) => must(!self.unreported, INFORMED),

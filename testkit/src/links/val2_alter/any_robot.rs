@@ -1,9 +1,9 @@
 //! A controller that is not ours: what is assumed and known of it, and what may happen.
 
-use val2_alter::host::machine::Outcome;
+use val2_alter::host::machine::{Input, Outcome};
 use val2_alter::{ErrorCode, ExceptionOutcome, HostConfig, MotionPhase};
 
-use super::world::{DONE, NOT_DONE, ONCE, OUTCOME, WORDS};
+use super::world::{DONE, Held, NOT_DONE, ONCE, OUTCOME, WORDS};
 
 /// Ticks of a cycle, and of the window within it that a whole reply can end in.
 pub(super) const CYCLE: u8 = 4;
@@ -24,8 +24,10 @@ pub struct AnyController {
     pub keeps_rules: bool,
     /// It may take a reply that is too late. Then the host is not restarted, and no start message is corrupt.
     pub takes_late: bool,
-    /// Ticks: how late a reply may be. From a cycle on, two are on the line; then no exception is sent.
+    /// Ticks: how late a reply may be. From a cycle on, two are on the line.
     pub delay: u8,
+    /// The host's replies have any words. Otherwise its one axis follows the caller's target at once, and its values are bytes.
+    pub is_free: bool,
 }
 
 /// An input of the system.
@@ -55,6 +57,8 @@ pub enum Word {
     Restart,
     /// A message comes of nobody knows whom.
     Come(Frame),
+    /// The start mark of a frame comes. The next message is the rest of the frame.
+    Head,
     /// Bytes come outside of any frame.
     Noise,
     /// The host answers with a word that is not zero.
@@ -62,7 +66,10 @@ pub enum Word {
     /// It answers with a zero, or without the word, and another axis moves.
     Brake,
     /// The caller has a target.
-    Target,
+    Target {
+        /// It is not zero.
+        moves: bool,
+    },
     /// The caller has an exception.
     Ask,
     /// The caller stops.
@@ -90,14 +97,22 @@ pub struct Known {
     pub(super) up: [Option<(Reply, u8)>; 2],
     /// By how many ticks the host has read the message late.
     pub(super) late: u8,
+    /// The bytes that the host's decoder holds, and what else those that were read are to the host.
+    pub(super) line: Held,
+    pub(super) inputs: Vec<Input>,
     /// The host may answer; the message says so of the phase; ticks since it was read.
     pub(super) asked: Option<MotionPhase>,
-    pub(super) started: Option<bool>,
+    pub(super) started: Option<Opening>,
     pub(super) since_read: u8,
+    /// Corrupt messages in a row that the host has read while no ALTER is on, and the ticks since the last.
+    pub(super) corrupt: (u8, u8),
     /// The caller's exception.
     pub(super) job: Option<Job>,
-    /// Ticks since the caller's target.
+    /// Ticks since the caller's target; whether it moves the arm.
     pub(super) target: u8,
+    pub(super) wanted: bool,
+    /// Whether the arm is off its path, by the last reply and by the one before.
+    pub(super) arm: (bool, bool),
     /// A stop was reported.
     pub(super) stopped: bool,
     /// The reply that is just sent: the words in it, and whether one moves.
@@ -115,6 +130,17 @@ pub enum Robot {
     Interrupted {
         reported: bool,
     },
+}
+
+/// A message that may be answered as a start message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Opening {
+    /// It names the configured mode.
+    Expected,
+    /// It names another mode.
+    Other,
+    /// It was corrupt.
+    Corrupt,
 }
 
 /// What the window of a message has brought.
@@ -145,7 +171,12 @@ pub enum Frame {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Reply {
     Accept,
-    Values { has_word: bool, moves: bool, exception: bool },
+    Values {
+        has_word: bool,
+        moves: bool,
+        /// It has an exception, and whether that is still without an outcome.
+        exception: Option<bool>,
+    },
 }
 
 /// The caller's exception.
@@ -250,9 +281,11 @@ impl Known {
                     self.wrong = Some(WORDS);
                 }
                 self.held = if has_word { moves } else { self.held };
-                if exception {
+                if let Some(is_open) = exception {
                     self.robot = Robot::Interrupted { reported: false };
-                    self.execute();
+                    if is_open {
+                        self.execute();
+                    }
                 }
             }
             (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. })
@@ -279,6 +312,49 @@ impl Known {
         }
     }
 
+    /// What else the bytes that were read are to the host, and what its decoder holds of them.
+    pub(super) fn hold(&mut self, held: Held) {
+        self.line = held;
+        self.inputs.push(Input::Bytes { partial: held != Held::Nothing });
+    }
+
+    pub(super) fn next_input(&mut self) -> Option<Input> {
+        (!self.inputs.is_empty()).then(|| self.inputs.remove(0))
+    }
+
+    /// Where the arm is when the host has read what a message says of its replies.
+    pub(super) fn rest(&mut self, missed: bool, rejected: Option<(ErrorCode, bool)>) {
+        if missed {
+            self.arm.1 = self.arm.0;
+        }
+        match rejected {
+            Some((_, true)) => self.arm.0 = self.arm.1,
+            Some((_, false)) => self.arm.1 = self.arm.0,
+            None => {}
+        }
+    }
+
+    /// The exception is none that is waited for any more.
+    pub(super) fn forget_exception(&mut self) {
+        for (reply, _) in self.up.iter_mut().flatten() {
+            if let Reply::Values { exception: Some(is_open), .. } = reply {
+                *is_open = false;
+            }
+        }
+    }
+
+    /// A frame begins: what came before it is read.
+    pub(super) fn end_noise(&mut self) {
+        if self.line == Held::Noise {
+            self.lose_noise();
+        }
+    }
+
+    pub(super) fn lose_noise(&mut self) {
+        self.lose_sequence();
+        self.inputs.push(Input::Noise);
+    }
+
     pub(super) fn lose_sequence(&mut self) {
         if let Some(Job { sent: Some((0 | 1, unread)), .. }) = &mut self.job {
             *unread = false;
@@ -294,6 +370,7 @@ impl Known {
     ) {
         let Some((_, outcome)) = outcome else { return };
         let Some(job) = self.job.take() else { return must(false, OUTCOME) };
+        self.forget_exception();
         match outcome {
             ExceptionOutcome::Done => must(job.executed > 0 || !peer.keeps_rules, DONE),
             ExceptionOutcome::NotDone => must(job.executed == 0, NOT_DONE),

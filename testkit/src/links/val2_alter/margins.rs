@@ -5,11 +5,11 @@ use core::time::Duration;
 
 use robot_session::Session as _;
 use val2_alter::{
-    ErrorCode, Frame, Framing, Host, HostConfig, HostEvent, Limits, List, Message as _, Mode, Motion,
-    MotionPhase, RobotMessage, SegmentStatus, Start, Transform, timing,
+    ErrorCode, Frame, Framing, Host, HostConfig, HostEvent, Limits, List, Message as _, Motion, MotionPhase,
+    RobotMessage, SegmentStatus, Start, Transform, timing,
 };
 
-use super::setup::{Alter, TICK};
+use super::{TICK, delayed};
 use crate::model::{Margin, Setting, Step};
 
 const MS: Duration = Duration::from_millis(1);
@@ -23,7 +23,9 @@ pub fn margins() -> Vec<Margin> {
     let late = |ms: &[u64], ticks: u8| {
         let step = |ms: &u64| {
             let assumed = Duration::from_millis(*ms);
-            Step::model(assumed, TICK * u32::from(ticks), Setting::new("late", delayed(assumed, ticks)))
+            // A message is late by a tick besides, if a reply is late by more.
+            let real = TICK * (u32::from(ticks) + u32::from(ticks > 1));
+            Step::model(assumed, real, Setting::new("late", delayed(ticks, assumed)))
         };
         ms.iter().map(step).collect()
     };
@@ -39,8 +41,8 @@ pub fn margins() -> Vec<Margin> {
     let doubled: Vec<_> = (0..=16).map(|bytes| timing::transmission_time(bytes, SLOW)).collect();
     [
         ("max_delay", "a message, or its reply, is so late", late(&[10, 8, 7, 6, 5], 1)),
-        ("max_delay", "the same, by more than any reply can be in time", late(&[28, 14, 13, 12, 11], 2)),
-        ("max_delay", "the same, by a cycle", late(&[28, 14, 13, 12, 11], 4)),
+        ("max_delay", "both, by more than any reply can be in time", late(&[28, 21, 14, 12, 11, 10], 2)),
+        ("max_delay", "the same, by more than a cycle", late(&[35, 28, 14, 12, 11, 10], 4)),
         (
             "max_delay",
             "a message is so late, and the next is not",
@@ -70,12 +72,6 @@ pub fn margins() -> Vec<Margin> {
     ]
     .map(|(setting, real, steps)| Margin { end: END, setting, real, steps })
     .into()
-}
-
-/// A line on which one message or reply at a time is late, and what the host assumes of it.
-fn delayed(assumed: Duration, ticks: u8) -> Alter {
-    let system = Alter { faults: 3, jobs: 1, late: ticks, late_once: true, ..Alter::new(Mode(19)) };
-    Alter { host: HostConfig { max_delay: assumed, ..system.host }, ..system }
 }
 
 fn around(assumed: Duration) -> [Duration; 4] {

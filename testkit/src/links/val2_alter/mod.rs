@@ -1,55 +1,46 @@
-//! VAL II ALTER: host and controller on a serial line that loses, corrupts and delays messages, with restarts of either end,
-//! late polls, noise, controllers that make any sense of words that are left out, and controllers that go on without a reply.
+//! VAL II ALTER: its host with any controller, and its controller with any host. Each keeps what the other one relies on. The line loses,
+//! corrupts and delays messages, either end is restarted and called late, and controllers make any sense of words that are left out.
 
 mod any_controller;
 mod any_host;
 mod any_robot;
+mod line_to_controller;
+mod line_to_host;
 mod machines;
 mod margins;
-mod pair;
 pub mod rows;
-mod rules;
-mod setup;
 mod world;
 
 pub use any_host::AnyHost;
 pub use any_robot::AnyController;
 pub use margins::margins;
-pub use pair::{Act, Fate};
-pub use setup::{Alter, TICK};
-pub use world::{Message, Reply, World};
+pub use world::TICK;
 
-use crate::model::{Against, Depth, Diagram, MustFail, Pair, Setting, Table, at, both, draw};
+use crate::model::{Against, MustFail, Pair, Setting, Table, at, both, draw};
 use robot_session::end::Rules;
-use val2_alter::{HostConfig, Mode, controller, host};
+use val2_alter::{controller, host};
 
 use world::{
-    FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, SILENCE, SILENT, STALE, TRIES, UNASKED, WORDS,
-    ZEROS,
+    DONE, FITS, INFORMED, INVENTED_MODE, NESTED, ONCE, OUTCOME, REFUSED, SILENCE, SILENT, STALE, TRIES,
+    UNASKED, WORDS, ZEROS,
 };
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("val2-alter", 200), Table::of::<rows::Controller>("val2-alter", 100)];
 
-/// The link's ends.
-pub const PAIR: Pair = Pair {
-    name: "val2-alter host × controller",
-    settings,
-    must_fail: rules::must_fail,
-    diagrams,
-    refined: Vec::new,
-};
-
 /// A host and controllers that are not ours.
 pub const ANY_CONTROLLER: Pair = Pair {
     name: "val2-alter host × any controller",
     settings: |_| {
+        let [rules, late, later, anything] =
+            [any_controller::RULES, any_controller::LATE, any_controller::LATER, any_controller::ANYTHING];
         vec![
-            Setting::new("keeps the rules", any_controller(true)).on(any_controller::RULES),
-            Setting::new(TAKES_LATE, late_controller()).on(any_controller::LATE),
-            Setting::new(LATER, later_controller()).on(any_controller::LATER),
-            Setting::new("does anything", any_controller(false)).on(any_controller::ANYTHING),
+            Setting::walked(at(true), any_controller(true)).on(rules),
+            Setting::new("keeps the rules, replies have any words", free()).on(rules),
+            Setting::new(TAKES_LATE, late_controller()).on(late),
+            Setting::new(LATER, later_controller()).on(later),
+            Setting::walked(at(false), any_controller(false)).on(anything),
         ]
     },
     must_fail: || {
@@ -58,7 +49,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_controller(keeps_rules);
             system.peer.config.rules = Rules::without(rule);
-            MustFail::new(name, property, at(keeps_rules), system)
+            MustFail::walked(name, property, at(keeps_rules), system)
         };
         let mut cases = vec![
             without("host: a word is zero when the zero was read", WORDS, true, Rule::WordsUntilRead),
@@ -96,30 +87,45 @@ pub const ANY_CONTROLLER: Pair = Pair {
             late("host: a reply that was not read may be late", ONCE, Rule::Unread),
             late(words, ZEROS, Rule::WordsUnread),
             late(words, WORDS, Rule::WordsUnread),
+            without("host: requests to repeat are forgotten", REFUSED, false, Rule::Forget),
         ]);
-        let mut unknowing = later_controller();
-        unknowing.peer.config.rules = Rules::without(Rule::WordsLate);
-        let name = "host: where replies may be late, a word is zero when no other comes";
-        cases.push(MustFail::new(name, WORDS, LATER, unknowing));
+        let later = |name, property, rule| {
+            let mut system = later_controller();
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, LATER, system)
+        };
+        let words = "host: where replies may be late, a word is zero when no other comes";
+        cases.extend([
+            later(words, WORDS, Rule::WordsLate),
+            later("host: replies may be late", DONE, Rule::InTime),
+        ]);
         let mut hasty = any_controller(true);
         hasty.peer.config.max_delay = core::time::Duration::ZERO;
-        cases.push(MustFail::new("assumption: no delay above max_delay", DELAYED, at(true), hasty));
+        cases.push(MustFail::walked("assumption: no delay above max_delay", DELAYED, at(true), hasty));
         cases
     },
-    diagrams: Vec::new,
-    refined: Vec::new,
+    diagrams: || {
+        draw("val2-alter", &["host"], &both(any_controller, any_controller::RULES, any_controller::ANYTHING))
+    },
+    refined: || vec![small().refined()],
 };
 
 /// A controller and hosts that are not ours.
 pub const ANY_HOST: Pair = Pair {
     name: "val2-alter controller × any host",
-    settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),
+    settings: |_| {
+        let mut settings = both(any_host, any_host::RULES, any_host::ANYTHING);
+        let mut full = any_host(false);
+        full.peer.has_room = false;
+        settings.push(Setting::new("does anything, no room for reports", full).on(any_host::FULL));
+        settings
+    },
     must_fail: || {
         use controller::Rule;
         let without = |name, property, keeps_rules, rule| {
             let mut system = any_host(keeps_rules);
             system.peer.config.rules = Rules::without(rule);
-            MustFail::new(name, property, at(keeps_rules), system)
+            MustFail::walked(name, property, at(keeps_rules), system)
         };
         vec![
             without("controller: an interruption is reported", INFORMED, true, Rule::ReportInterruption),
@@ -136,69 +142,62 @@ pub const ANY_HOST: Pair = Pair {
             without("controller: no move in an interruption", UNASKED, true, Rule::RestInterrupted),
         ]
     },
-    diagrams: Vec::new,
-    refined: Vec::new,
+    diagrams: || draw("val2-alter", &["controller"], &both(any_host, any_host::RULES, any_host::ANYTHING)),
+    refined: || vec![Against { late: false, breaks: false, ..any_host(true) }.refined()],
 };
 
 const TAKES_LATE: &str = "keeps them, takes late replies";
 
 const LATER: &str = "keeps the rules, replies are late by a cycle";
 
-fn any_controller(keeps_rules: bool) -> Against<AnyController> {
-    let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(18)).host };
+/// A controller of which only the rules are known, or nothing.
+pub fn any_controller(keeps_rules: bool) -> Against<AnyController> {
+    let host = world::host();
     // When a target is too old is seen with a controller that does anything.
     let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
-    let config = HostConfig { target_timeout, ..host };
+    let config = val2_alter::HostConfig { target_timeout, ..host };
+    let peer = AnyController { config, keeps_rules, takes_late: false, delay: 1, is_free: false };
     // With one that keeps the rules each answer is sent at once, and may be late on the line.
-    Against {
-        late: !keeps_rules,
-        ..Against::new(AnyController { config, keeps_rules, takes_late: false, delay: 1 })
-    }
+    Against { late: !keeps_rules, ..Against::new(peer) }
+}
+
+/// A controller that does anything, and a host that is called in time, has no subroutine, and keeps its connection.
+fn small() -> Against<AnyController> {
+    let system = any_controller(false);
+    let config = val2_alter::HostConfig {
+        subroutine: false,
+        target_timeout: core::time::Duration::MAX,
+        ..system.peer.config
+    };
+    Against { late: false, breaks: false, peer: AnyController { config, ..system.peer } }
+}
+
+/// A controller that keeps the rules, and a host whose replies have any words.
+fn free() -> Against<AnyController> {
+    let system = any_controller(true);
+    Against { peer: AnyController { is_free: true, ..system.peer }, ..system }
 }
 
 /// Replies that are sent late, too, to a controller that takes them.
 fn late_controller() -> Against<AnyController> {
-    let system = any_controller(true);
+    let system = free();
     Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
 }
 
 /// A line on which two replies may be under way, and the host knows.
 fn later_controller() -> Against<AnyController> {
-    let system = any_controller(true);
     // A message is late by one tick besides.
-    let config = HostConfig { max_delay: TICK * 5, ..system.peer.config };
-    Against { breaks: false, peer: AnyController { config, delay: 4, ..system.peer }, ..system }
+    delayed(4, TICK * 5)
 }
 
-fn any_host(keeps_rules: bool) -> Against<AnyHost> {
-    let gap = Some(core::time::Duration::from_millis(4));
-    let config = val2_alter::ControllerConfig { gap, ..Alter::new(Mode(19)).controller };
-    Against::new(AnyHost { config, keeps_rules })
+/// A line on which a reply is late by so many ticks, and what the host assumes of it.
+fn delayed(delay: u8, max_delay: core::time::Duration) -> Against<AnyController> {
+    let system = free();
+    let config = val2_alter::HostConfig { max_delay, ..system.peer.config };
+    Against { breaks: false, peer: AnyController { config, delay, ..system.peer }, ..system }
 }
 
-fn settings(depth: Depth) -> Vec<Setting> {
-    let (faults, jobs) = if depth == Depth::Quick { (2, 1) } else { (4, 2) };
-    let each = |(name, system): (&str, Alter)| {
-        // Only where late replies are taken does one exception meet the reply of another.
-        let jobs = if system.operator { 2 } else { jobs };
-        // With four faults this project's controller goes on, too: noise hides from it that a reply is missing.
-        let system = Alter { faults, jobs, late_once: system.is_in_time(), ..system };
-        Setting::new(format!("{name}, {jobs} exceptions, a stop, {faults} faults of any kind"), system)
-    };
-    let [by, to] = [Mode(19), Mode(18)].map(Alter::new);
-    [
-        ("cumulative", by),
-        ("non-cumulative", to),
-        ("non-cumulative, words in an interruption are not kept", Alter { takes_all: false, ..to }),
-        ("cumulative, a controller that takes late replies and goes on", by.goes_on()),
-        ("cumulative, a controller that interrupts ALTER by itself", Alter { interrupts: true, ..by }),
-        ("cumulative, the start is repeated once", by.repeats_once()),
-        ("cumulative, delays of a cycle, and the host knows", by.late_lines()),
-    ]
-    .map(each)
-    .into()
-}
-
-fn diagrams() -> Vec<Diagram> {
-    draw("val2-alter", &["host", "controller"], &settings(Depth::Quick))
+/// A host of which only the rules are known, or nothing.
+pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
+    Against::new(AnyHost { config: world::controller(), keeps_rules, has_room: true })
 }

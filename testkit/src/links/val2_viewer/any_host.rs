@@ -9,7 +9,7 @@ use val2_viewer::{ENQ, PosePacket, Workstation, WorkstationConfig, WorkstationEv
 use super::hold::{HELD, Hold, RESUMED};
 use super::world::{ASKS, CLAIMED, CREDIT, FAULTS, ONE_OUTCOME, STALE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
 
 /// Ticks. A pause is shorter than the time of an answer, so that a request ends by either.
 pub(super) const PAUSE: u8 = 3;
@@ -347,7 +347,7 @@ impl Wired for AnyHost {
         }
     }
 
-    fn is_written(&self, _: &Enquiry, bytes: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, _: &Enquiry, bytes: &[u8]) -> bool {
         bytes == [ENQ]
     }
 

@@ -8,7 +8,7 @@ use val2_viewer::{ENQ, Host, HostConfig, HostEvent, PosePacket, XOFF, XON};
 use super::hold::{HELD, Hold, RESUMED};
 use super::world::{ASKED, FAULTS, FRESH, PACED, PILED, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, TransmitOf, WRITTEN, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, TransmitOf, WRITTEN, Wired};
 
 /// Ticks.
 pub(super) const INTERVAL: u8 = 2;
@@ -206,7 +206,7 @@ impl Wired for AnyWorkstation {
         }]
     }
 
-    fn is_written(&self, _: &TransmitOf<Self>, bytes: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, _: &TransmitOf<Self>, bytes: &[u8]) -> bool {
         matches!(PosePacket::decode(bytes), Ok(Some((_, length))) if length == bytes.len())
     }
 

@@ -2,5 +2,4 @@
 
 mod common;
 mod motion;
-mod refine;
 mod session;

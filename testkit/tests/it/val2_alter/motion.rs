@@ -1,6 +1,7 @@
 //! What the replies do to the arm: increments, offsets, limits, exceptions.
 use crate::val2_alter::common::{CYCLE, MS, connected, in_first_cycle, plain, running, x};
 use robot_session::Session as _;
+use robot_session::contract::Rng;
 use val2_alter::{
     ControllerConfig, ControllerEvent, ControllerState, End, ErrorCode, Exception, ExceptionOutcome, Frame,
     Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode, MotionPhase, Policy,
@@ -314,6 +315,41 @@ const GOOD: &[u8] = b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3";
 const REJECTED: &[u8] = b"\x10\x10\x02\x81\x02\x01\x00\x00\x20\x10\x03\xA4";
 const TIMEOUT: &[u8] = b"\x10\x10\x02\x86\x02\x01\x00\x00\x20\x10\x03\xA9";
 const INTERRUPTED: &[u8] = b"\x10\x10\x02\xC0\x02\x01\x00\x00\x20\x10\x03\xE3";
+
+#[test]
+fn whatever_the_controller_says_no_value_is_above_the_limits() {
+    const START: &[u8] = b"\x10\x10\x02\xA0\x17\x10\x03\xB7";
+    const END: &[u8] = b"\x10\x10\x02\xE0\x10\x03\xE0";
+    let messages = [START, END, GOOD, GOOD, GOOD, REJECTED, TIMEOUT, INTERRUPTED];
+    let (limits, mut rng, mut out) = (HostConfig::default().limits, Rng::new(7), [0; Frame::MAX_LEN]);
+    let mut host = connected(HostConfig::default());
+    let (mut now, mut target, mut before, mut fastest) = (MS, [0; 6], [0_i16; 6], 0);
+    for _ in 0..20_000 {
+        now += if rng.chance(0.01) { [MS, 5 * CYCLE][rng.below(2)] } else { CYCLE };
+        if rng.chance(0.05) {
+            target = [[50; 6], [-2000; 6], [i16::MAX; 6]][rng.below(3)];
+        }
+        host.set_target(now, target);
+        if rng.chance(0.01) {
+            host.set_policy(now, Policy::Accept);
+        } else if rng.chance(0.005) {
+            host.stop(now);
+        }
+        let message = messages[if rng.chance(0.95) { 2 } else { rng.below(messages.len()) }];
+        host.handle_input(now, if rng.chance(0.99) { message } else { &message[1..] });
+        if host.poll_transmit(now, &mut out).is_none() {
+            continue;
+        }
+        let values = host.values();
+        for (axis, (value, before)) in values.iter().zip(before).enumerate() {
+            let (speed, change) = (value.abs(), value.abs() - before.abs());
+            assert!(speed.unsigned_abs() <= limits.velocity[axis], "{values:?}");
+            assert!(i32::from(change) <= i32::from(limits.acceleration[axis]), "{before} then {values:?}");
+        }
+        (before, fastest) = (values, fastest.max(values[0]));
+    }
+    assert_eq!(fastest.unsigned_abs(), limits.velocity[0], "the velocity is reached");
+}
 
 /// What the host answers.
 fn answer(host: &mut Host, message: &[u8]) -> HostMessage {

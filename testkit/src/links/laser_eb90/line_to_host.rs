@@ -1,0 +1,118 @@
+//! The line between a host and a controller that is not ours: words as bytes, and the host's frames.
+
+use core::time::Duration;
+
+use laser_eb90::host::machine::{Action, Due, HostLink, HostMachine, Outcome};
+use laser_eb90::robot_session::Encode as _;
+use laser_eb90::{Frame as Message, Host, HostEvent, Payload, Profile};
+
+use super::any_controller::{Answer, AnyController, Known, Word, word};
+use super::world::CUT;
+use crate::faults::Faults;
+use crate::model::{SceneOf, Wired};
+
+/// The values of an instruction, so that its frame takes [`LINE`] ticks.
+const VALUES: [u8; 37] = [7; 37];
+
+fn answer(payload: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
+    let (mut buffer, mut out) = ([0; 64], [0; Message::MAX_LEN]);
+    let mut written = Payload::new(&mut buffer, &Profile::default());
+    payload(&mut written);
+    let length = written.frame().expect("a frame").encode(&mut out).expect("it has a form");
+    out[..length].to_vec()
+}
+
+impl Wired for AnyController {
+    type Session = Host;
+
+    const FAULTS: Faults = Faults::BAD_LINE;
+
+    fn session(&self) -> Host {
+        Host::new(self.config).expect("a configuration that works")
+    }
+
+    fn speak(&self, known: &Known, said: Word, session: &mut Host, _: Duration) -> Vec<u8> {
+        let answered = match said {
+            Word::Submit(class) => {
+                session.submit(word(class), |payload| payload.u8(&VALUES).map(drop)).expect("it has room");
+                return Vec::new();
+            }
+            Word::Resume => {
+                session.resume();
+                return Vec::new();
+            }
+            Word::Read { corrupt: false } => {
+                known.answers.first().map_or(Answer::Corrupt, |(answer, _)| *answer)
+            }
+            Word::Read { corrupt: true } => Answer::Corrupt,
+            Word::Say(answer) => answer,
+            Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => {
+                return Vec::new();
+            }
+        };
+        let code = match answered {
+            Answer::Echo(class) => word(class),
+            Answer::Error(refusal) => self.config.words.errors().code(refusal),
+            Answer::Corrupt => CUT,
+        };
+        let mut bytes = answer(|payload| _ = payload.word(code));
+        if answered == Answer::Corrupt {
+            bytes[6] ^= 0x04;
+        }
+        bytes
+    }
+
+    /// The host reads an answer that has begun before its frame was sent as none.
+    fn may_pause(&self, _: Word) -> bool {
+        false
+    }
+
+    fn is_written(&self, _: &SceneOf<Self>, _: &Due, bytes: &[u8]) -> bool {
+        bytes.len() == self.config.longest_frame
+            && Message::decode(bytes, &mut [0; Message::MAX_LEN], &self.config.profile).is_ok()
+    }
+
+    fn reports(&self, action: &Action, reports: &mut Vec<String>) {
+        match action {
+            Action::Nothing | Action::Sent(_) => {}
+            Action::Report(_, Outcome::Done { resends, unanswered }) => {
+                reports.push(format!("done {resends} {unanswered}"))
+            }
+            Action::Report(_, Outcome::Refused(refusal)) => reports.push(format!("{refusal:?}")),
+            Action::Report(_, Outcome::Unknown(reason)) => reports.push(format!("{reason:?}")),
+            Action::Unasked { word } => reports.push(format!("unasked {word}")),
+        }
+    }
+
+    fn reported(&self, event: &HostEvent) -> Option<String> {
+        Some(match event {
+            HostEvent::Done { resends, unanswered, .. } => format!("done {resends} {unanswered}"),
+            HostEvent::Refused { refusal, .. } => format!("{refusal:?}"),
+            HostEvent::Unknown { reason, .. } => format!("{reason:?}"),
+            HostEvent::Unasked { word } => format!("unasked {word}"),
+            HostEvent::Corrupt(_) => return None,
+            other => format!("{other:?}"),
+        })
+    }
+
+    fn lost(&self, _: &Known, said: Word) -> Vec<Vec<Word>> {
+        match said {
+            Word::Read { .. } => vec![vec![Word::Read { corrupt: true }], vec![Word::Lose]],
+            _ => vec![vec![Word::Say(Answer::Corrupt)]],
+        }
+    }
+
+    fn given_up(&self) -> Option<Word> {
+        Some(Word::Say(Answer::Corrupt))
+    }
+
+    /// Instructions have numbers.
+    fn forget(&self, machine: &mut HostMachine) {
+        machine.next.iter_mut().for_each(|batch| batch.first = 0);
+        match &mut machine.link {
+            HostLink::Awaiting(sent) => sent.batch.first = 0,
+            HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.first = 0,
+            HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => {}
+        }
+    }
+}

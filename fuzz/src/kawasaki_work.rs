@@ -22,8 +22,8 @@ pub(crate) struct Written {
 const WORDY: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
 
 /// A table in which a job has that name.
-fn wordy() -> Dialect<'static> {
-    static TABLE: LazyLock<Dialect<'static>> = LazyLock::new(|| {
+fn wordy() -> Dialect {
+    static TABLE: LazyLock<Dialect> = LazyLock::new(|| {
         let mut table = Dialect::DEFAULT.entries().to_vec();
         table.iter_mut().filter(|entry| entry.role == Role::Job).for_each(|entry| entry.name = WORDY);
         Dialect::new(table.leak()).unwrap()
@@ -62,9 +62,11 @@ pub(crate) fn work(Written { cut, fields: Bytes(fields) }: Written) {
         let data = [b"50$1$", fields.as_slice()].concat();
         [format!("<{name}${}#", data.len()).as_bytes(), &data, b"#>"].concat()
     };
-    let queue = |dialect: Dialect<'static>, wire: &[u8], cut: usize| {
+    let queue = |dialect: Dialect, wire: &[u8], cut: usize| {
         let (writer, reader) = robot_work_queue::boxed::<Job<Mixed>>(4, 9999).unwrap();
-        let mut robot = LargeRobot::sized(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+        let mut robot =
+            LargeRobot::with_ranges(RobotConfig { dialect, ..RobotConfig::TCP }, writer, Default::default())
+                .unwrap();
         robot.handle_timeout(Duration::ZERO);
         robot.handle_connected(Duration::ZERO);
         robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");

@@ -9,11 +9,13 @@ use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
 use crate::dialect::{Dialect, Entry};
 use crate::error::FieldError;
-use crate::job::{Fields, Job, Text, Unfit, Work};
+use crate::job::{Fields, Fit, Job, Unfit, Work};
+use crate::marks::{SEPARATOR, is_mark};
 use crate::message::Message;
 use crate::params::Params;
 use crate::role::{Role, Row};
-use crate::value::{Charset, SEPARATOR, is_mark};
+use crate::text::Text;
+use crate::value::Charset;
 
 impl Message<'_> {
     /// The bytes of a message in ASCII that fits a packet. Half of the names are those of the default table; each part ends at the first
@@ -35,15 +37,14 @@ impl Message<'_> {
     }
 }
 
-impl Dialect<'_> {
+impl Dialect {
     /// A message of this table other than a job, with values in their ranges; some of those that may be missing are. Written by
     /// [`write`](Self::write), it is read again as the same.
     ///
     /// # Errors
     /// The errors of `u`.
     pub fn arbitrary(&self, u: &mut Unstructured<'_>) -> Result<(Role, Params)> {
-        let entries: Vec<&Entry<'_>> =
-            self.entries().iter().filter(|entry| entry.role != Role::Job).collect();
+        let entries: Vec<&Entry> = self.entries().iter().filter(|entry| entry.role != Role::Job).collect();
         let entry = u.choose(&entries)?;
         let mut params = Params::default();
         for field in entry.header.iter().chain(entry.fields) {
@@ -81,13 +82,7 @@ impl<'a, W: Work> Arbitrary<'a> for Job<W> {
 struct Filler<'u, 'a>(&'u mut Unstructured<'a>);
 
 impl Fields for Filler<'_, '_> {
-    fn decimal(
-        &mut self,
-        _: &str,
-        value: &mut i32,
-        _: u8,
-        range: RangeInclusive<i32>,
-    ) -> core::result::Result<(), Unfit> {
+    fn decimal(&mut self, _: &str, value: &mut i32, _: u8, range: RangeInclusive<i32>) -> Fit {
         if range.is_empty() {
             return Err(Unfit(()));
         }
@@ -95,12 +90,7 @@ impl Fields for Filler<'_, '_> {
         Ok(())
     }
 
-    fn text<const N: usize>(
-        &mut self,
-        name: &str,
-        value: &mut Text<N>,
-        length: RangeInclusive<usize>,
-    ) -> core::result::Result<(), Unfit> {
+    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
         let (least, most) = (*length.start(), N.min(*length.end()));
         let of = |length| i32::try_from(length).map_err(|_| Unfit(()));
         let mut length = 0;
@@ -109,8 +99,8 @@ impl Fields for Filler<'_, '_> {
             let byte = u.int_in_range(0..=0x7F)?;
             Ok(if is_mark(byte) { ' ' } else { char::from(byte) })
         };
-        let text: Result<String> = (0..length).map(|_| character(self.0)).collect();
-        *value = text.ok().as_deref().and_then(Text::new).ok_or(Unfit(()))?;
+        let made: Result<String> = (0..length).map(|_| character(self.0)).collect();
+        *text = made.ok().as_deref().and_then(Text::new).ok_or(Unfit(()))?;
         Ok(())
     }
 

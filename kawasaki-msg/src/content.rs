@@ -1,27 +1,22 @@
 //! What messages mean to the machines: facts, no bytes and no work of a job.
 
-use crate::dialect::Dialect;
 use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 
 /// What the PC sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum FromPc {
     /// The PC's status: the order that it is in, 0 for none.
-    #[allow(missing_docs, reason = "see the error's message")]
     Status { order: u16 },
     /// An order begins with this job number.
-    #[allow(missing_docs, reason = "see the error's message")]
     Start { order: u16, first: u16 },
     /// No job follows.
-    #[allow(missing_docs, reason = "see the error's message")]
     End { order: u16 },
     /// The order ends after the job that is being executed.
-    #[allow(missing_docs, reason = "see the error's message")]
     Interrupt { order: u16 },
     /// A job. `good`: all its values are there and within bounds.
-    #[allow(missing_docs, reason = "see the error's message")]
     Job { order: u16, number: u16, good: bool },
     /// Nothing to report, or a command that the application acts on.
     Filler,
@@ -33,23 +28,19 @@ pub enum FromPc {
 
 /// What the robot sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum FromRobot {
     /// A job is executed, or all up to it.
-    #[allow(missing_docs, reason = "see the error's message")]
     JobAck { order: u16, number: u16 },
     /// The order that is active now; 0 for none.
-    #[allow(missing_docs, reason = "see the error's message")]
     OrderAck { active: u16 },
     /// An order is over; up to this job all were executed.
-    #[allow(missing_docs, reason = "see the error's message")]
     EndAck { ended: u16, active: u16, executed: Option<u16> },
     /// Where the robot is.
     Status(Status),
     /// No jobs for now.
-    #[allow(missing_docs, reason = "see the error's message")]
     Pause { order: u16, queued: Option<u16> },
     /// The jobs from this number on.
-    #[allow(missing_docs, reason = "see the error's message")]
     Request { order: u16, number: u16 },
     /// Nothing to report.
     Filler,
@@ -163,9 +154,4 @@ impl FromRobot {
 pub(crate) fn phase(params: &Params) -> Phase {
     let code = params.number(Field::Phase).and_then(|code| u8::try_from(code).ok());
     code.map_or(Phase::Idle, Phase::from)
-}
-
-/// Whether a table defines an answer to a message.
-pub(crate) fn is_answered(dialect: &Dialect<'_>, role: Role) -> bool {
-    dialect.entry(role).is_some_and(|entry| entry.reply.is_some())
 }

@@ -4,8 +4,9 @@ use robot_session::end::StreamBuffer;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, Progress};
+use crate::marks::START;
 use crate::message::Message;
-use crate::value::{Charset, START};
+use crate::value::Charset;
 
 /// Finds the messages in a stream of bytes.
 ///

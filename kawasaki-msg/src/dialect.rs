@@ -3,80 +3,90 @@
 //! The source gives two names, `TilausAlkaa` and `TilausKuittaus`, and says of the others only that they exist. All other
 //! names and the order of their fields are ours; a plant that has its own replaces the table.
 
-use crate::error::{ConfigError, EncodeError, MessageError, Name};
+use crate::error::{ConfigError, EncodeError, MessageError};
 use crate::job::{self, Job, Work};
-use crate::lacks::{self, Lack};
 use crate::message::Message;
 use crate::params::{Misfit, Params};
 use crate::role::{Field, Role};
+use crate::text::Name;
 use crate::value::{Charset, Value, Values};
 use crate::writer::Writer;
 
-/// The table of messages of one plant, borrowed: it may have been read from a file.
+/// The table of messages of one plant. One that is read from a file is leaked, since it lasts as long as the program.
 ///
 /// ```
 /// use kawasaki_msg::{Dialect, Role};
 ///
 /// // The short name that section 10.2 of the thesis considers: 9 bytes less on the wire.
-/// let name = String::from("TA");
+/// let name = String::from("TA").leak();
 /// let mut table = Dialect::DEFAULT.entries().to_vec();
 /// for entry in table.iter_mut().filter(|entry| entry.role == Role::OrderStart) {
-///     entry.name = &name;
+///     entry.name = name;
 /// }
-/// let dialect = Dialect::new(&table)?;
+/// let dialect = Dialect::new(table.leak())?;
 /// assert_eq!(dialect.entry(Role::OrderStart).unwrap().name, "TA");
 /// # Ok::<(), kawasaki_msg::ConfigError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Dialect<'a> {
-    entries: &'a [Entry<'a>],
+pub struct Dialect {
+    entries: &'static [Entry],
     charset: Charset,
 }
 
 /// One message of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Entry<'a> {
+pub struct Entry {
     /// What it means to the sessions.
     pub role: Role,
     /// What it is called on the wire.
-    pub name: &'a str,
+    pub name: &'static str,
     /// What is between the name and the length, in order. Empty: nothing is written, and what is read there is not looked at.
-    pub header: &'a [Field<'a>],
+    pub header: &'static [Field],
     /// What its fields are, in order.
-    pub fields: &'a [Field<'a>],
+    pub fields: &'static [Field],
     /// What the other end answers, where an answer is defined (thesis, sections 10.4 and 11.3).
     pub reply: Option<Role>,
-    /// Whether it takes effect after the job that is being executed, past the jobs in the queue (thesis, section 11.1).
-    pub past_queue: bool,
 }
 
-const DEFAULT_TABLE: &[Entry<'static>] = {
+const DEFAULT_TABLE: &[Entry] = {
     use Field::{Ended, Executed, Number, Order, Phase, Queued, Work};
-    const fn entry(
-        role: Role,
-        name: &'static str,
-        fields: &'static [Field<'static>],
-        reply: Option<Role>,
-        past_queue: bool,
-    ) -> Entry<'static> {
-        Entry { role, name, header: &[], fields, reply, past_queue }
+    const fn entry(role: Role, name: &'static str, fields: &'static [Field], reply: Option<Role>) -> Entry {
+        Entry { role, name, header: &[], fields, reply }
     }
     &[
-        entry(Role::Job, "Tyo", &[Order, Number, Work], None, false),
-        entry(Role::JobAck, "TyoKuittaus", &[Order, Number], None, false),
-        entry(Role::JobRequest, "TyoPyynto", &[Order, Number], Some(Role::Job), false),
-        entry(Role::Pause, "TyoTauko", &[Order, Queued], None, false),
-        entry(Role::OrderStart, "TilausAlkaa", &[Order, Number], Some(Role::OrderAck), false),
-        entry(Role::OrderAck, "TilausKuittaus", &[Order], None, false),
-        entry(Role::OrderEnd, "TilausLoppuu", &[Order], Some(Role::EndAck), false),
-        entry(Role::OrderInterrupt, "TilausKeskeytyy", &[Order], Some(Role::EndAck), true),
-        entry(Role::EndAck, "LoppuKuittaus", &[Ended, Order, Executed], None, false),
-        entry(Role::Status, "Tila", &[Order, Phase, Queued, Executed, Ended], Some(Role::Status), false),
-        entry(Role::Filler, "Huuhaa", &[], None, false),
+        entry(Role::Job, "Tyo", &[Order, Number, Work], None),
+        entry(Role::JobAck, "TyoKuittaus", &[Order, Number], None),
+        entry(Role::JobRequest, "TyoPyynto", &[Order, Number], Some(Role::Job)),
+        entry(Role::Pause, "TyoTauko", &[Order, Queued], None),
+        entry(Role::OrderStart, "TilausAlkaa", &[Order, Number], Some(Role::OrderAck)),
+        entry(Role::OrderAck, "TilausKuittaus", &[Order], None),
+        entry(Role::OrderEnd, "TilausLoppuu", &[Order], Some(Role::EndAck)),
+        entry(Role::OrderInterrupt, "TilausKeskeytyy", &[Order], Some(Role::EndAck)),
+        entry(Role::EndAck, "LoppuKuittaus", &[Ended, Order, Executed], None),
+        entry(Role::Status, "Tila", &[Order, Phase, Queued, Executed, Ended], Some(Role::Status)),
+        entry(Role::Filler, "Huuhaa", &[], None),
     ]
 };
 
-impl<'a> Dialect<'a> {
+/// The messages and fields that a table may lack, each for a guarantee: see the crate's page. `None`: the whole message.
+const OPTIONAL: &[(Role, Option<Field>)] = &[
+    (Role::JobAck, None),
+    (Role::Pause, None),
+    (Role::OrderInterrupt, None),
+    (Role::Job, Some(Field::Order)),
+    (Role::JobAck, Some(Field::Order)),
+    (Role::JobRequest, Some(Field::Order)),
+    (Role::Pause, Some(Field::Order)),
+    (Role::Pause, Some(Field::Queued)),
+    (Role::OrderStart, Some(Field::Number)),
+    (Role::OrderEnd, Some(Field::Order)),
+    (Role::OrderInterrupt, Some(Field::Order)),
+    (Role::EndAck, Some(Field::Order)),
+    (Role::Status, Some(Field::Phase)),
+    (Role::Status, Some(Field::Ended)),
+];
+
+impl Dialect {
     /// The greatest job number that any table allows: AS has no index of five digits (thesis, section 11.1.1).
     pub const MAX_NUMBER: u16 = 9999;
 
@@ -86,15 +96,15 @@ impl<'a> Dialect<'a> {
     /// The source's two names, and ours for the rest. See the table in the crate's README.
     pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
 
-    /// A table of the caller's, in ASCII. It may lack some roles and fields: see [`lacks`](Self::lacks).
+    /// A table of the caller's, in ASCII. It may lack some roles and fields: see the crate's page.
     ///
     /// # Errors
     /// When a role that no session can do without is missing or any occurs twice, a name is empty or occurs twice, a message lacks a
     /// field that no session can do without, has one twice, has one that is nothing in it, or has more than 16.
-    pub fn new(entries: &'a [Entry<'a>]) -> Result<Self, ConfigError> {
+    pub fn new(entries: &'static [Entry]) -> Result<Self, ConfigError> {
         let count = |role| entries.iter().filter(|entry| entry.role == role).count();
         for needed in DEFAULT_TABLE {
-            let is_missing = count(needed.role) == 0 && !lacks::can_lack(needed.role, None);
+            let is_missing = count(needed.role) == 0 && !OPTIONAL.contains(&(needed.role, None));
             if is_missing {
                 return Err(ConfigError::Role { role: needed.role });
             }
@@ -120,21 +130,30 @@ impl<'a> Dialect<'a> {
         self
     }
 
-    /// Whether both ends can agree on this highest job number.
-    pub(crate) fn check_max_number(found: u16) -> Result<(), ConfigError> {
-        let is_valid = (2..=Self::MAX_NUMBER).contains(&found);
-        if is_valid { Ok(()) } else { Err(ConfigError::MaxNumber { found }) }
-    }
-
-    pub(crate) fn check_has(&self, role: Role) -> Result<(), ConfigError> {
-        self.entry(role).map(drop).ok_or(ConfigError::Lacks { role })
-    }
-
-    /// Over datagrams whatever names no order may be late.
-    pub(crate) fn check_orders(&self, datagrams: bool) -> Result<(), ConfigError> {
-        let lacking = self.lacks().find(|lack| lack.field == Some(Field::Order) && lack.role != Role::EndAck);
-        let late = lacking.filter(|_| datagrams);
-        late.map_or(Ok(()), |lack| Err(ConfigError::LateMessages { role: lack.role }))
+    /// Whether a session can number its jobs up to this one, has these roles, and knows the order of late messages.
+    pub(crate) fn check(
+        &self,
+        max_number: u16,
+        datagrams: bool,
+        roles: [Option<Role>; 2],
+    ) -> Result<(), ConfigError> {
+        if !(2..=Self::MAX_NUMBER).contains(&max_number) {
+            return Err(ConfigError::MaxNumber { found: max_number });
+        }
+        if let Some(role) = roles.into_iter().flatten().find(|role| self.entry(*role).is_none()) {
+            return Err(ConfigError::Lacks { role });
+        }
+        // An acknowledged end names its order as the ended one.
+        let late = |entry: &&Entry| {
+            let names = |field| entry.all().any(|other| *other == field);
+            OPTIONAL.contains(&(entry.role, Some(Field::Order)))
+                && !names(Field::Order)
+                && !names(Field::Ended)
+        };
+        match self.entries.iter().find(late) {
+            Some(entry) if datagrams => Err(ConfigError::LateMessages { role: entry.role }),
+            _ => Ok(()),
+        }
     }
 
     /// The character set of names and fields.
@@ -143,34 +162,29 @@ impl<'a> Dialect<'a> {
     }
 
     /// All messages of the table.
-    pub const fn entries(&self) -> &'a [Entry<'a>] {
+    pub const fn entries(&self) -> &'static [Entry] {
         self.entries
     }
 
     /// The message with this role.
-    pub fn entry(&self, role: Role) -> Option<&'a Entry<'a>> {
+    pub fn entry(&self, role: Role) -> Option<&'static Entry> {
         self.entries.iter().find(|entry| entry.role == role)
+    }
+
+    /// Whether the table defines an answer to a message.
+    pub(crate) fn answers(&self, role: Role) -> bool {
+        self.entry(role).is_some_and(|entry| entry.reply.is_some())
     }
 
     /// The message with this name.
     #[inline(always)]
-    fn find(&self, name: Value<'_>) -> Option<&'a Entry<'a>> {
+    fn find(&self, name: Value<'_>) -> Option<&'static Entry> {
         // A letter above 127 is one byte on the wire and two in the table.
         let is_ascii = self.charset == Charset::Ascii || name.as_bytes().is_ascii();
         self.entries.iter().find(|entry| match is_ascii {
             // Most names are short: a loop is less than a call.
             true => name.as_bytes().iter().eq(entry.name.as_bytes()),
             false => name == *entry.name,
-        })
-    }
-
-    /// The optional messages and fields that this table lacks, each with the guarantee that is lost.
-    pub fn lacks(&self) -> impl Iterator<Item = Lack> + use<'a> {
-        let table = *self;
-        lacks::LACKS.iter().copied().filter(move |lack| match (table.entry(lack.role), lack.field) {
-            (None, None) => true,
-            (Some(entry), Some(field)) => !entry.fields.contains(&field) && !entry.header.contains(&field),
-            (None, Some(_)) | (Some(_), None) => false,
         })
     }
 
@@ -210,9 +224,9 @@ impl<'a> Dialect<'a> {
         &self,
         message: &Message<'m>,
         params: &mut Params,
-    ) -> Result<(&'a Entry<'a>, Option<Values<'m>>), MessageError> {
+    ) -> Result<(&'static Entry, Option<Values<'m>>), MessageError> {
         let Some(entry) = self.find(message.name) else {
-            return Err(MessageError::UnknownName { name: Name::new(message.name.chars()) });
+            return Err(MessageError::UnknownName { name: Name::beginning(message.name.chars()) });
         };
         *params = Params::default();
         if !entry.header.is_empty() {
@@ -257,7 +271,7 @@ impl<'a> Dialect<'a> {
     /// # Errors
     /// See [`EncodeError`]; nothing of use is in `out` then.
     pub fn write(&self, role: Role, params: &Params, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let entry = self.entry(role).or_else(|| self.entry(Role::Filler)).unwrap_or(&FILLER);
+        let entry = self.entry(role).or_else(|| self.entry(Role::Filler)).ok_or(EncodeError::NoName)?;
         self.write_entry(entry, params, out, |writer| writer.empty())
     }
 
@@ -280,7 +294,7 @@ impl<'a> Dialect<'a> {
     #[inline(always)]
     fn write_entry(
         &self,
-        entry: &Entry<'_>,
+        entry: &Entry,
         params: &Params,
         out: &mut [u8],
         own: impl Fn(&mut Writer<'_>),
@@ -306,15 +320,19 @@ impl<'a> Dialect<'a> {
     }
 }
 
-impl Default for Dialect<'_> {
+impl Default for Dialect {
     fn default() -> Self {
         Self::DEFAULT
     }
 }
 
-impl Entry<'_> {
+impl Entry {
+    fn all(&self) -> impl Iterator<Item = &'static Field> {
+        self.header.iter().chain(self.fields)
+    }
+
     fn check(&self) -> Result<(), ConfigError> {
-        let (role, all) = (self.role, || self.header.iter().chain(self.fields));
+        let (role, all) = (self.role, || self.all());
         let found = self.header.len().max(self.fields.len());
         if found > Dialect::MAX_FIELDS {
             return Err(ConfigError::TooManyFields { role, found });
@@ -328,7 +346,7 @@ impl Entry<'_> {
             return Err(ConfigError::Fields { role });
         }
         for field in default.map_or(&[][..], |entry| entry.fields) {
-            if !all().any(|other| other == field) && !lacks::can_lack(role, Some(*field)) {
+            if !all().any(|other| other == field) && !OPTIONAL.contains(&(role, Some(*field))) {
                 return Err(ConfigError::MissingField { role, field: *field });
             }
         }
@@ -375,9 +393,8 @@ impl Entry<'_> {
         // That a job has too few fields comes first.
         if misfit == Misfit::Missing || is_job && found + 1 < expected {
             // A single empty value is no value on the wire.
-            let may_be_absent = |field: &Field<'_>| {
-                *field == Field::Unused || field.row().is_some_and(|row| row.may_be_empty)
-            };
+            let may_be_absent =
+                |field: &Field| *field == Field::Unused || field.row().is_some_and(|row| row.may_be_empty);
             let is_empty = matches!(self.fields, [field] if may_be_absent(field));
             return if is_empty { Ok(()) } else { Err(self.miscounted(message)) };
         }
@@ -396,6 +413,3 @@ impl Entry<'_> {
         MessageError::FieldCount { expected: self.fields.len(), found: message.fields.count() }
     }
 }
-
-const FILLER: Entry<'static> =
-    Entry { role: Role::Filler, name: "Huuhaa", header: &[], fields: &[], reply: None, past_queue: false };

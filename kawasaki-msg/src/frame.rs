@@ -1,8 +1,9 @@
 //! The envelope: `< name $ header $ … length # data # >`.
 
 use crate::error::DecodeError;
+use crate::marks::{DATA, END, SEPARATOR, START};
 use crate::number;
-use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
+use crate::value::{Charset, Value, Values};
 
 /// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
 pub(crate) const MAX_LEN: usize = 4096;

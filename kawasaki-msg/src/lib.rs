@@ -14,7 +14,7 @@ mod dialect;
 mod error;
 mod frame;
 mod job;
-mod lacks;
+mod marks;
 mod message;
 pub mod motion;
 mod number;
@@ -28,6 +28,7 @@ mod role;
 #[cfg(feature = "spec")]
 mod spec;
 mod statistics;
+mod text;
 pub mod timing;
 #[cfg(feature = "tokio")]
 pub mod tokio;
@@ -37,16 +38,12 @@ mod writer;
 pub use content::{FromPc, FromRobot, Status};
 pub use decoder::Decoder;
 pub use dialect::{Dialect, Entry};
-pub use error::{
-    ConfigError, DecodeError, EncodeError, FieldError, FieldFault, MessageError, Name, SessionError,
-};
-pub use job::{
-    Bounds, FieldLayout, FieldType, Fields, Job, JobKind, Line, Point, Text, Unfit, Work, each_field,
-};
-pub use lacks::Lack;
+pub use error::{ConfigError, DecodeError, EncodeError, FieldError, FieldFault, MessageError, SessionError};
+pub use job::{Bounds, Fields, Fit, Job, JobKind, Line, Point, Unfit, Work};
+pub use marks::{DATA, END, SEPARATOR, START};
 pub use message::Message;
 pub use number::Decimal;
-pub use numbering::{ALL_NUMBERS, NumberSet, Numbering};
+pub use numbering::{Ahead, Numbering};
 pub use packet::{Limits, Packet, Room};
 pub use params::Params;
 pub use pc::{CommandOutcome, JobSource, LargePc, Pc, PcConfig, PcEvent, Supply, Takeover};
@@ -56,5 +53,6 @@ pub use robot_session;
 pub use robot_work_queue;
 pub use role::{Field, Role};
 pub use statistics::{PcStatistics, RobotStatistics, Times};
-pub use value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
+pub use text::{Name, Text};
+pub use value::{Charset, Value, Values};
 pub use writer::Writer;

@@ -2,7 +2,8 @@
 
 use crate::error::{DecodeError, EncodeError};
 use crate::frame::{Frame, MAX_LEN, Progress};
-use crate::value::{Charset, START, Value, Values};
+use crate::marks::START;
+use crate::value::{Charset, Value, Values};
 use crate::writer::Writer;
 
 /// One message as it stands on the wire; a [`Writer`] makes the bytes of another.

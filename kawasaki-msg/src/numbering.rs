@@ -1,7 +1,5 @@
 //! Job numbers on the wire against the count of jobs in the order.
 
-use crate::error::ConfigError;
-
 /// Numbers run from 1 to `max`, then from 1 again (thesis, section 11.1.1); the sessions count on. A number means the one count
 /// in a window shorter than `max` that has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -43,85 +41,51 @@ impl Numbering {
     }
 }
 
-/// The words of a [`NumberSet`] that holds every number of a job, up to 9999.
-pub const ALL_NUMBERS: usize = 10_000usize.div_ceil(64);
-
-/// A set of job numbers, below 64 for each of its words.
+/// The jobs after a count that have overtaken others: those executed, or acknowledged, before all up to them are.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct NumberSet<const WORDS: usize = ALL_NUMBERS> {
-    bits: [u64; WORDS],
-    count: u32,
+pub struct Ahead {
+    /// A bit for each job after the count, the next one first.
+    bits: [u64; Self::MAX as usize / 64],
+    /// The number of jobs in the set.
+    len: u16,
 }
 
-impl<const WORDS: usize> NumberSet<WORDS> {
-    /// The empty set.
-    pub const fn new() -> Self {
-        Self { bits: [0; WORDS], count: 0 }
+impl Ahead {
+    /// The number of jobs after the count that can be told apart: the longest queue in which jobs overtake one another.
+    pub const MAX: u32 = 1024;
+
+    /// No job.
+    pub const NONE: Self = Self { bits: [0; Self::MAX as usize / 64], len: 0 };
+
+    /// Whether the set has the job that follows the count after this many others.
+    pub fn contains(&self, after: u32) -> bool {
+        self.len > 0 && self.bits.get(after as usize / 64).is_some_and(|word| word >> (after % 64) & 1 == 1)
     }
 
-    /// Whether it can hold every number up to this one.
-    pub(crate) const fn check(max: u16) -> Result<(), ConfigError> {
-        let numbers = 64 * WORDS;
-        if max as usize >= numbers { Err(ConfigError::TooManyNumbers { max, numbers }) } else { Ok(()) }
-    }
-
-    /// Whether a number is in the set.
-    pub fn contains(&self, number: u16) -> bool {
-        self.bits.get(usize::from(number / 64)).is_some_and(|word| word >> (number % 64) & 1 == 1)
-    }
-
-    /// Adds a number; whether it was not there.
-    pub fn insert(&mut self, number: u16) -> bool {
-        let new = !self.contains(number);
-        if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
-            *word |= 1 << (number % 64);
-            self.count += u32::from(new);
-        }
-        new
-    }
-
-    /// Removes a number; whether it was there.
-    pub fn remove(&mut self, number: u16) -> bool {
-        let there = self.contains(number);
-        if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
-            *word &= !(1 << (number % 64));
-            self.count -= u32::from(there);
-        }
-        there
-    }
-
-    /// Removes all numbers.
-    pub fn clear(&mut self) {
-        if !self.is_empty() {
-            *self = Self::new();
-        }
-    }
-
-    /// Whether no number is in the set.
+    /// Whether no job is in the set.
     pub const fn is_empty(&self) -> bool {
-        self.count == 0
+        self.len == 0
     }
 
-    /// The numbers in the set, the least first.
-    pub fn iter(&self) -> impl Iterator<Item = u16> {
-        self.bits.iter().zip((0..).step_by(64)).flat_map(|(word, base)| {
-            (0..64).filter(move |bit| word >> bit & 1 != 0).map(move |bit| base + bit)
-        })
+    /// Adds the job that follows the count after this many others; returns whether it is new and can be told apart.
+    pub(crate) fn insert(&mut self, after: u32) -> bool {
+        let is_new = !self.contains(after);
+        let Some(word) = self.bits.get_mut(after as usize / 64).filter(|_| is_new) else { return false };
+        *word |= 1 << (after % 64);
+        self.len += 1;
+        true
     }
 
-    /// The least number in the set.
-    pub fn first(&self) -> Option<u16> {
-        let (i, word) = self.bits.iter().enumerate().find(|(_, word)| **word != 0)?;
-        u16::try_from(i * 64)
-            .ok()
-            .zip(u16::try_from(word.trailing_zeros()).ok())
-            .map(|(base, bit)| base + bit)
-    }
-}
-
-impl<const WORDS: usize> Default for NumberSet<WORDS> {
-    fn default() -> Self {
-        Self::new()
+    /// Increases the count: its next job is not ahead any more.
+    pub(crate) fn pass(&mut self) {
+        if self.len == 0 {
+            return;
+        }
+        let mut first = 0;
+        for word in self.bits.iter_mut().rev() {
+            (*word, first) = (*word >> 1 | first << 63, *word & 1);
+        }
+        self.len -= u16::from(first == 1);
     }
 }
 
@@ -154,21 +118,19 @@ mod tests {
     }
 
     #[test]
-    fn a_set_holds_every_number() {
-        let mut set: NumberSet = NumberSet::new();
-        assert!(set.is_empty() && set.first().is_none());
-        let numbers = [1, 63, 65, 128, 9999];
-        for number in numbers {
-            assert!(set.insert(number) && !set.insert(number));
-            assert!(set.contains(number) && !set.contains(number - 1) && !set.is_empty());
+    fn jobs_ahead_follow_their_count() {
+        let mut ahead = Ahead::NONE;
+        let jobs = [0, 1, 63, 64, 500, 1023];
+        for after in jobs {
+            assert!(!ahead.contains(after) && ahead.insert(after) && !ahead.insert(after));
+            assert!(ahead.contains(after) && !ahead.contains(after + 2));
         }
-        for number in numbers {
-            assert_eq!((set.first(), set.is_empty()), (Some(number), false));
-            assert!(set.remove(number) && !set.remove(number));
+        assert!(!ahead.insert(Ahead::MAX) && !ahead.contains(Ahead::MAX));
+        for count in 0..=1024 {
+            let left = jobs.iter().filter(|after| **after >= count);
+            assert!((0..1024).filter(|after| ahead.contains(*after)).eq(left.map(|after| after - count)));
+            ahead.pass();
         }
-        assert!(set.is_empty() && set.first().is_none());
-        assert!(set.insert(5000));
-        set.clear();
-        assert!(set.is_empty() && !set.contains(5000));
+        assert_eq!(ahead, Ahead::NONE);
     }
 }

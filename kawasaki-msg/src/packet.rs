@@ -29,7 +29,7 @@ impl Limits {
 impl Limits {
     /// Whether every message of a table can be written and fits, into a session that can hold this many bytes of one too, however great
     /// its numbers are; the fields of a job's own have this many bytes at most, a separator for each counted.
-    pub(crate) fn check(&self, dialect: &Dialect<'_>, work: usize, held: usize) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self, dialect: &Dialect, work: usize, held: usize) -> Result<(), ConfigError> {
         let charset = dialect.charset();
         let mut longest = 0;
         for entry in dialect.entries() {
@@ -38,7 +38,7 @@ impl Limits {
                 return Err(ConfigError::Name { role });
             }
             // The most bytes of fields, a separator for each.
-            let part = |fields: &[Field<'_>]| {
+            let part = |fields: &[Field]| {
                 let mut length = 0;
                 for field in fields {
                     length += match field {
@@ -109,12 +109,12 @@ pub struct Packet<'a> {
     buffer: &'a mut [u8],
     length: usize,
     limits: Limits,
-    dialect: Dialect<'a>,
+    dialect: Dialect,
 }
 
 impl<'a> Packet<'a> {
     /// An empty packet of messages of this table. A buffer shorter than `limits.packet` is a lower limit.
-    pub fn new(buffer: &'a mut [u8], limits: Limits, dialect: Dialect<'a>) -> Self {
+    pub fn new(buffer: &'a mut [u8], limits: Limits, dialect: Dialect) -> Self {
         let limit = limits.packet.min(buffer.len());
         Self { buffer: buffer.get_mut(..limit).unwrap_or_default(), length: 0, limits, dialect }
     }

@@ -17,14 +17,14 @@ pub struct Params {
 impl Params {
     /// The value of a field; `None` when the message has none or has it empty.
     #[inline]
-    pub fn get(&self, field: Field<'_>) -> Option<i32> {
+    pub fn get(&self, field: Field) -> Option<i32> {
         let index = field.row()?.index;
         self.values.get(index).copied().filter(|_| self.there >> index & 1 == 1)
     }
 
     /// Sets the value of a field; a field that the sessions do not use has none.
     #[inline]
-    pub fn set(&mut self, field: Field<'_>, value: i32) {
+    pub fn set(&mut self, field: Field, value: i32) {
         if let Some(row) = field.row() {
             self.store(row, value);
         }
@@ -40,7 +40,7 @@ impl Params {
 
     /// These values and one more.
     #[must_use]
-    pub fn with(mut self, field: Field<'_>, value: impl Into<Option<u16>>) -> Self {
+    pub fn with(mut self, field: Field, value: impl Into<Option<u16>>) -> Self {
         if let Some(value) = value.into() {
             self.set(field, i32::from(value));
         }
@@ -48,12 +48,12 @@ impl Params {
     }
 
     /// The value of a field that counts something; `None` also when it is no `u16`.
-    pub fn number(&self, field: Field<'_>) -> Option<u16> {
+    pub fn number(&self, field: Field) -> Option<u16> {
         self.get(field).and_then(|value| u16::try_from(value).ok())
     }
 
     /// Sets the value of a field that has none.
-    pub(crate) fn add(&mut self, field: Field<'_>, value: u16) {
+    pub(crate) fn add(&mut self, field: Field, value: u16) {
         if self.get(field).is_none() {
             self.set(field, value.into());
         }
@@ -61,7 +61,7 @@ impl Params {
 
     /// Stores the next value, which is that of a field.
     #[inline(always)]
-    pub(crate) fn read(&mut self, field: &Field<'_>, values: &mut Values<'_>) -> Result<(), Misfit> {
+    pub(crate) fn read(&mut self, field: &Field, values: &mut Values<'_>) -> Result<(), Misfit> {
         let Some(row) = field.row() else { return Self::skip(field, values) };
         if row.may_be_empty && values.skip_empty() {
             return Ok(());
@@ -79,7 +79,7 @@ impl Params {
     }
 
     /// Reads a value that the sessions do not use.
-    fn skip(field: &Field<'_>, values: &mut Values<'_>) -> Result<(), Misfit> {
+    fn skip(field: &Field, values: &mut Values<'_>) -> Result<(), Misfit> {
         let value = values.text().ok_or(Misfit::Missing)?;
         match field {
             Field::Constant(text) if value != *text => Err(Misfit::Constant),
@@ -89,7 +89,7 @@ impl Params {
 
     /// Writes the value of a field, which is empty without one.
     #[inline]
-    pub(crate) fn write(&self, field: Field<'_>, writer: &mut Writer<'_>) {
+    pub(crate) fn write(&self, field: Field, writer: &mut Writer<'_>) {
         match (field, self.get(field)) {
             (Field::Constant(text), _) => writer.text(text),
             (_, Some(number)) => writer.number(number, 0),

@@ -37,7 +37,7 @@ pub enum Role {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
-pub enum Field<'a> {
+pub enum Field {
     /// An order's number, from 1; 0 for none.
     Order,
     /// The order that ended last; empty since the robot's start.
@@ -55,7 +55,7 @@ pub enum Field<'a> {
     /// All fields of a job's own, one after the other: see [`Work`](crate::Work).
     Work,
     /// What a plant adds, always the same: a message without it is not for us.
-    Constant(&'a str),
+    Constant(&'static str),
     /// A field that the sessions do not need: written empty, not looked at when read.
     Unused,
 }
@@ -71,7 +71,7 @@ pub(crate) struct Row {
     pub(crate) may_be_empty: bool,
 }
 
-impl Field<'_> {
+impl Field {
     pub(crate) const VALUES: usize = 7;
 
     /// The row of a field; `None` of one that the sessions do not use.

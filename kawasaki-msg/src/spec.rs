@@ -61,7 +61,7 @@ fn agreed(fields: &mut impl Fields, limits: &mut Limits, datagrams: &mut bool, m
     fields.source("§11.1.1").whole("max_number", 2..=Dialect::MAX_NUMBER, "", about, max_number);
 }
 
-impl Configure for RobotConfig<'_> {
+impl Configure for RobotConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self {
             dialect: _,
@@ -126,7 +126,7 @@ impl Configure for Acks {
     }
 }
 
-impl Configure for PcConfig<'_> {
+impl Configure for PcConfig {
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self {
             dialect: _,
@@ -161,6 +161,6 @@ impl Configure for PcConfig<'_> {
 }
 
 #[cfg(feature = "settings")]
-robot_session::deserialize!(RobotConfig<'static>, RobotConfig::TCP);
+robot_session::deserialize!(RobotConfig, RobotConfig::TCP);
 #[cfg(feature = "settings")]
-robot_session::deserialize!(PcConfig<'static>, PcConfig::TCP);
+robot_session::deserialize!(PcConfig, PcConfig::TCP);

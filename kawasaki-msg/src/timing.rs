@@ -11,9 +11,6 @@ pub const MIN_REPLY_DELAY: Duration = CPU_CYCLE;
 /// One packet sent and its answer received, whatever the length of the packets: 31 a second (thesis, section 9.4).
 pub const EXCHANGE: Duration = Duration::from_millis(32);
 
-/// How long a UDP receive waits unless it is set otherwise (thesis, section 9.4).
-pub const UDP_RECEIVE: Duration = Duration::from_secs(1);
-
 /// How late a datagram may still come, which both ends over UDP are made for. Ours: the source gives none.
 pub const LATEST_DATAGRAM: Duration = Duration::from_secs(1);
 

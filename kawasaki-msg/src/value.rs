@@ -1,23 +1,10 @@
-//! The values of a message as they stand on the wire: marks, character sets, and a cursor over the values.
+//! The values of a message as they stand on the wire: character sets, and a cursor over the values.
 
 use core::fmt;
 
 use crate::error::EncodeError;
+use crate::marks::{DATA, END, SEPARATOR, START, is_mark};
 use crate::number;
-
-/// The mark that begins a message.
-pub const START: u8 = b'<';
-/// The mark that ends a message.
-pub const END: u8 = b'>';
-/// The mark between two values.
-pub const SEPARATOR: u8 = b'$';
-/// The mark before and after the data part.
-pub const DATA: u8 = b'#';
-
-/// Whether no name and no field may hold this byte.
-pub(crate) const fn is_mark(byte: u8) -> bool {
-    matches!(byte, START | END | SEPARATOR | DATA)
-}
 
 /// The characters that may occur in names and fields. The length counts bytes in either.
 ///

@@ -2,8 +2,9 @@
 
 use crate::error::EncodeError;
 use crate::frame::MAX_LEN;
+use crate::marks::{DATA, END, SEPARATOR, START, is_mark};
 use crate::number;
-use crate::value::{Charset, DATA, END, SEPARATOR, START, is_mark};
+use crate::value::Charset;
 
 /// Writes one message into a buffer: the name, the values between name and length, then the fields.
 ///

@@ -40,7 +40,7 @@ const METRICS: [Definition; 5] = [
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     plant: Plant,
-    session: PcConfig<'static>,
+    session: PcConfig,
 }
 
 impl Default for Settings {
@@ -117,7 +117,7 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
 fn run(
     end: &mut End,
     (endpoint, dialing): (&Endpoint, Dialing),
-    config: PcConfig<'static>,
+    config: PcConfig,
     layout: &Layout,
     charset: Charset,
     next: &mut u16,
@@ -140,7 +140,7 @@ fn run(
 }
 
 impl Program for Kawasaki<'_> {
-    type Session = LargePc<'static, Jobs>;
+    type Session = LargePc<Jobs>;
 
     fn step(&mut self, session: &mut Self::Session) -> Result<bool> {
         if session.order().is_none()
@@ -186,7 +186,7 @@ impl Program for Kawasaki<'_> {
 }
 
 impl Kawasaki<'_> {
-    fn begin(&mut self, session: &mut LargePc<'static, Jobs>, command: &Command) -> Result<(), String> {
+    fn begin(&mut self, session: &mut LargePc<Jobs>, command: &Command) -> Result<(), String> {
         // The session would begin it with the next connection, whenever that is.
         if !self.is_connected {
             return Err("the link is not connected".into());

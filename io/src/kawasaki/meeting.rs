@@ -35,7 +35,7 @@ pub enum Meeting {
         backoff: Backoff,
     },
     /// It sends datagrams; what it sends has to be a message of this table.
-    Datagrams(UdpSocket, Dialect<'static>),
+    Datagrams(UdpSocket, Dialect),
     /// It is sent datagrams.
     Peer(UdpSocket, String),
 }
@@ -57,7 +57,7 @@ impl Meeting {
     pub fn of_pc(
         endpoint: &Endpoint,
         datagrams: bool,
-        dialect: Dialect<'static>,
+        dialect: Dialect,
         dialing: Dialing,
     ) -> Result<(Self, &'static str, String)> {
         match endpoint {
@@ -175,7 +175,7 @@ fn newest(listener: &mut Listener) -> Option<(TcpStream, SocketAddr)> {
 }
 
 /// The first datagram that a robot can have sent: other datagrams are not answered.
-fn first(socket: &UdpSocket, dialect: Dialect<'static>) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
+fn first(socket: &UdpSocket, dialect: Dialect) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
     let mut buffer = vec![0; LONGEST];
     // A flood of others does not keep the caller.
     for _ in 0..64 {

@@ -88,7 +88,7 @@ pub fn run<P: Program>(
 }
 
 /// The order ends after the job that is being executed; if the plant has no message for that, after the jobs that the robot has queued.
-pub fn break_off<S: JobSource>(session: &mut LargePc<'static, S>) {
+pub fn break_off<S: JobSource>(session: &mut LargePc<S>) {
     if let Err(SessionError::Lacks { .. }) = session.interrupt() {
         // It is ending already, or has not begun: then it is retried.
         let _ = session.end();

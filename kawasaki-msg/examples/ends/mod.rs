@@ -74,7 +74,7 @@ fn until_over(event: &PcEvent) -> ControlFlow<Option<Result<u32, String>>> {
 
 /// Executes one order; its jobs in the order of their execution.
 pub(crate) fn robot<W: Work + Send + 'static>(
-    config: RobotConfig<'_>,
+    config: RobotConfig,
     connect: impl Fn() -> io::Result<Box<dyn Transport>>,
 ) -> Result<Vec<Job<W>>, Box<dyn Error>> {
     let (jobs, mut motion) = motion::boxed(64, config.max_number)?;

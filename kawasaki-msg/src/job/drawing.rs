@@ -1,6 +1,6 @@
 //! The drawing: its jobs are straight lines.
 
-use super::work::{Fields, Unfit, Work};
+use super::work::{Fields, Fit, Work};
 use crate::error::FieldFault;
 
 /// One straight line. An order is one picture, and its jobs are lines (thesis, section 11).
@@ -20,7 +20,7 @@ pub struct Line {
 impl Work for Line {
     type Ranges = Bounds;
 
-    fn fields<F: Fields>(&mut self, &Bounds { min, max }: &Bounds, fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: Fields>(&mut self, &Bounds { min, max }: &Bounds, fields: &mut F) -> Fit {
         fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
         fields.whole("x1", &mut self.start.x, min.x..=max.x)?;
         fields.whole("y1", &mut self.start.y, min.y..=max.y)?;
@@ -42,32 +42,23 @@ pub enum JobKind {
     Move = 2,
 }
 
-impl JobKind {
-    /// The code on the wire.
-    pub const fn code(self) -> i32 {
-        self as i32
-    }
-
-    /// The kind of a code on the wire. A job of any other kind cannot be executed.
-    pub const fn from_code(code: i32) -> Option<Self> {
-        match code {
-            1 | 2 => Some(if code == 1 { JobKind::Draw } else { JobKind::Move }),
-            _ => None,
-        }
-    }
-}
-
+/// The code on the wire.
 impl From<JobKind> for i32 {
     fn from(kind: JobKind) -> i32 {
-        kind.code()
+        kind as i32
     }
 }
 
+/// A job of any other kind cannot be executed.
 impl TryFrom<i32> for JobKind {
     type Error = FieldFault;
 
     fn try_from(code: i32) -> Result<Self, FieldFault> {
-        JobKind::from_code(code).ok_or(FieldFault::Value { found: code })
+        match code {
+            1 => Ok(JobKind::Draw),
+            2 => Ok(JobKind::Move),
+            found => Err(FieldFault::Value { found }),
+        }
     }
 }
 

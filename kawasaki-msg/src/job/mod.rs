@@ -3,16 +3,13 @@
 mod drawing;
 mod layout;
 mod reader;
-mod text;
 mod work;
 mod writer;
 
 pub use drawing::{Bounds, JobKind, Line, Point};
-pub use layout::{FieldLayout, FieldType, each_field};
 pub(crate) use layout::{LONGEST, check};
 pub(crate) use reader::{Unread, read};
-pub use text::Text;
-pub use work::{Fields, Unfit, Work};
+pub use work::{Fields, Fit, Unfit, Work};
 pub(crate) use writer::write;
 
 /// What a queue holds: one job of an order.

@@ -2,10 +2,11 @@
 
 use core::ops::RangeInclusive;
 
-use super::work::{Fields, Unfit, Work};
-use super::{Text, layout};
-use crate::error::{FieldError, FieldFault, Name};
+use super::layout;
+use super::work::{Fields, Fit, Unfit, Work};
+use crate::error::{FieldError, FieldFault};
 use crate::number::{Decimal, Fault};
+use crate::text::{Name, Text};
 use crate::value::Values;
 
 /// Why values are not a job.
@@ -36,13 +37,7 @@ struct Reader<'v> {
 
 impl Fields for Reader<'_> {
     #[inline(always)] // places and range are known where a job names them
-    fn decimal(
-        &mut self,
-        name: &str,
-        value: &mut i32,
-        places: u8,
-        range: RangeInclusive<i32>,
-    ) -> Result<(), Unfit> {
+    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit {
         let (min, max) = range.into_inner();
         match self.values.number(places) {
             Ok(units) if min <= units && units <= max => {
@@ -53,17 +48,12 @@ impl Fields for Reader<'_> {
         }
     }
 
-    fn text<const N: usize>(
-        &mut self,
-        name: &str,
-        value: &mut Text<N>,
-        length: RangeInclusive<usize>,
-    ) -> Result<(), Unfit> {
+    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
         let (min, max) = (*length.start(), N.min(*length.end()));
         let Some(field) = self.values.text() else { return Err(self.misfit(name, FieldFault::Missing)) };
         let found = field.as_bytes().len();
-        match Text::of(field.as_bytes()).filter(|_| min <= found && found <= max) {
-            Some(text) => *value = text,
+        match Text::from_wire(field.as_bytes()).filter(|_| min <= found && found <= max) {
+            Some(read) => *text = read,
             None => return Err(self.misfit(name, FieldFault::Length { found, min, max })),
         }
         Ok(())

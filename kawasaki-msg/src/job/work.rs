@@ -1,12 +1,13 @@
 use core::fmt;
 use core::ops::RangeInclusive;
 
-use crate::error::{FieldError, FieldFault, Name};
+use crate::error::{FieldError, FieldFault};
+use crate::text::{Name, Text};
 
 /// What the jobs of an application are: its fields, named once, are read, written, checked and listed from that one place.
 ///
 /// ```
-/// use kawasaki_msg::{Fields, Text, Unfit, Work};
+/// use kawasaki_msg::{Fields, Fit, Text, Work};
 ///
 /// /// Move a pallet: where to, with which tool, how fast.
 /// #[derive(Clone, Copy, Default)]
@@ -19,7 +20,7 @@ use crate::error::{FieldError, FieldFault, Name};
 /// impl Work for PalletMove {
 ///     type Ranges = ();
 ///
-///     fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+///     fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Fit {
 ///         for (joint, name) in self.joints.iter_mut().zip(["j1", "j2", "j3", "j4", "j5", "j6"]) {
 ///             fields.decimal(name, joint, 3, -360_000..=360_000)?;
 ///         }
@@ -37,8 +38,11 @@ pub trait Work: Copy + Default {
     ///
     /// # Errors
     /// What a visit returns, at once.
-    fn fields<F: Fields>(&mut self, ranges: &Self::Ranges, fields: &mut F) -> Result<(), Unfit>;
+    fn fields<F: Fields>(&mut self, ranges: &Self::Ranges, fields: &mut F) -> Fit;
 }
+
+/// Whether a field fits.
+pub type Fit = Result<(), Unfit>;
 
 /// What visits the fields of a [`Work`]: it reads each from a message, writes it into one, or lists it. The ranges include both ends
 /// and are checked in both directions.
@@ -51,25 +55,14 @@ pub trait Fields {
     ///
     /// # Errors
     /// When the field is missing or does not fit.
-    fn decimal(
-        &mut self,
-        name: &str,
-        value: &mut i32,
-        places: u8,
-        range: RangeInclusive<i32>,
-    ) -> Result<(), Unfit>;
+    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit;
 
     /// Text of this many characters, as it is, blanks too. The four marks and what the dialect's character set does not have cannot
     /// be in it.
     ///
     /// # Errors
     /// When the field is missing or does not fit.
-    fn text<const N: usize>(
-        &mut self,
-        name: &str,
-        value: &mut super::Text<N>,
-        length: RangeInclusive<usize>,
-    ) -> Result<(), Unfit>;
+    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit;
 
     /// A field is refused for a reason that the caller has found.
     fn refuse(&mut self, error: FieldError) -> Unfit;
@@ -84,7 +77,7 @@ pub trait Fields {
         name: &str,
         value: &mut T,
         range: RangeInclusive<T>,
-    ) -> Result<(), Unfit> {
+    ) -> Fit {
         let (min, max) = range.into_inner();
         let mut number = (*value).into();
         self.decimal(name, &mut number, 0, min.into()..=max.into())?;

@@ -2,10 +2,10 @@
 
 use core::ops::RangeInclusive;
 
-use super::Text;
-use super::work::{Fields, Unfit, Work};
-use crate::error::{EncodeError, FieldError, FieldFault, Name};
+use super::work::{Fields, Fit, Unfit, Work};
+use crate::error::{EncodeError, FieldError, FieldFault};
 use crate::number::Decimal;
+use crate::text::{Name, Text};
 use crate::writer::Writer;
 
 /// Writes the fields; a job without any has an empty one.
@@ -30,13 +30,7 @@ struct Written<'w, 'o> {
 
 impl Fields for Written<'_, '_> {
     #[inline(always)] // places and range are known where a job names them
-    fn decimal(
-        &mut self,
-        name: &str,
-        value: &mut i32,
-        places: u8,
-        range: RangeInclusive<i32>,
-    ) -> Result<(), Unfit> {
+    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit {
         let (min, max) = range.into_inner();
         if *value < min || max < *value {
             return Err(self.out_of_range(name, [*value, min, max].map(|units| Decimal { units, places })));
@@ -46,24 +40,19 @@ impl Fields for Written<'_, '_> {
         Ok(())
     }
 
-    fn text<const N: usize>(
-        &mut self,
-        name: &str,
-        value: &mut Text<N>,
-        length: RangeInclusive<usize>,
-    ) -> Result<(), Unfit> {
+    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
         let (min, max) = (*length.start(), N.min(*length.end()));
-        let found = value.as_bytes().len();
+        let found = text.as_bytes().len();
         if !(min..=max).contains(&found) {
             return Err(self.unfit(name, FieldFault::Length { found, min, max }));
         }
         // No text holds a mark.
         let charset = self.writer.charset();
-        if let Some(found) = value.chars().find(|c| charset.byte(*c).is_err()) {
+        if let Some(found) = text.chars().find(|c| charset.byte(*c).is_err()) {
             return Err(self.unfit(name, FieldFault::Character { found }));
         }
         self.is_empty = false;
-        self.writer.wire(value.as_bytes());
+        self.writer.wire(text.as_bytes());
         Ok(())
     }
 

@@ -1,9 +1,8 @@
 use core::time::Duration;
 
-use crate::content::is_answered;
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::numbering::{NumberSet, Numbering};
+use crate::numbering::{Ahead, Numbering};
 use crate::packet::Limits;
 use crate::role::Role;
 use crate::timing;
@@ -12,15 +11,15 @@ use crate::timing;
 ///
 /// Every duration can be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PcConfig<'a> {
+pub struct PcConfig {
     /// The table of messages; by default [`Dialect::DEFAULT`].
-    pub dialect: Dialect<'a>,
+    pub dialect: Dialect,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
     /// Every input is a datagram: messages do not continue in the next one, and it may come late. False by default.
     pub datagrams: bool,
     /// The highest job number, 2 to 9999, which both ends have agreed on; above the capacity of the robot's queue. 9999 by default.
-    /// At most one job fewer is in flight, over datagrams half as many. Where it covers the whole order, a mistake at the wrap is
+    /// At most one job fewer is in flight, over datagrams half as many, and where jobs may overtake one another 1024. If it covers the whole order, a mistake at the wrap is
     /// impossible (thesis, section 11.1.1).
     pub max_number: u16,
     /// Whether an acknowledgement covers all earlier jobs; false where jobs may overtake one another. True by default.
@@ -40,38 +39,10 @@ pub struct PcConfig<'a> {
     pub rules: robot_session::end::Rules<Rule>,
 }
 
-/// The fields of a [`PcConfig`] that the machine uses, and which messages of the robot have an answer in the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Config {
-    /// [`PcConfig::datagrams`]
-    pub datagrams: bool,
-    /// [`PcConfig::max_number`]
-    pub max_number: u16,
-    /// [`PcConfig::cumulative_acks`]
-    pub cumulative_acks: bool,
-    /// [`PcConfig::reply_delay`]
-    pub reply_delay: Duration,
-    /// [`PcConfig::silence`]
-    pub silence: Duration,
-    /// [`PcConfig::takeover`]
-    pub takeover: Takeover,
-    /// [`PcConfig::start_retries`]
-    pub start_retries: u16,
-    /// [`PcConfig::end_when_done`]
-    pub end_when_done: bool,
-    /// A request for jobs has an answer.
-    pub answers_requests: bool,
-    /// A status has one.
-    pub answers_status: bool,
-    #[cfg(feature = "model")]
-    #[doc(hidden)]
-    pub rules: robot_session::end::Rules<Rule>,
-}
-
 robot_session::rules! {
     /// The rules against false reports of a PC; the model shows that each is needed.
     #[doc(hidden)]
-    pub enum Rule for PcConfig<'_>, Config {
+    pub enum Rule for PcConfig {
         /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
         /// also where it has no jobs: some may be executed ahead.
         LearnIdentity,
@@ -89,7 +60,7 @@ robot_session::rules! {
     }
 }
 
-impl PcConfig<'_> {
+impl PcConfig {
     /// Over TCP, as the source's application.
     pub const TCP: Self = Self {
         dialect: Dialect::DEFAULT,
@@ -109,43 +80,14 @@ impl PcConfig<'_> {
     /// Over UDP.
     pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
 
-    /// A job's own fields have this many bytes at most; a session can hold a message of `MESSAGE` bytes, and this many `WORDS` of numbers.
-    pub(crate) fn check<const MESSAGE: usize, const WORDS: usize>(
-        &self,
-        work: usize,
-    ) -> Result<(), ConfigError> {
-        Dialect::check_max_number(self.max_number)?;
-        if !self.cumulative_acks {
-            self.dialect.check_has(Role::JobAck)?;
-            NumberSet::<WORDS>::check(self.max_number)?;
-        }
-        if self.takeover == Takeover::Interrupt {
-            self.dialect.check_has(Role::OrderInterrupt)?;
-        }
-        self.dialect.check_orders(self.datagrams)?;
-        self.limits.check(&self.dialect, work, MESSAGE)
+    /// A job's own fields have `work` bytes at most; a session can hold a message of `held` bytes.
+    pub(crate) fn check(&self, work: usize, held: usize) -> Result<(), ConfigError> {
+        let job_ack = (!self.cumulative_acks).then_some(Role::JobAck);
+        let interrupt = (self.takeover == Takeover::Interrupt).then_some(Role::OrderInterrupt);
+        self.dialect.check(self.max_number, self.datagrams, [job_ack, interrupt])?;
+        self.limits.check(&self.dialect, work, held)
     }
 
-    /// The machine's configuration.
-    pub fn machine(&self) -> Config {
-        Config {
-            datagrams: self.datagrams,
-            max_number: self.max_number,
-            cumulative_acks: self.cumulative_acks,
-            reply_delay: self.reply_delay,
-            silence: self.silence,
-            takeover: self.takeover,
-            start_retries: self.start_retries,
-            end_when_done: self.end_when_done,
-            answers_requests: is_answered(&self.dialect, Role::JobRequest),
-            answers_status: is_answered(&self.dialect, Role::Status),
-            #[cfg(feature = "model")]
-            rules: self.rules,
-        }
-    }
-}
-
-impl Config {
     /// The numbers of the jobs.
     pub(crate) const fn numbering(&self) -> Numbering {
         Numbering::new(self.max_number)
@@ -155,15 +97,16 @@ impl Config {
     /// bring an old number back: half the numbers are kept apart for it.
     pub(super) fn window(&self) -> u32 {
         let max = u32::from(self.max_number);
-        match self.datagrams {
+        let window = match self.datagrams {
             _ if !self.keeps(Rule::Window) => max,
             true => max / 2,
             false => max - 1,
-        }
+        };
+        if self.cumulative_acks { window } else { window.min(Ahead::MAX) }
     }
 }
 
-impl Default for PcConfig<'_> {
+impl Default for PcConfig {
     fn default() -> Self {
         Self::TCP
     }

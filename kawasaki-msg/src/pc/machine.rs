@@ -5,8 +5,7 @@ use core::time::Duration;
 use robot_session::Unexpected;
 use robot_session::end::{Expiry, is_due};
 
-pub use super::config::Config;
-use super::config::{Rule, Takeover};
+use super::config::{PcConfig, Rule, Takeover};
 pub use super::state::{
     Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
     Reaction, Rejection, Reply, Report, Rest, Sent, Stage, Start,
@@ -15,17 +14,17 @@ use crate::content::{FromPc, FromRobot};
 use crate::phase::Phase;
 use crate::timing::LATEST_DATAGRAM;
 
-impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
+impl robot_session::end::Machine for Machine {
     const END: &'static str = "pc";
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Reaction;
     type Transmit = Answer;
-    type Config = Config;
+    type Config = PcConfig;
 
     /// # Errors
     /// There is no connection, or no order that this could be for, or too many commands wait.
-    fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Reaction, Unexpected> {
+    fn on(&mut self, now: Duration, input: Input, config: &PcConfig) -> Result<Reaction, Unexpected> {
         let outcome = match input {
             Input::Message(_) => Some(CommandOutcome::Transmitted),
             Input::Connected | Input::Disconnected => Some(CommandOutcome::Unknown),
@@ -58,7 +57,7 @@ impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
     }
 
     /// What has come since it was due is in it.
-    fn transmit(&self, now: Duration, config: &Config) -> Option<Answer> {
+    fn transmit(&self, now: Duration, config: &PcConfig) -> Option<Answer> {
         let Link::Connected { reply: Reply::Due { at, contents }, .. } = self.link else { return None };
         if !is_due(at, now) {
             return None;
@@ -124,7 +123,7 @@ impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
     }
 }
 
-impl<const WORDS: usize> Machine<WORDS> {
+impl Machine {
     /// A PC without an order that listens.
     pub fn new() -> Self {
         Self {
@@ -176,7 +175,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         matches!(self.link, Link::Connected { .. })
     }
 
-    fn on_connected(&mut self, now: Duration, config: &Config) -> Action {
+    fn on_connected(&mut self, now: Duration, config: &PcConfig) -> Action {
         self.on_disconnected();
         let silent_at = now.saturating_add(config.silence);
         self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing, close: false };
@@ -191,7 +190,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_timeout(&mut self, now: Duration, config: &Config) {
+    fn on_timeout(&mut self, now: Duration, config: &PcConfig) {
         let Link::Connected { silent_at, close, .. } = &mut self.link else { return };
         if let Order::Starting { start: start @ Start::Sent { .. }, .. } = &mut self.order
             && let Start::Sent { answer_by } = start
@@ -210,7 +209,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_message(&mut self, now: Duration, message: FromRobot, config: &Config) -> Option<Action> {
+    fn on_message(&mut self, now: Duration, message: FromRobot, config: &PcConfig) -> Option<Action> {
         let Link::Connected { silent_at, reply, .. } = &mut self.link else { return None };
         *silent_at = now.saturating_add(config.silence);
         *reply = match *reply {
@@ -221,7 +220,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// An acknowledgement may be lost in them.
-    fn on_corrupt(&mut self, config: &Config) -> Option<Action> {
+    fn on_corrupt(&mut self, config: &PcConfig) -> Option<Action> {
         if !self.is_connected() {
             return None;
         }
@@ -229,14 +228,14 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    pub(super) fn doubt(&mut self, config: &Config) {
+    pub(super) fn doubt(&mut self, config: &PcConfig) {
         if matches!(self.order, Order::Running { .. }) && config.keeps(Rule::DoubtCorrupt) {
             self.count.is_unsure |= !config.cumulative_acks;
         }
     }
 
     /// The whole of what has come is read before it is answered (thesis, section 11.3).
-    fn on_read_end(&mut self, now: Duration, whole: bool, config: &Config) -> Option<Action> {
+    fn on_read_end(&mut self, now: Duration, whole: bool, config: &PcConfig) -> Option<Action> {
         let Link::Connected { reply, .. } = &mut self.link else { return None };
         *reply = match *reply {
             Reply::Nothing => Reply::Nothing,
@@ -248,7 +247,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_start(&mut self, order: u16, config: &Config) -> Option<Action> {
+    fn on_start(&mut self, order: u16, config: &PcConfig) -> Option<Action> {
         if self.order != Order::Idle || order == 0 {
             return None;
         }
@@ -273,7 +272,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         executed: u32,
         sent: u32,
         total: Option<u32>,
-        config: &Config,
+        config: &PcConfig,
     ) -> Option<Action> {
         let in_flight = sent.checked_sub(executed)?;
         if self.order != Order::Idle || order == 0 || in_flight > config.window() {
@@ -287,11 +286,11 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// Only where jobs are acknowledged individually.
-    fn on_ahead(&mut self, index: u32, config: &Config) -> Option<Action> {
+    fn on_ahead(&mut self, index: u32, config: &PcConfig) -> Option<Action> {
         let Order::Running { stage: Stage::Active, .. } = self.order else { return None };
         let Count { executed, sent, .. } = self.count;
         if !config.cumulative_acks && (executed..sent).contains(&index) {
-            self.count.ahead.insert(config.numbering().next(index));
+            self.count.ahead.insert(index - executed);
         }
         Some(Action::Nothing)
     }
@@ -302,7 +301,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_interrupt(&mut self, config: &Config) -> Option<Action> {
+    fn on_interrupt(&mut self, config: &PcConfig) -> Option<Action> {
         match &mut self.order {
             Order::Starting { number, .. } if !config.keeps(Rule::CancelWaits) => {
                 let (number, left_at) = (*number, Duration::MAX);
@@ -339,7 +338,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     ///
     /// But for a start: one that is still in flight when the robot has taken the first and been reset begins the order again. Over
     /// a stream it is sent once on a connection.
-    fn request(&self, config: &Config) -> Option<FromPc> {
+    fn request(&self, config: &PcConfig) -> Option<FromPc> {
         let Link::Connected { robot, .. } = self.link else { return None };
         match self.order {
             Order::Idle
@@ -369,7 +368,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_sent(&mut self, now: Duration, sent: Sent, config: &Config) -> Option<Action> {
+    fn on_sent(&mut self, now: Duration, sent: Sent, config: &PcConfig) -> Option<Action> {
         let request = self.request(config).filter(|_| sent.request);
         let Link::Connected { reply: reply @ Reply::Due { .. }, .. } = &mut self.link else { return None };
         let Reply::Due { contents, .. } = core::mem::replace(reply, Reply::Nothing) else { return None };
@@ -409,7 +408,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 }
 
-impl<const WORDS: usize> Default for Machine<WORDS> {
+impl Default for Machine {
     fn default() -> Self {
         Self::new()
     }

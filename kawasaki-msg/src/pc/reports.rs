@@ -2,15 +2,16 @@
 
 use core::time::Duration;
 
-use super::config::{Config, Rule, Takeover};
+use super::config::{PcConfig, Rule, Takeover};
 use super::state::{Action, Count, Known, Link, Machine, Order, Outcome, Rejection, Reply, Stage, Start};
 use crate::content::{FromRobot, Status};
 use crate::numbering::Numbering;
 use crate::phase::Phase;
+use crate::role::Role;
 use crate::timing::LATEST_DATAGRAM;
 
-impl<const WORDS: usize> Machine<WORDS> {
-    pub(super) fn on_report(&mut self, now: Duration, report: FromRobot, config: &Config) -> Action {
+impl Machine {
+    pub(super) fn on_report(&mut self, now: Duration, report: FromRobot, config: &PcConfig) -> Action {
         match report {
             FromRobot::Filler => Action::Nothing,
             FromRobot::WrongSide => Action::Rejected(Rejection::NotExpected),
@@ -44,7 +45,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_job_ack(&mut self, order: u16, number: u16, config: &Config) -> Action {
+    fn on_job_ack(&mut self, order: u16, number: u16, config: &PcConfig) -> Action {
         let numbering = config.numbering();
         if !self.is_running(order) {
             return Action::Rejected(Rejection::WrongOrder);
@@ -53,9 +54,9 @@ impl<const WORDS: usize> Machine<WORDS> {
             return Action::Rejected(Rejection::OutOfOrder);
         };
         if config.cumulative_acks {
-            self.count.execute(numbering, count);
-        } else if count > self.count.executed && self.count.ahead.insert(number) {
-            self.count.execute(numbering, self.count.executed);
+            self.count.execute(count);
+        } else if count > self.count.executed && self.count.ahead.insert(count - self.count.executed - 1) {
+            self.count.execute(self.count.executed);
             if self.count.executed < count {
                 return Action::ExecutedAhead { index: count - 1 };
             }
@@ -63,7 +64,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_request(&mut self, order: u16, number: u16, config: &Config) -> Action {
+    fn on_request(&mut self, order: u16, number: u16, config: &PcConfig) -> Action {
         let numbering = config.numbering();
         let max = u32::from(numbering.max());
         if !self.is_running(order) {
@@ -89,13 +90,13 @@ impl<const WORDS: usize> Machine<WORDS> {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
         {
-            contents.jobs_from = config.answers_requests.then_some(from);
+            contents.jobs_from = config.dialect.answers(Role::JobRequest).then_some(from);
         }
         Action::Nothing
     }
 
     /// Our own number is acceptance only of a start that was sent on this connection.
-    fn on_order_ack(&mut self, active: u16, config: &Config) -> Action {
+    fn on_order_ack(&mut self, active: u16, config: &PcConfig) -> Action {
         let Order::Starting { number, start, .. } = self.order else { return Action::Nothing };
         let sent = match start {
             Start::Sent { .. } => true,
@@ -116,7 +117,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The robot is in another order, or cannot take any: 0.
-    fn refused(&mut self, active: u16, config: &Config) -> Action {
+    fn refused(&mut self, active: u16, config: &PcConfig) -> Action {
         let Order::Starting { number, start, refusals, cancelled } = &mut self.order else {
             return Action::Nothing;
         };
@@ -139,7 +140,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Refused { active }
     }
 
-    fn on_end_ack(&mut self, ended: u16, active: u16, executed: Option<u16>, config: &Config) -> Action {
+    fn on_end_ack(&mut self, ended: u16, active: u16, executed: Option<u16>, config: &PcConfig) -> Action {
         self.learn(active);
         match &mut self.order {
             Order::Starting { start, .. } => {
@@ -165,17 +166,17 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// How far the robot came; `None` if it cannot be.
-    fn executed_at_end(&mut self, executed: Option<u16>, config: &Config) -> Option<()> {
+    fn executed_at_end(&mut self, executed: Option<u16>, config: &PcConfig) -> Option<()> {
         let numbering = config.numbering();
         if let Some(number) = executed {
             let count = self.count.of(numbering, number)?;
-            self.count.execute(numbering, count);
+            self.count.execute(count);
         }
         Some(())
     }
 
     /// The robot has reported that our order is over, and how far it came.
-    fn over(&mut self, config: &Config) -> Action {
+    fn over(&mut self, config: &PcConfig) -> Action {
         let order = core::mem::replace(&mut self.order, Order::Idle).number();
         let Count { executed, sent, total, is_unsure, .. } = self.count;
         // That a job was executed ahead of others only its own acknowledgement reports, and that may be lost.
@@ -186,7 +187,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Outcome { order, outcome: Outcome::Over { executed, complete: total == Some(executed) } }
     }
 
-    fn on_status(&mut self, now: Duration, status: Status, config: &Config) -> Action {
+    fn on_status(&mut self, now: Duration, status: Status, config: &PcConfig) -> Action {
         let Status { order: active, queued, executed, ended, .. } = status;
         let has_jobs = queued.is_some() || executed.is_some() || !is_active(status);
         self.learn(active);
@@ -194,7 +195,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
         {
-            contents.status = config.answers_status;
+            contents.status = config.dialect.answers(Role::Status);
         }
         match &mut self.order {
             Order::Idle => Action::Nothing,
@@ -253,7 +254,7 @@ fn is_active(status: Status) -> bool {
     matches!(status.phase, Phase::Active)
 }
 
-impl<const WORDS: usize> Count<WORDS> {
+impl Count {
     /// The count that a number of the robot's means: from the last that is known to be executed up to the last sent.
     fn of(&self, numbering: Numbering, number: u16) -> Option<u32> {
         let count = self.executed + numbering.ahead(self.executed, number);
@@ -261,11 +262,9 @@ impl<const WORDS: usize> Count<WORDS> {
     }
 
     /// All jobs up to a count are executed, and those that were executed ahead and follow it.
-    fn execute(&mut self, numbering: Numbering, count: u32) {
-        while self.executed < count
-            || self.executed < self.sent && self.ahead.contains(numbering.next(self.executed))
-        {
-            self.ahead.remove(numbering.next(self.executed));
+    fn execute(&mut self, count: u32) {
+        while self.executed < count || self.executed < self.sent && self.ahead.contains(0) {
+            self.ahead.pass();
             self.executed += 1;
             self.is_news = true;
         }

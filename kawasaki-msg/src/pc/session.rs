@@ -14,12 +14,11 @@ use super::state::{
 use super::state::{Order, Start};
 use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
-use crate::dialect::Dialect;
 use crate::error::{ConfigError, EncodeError, MessageError, SessionError};
 use crate::job::{self, Job, Work};
 use crate::message::Message;
-use crate::numbering::{ALL_NUMBERS, Numbering};
-use crate::packet::{Limits, Packet, Room as PacketRoom};
+use crate::numbering::Numbering;
+use crate::packet::{Packet, Room as PacketRoom};
 use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
@@ -41,56 +40,44 @@ use crate::statistics::PcStatistics;
 /// **Orders** may have a number that was used before, also at once (over UDP not: give every order a new number there). An order
 /// that the robot is in when it connects is not ours unless we have sent its start, whatever its number is.
 ///
-/// It can hold a message of `MESSAGE` bytes, and tell job numbers below 64 for each of its `WORDS` apart where jobs may overtake one
-/// another ([`PcConfig::cumulative_acks`]). What needs more is a [`ConfigError`]: `Pc::<_, 512>::sized`, or a [`LargePc`].
+/// It can hold a message of `MESSAGE` bytes. A table that needs more is a [`ConfigError`]: `Pc::<_, 512>::with_ranges`, or a
+/// [`LargePc`].
 #[derive(Debug)]
-pub struct Pc<'a, S: JobSource, const MESSAGE: usize = 256, const WORDS: usize = 16> {
+pub struct Pc<S: JobSource, const MESSAGE: usize = 256> {
     core: CoreOf<Self>,
-    dialect: Dialect<'a>,
-    limits: Limits,
     ranges: Ranges<S>,
     source: Option<S>,
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
 }
 
-/// A [`Pc`] for messages of every length and all job numbers: [`LargePc::sized`](Pc::sized).
-pub type LargePc<'a, S> = Pc<'a, S, { Message::MAX_LEN }, ALL_NUMBERS>;
+/// A [`Pc`] for messages of every length: [`LargePc::with_ranges`](Pc::with_ranges).
+pub type LargePc<S> = Pc<S, { Message::MAX_LEN }>;
 
 type Ranges<S> = <<S as JobSource>::Work as Work>::Ranges;
 
 /// The outcomes of an order, one of them a job that does not fit, and of all commands.
 const OUTCOMES: usize = 2 + Commands::MAX as usize;
 
-impl<'a, S: JobSource> Pc<'a, S> {
+impl<S: JobSource> Pc<S> {
     /// A session without an order that listens. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
-    pub fn new(config: PcConfig<'a>) -> Result<Self, ConfigError> {
-        Self::sized(config)
+    pub fn new(config: PcConfig) -> Result<Self, ConfigError> {
+        Self::with_ranges(config, Ranges::<S>::default())
     }
 }
 
-impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSAGE, WORDS> {
-    /// As [`new`](Pc::new), of the size that its type says.
-    ///
-    /// # Errors
-    /// When the configuration cannot work, or needs more.
-    pub fn sized(config: PcConfig<'a>) -> Result<Self, ConfigError> {
-        Self::with_ranges(config, Ranges::<S>::default())
-    }
-
-    /// As [`sized`](Self::sized), with other ranges of a job's fields: those of the robot.
+impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
+    /// As [`new`](Pc::new), of the size that its type says, with other ranges of a job's fields: those of the robot.
     ///
     /// # Errors
     /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
-    pub fn with_ranges(config: PcConfig<'a>, ranges: Ranges<S>) -> Result<Self, ConfigError> {
-        config.check::<MESSAGE, WORDS>(job::check::<S::Work>(&ranges)?)?;
+    pub fn with_ranges(config: PcConfig, ranges: Ranges<S>) -> Result<Self, ConfigError> {
+        config.check(job::check::<S::Work>(&ranges)?, MESSAGE)?;
         Ok(Self {
-            core: Core::new(config.machine(), Machine::new(), Decoder::sized(config.dialect.charset())),
-            dialect: config.dialect,
-            limits: config.limits,
+            core: Core::new(config, Machine::new(), Decoder::sized(config.dialect.charset())),
             ranges,
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
@@ -168,7 +155,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// When there is no order, or the dialect has no such message.
     pub fn interrupt(&mut self) -> Result<(), SessionError> {
         let role = Role::OrderInterrupt;
-        if self.dialect.entry(role).is_none() {
+        if self.core.config.dialect.entry(role).is_none() {
             return Err(SessionError::Lacks { role });
         }
         self.ask(Duration::ZERO, Input::Interrupt).map_err(|_| SessionError::NoOrder)
@@ -180,7 +167,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// # Errors
     /// When the dialect has no such command, or too many wait.
     pub fn command(&mut self, id: u8, value: i32) -> Result<(), SessionError> {
-        if self.dialect.entry(Role::Command(id)).is_none() {
+        if self.core.config.dialect.entry(Role::Command(id)).is_none() {
             return Err(SessionError::UnknownCommand { id });
         }
         let Commands { in_flight, waiting } = self.core.machine.commands;
@@ -212,8 +199,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// Whether a job of the order, or of the last one, counted from 0, is known to be executed.
     pub fn is_executed(&self, index: u32) -> bool {
         let count = &self.core.machine.count;
-        index < count.executed
-            || index < count.sent && count.ahead.contains(self.core.config.numbering().next(index))
+        index < count.executed || index < count.sent && count.ahead.contains(index - count.executed)
     }
 
     /// How far the order is.
@@ -289,9 +275,9 @@ fn status_of(order: u16, (phase, sent, executed): (Phase, Option<u16>, Option<u1
 }
 
 #[cold]
-fn rejected<const WORDS: usize>(
+fn rejected(
     numbering: Numbering,
-    machine: &Machine<WORDS>,
+    machine: &Machine,
     why: Rejection,
     role: Role,
     params: &Params,
@@ -315,8 +301,8 @@ fn rejected<const WORDS: usize>(
     }
 }
 
-impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, MESSAGE, WORDS> {
-    type Machine = Machine<WORDS>;
+impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
+    type Machine = Machine;
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<PcEvent, 32>;
     type Statistics = PcStatistics;
@@ -356,10 +342,10 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
     fn next_input(&mut self) -> Option<(Input, Option<Self::Payload>)> {
         match self.core.decoder.next_frame()? {
             Ok(message) => {
-                let mut message = self.dialect.read(&message);
+                let mut message = self.core.config.dialect.read(&message);
                 let report = match &mut message {
                     Ok((role, params)) => {
-                        self.dialect.complete(*role, params, self.core.machine.order.number());
+                        self.core.config.dialect.complete(*role, params, self.core.machine.order.number());
                         FromRobot::read(*role, params)
                     }
                     Err(_) => FromRobot::Unusable,
@@ -419,14 +405,14 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
     fn write(&mut self, _now: Duration, mut answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
-        let out = out.get_mut(..self.limits.packet)?;
+        let out = out.get_mut(..self.core.config.limits.packet)?;
         let mut sent = Sent::default();
         if let (Some(index), Some(source)) = (answer.last, &mut self.source)
             && matches!(source.job(index), Supply::End)
         {
             (answer, sent.rest) = (answer.at_end(), Rest::End);
         }
-        let mut packet = Packet::new(out, self.limits, self.dialect);
+        let mut packet = Packet::new(out, self.core.config.limits, self.core.config.dialect);
         if let Some(status) = answer.status {
             let _ = packet.push(Role::Status, &status_of(answer.order, status));
         }

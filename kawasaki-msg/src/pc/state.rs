@@ -4,62 +4,46 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot};
-use crate::numbering::{ALL_NUMBERS, NumberSet};
+use crate::numbering::Ahead;
 use crate::phase::Phase;
 
 /// A PC's machine. Bytes, the lines of the jobs, the values of commands, events and statistics are the session's.
 ///
-/// `WORDS` is how many job numbers it can tell apart, by 64: all of them, or fewer for a model.
-///
 #[doc = include_str!("../../diagrams/pc.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Machine<const WORDS: usize = ALL_NUMBERS> {
+pub struct Machine {
     /// The connection.
     pub link: Link,
     /// The order; it outlives the connection.
     pub order: Order,
     /// How far the order, or the last one, is.
-    pub count: Count<WORDS>,
+    pub count: Count,
     /// The commands that have no outcome yet.
     pub commands: Commands,
 }
 
 /// The connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Link {
-    /// There is none.
+    /// No connection.
     Listening,
-    /// Bytes can flow.
-    Connected {
-        /// The robot is given up if no message has come by then.
-        silent_at: Duration,
-        /// What the robot waits for.
-        reply: Reply,
-        /// The order that the robot is in.
-        robot: Known,
-        /// It is to be closed, which is not reported yet.
-        close: bool,
-    },
+    /// Bytes can flow. The robot is given up if no message has come by `silent_at`; `close`: the connection is to be closed, which is
+    /// not reported yet.
+    Connected { silent_at: Duration, reply: Reply, robot: Known, close: bool },
 }
 
 /// Nothing is sent that the robot does not wait for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Reply {
-    /// Nothing.
+    /// The robot does not wait for an answer.
     Nothing,
     /// A message has come, and half of another is there.
-    Receiving {
-        /// What the answer has to hold.
-        contents: Contents,
-    },
-    /// The answer is sent at this time.
-    Due {
-        /// When.
-        at: Duration,
-        /// What it has to hold.
-        contents: Contents,
-    },
+    Receiving { contents: Contents },
+    /// The answer is sent at a time.
+    Due { at: Duration, contents: Contents },
 }
 
 /// What an answer has to hold.
@@ -74,62 +58,41 @@ pub struct Contents {
 
 /// The order that the robot is in, as it has reported on this connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Known {
     /// Nothing was reported.
     Nothing,
-    /// It was.
-    In {
-        /// The order; 0 for none.
-        order: u16,
-    },
+    /// This order was; 0 for none.
+    In { order: u16 },
 }
 
-/// The order.
+/// The order; its number is from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Order {
-    /// There is none.
+    /// No order.
     Idle,
-    /// The robot is to take it.
-    Starting {
-        /// Its number, from 1.
-        number: u16,
-        /// How far the start is.
-        start: Start,
-        /// How often the robot has refused it without being in another order.
-        refusals: u16,
-        /// The caller has interrupted it; what became of the start that was sent is still waited for.
-        cancelled: bool,
-    },
-    /// The robot is in it.
-    Running {
-        /// Its number.
-        number: u16,
-        /// How far it is.
-        stage: Stage,
-        /// Over datagrams, when the robot is taken to have left the order: its reports of another one may be late.
-        /// [`Duration::MAX`] without such a report.
-        left_at: Duration,
-    },
+    /// The robot is to take it. `refusals`: how often the robot has refused it without being in another order. `cancelled`: the caller
+    /// has interrupted it; the outcome of the start that was sent is still waited for.
+    Starting { number: u16, start: Start, refusals: u16, cancelled: bool },
+    /// The robot is in it. `left_at`: over datagrams, when the robot is taken to have left the order, since its reports of another one
+    /// may be late; [`Duration::MAX`] without such a report.
+    Running { number: u16, stage: Stage, left_at: Duration },
 }
 
 /// How far a start is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Start {
     /// It has to be sent.
     Unsent,
     /// The connection on which it was sent is lost: the robot's status shows what became of it.
     Lost,
-    /// It was sent on this connection.
-    Sent {
-        /// It is answered by then, or the connection is given up. Over datagrams it is sent again, and once it is
-        /// cancelled, it cannot arrive any more by then.
-        answer_by: Duration,
-    },
-    /// Another order, or an old one of the same number, has to end first.
-    Foreign {
-        /// Its number.
-        order: u16,
-    },
+    /// It was sent on this connection, and is answered by then, or the connection is given up. Over datagrams it is sent again, and
+    /// once it is cancelled, it cannot arrive any more by then.
+    Sent { answer_by: Duration },
+    /// This order, another one or an old one of the same number, has to end first.
+    Foreign { order: u16 },
 }
 
 /// How far an order is.
@@ -145,7 +108,7 @@ pub enum Stage {
 
 /// Counts of jobs: `executed <= queued <= sent`.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Count<const WORDS: usize = ALL_NUMBERS> {
+pub struct Count {
     /// Up to which count all are executed.
     pub executed: u32,
     /// How many the robot has queued, as far as it has reported.
@@ -154,8 +117,8 @@ pub struct Count<const WORDS: usize = ALL_NUMBERS> {
     pub sent: u32,
     /// How many there are, once the source has shown it.
     pub total: Option<u32>,
-    /// Executed ahead of those before them.
-    pub ahead: NumberSet<WORDS>,
+    /// The jobs after `executed` that were executed ahead of others.
+    pub ahead: Ahead,
     /// Corrupt bytes came: an acknowledgement may be lost.
     pub is_unsure: bool,
     /// What is executed or queued is not reported yet.
@@ -176,8 +139,9 @@ impl Commands {
     pub const MAX: u8 = 4;
 }
 
-/// What the session has understood, and what its caller requests.
+/// What the session has understood, and what its caller requests. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
     /// A connection was accepted.
     Connected,
@@ -187,29 +151,15 @@ pub enum Input {
     Timeout,
     /// A message has come.
     Message(FromRobot),
-    /// Bytes that are no message.
+    /// Bytes that are not a message.
     Corrupt,
-    /// All that was read is understood.
-    ReadEnd {
-        /// No half message is held.
-        whole: bool,
-    },
+    /// All bytes read are understood. `whole`: they do not end inside a message.
+    ReadEnd { whole: bool },
     /// The caller begins an order.
-    Start {
-        /// Its number.
-        order: u16,
-    },
-    /// The caller goes on with an order that an earlier PC has begun, as that has kept it.
-    Resume {
-        /// Its number.
-        order: u16,
-        /// How many jobs are known to be executed, from the first on.
-        executed: u32,
-        /// How many may have been sent.
-        sent: u32,
-        /// How many there are, if that is known.
-        total: Option<u32>,
-    },
+    Start { order: u16 },
+    /// The caller goes on with an order that an earlier PC has begun, as that has kept it: the first `executed` jobs are known to be
+    /// executed, those up to `sent` may have been sent; `total`: how many there are, if that is known.
+    Resume { order: u16, executed: u32, sent: u32, total: Option<u32> },
     /// The caller ends it after what is queued.
     End,
     /// The caller ends it after the job that is being executed.
@@ -217,10 +167,7 @@ pub enum Input {
     /// The caller sends a command.
     Command,
     /// A job of an order that goes on was executed ahead of others.
-    Ahead {
-        /// Which, counted from 0.
-        index: u32,
-    },
+    Ahead { index: u32 },
     /// The answer that was due is sent.
     Sent(Sent),
     /// What is to be reported of the state is.
@@ -287,8 +234,9 @@ pub struct Reaction {
     pub action: Action,
 }
 
-/// What the session is to do.
+/// What the session is to do. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Action {
     /// Nothing.
     Nothing,
@@ -296,25 +244,14 @@ pub enum Action {
     Rejected(Rejection),
     /// The robot has accepted the order.
     Started,
-    /// It has not, because of this order, or of none: 0. It is tried again.
-    Refused {
-        /// The order.
-        active: u16,
-    },
+    /// It has not, because of the active order, 0 for none. It is tried again.
+    Refused { active: u16 },
     /// The robot does not accept jobs for now.
     Paused,
     /// A job was executed ahead of others.
-    ExecutedAhead {
-        /// Which, counted from 0.
-        index: u32,
-    },
+    ExecutedAhead { index: u32 },
     /// The order has ended.
-    Outcome {
-        /// Its number.
-        order: u16,
-        /// How.
-        outcome: Outcome,
-    },
+    Outcome { order: u16, outcome: Outcome },
     /// An answer was sent.
     Sent,
 }
@@ -342,26 +279,14 @@ pub enum CommandOutcome {
 /// How an order has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Outcome {
-    /// The jobs before `executed` and those ahead are executed, no others will be.
-    Over {
-        /// The count.
-        executed: u32,
-        /// They are all jobs of the order.
-        complete: bool,
-    },
+    /// The jobs before `executed` and those ahead are executed, no others will be. `complete`: they are all jobs of the order.
+    Over { executed: u32, complete: bool },
     /// The jobs before `executed` and those ahead are executed, the others up to `sent` are unknown.
-    Unknown {
-        /// The count.
-        executed: u32,
-        /// The count.
-        sent: u32,
-    },
-    /// The robot has not taken the order, and it is not tried again.
-    GivenUp {
-        /// The order that the robot is in; 0 for none.
-        active: u16,
-    },
+    Unknown { executed: u32, sent: u32 },
+    /// The robot has not taken the order, because of the active one, 0 for none, and it is not tried again.
+    GivenUp { active: u16 },
 }
 
 /// Why a message is not used.
@@ -395,14 +320,14 @@ impl Order {
     }
 }
 
-impl<const WORDS: usize> Default for Count<WORDS> {
+impl Default for Count {
     fn default() -> Self {
         Self {
             executed: 0,
             queued: 0,
             sent: 0,
             total: None,
-            ahead: NumberSet::new(),
+            ahead: Ahead::NONE,
             is_unsure: false,
             is_news: false,
         }

@@ -3,7 +3,7 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::numbering::{NumberSet, Numbering};
+use crate::numbering::{Ahead, Numbering};
 use crate::packet::Limits;
 use crate::robot::state::RecoveryStep;
 use crate::role::Role;
@@ -13,9 +13,9 @@ use crate::timing;
 ///
 /// Every duration can be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RobotConfig<'a> {
+pub struct RobotConfig {
     /// The table of messages; by default [`Dialect::DEFAULT`].
-    pub dialect: Dialect<'a>,
+    pub dialect: Dialect,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
     /// Every input is a datagram: messages do not continue in the next one, and it may come late. The start of an order that has ended
@@ -57,44 +57,10 @@ pub struct RobotConfig<'a> {
     pub rules: robot_session::end::Rules<Rule>,
 }
 
-/// The fields of a [`RobotConfig`] that the machine uses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Config {
-    /// [`RobotConfig::datagrams`]
-    pub datagrams: bool,
-    /// [`RobotConfig::max_number`]
-    pub max_number: u16,
-    /// [`RobotConfig::acks`]
-    pub acks: Acks,
-    /// [`RobotConfig::recovery`]
-    pub recovery: RecoveryLimits,
-    /// [`RobotConfig::patience`]
-    pub patience: Duration,
-    /// [`RobotConfig::pause`]
-    pub pause: Duration,
-    /// [`RobotConfig::reply_timeout`]
-    pub reply_timeout: Duration,
-    /// [`RobotConfig::exchange`]
-    pub exchange: Duration,
-    /// [`RobotConfig::silent_cycles`]
-    pub silent_cycles: u16,
-    /// [`RobotConfig::reconnect_delay`]
-    pub reconnect_delay: Duration,
-    /// [`RobotConfig::status_period`]
-    pub status_period: Duration,
-    /// [`RobotConfig::refuse_repeated_start`]
-    pub refuse_repeated_start: bool,
-    /// [`RobotConfig::end_foreign_order`]
-    pub end_foreign_order: bool,
-    #[cfg(feature = "model")]
-    #[doc(hidden)]
-    pub rules: robot_session::end::Rules<Rule>,
-}
-
 robot_session::rules! {
     /// The rules against wrong execution and deadlock; the model shows that each is needed.
     #[doc(hidden)]
-    pub enum Rule for RobotConfig<'_>, Config {
+    pub enum Rule for RobotConfig {
         /// Messages after a failed one are dropped, also the order's end; corrupt bytes are a failed message.
         DestroyRest,
         /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
@@ -118,7 +84,7 @@ robot_session::rules! {
     }
 }
 
-impl RobotConfig<'_> {
+impl RobotConfig {
     /// Over TCP, as the source's application.
     pub const TCP: Self = Self {
         dialect: Dialect::DEFAULT,
@@ -155,43 +121,17 @@ impl RobotConfig<'_> {
         each.saturating_mul(steps).saturating_add(self.pause.saturating_mul(u32::from(pauses)))
     }
 
-    /// A job's own fields have this many bytes at most; a session can hold a message of `MESSAGE` bytes, and this many `WORDS` of numbers.
-    pub(crate) fn check<const MESSAGE: usize, const WORDS: usize>(
-        &self,
-        work: usize,
-    ) -> Result<(), ConfigError> {
-        Dialect::check_max_number(self.max_number)?;
-        if self.acks == Acks::Individual {
-            self.dialect.check_has(Role::JobAck)?;
-            NumberSet::<WORDS>::check(self.max_number)?;
+    /// A job's own fields have `work` bytes at most; a session can hold a message of `held` bytes, and its queue so many jobs.
+    pub(crate) fn check(&self, work: usize, held: usize, capacity: usize) -> Result<(), ConfigError> {
+        let individual = self.acks == Acks::Individual;
+        self.dialect.check(self.max_number, self.datagrams, [individual.then_some(Role::JobAck), None])?;
+        let limit = Ahead::MAX as usize;
+        if individual && capacity > limit {
+            return Err(ConfigError::LongQueue { capacity, limit });
         }
-        self.dialect.check_orders(self.datagrams)?;
-        self.limits.check(&self.dialect, work, MESSAGE)
+        self.limits.check(&self.dialect, work, held)
     }
 
-    /// The machine's configuration.
-    pub const fn machine(&self) -> Config {
-        Config {
-            datagrams: self.datagrams,
-            max_number: self.max_number,
-            acks: self.acks,
-            recovery: self.recovery,
-            patience: self.patience,
-            pause: self.pause,
-            reply_timeout: self.reply_timeout,
-            exchange: self.exchange,
-            silent_cycles: self.silent_cycles,
-            reconnect_delay: self.reconnect_delay,
-            status_period: self.status_period,
-            refuse_repeated_start: self.refuse_repeated_start,
-            end_foreign_order: self.end_foreign_order,
-            #[cfg(feature = "model")]
-            rules: self.rules,
-        }
-    }
-}
-
-impl Config {
     /// The numbers of the jobs.
     pub(crate) const fn numbering(&self) -> Numbering {
         Numbering::new(self.max_number)
@@ -210,7 +150,7 @@ impl Config {
     }
 }
 
-impl Default for RobotConfig<'_> {
+impl Default for RobotConfig {
     fn default() -> Self {
         Self::TCP
     }
@@ -221,9 +161,9 @@ impl Default for RobotConfig<'_> {
 pub enum Acks {
     /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every k-th,
     /// and what is left when there is nothing else to send or to execute.
-    #[allow(missing_docs, reason = "see the error's message")]
+    #[allow(missing_docs, reason = "see above")]
     Cumulative { every: NonZeroU16 },
-    /// Jobs may overtake one another: each is acknowledged individually.
+    /// Jobs may overtake one another: each is acknowledged individually. The queue has at most 1024 jobs.
     Individual,
 }
 

@@ -2,10 +2,11 @@
 
 use core::time::Duration;
 
-use super::config::{Acks, Config, Rule};
-use super::state::{AckState, Action, Flow, Gap, Link, Machine, Order, Recovery, Rejection, Stage, Starts};
+use super::config::{Acks, RobotConfig, Rule};
+use super::state::{Action, Flow, Gap, Link, Machine, Order, Recovery, Rejection, Stage, Starts};
+use crate::numbering::Ahead;
 
-impl<const WORDS: usize> Machine<WORDS> {
+impl Machine {
     /// "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet is destroyed"
     /// (thesis, sections 7.2 and 12).
     pub(super) fn on_job(
@@ -13,7 +14,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         (order, number): (u16, u16),
         good: bool,
         room: bool,
-        config: &Config,
+        config: &RobotConfig,
     ) -> Action {
         let numbering = config.numbering();
         let Order::Active { number: active, stage: Stage::Intake { flow, gap, recovery } } = &mut self.order
@@ -33,8 +34,9 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         if number == next {
             // Executed ahead of the others before the list was cleared.
-            let is_executed = self.acks.is_ahead(number);
-            if !is_executed && !room {
+            let is_executed = self.ahead.contains(self.queued - self.executed);
+            let can_ack = config.acks != Acks::Individual || self.queued - self.acked < Ahead::MAX;
+            if !(is_executed || room && can_ack) {
                 if *flow != Flow::Full {
                     *flow = Flow::Full;
                     self.replies.pause = true;
@@ -59,7 +61,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// A message that should have been a job was none: jobs are missing from here on.
-    pub(super) fn failed(&mut self, why: Rejection, config: &Config) -> Action {
+    pub(super) fn failed(&mut self, why: Rejection, config: &RobotConfig) -> Action {
         if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order {
             let before = core::mem::replace(gap, Gap::Rest);
             if before == Gap::Rest && config.keeps(Rule::DestroyRest) {
@@ -78,7 +80,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         now: Duration,
         (order, first): (u16, u16),
         room: bool,
-        config: &Config,
+        config: &RobotConfig,
     ) -> Action {
         if self.ignores_starts(now, config) {
             return Action::Nothing;
@@ -98,7 +100,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             let stage = Stage::Intake { flow: Flow::Asking, gap: Gap::Closed, recovery };
             self.order = Order::Active { number: order, stage };
             (self.queued, self.executed) = (0, 0);
-            self.acks = AckState::new(config.acks == Acks::Individual);
+            (self.ahead, self.acked, self.acked_ahead) = (Ahead::NONE, 0, Ahead::NONE);
             self.replies.start = Some(order);
             return Action::Started;
         };
@@ -111,7 +113,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// Whether a start may still be a late datagram. Where nobody has called for a while, one that came in time is read when the time
     /// is over: from the first start on that is read then, it is one exchange longer.
-    pub(super) fn ignores_starts(&mut self, now: Duration, config: &Config) -> bool {
+    pub(super) fn ignores_starts(&mut self, now: Duration, config: &RobotConfig) -> bool {
         let Starts::New { ignored_until, drained, .. } = &mut self.starts else { return false };
         if now >= *ignored_until && !*drained {
             *drained = true;
@@ -122,7 +124,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         now < *ignored_until && config.keeps(Rule::IgnoreStarts)
     }
 
-    pub(super) fn on_end(&mut self, order: u16, config: &Config) -> Action {
+    pub(super) fn on_end(&mut self, order: u16, config: &RobotConfig) -> Action {
         let Order::Active { number, stage } = &mut self.order else {
             self.repeat_end(order);
             return Action::Nothing;
@@ -169,7 +171,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         self.interrupt().unwrap_or(Action::Nothing)
     }
 
-    pub(super) fn on_status(&mut self, order: u16, config: &Config) -> Action {
+    pub(super) fn on_status(&mut self, order: u16, config: &RobotConfig) -> Action {
         if config.end_foreign_order && order != self.order.number() {
             return self.interrupt().unwrap_or(Action::Nothing);
         }

@@ -5,28 +5,28 @@ use core::time::Duration;
 use robot_session::Unexpected;
 use robot_session::end::{Expiry, is_due};
 
-pub use super::config::Config;
-use super::config::{Acks, Rule};
+use super::config::{Acks, RobotConfig, Rule};
 pub use super::state::{
-    AckState, Action, Cycle, Due, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
-    Rejection, Replies, Report, Sent, Stage, Starts,
+    Action, Cycle, Due, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep, Rejection,
+    Replies, Report, Sent, Stage, Starts,
 };
 use crate::content::FromPc;
+use crate::numbering::Ahead;
 use crate::phase::Phase;
 use crate::timing;
 
-impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
+impl robot_session::end::Machine for Machine {
     const END: &'static str = "robot";
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
     /// [`Machine::acks`] has the acknowledgements.
     type Transmit = Due;
-    type Config = Config;
+    type Config = RobotConfig;
 
     /// # Errors
     /// There is no connection, or no order that this could be for.
-    fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Action, Unexpected> {
+    fn on(&mut self, now: Duration, input: Input, config: &RobotConfig) -> Result<Action, Unexpected> {
         let action = match input {
             Input::Connected => {
                 self.on_connected(now, config);
@@ -48,7 +48,7 @@ impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
         action.ok_or_else(|| self.unexpected(&input))
     }
 
-    fn transmit(&self, now: Duration, config: &Config) -> Option<Due> {
+    fn transmit(&self, now: Duration, config: &RobotConfig) -> Option<Due> {
         let is_ready =
             matches!(self.link, Link::Connected { cycle: Cycle::Ready { at, .. }, .. } if is_due(at, now));
         is_ready.then(|| self.due(now, config))
@@ -120,9 +120,9 @@ impl<const WORDS: usize> robot_session::end::Machine for Machine<WORDS> {
     }
 }
 
-impl<const WORDS: usize> Machine<WORDS> {
+impl Machine {
     /// A robot that wants to connect at once.
-    pub fn new(config: &Config) -> Self {
+    pub fn new(config: &RobotConfig) -> Self {
         let starts = if config.datagrams {
             Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }
         } else {
@@ -133,7 +133,9 @@ impl<const WORDS: usize> Machine<WORDS> {
             order: Order::Idle,
             queued: 0,
             executed: 0,
-            acks: AckState::new(config.acks == Acks::Individual),
+            ahead: Ahead::NONE,
+            acked: 0,
+            acked_ahead: Ahead::NONE,
             ended: None,
             replies: Replies::default(),
             starts,
@@ -202,7 +204,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         matches!(self.link, Link::Connected { .. })
     }
 
-    fn on_connected(&mut self, now: Duration, config: &Config) {
+    fn on_connected(&mut self, now: Duration, config: &RobotConfig) {
         self.link = Link::Connected {
             cycle: Cycle::Ready { at: now, overdue_at: now },
             silent: 0,
@@ -218,7 +220,8 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         // The status reports it all; a start whose answer was lost is repeated.
         (self.replies.status, self.replies.start) = (true, None);
-        self.acks.repeat(self.executed);
+        // The status covers the jobs that are executed in order; those executed ahead may not have arrived.
+        (self.acked, self.acked_ahead) = (self.executed, Ahead::NONE);
         if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
             // No time runs out without a connection: a pause may be over since.
             flow.end_pause(now);
@@ -228,7 +231,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_disconnected(&mut self, now: Duration, config: &Config) -> Action {
+    fn on_disconnected(&mut self, now: Duration, config: &RobotConfig) -> Action {
         let connected = match self.link {
             // It is closed already.
             Link::Disconnected { .. } => return Action::Nothing,
@@ -245,7 +248,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// One thing that is due. A step of recovery comes first: the next cycle would restart its time.
-    fn on_timeout(&mut self, now: Duration, config: &Config) -> Action {
+    fn on_timeout(&mut self, now: Duration, config: &RobotConfig) -> Action {
         if let Link::Disconnected { connect_at } = self.link
             && is_due(connect_at, now)
         {
@@ -283,7 +286,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// A step of recovery (thesis, section 6.3).
-    fn step(&mut self, now: Duration, config: &Config) -> Action {
+    fn step(&mut self, now: Duration, config: &RobotConfig) -> Action {
         let Order::Active { stage, .. } = &mut self.order else { return Action::Nothing };
         let Stage::Intake { flow, recovery, .. } = stage else { return Action::Nothing };
         let failures = recovery.failures().saturating_add(1);
@@ -304,7 +307,13 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Step(step)
     }
 
-    fn on_message(&mut self, now: Duration, message: FromPc, room: bool, config: &Config) -> Option<Action> {
+    fn on_message(
+        &mut self,
+        now: Duration,
+        message: FromPc,
+        room: bool,
+        config: &RobotConfig,
+    ) -> Option<Action> {
         self.answered()?;
         Some(match message {
             FromPc::Status { order } => self.on_status(order, config),
@@ -318,7 +327,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         })
     }
 
-    fn on_corrupt(&mut self, config: &Config) -> Option<Action> {
+    fn on_corrupt(&mut self, config: &RobotConfig) -> Option<Action> {
         if !self.is_connected() {
             return None;
         }
@@ -370,28 +379,27 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_executed(&mut self, number: u16, config: &Config) -> Option<Action> {
+    fn on_executed(&mut self, number: u16, config: &RobotConfig) -> Option<Action> {
         let numbering = config.numbering();
         let Order::Active { stage, .. } = &mut self.order else { return None };
         let ahead = numbering.ahead(self.executed, number);
         if !numbering.contains(number) || !(1..=self.queued - self.executed).contains(&ahead) {
             return None;
         }
-        match &mut self.acks {
-            AckState::Cumulative { .. } if ahead == 1 => self.executed += 1,
-            AckState::Cumulative { .. } => return None,
-            AckState::Individual { ahead, unacked } => {
-                if !ahead.insert(number) {
-                    return None;
-                }
-                unacked.insert(number);
-                while ahead.remove(numbering.next(self.executed)) {
-                    self.executed += 1;
-                }
-                // Also past what was queued again after the list was cleared.
-                self.queued = self.queued.max(self.executed);
+        match ahead {
+            1 => {
+                self.ahead.pass();
+                self.executed += 1;
             }
+            _ if config.acks == Acks::Individual && self.ahead.insert(ahead - 1) => {}
+            _ => return None,
         }
+        while self.ahead.contains(0) {
+            self.ahead.pass();
+            self.executed += 1;
+        }
+        // Also past what was queued again after the list was cleared.
+        self.queued = self.queued.max(self.executed);
         match stage {
             Stage::Intake { recovery, .. } => *recovery = Recovery::Resting { failures: 0 },
             Stage::Clearing { failures, .. } => *failures = 0,
@@ -402,7 +410,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// The motion task reports a job before it completes it: what was executed before the queue has settled is reported soon after.
     /// Nothing is queued meanwhile.
-    fn on_settled(&mut self, now: Duration, config: &Config) -> Action {
+    fn on_settled(&mut self, now: Duration, config: &RobotConfig) -> Action {
         match &mut self.order {
             Order::Active {
                 stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
@@ -415,7 +423,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn settle(&mut self, config: &Config) -> Action {
+    fn settle(&mut self, config: &RobotConfig) -> Action {
         let Order::Active { number, stage } = &mut self.order else { return Action::Nothing };
         let number = *number;
         match *stage {
@@ -431,12 +439,12 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn over(&mut self, order: u16, config: &Config) -> Action {
+    fn over(&mut self, order: u16, config: &RobotConfig) -> Action {
         self.order = Order::Idle;
         self.queued = self.executed;
-        if let AckState::Cumulative { acked } = &mut self.acks {
+        if config.acks != Acks::Individual {
             // The end reports it.
-            *acked = self.executed;
+            self.acked = self.executed;
         }
         if let Starts::New { ended, .. } = &mut self.starts {
             ended.rotate_right(1);

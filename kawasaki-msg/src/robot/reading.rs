@@ -10,7 +10,7 @@ use crate::error::MessageError;
 use crate::job::Work;
 use crate::role::{Field, Role};
 
-impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, MESSAGE, WORDS, R> {
+impl<W: Work, const MESSAGE: usize, R: Wake> Robot<'_, W, MESSAGE, R> {
     /// Whether there is space for what a message brings; reports what does not concern the machine.
     #[inline(always)]
     pub(super) fn accepts(&mut self, message: FromPc) -> bool {
@@ -49,7 +49,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
         let expected = self.next();
         let last = self.core.config.numbering().number(machine.queued);
         let active = machine.order.number();
-        let fields = self.dialect.entry(role).map_or(&[][..], |entry| entry.fields);
+        let fields = self.core.config.dialect.entry(role).map_or(&[][..], |entry| entry.fields);
         let place = fields.iter().position(|field| *field == Field::Number).unwrap_or(0);
         let error = match (why, received.error) {
             (Rejection::Bad, Some(error)) => error,

@@ -34,7 +34,7 @@ impl<W: Work> Received<W> {
     #[inline(always)]
     pub(super) fn read(
         &mut self,
-        dialect: &Dialect<'_>,
+        dialect: &Dialect,
         ranges: &W::Ranges,
         active: u16,
         message: &Message<'_>,

@@ -10,13 +10,11 @@ use super::received::Received;
 use super::state::{Action, Due, Input, Machine, RecoveryStep, Report, Sent};
 use crate::content::FromRobot;
 use crate::decoder::Decoder;
-use crate::dialect::Dialect;
 use crate::error::{ConfigError, SessionError};
 use crate::job::{self, Work};
 use crate::message::Message;
 use crate::motion::Jobs;
-use crate::numbering::ALL_NUMBERS;
-use crate::packet::{Limits, Packet, Room as PacketRoom};
+use crate::packet::{Packet, Room as PacketRoom};
 use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
@@ -46,65 +44,49 @@ use crate::statistics::RobotStatistics;
 /// An order outlives its connection. After a new one both ends report by status what is queued and executed, and the
 /// robot asks for the job after the last that it has queued.
 ///
-/// It can hold a message of `MESSAGE` bytes, sends packets of as many at most, and can tell job numbers below 64 for each of its `WORDS`
-/// apart where jobs may overtake one another ([`Acks::Individual`](super::Acks)). What needs more is a [`ConfigError`]: `Robot::<_, 512>::sized`, or a [`LargeRobot`].
+/// It can hold a message of `MESSAGE` bytes, and sends packets of as many at most. A table that needs more is a [`ConfigError`]:
+/// `Robot::<_, 512>::with_ranges`, or a [`LargeRobot`].
 #[derive(Debug)]
-pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 16, R: Wake = NoWake> {
+pub struct Robot<'q, W: Work, const MESSAGE: usize = 256, R: Wake = NoWake> {
     pub(super) core: CoreOf<Self>,
-    pub(super) dialect: Dialect<'a>,
-    limits: Limits,
     pub(super) ranges: W::Ranges,
-    pub(super) jobs: Jobs<'a, W, R>,
+    pub(super) jobs: Jobs<'q, W, R>,
     pub(super) received: Received<W>,
     low_water: usize,
 }
 
-/// A [`Robot`] for messages of every length and all job numbers: [`LargeRobot::sized`](Robot::sized).
-pub type LargeRobot<'a, W, R = NoWake> = Robot<'a, W, { Message::MAX_LEN }, ALL_NUMBERS, R>;
+/// A [`Robot`] for messages of every length: [`LargeRobot::with_ranges`](Robot::with_ranges).
+pub type LargeRobot<'q, W, R = NoWake> = Robot<'q, W, { Message::MAX_LEN }, R>;
 
-impl<'a, W: Work, R: Wake> Robot<'a, W, 256, 16, R> {
+impl<'q, W: Work, R: Wake> Robot<'q, W, 256, R> {
     /// A session that wants to connect at once. `jobs` is its end of a queue, whose highest job number is the one that both ends have
     /// agreed on. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
-    pub fn new(config: RobotConfig<'a>, jobs: impl Into<Jobs<'a, W, R>>) -> Result<Self, ConfigError> {
-        Self::sized(config, jobs)
+    pub fn new(config: RobotConfig, jobs: impl Into<Jobs<'q, W, R>>) -> Result<Self, ConfigError> {
+        Self::with_ranges(config, jobs, W::Ranges::default())
     }
 }
 
-impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W, MESSAGE, WORDS, R> {
-    /// As [`new`](Robot::new), of the size that its type says.
-    ///
-    /// # Errors
-    /// When the configuration cannot work, or needs more.
-    pub fn sized(config: RobotConfig<'a>, jobs: impl Into<Jobs<'a, W, R>>) -> Result<Self, ConfigError> {
-        Self::with_ranges(config, jobs, W::Ranges::default())
-    }
-
-    /// As [`sized`](Self::sized), with other ranges of a job's fields: what the robot can reach.
+impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
+    /// As [`new`](Robot::new), of the size that its type says, with other ranges of a job's fields: what the robot can reach.
     ///
     /// # Errors
     /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
     pub fn with_ranges(
-        config: RobotConfig<'a>,
-        jobs: impl Into<Jobs<'a, W, R>>,
+        config: RobotConfig,
+        jobs: impl Into<Jobs<'q, W, R>>,
         ranges: W::Ranges,
     ) -> Result<Self, ConfigError> {
         let jobs = jobs.into();
-        config.check::<MESSAGE, WORDS>(job::check::<W>(&ranges)?)?;
         let queue = jobs.writer.max_number();
+        config.check(job::check::<W>(&ranges)?, MESSAGE, jobs.writer.capacity())?;
         if queue != config.max_number {
             return Err(ConfigError::QueueNumbers { queue, config: config.max_number });
         }
         Ok(Self {
-            core: Core::new(
-                config.machine(),
-                Machine::new(&config.machine()),
-                Decoder::sized(config.dialect.charset()),
-            ),
-            dialect: config.dialect,
-            limits: config.limits,
+            core: Core::new(config, Machine::new(&config), Decoder::sized(config.dialect.charset())),
             ranges,
             low_water: config.low_water.unwrap_or(jobs.writer.capacity() / 2),
             jobs,
@@ -195,8 +177,8 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
     }
 }
 
-impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'_, W, MESSAGE, WORDS, R> {
-    type Machine = Machine<WORDS>;
+impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
+    type Machine = Machine;
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<RobotEvent, 32>;
     type Statistics = RobotStatistics;
@@ -247,7 +229,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         let active = self.core.machine.order.number();
         match self.core.decoder.next_frame()? {
             Ok(message) => {
-                let message = self.received.read(&self.dialect, &self.ranges, active, &message);
+                let message = self.received.read(&self.core.config.dialect, &self.ranges, active, &message);
                 let room = self.accepts(message);
                 Some((Input::Message { message, room }, Some(())))
             }
@@ -323,8 +305,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
     fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
-        let out = out.get_mut(..self.limits.packet.min(MESSAGE))?;
-        let mut packet = Packet::new(out, self.limits, self.dialect);
+        let out = out.get_mut(..self.core.config.limits.packet.min(MESSAGE))?;
+        let mut packet = Packet::new(out, self.core.config.limits, self.core.config.dialect);
         let mut send = |message: FromRobot| {
             let (role, params) = message.write();
             packet.push(role, &params) == Ok(PacketRoom::Added)

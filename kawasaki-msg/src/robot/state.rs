@@ -3,15 +3,13 @@
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot};
-use crate::numbering::{ALL_NUMBERS, NumberSet};
+use crate::numbering::Ahead;
 
 /// A robot's machine. Bytes, job lines, the queue itself, events and statistics are the session's.
 ///
-/// `WORDS` is how many job numbers it can tell apart, by 64: all of them, or fewer for a model.
-///
 #[doc = include_str!("../../diagrams/robot.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Machine<const WORDS: usize = ALL_NUMBERS> {
+pub struct Machine {
     /// The connection and the cycle in it.
     pub link: Link,
     /// The order; it outlives the connection.
@@ -20,8 +18,12 @@ pub struct Machine<const WORDS: usize = ALL_NUMBERS> {
     pub queued: u32,
     /// Up to which count they are executed.
     pub executed: u32,
-    /// What of that the PC has not received yet.
-    pub acks: AckState<WORDS>,
+    /// The jobs after `executed` that are executed, where jobs overtake one another.
+    pub ahead: Ahead,
+    /// Up to which count all are acknowledged.
+    pub acked: u32,
+    /// The jobs after `acked` that are acknowledged.
+    pub acked_ahead: Ahead,
     /// The order that ended last.
     pub ended: Option<Ended>,
     /// What the next packet has to hold.
@@ -32,112 +34,67 @@ pub struct Machine<const WORDS: usize = ALL_NUMBERS> {
 
 /// The connection and the cycle in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Link {
-    /// There is none.
-    Disconnected {
-        /// When one is to be opened.
-        connect_at: Duration,
-    },
-    /// One is being opened.
-    Connecting {
-        /// That it is to be opened is reported.
-        reported: bool,
-    },
-    /// Bytes can flow.
-    Connected {
-        /// Whose turn it is to send.
-        cycle: Cycle,
-        /// Cycles without an answer, in a row.
-        silent: u16,
-        /// Packets of the connection that were not answered in time, less the ends that came late for them: at most
-        /// [`silent_cycles`](super::machine::Config::silent_cycles), where that is not 0.
-        unanswered: u16,
-        /// An answer has come: both ends know where the other one is.
-        synced: bool,
-        /// When the status is due without any other reason.
-        status_at: Duration,
-        /// It is to be closed, which is not reported yet.
-        close: bool,
-    },
+    /// No connection; one is opened at a time.
+    Disconnected { connect_at: Duration },
+    /// A connection is being opened; `reported` once the caller knows of it.
+    Connecting { reported: bool },
+    /// Bytes can flow. The status is due at `status_at` without any other reason; `synced` after an answer: both ends know where the
+    /// other one is. `silent`: cycles without an answer in a row. `unanswered`: packets of the connection that were not answered in
+    /// time, less the ends that came late for them; at most [`silent_cycles`](crate::RobotConfig::silent_cycles) if that is not 0.
+    /// `close`: the connection is to be closed, which is not reported yet.
+    Connected { cycle: Cycle, silent: u16, unanswered: u16, synced: bool, status_at: Duration, close: bool },
 }
 
 /// Whose turn it is to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Cycle {
-    /// A packet is sent at this time.
-    Ready {
-        /// When.
-        at: Duration,
-        /// Until then it waits for what follows of the answer: a slow line brings it in pieces.
-        overdue_at: Duration,
-    },
-    /// A packet was sent, and its answer is awaited.
-    Waiting {
-        /// The next packet is not sent before.
-        not_before: Duration,
-        /// There is no answer any more.
-        overdue_at: Duration,
-        /// A message has come, but half of another may be there.
-        answered: bool,
-    },
+    /// A packet is sent at a time; until `overdue_at` it waits for the rest of the answer, which a slow line brings in pieces.
+    Ready { at: Duration, overdue_at: Duration },
+    /// A packet was sent, and its answer is awaited until `overdue_at`; the next packet is not sent before `not_before`. `answered`: a
+    /// message has come, but half of another may be there.
+    Waiting { not_before: Duration, overdue_at: Duration, answered: bool },
 }
 
 /// The order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Order {
-    /// There is none.
+    /// No order.
     Idle,
-    /// There is one.
-    Active {
-        /// Its number, from 1.
-        number: u16,
-        /// How far it is.
-        stage: Stage,
-    },
+    /// An order; its number is from 1.
+    Active { number: u16, stage: Stage },
 }
 
 /// How far an order is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Stage {
     /// Jobs are asked for and queued.
-    Intake {
-        /// Whether jobs are asked for.
-        flow: Flow,
-        /// Whether jobs are missing.
-        gap: Gap,
-        /// What is done if no job is executed.
-        recovery: Recovery,
-    },
-    /// The list is being cleared; what was in it is asked for again.
-    Clearing {
-        /// The steps of recovery that were taken.
-        failures: u32,
-        /// The queue has settled, and what was executed until then is reported by this time; [`Duration::MAX`] before.
-        reported_at: Duration,
-    },
+    Intake { flow: Flow, gap: Gap, recovery: Recovery },
+    /// The list is being cleared; the jobs in it are asked for again. The queue has settled, and the jobs executed until then are
+    /// reported by `reported_at`; [`Duration::MAX`] before. `failures`: the steps of recovery that were taken.
+    Clearing { failures: u32, reported_at: Duration },
     /// No job follows; those in the queue are executed.
     Ending,
-    /// The list is being cleared, the order is over then.
-    Interrupted {
-        /// As in [`Stage::Clearing`].
-        reported_at: Duration,
-    },
+    /// The list is being cleared, the order is over then; `reported_at` as in [`Stage::Clearing`].
+    Interrupted { reported_at: Duration },
     /// The recovery has come to its end; the motion program has to help.
     Alarm,
 }
 
 /// Whether jobs are asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Flow {
     /// In every packet.
     Asking,
     /// Not before the queue has drained.
     Full,
     /// Not before a time.
-    Held {
-        /// When.
-        until: Duration,
-    },
+    Held { until: Duration },
 }
 
 /// A message failed: jobs are missing from here on, and the order's end does not count before they have come.
@@ -155,38 +112,14 @@ pub enum Gap {
     AskedAgain,
 }
 
-/// Steps of recovery: taken by the clock while nothing is left to execute, forgotten with an executed job.
+/// Steps of recovery: taken by the clock while nothing is left to execute, forgotten with an executed job. `failures` were taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Recovery {
-    /// Something is being executed, or nothing was asked for yet.
-    Resting {
-        /// The steps taken.
-        failures: u32,
-    },
-    /// All that was queued is executed, and the next job was asked for.
-    Waiting {
-        /// The steps taken.
-        failures: u32,
-        /// The next step is taken unless the job has come by then.
-        until: Duration,
-    },
-}
-
-/// What is executed and not acknowledged yet.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub enum AckState<const WORDS: usize = ALL_NUMBERS> {
-    /// An acknowledgement covers all before it.
-    Cumulative {
-        /// Acknowledged up to this count.
-        acked: u32,
-    },
-    /// Jobs overtake one another, and each is acknowledged individually.
-    Individual {
-        /// Executed ahead of those before them.
-        ahead: NumberSet<WORDS>,
-        /// Executed and not acknowledged.
-        unacked: NumberSet<WORDS>,
-    },
+    /// A job is being executed, or none was asked for yet.
+    Resting { failures: u32 },
+    /// All queued jobs are executed, and the next one was asked for: a step is taken unless it has come by then.
+    Waiting { failures: u32, until: Duration },
 }
 
 /// An order that is over.
@@ -213,22 +146,19 @@ pub struct Replies {
 
 /// Which orders may begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Starts {
     /// Any: a stream brings nothing late.
     Any,
-    /// Over datagrams, those that no late datagram can name.
-    New {
-        /// No start is looked at before; [`Duration::MAX`] before the first connection.
-        ignored_until: Duration,
-        /// A start was read after that time, which is one exchange longer since: it may have waited to be read.
-        drained: bool,
-        /// The orders before, 0 for none.
-        ended: [u16; 16],
-    },
+    /// Over datagrams, those that no late datagram can name: not the `ended` ones before, 0 for none. No start is looked at before
+    /// `ignored_until`, [`Duration::MAX`] before the first connection. `drained`: a start was read after that time, which is one
+    /// exchange longer since: it may have waited to be read.
+    New { ignored_until: Duration, drained: bool, ended: [u16; 16] },
 }
 
 /// What the session has understood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
     /// A connection is open.
     Connected,
@@ -236,25 +166,14 @@ pub enum Input {
     Disconnected,
     /// Time has passed.
     Timeout,
-    /// A message.
-    Message {
-        /// Which.
-        message: FromPc,
-        /// The queue can take what it brings: a slot is free for a job, and for an order there is a motion task.
-        room: bool,
-    },
-    /// Bytes that are no message.
+    /// A message. `room`: the queue can take it: a slot is free for a job, and for an order there is a motion task.
+    Message { message: FromPc, room: bool },
+    /// Bytes that are not a message.
     Corrupt,
-    /// All that was read is understood.
-    ReadEnd {
-        /// No half message is held.
-        whole: bool,
-    },
-    /// A job is executed.
-    Executed {
-        /// Its number.
-        number: u16,
-    },
+    /// All bytes read are understood. `whole`: they do not end inside a message.
+    ReadEnd { whole: bool },
+    /// The job of this number is executed.
+    Executed { number: u16 },
     /// Whatever was cleared is gone from the queue and not being executed, or there is no motion task any more.
     Settled,
     /// At most the low-water mark is left in the queue.
@@ -423,28 +342,6 @@ impl Gap {
             Gap::Closed => Gap::Closed,
             Gap::Rest | Gap::Asked => Gap::Asked,
             Gap::EndOnce | Gap::AskedAgain => Gap::AskedAgain,
-        }
-    }
-}
-
-impl<const WORDS: usize> AckState<WORDS> {
-    pub(super) fn new(individual: bool) -> Self {
-        if individual {
-            AckState::Individual { ahead: NumberSet::new(), unacked: NumberSet::new() }
-        } else {
-            AckState::Cumulative { acked: 0 }
-        }
-    }
-
-    pub(super) fn is_ahead(&self, number: u16) -> bool {
-        matches!(self, AckState::Individual { ahead, .. } if ahead.contains(number))
-    }
-
-    /// A new connection: the status covers what is executed in order; what was executed ahead of it may not have arrived.
-    pub(super) fn repeat(&mut self, executed: u32) {
-        match self {
-            AckState::Cumulative { acked } => *acked = executed,
-            AckState::Individual { ahead, unacked } => unacked.clone_from(ahead),
         }
     }
 }

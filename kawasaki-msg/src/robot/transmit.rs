@@ -2,13 +2,14 @@
 
 use core::time::Duration;
 
-use super::config::{Acks, Config, Rule};
-use super::state::{AckState, Action, Cycle, Due, Flow, Link, Machine, Order, Recovery, Sent, Stage};
+use super::config::{Acks, RobotConfig, Rule};
+use super::state::{Action, Cycle, Due, Flow, Link, Machine, Order, Recovery, Sent, Stage};
 use crate::content::{FromRobot, Status};
+use crate::numbering::Ahead;
 
-impl<const WORDS: usize> Machine<WORDS> {
+impl Machine {
     /// The messages of the packet that is due.
-    pub(super) fn due(&self, now: Duration, config: &Config) -> Due {
+    pub(super) fn due(&self, now: Duration, config: &RobotConfig) -> Due {
         let numbering = config.numbering();
         let Link::Connected { synced, status_at, .. } = self.link else { return Due::default() };
         let asks = synced
@@ -37,55 +38,60 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// The acknowledgements in a packet, each with the number of jobs that it is the first to cover: every k-th job, or all "at least
     /// when there is nothing else to send" (thesis, section 11.2) or to execute.
-    pub fn acks(&self, due: &Due, config: &Config) -> impl Iterator<Item = (u32, FromRobot)> {
+    pub fn acks(&self, due: &Due, config: &RobotConfig) -> impl Iterator<Item = (u32, FromRobot)> {
         let order = if let Order::Active { number, .. } = self.order {
             Some(number)
         } else {
             self.ended.map(|ended| ended.order)
         };
         let ack = move |number| order.map(|order| FromRobot::JobAck { order, number });
-        let every = if let Acks::Cumulative { every } = config.acks { u32::from(every.get()) } else { 1 };
-        let until = if due.all_acks { self.executed } else { self.executed - self.executed % every };
-        let (mut done, unacked) = match &self.acks {
-            AckState::Cumulative { acked } => (*acked, None),
-            AckState::Individual { unacked, .. } => (until, Some(unacked)),
-        };
         let numbering = config.numbering();
+        let (mut done, every, individual) = match config.acks {
+            Acks::Cumulative { every } => (self.acked, u32::from(every.get()), None),
+            Acks::Individual => (self.executed, 1, Some(self.unacked(config))),
+        };
+        let until = if due.all_acks { self.executed } else { self.executed - self.executed % every };
         let cumulative = core::iter::from_fn(move || {
             let next = (done - done % every + every).min(until);
             let count = next.checked_sub(done).filter(|count| *count > 0)?;
             done = next;
-            Some((count, ack(numbering.number(next)?)?))
+            Some((count, next))
         });
-        let individual = unacked.into_iter().flat_map(|unacked| unacked.iter());
-        individual.filter_map(move |number| Some((1, ack(number)?))).chain(cumulative)
+        let individual = individual.into_iter().flatten().map(|count| (1, count));
+        let all = individual.chain(cumulative);
+        all.filter_map(move |(count, last)| Some((count, ack(numbering.number(last)?)?)))
     }
 
-    pub(super) fn on_sent(&mut self, now: Duration, sent: Sent, config: &Config) -> Option<Action> {
+    /// The counts of the jobs that are executed and not acknowledged, the lowest number first.
+    fn unacked(&self, config: &RobotConfig) -> impl Iterator<Item = u32> {
+        let max = u32::from(config.max_number);
+        let last = if self.ahead.is_empty() { self.executed } else { self.executed + Ahead::MAX };
+        let last = last.min(self.acked + max);
+        // Numbers begin again after it.
+        let wrap = (self.acked - self.acked % max + max).min(last);
+        let is_executed =
+            |count: u32| count <= self.executed || self.ahead.contains(count - self.executed - 1);
+        (wrap + 1..=last)
+            .chain(self.acked + 1..=wrap)
+            .filter(move |count| is_executed(*count) && !self.acked_ahead.contains(count - self.acked - 1))
+    }
+
+    pub(super) fn on_sent(&mut self, now: Duration, sent: Sent, config: &RobotConfig) -> Option<Action> {
         let Link::Connected { cycle: cycle @ Cycle::Ready { .. }, status_at, .. } = &mut self.link else {
             return None;
         };
         let not_before = now.saturating_add(config.exchange);
         let overdue_at = now.saturating_add(config.reply_timeout);
         *cycle = Cycle::Waiting { not_before, overdue_at, answered: false };
-        match &mut self.acks {
-            AckState::Cumulative { acked } => *acked += sent.acked,
-            AckState::Individual { unacked, .. } => {
-                for _ in 0..sent.acked {
-                    if let Some(number) = unacked.first() {
-                        unacked.remove(number);
-                    }
-                }
-            }
-        }
-        if sent.start {
-            self.replies.start = None;
-        }
-        self.replies.end &= !sent.end;
         if sent.status {
             self.replies.status = false;
             *status_at = now.saturating_add(config.status_period);
         }
+        self.acknowledge(sent.acked, config);
+        if sent.start {
+            self.replies.start = None;
+        }
+        self.replies.end &= !sent.end;
         self.replies.pause &= !sent.pause;
         if let Order::Active { stage: Stage::Intake { flow: Flow::Asking, gap, recovery }, .. } =
             &mut self.order
@@ -103,7 +109,22 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Sent)
     }
 
-    fn status(&self, config: &Config) -> Status {
+    fn acknowledge(&mut self, acked: u32, config: &RobotConfig) {
+        if config.acks != Acks::Individual {
+            self.acked += acked;
+            return;
+        }
+        for _ in 0..acked {
+            let Some(count) = self.unacked(config).next() else { return };
+            self.acked_ahead.insert(count - self.acked - 1);
+            while self.acked_ahead.contains(0) {
+                self.acked_ahead.pass();
+                self.acked += 1;
+            }
+        }
+    }
+
+    fn status(&self, config: &RobotConfig) -> Status {
         let numbering = config.numbering();
         Status {
             order: self.order.number(),

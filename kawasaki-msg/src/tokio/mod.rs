@@ -59,14 +59,14 @@ pub struct Pc<W: Job, K: Keep> {
 /// A PC, and the task that it works through. Nothing is sent before `keep` has stored it.
 ///
 /// # Errors
-/// As [`LargePc::sized`].
-pub fn pc<W, K, C>(config: PcConfig<'static>, keep: K, connector: C) -> Result<Spawned<W, K, C>, ConfigError>
+/// As [`LargePc::with_ranges`].
+pub fn pc<W, K, C>(config: PcConfig, keep: K, connector: C) -> Result<Spawned<W, K, C>, ConfigError>
 where
     W: Job,
     K: Keep,
     C: Connector,
 {
-    let session = LargePc::sized(config)?;
+    let session = LargePc::with_ranges(config, Default::default())?;
     let (handle, task) = session::spawn(session, Orders::new(keep), connector);
     Ok((Pc { handle }, task))
 }

@@ -33,9 +33,9 @@ impl<W: Work<Ranges: Send> + core::fmt::Debug + Send + 'static> Job for W {}
 /// in `ranges`: what it can reach.
 ///
 /// # Errors
-/// As [`LargeRobot::sized`]; when no queue has this capacity and the configuration's numbers.
+/// As [`LargeRobot::with_ranges`]; when no queue has this capacity and the configuration's numbers.
 pub fn robot<W: Job, C: Connector>(
-    config: RobotConfig<'static>,
+    config: RobotConfig,
     ranges: W::Ranges,
     capacity: usize,
     connector: C,

@@ -78,7 +78,7 @@ pub struct Begun<W> {
     pub(super) reply: Reply<Result<Over, Error>>,
 }
 
-type Session<W> = LargePc<'static, Source<W>>;
+type Session<W> = LargePc<Source<W>>;
 
 impl<W, K> Orders<W, K> {
     pub(super) fn new(keep: K) -> Self {

@@ -16,10 +16,10 @@ fn read(dialect: &Dialect, name: &str, data: &str) -> Result<(Role, Params), Mes
 }
 
 /// The default table and a command with these fields.
-fn with_command(fields: &'static [Field<'static>]) -> Dialect<'static> {
+fn with_command(fields: &'static [Field]) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let role = Role::Command(1);
-    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None, past_queue: true });
+    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None });
     Dialect::new(table.leak()).unwrap()
 }
 
@@ -89,7 +89,7 @@ fn both_ends_of_a_fields_range_are_in_it() {
 }
 
 /// The default table with this name.
-fn with_name(role: Role, name: &'static str) -> Dialect<'static> {
+fn with_name(role: Role, name: &'static str) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     table.iter_mut().filter(|entry| entry.role == role).for_each(|entry| entry.name = name);
     Dialect::new(table.leak()).unwrap()

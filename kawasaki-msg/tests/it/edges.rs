@@ -12,13 +12,13 @@ use kawasaki_msg::{
 use super::{decoded, wire};
 
 /// What is wrong with the default table, changed.
-fn table(change: impl FnOnce(&mut Vec<Entry<'static>>)) -> Option<ConfigError> {
+fn table(change: impl FnOnce(&mut Vec<Entry>)) -> Option<ConfigError> {
     let mut entries = Dialect::DEFAULT.entries().to_vec();
     change(&mut entries);
-    Dialect::new(&entries).err()
+    Dialect::new(entries.leak()).err()
 }
 
-fn entry<'e>(entries: &'e mut [Entry<'static>], role: Role) -> &'e mut Entry<'static> {
+fn entry(entries: &mut [Entry], role: Role) -> &mut Entry {
     entries.iter_mut().find(|entry| entry.role == role).unwrap()
 }
 
@@ -36,7 +36,7 @@ fn a_table_has_every_role_once_with_its_fields_and_a_name_of_its_own() {
     assert_eq!(table(|entries| entry(entries, Role::OrderAck).fields = foreign), fields(Role::OrderAck));
     let in_header: &[Field] = &[Field::Work];
     assert_eq!(table(|entries| entry(entries, Role::Job).header = in_header), fields(Role::Job));
-    const MANY: [Field<'_>; 17] = {
+    const MANY: [Field; 17] = {
         let mut fields = [Field::Unused; 17];
         fields[0] = Field::Order;
         fields[1] = Field::Queued;
@@ -204,8 +204,8 @@ fn bounds_hold_both_of_their_ends() {
     }
     assert_eq!(Bounds::default(), Bounds::WIDEST);
     assert_eq!(
-        (JobKind::from_code(1), JobKind::from_code(2), JobKind::from_code(3)),
-        (Some(JobKind::Draw), Some(JobKind::Move), None)
+        [1, 2, 3].map(|code| JobKind::try_from(code).ok()),
+        [Some(JobKind::Draw), Some(JobKind::Move), None]
     );
 }
 
@@ -224,7 +224,7 @@ fn a_configuration_needs_what_the_table_lacks() {
     let lacks = |role| Some(ConfigError::Lacks { role });
 
     let table = without(Role::JobAck);
-    let dialect = Dialect::new(&table).unwrap();
+    let dialect = Dialect::new(table.leak()).unwrap();
     assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), None);
     let acks = Acks::Individual;
     assert_eq!(robot(RobotConfig { dialect, acks, ..RobotConfig::TCP }), lacks(Role::JobAck));
@@ -233,25 +233,21 @@ fn a_configuration_needs_what_the_table_lacks() {
     assert_eq!(pc(config), lacks(Role::JobAck));
 
     let table = without(Role::OrderInterrupt);
-    let dialect = Dialect::new(&table).unwrap();
+    let dialect = Dialect::new(table.leak()).unwrap();
     assert_eq!(pc(PcConfig { dialect, ..PcConfig::TCP }), lacks(Role::OrderInterrupt));
     assert_eq!(pc(PcConfig { dialect, takeover: Takeover::End, ..PcConfig::TCP }), None);
 
     let mut table = Dialect::DEFAULT.entries().to_vec();
     entry(&mut table, Role::Job).fields = &[Field::Number, Field::Work];
-    let dialect = Dialect::new(&table).unwrap();
+    let dialect = Dialect::new(table.leak()).unwrap();
     let late = Some(ConfigError::LateMessages { role: Role::Job });
     assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::UDP }), late);
     assert_eq!(pc(PcConfig { dialect, ..PcConfig::UDP }), late);
     assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), None);
-    let lacks: Vec<_> = dialect.lacks().map(|lack| (lack.role, lack.field, lack.to_string())).collect();
-    let lost = "a job of another order would be executed in the active one: no datagrams, and one PC alone";
-    assert_eq!(lacks, [(Role::Job, Some(Field::Order), lost.to_string())]);
-    assert_eq!(Dialect::DEFAULT.lacks().count(), 0);
 
     let mut table = Dialect::DEFAULT.entries().to_vec();
     entry(&mut table, Role::Pause).fields = &[Field::Order, Field::Queued, Field::Constant("a$")];
-    let dialect = Dialect::new(&table).unwrap();
+    let dialect = Dialect::new(table.leak()).unwrap();
     let constant = Some(ConfigError::Constant { role: Role::Pause, found: '$' });
     assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), constant);
 }

@@ -24,11 +24,11 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
+    fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
         Self::within(Bounds::WIDEST, config, capacity, max_number)
     }
 
-    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
+    fn within(bounds: Bounds, config: RobotConfig, capacity: usize, max_number: u16) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
         let config = RobotConfig { max_number, ..config };
         let robot = <Robot<_>>::with_ranges(config, writer, bounds).unwrap();

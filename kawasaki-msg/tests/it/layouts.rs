@@ -4,9 +4,9 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Bounds, Charset, ConfigError, Decimal, DecodeError, Dialect, EncodeError, FieldError, FieldFault,
-    FieldType, Fields, Job, JobKind, LargeRobot, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent,
-    Point, Robot, RobotConfig, RobotEvent, Text, Unfit, Work, each_field,
+    Bounds, Charset, ConfigError, Decimal, DecodeError, Dialect, EncodeError, FieldError, FieldFault, Fields,
+    Job, JobKind, LargeRobot, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent, Point, Robot,
+    RobotConfig, RobotEvent, Text, Unfit, Work,
 };
 use proptest::prelude::*;
 
@@ -47,15 +47,11 @@ fn wire(fields: &str) -> Vec<u8> {
 }
 
 /// The job that a robot queues, and what it reports otherwise.
-fn queued(dialect: Dialect<'_>, wire: &[u8]) -> Result<Job<Mixed>, MessageError> {
+fn queued(dialect: Dialect, wire: &[u8]) -> Result<Job<Mixed>, MessageError> {
     queued_within(dialect, (), wire)
 }
 
-fn queued_within<W: Work>(
-    dialect: Dialect<'_>,
-    ranges: W::Ranges,
-    wire: &[u8],
-) -> Result<Job<W>, MessageError> {
+fn queued_within<W: Work>(dialect: Dialect, ranges: W::Ranges, wire: &[u8]) -> Result<Job<W>, MessageError> {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
     let config = RobotConfig { dialect, ..RobotConfig::TCP };
     let mut robot = LargeRobot::with_ranges(config, writer, ranges).unwrap();
@@ -257,7 +253,7 @@ fn a_pc_refuses_a_job_that_does_not_fit() {
     pc.start(50, &jobs[..]).unwrap();
     pc.handle_connected(Duration::ZERO);
     let mut now = Duration::ZERO;
-    let mut answer = |pc: &mut Pc<'_, &[Line]>, message: &[u8]| {
+    let mut answer = |pc: &mut Pc<&[Line]>, message: &[u8]| {
         now += Duration::from_millis(40);
         pc.handle_input(now, message);
         let mut out = [0; 4096];
@@ -314,21 +310,7 @@ fn what_cannot_be_written_says_why() {
 }
 
 #[test]
-fn a_layout_is_listed_and_checked() {
-    let mut fields = Vec::new();
-    each_field::<Mixed>(&(), |field| fields.push((field.name.to_string(), field.holds)));
-    let number = |min, max, places| FieldType::Number {
-        min: Decimal { units: min, places },
-        max: Decimal { units: max, places },
-    };
-    let expected = [
-        ("whole".to_string(), number(i32::MIN, i32::MAX, 0)),
-        ("angle".to_string(), number(-2_000_000, 2_000_000, 3)),
-        ("speed".to_string(), number(1, 100, 0)),
-        ("tool".to_string(), FieldType::Text { min: 1, max: 8 }),
-        ("kind".to_string(), number(1, 2, 0)),
-    ];
-    assert_eq!(fields, expected);
+fn a_layout_is_checked() {
     #[derive(Debug, Clone, Copy, Default)]
     struct Long([Text<255>; 4]);
     impl Work for Long {
@@ -374,7 +356,7 @@ proptest! {
         let message = |name: &str| [format!("<{name}${}#", data.len()).as_bytes(), &data, b"#>"].concat();
         let mut table = Dialect::DEFAULT.entries().to_vec();
         table[0].name = LONG_NAME;
-        let dialect = Dialect::new(&table).unwrap();
+        let dialect = Dialect::new(table.leak()).unwrap();
         let ways = [(Dialect::DEFAULT, message("Tyo")), (dialect, message(LONG_NAME))];
         let [short, long] = ways.map(|(dialect, wire)| {
             std::panic::catch_unwind(|| queued(dialect, &wire)).ok()
@@ -397,7 +379,7 @@ proptest! {
         });
         let mut table = Dialect::DEFAULT.entries().to_vec();
         table[0].name = LONG_NAME;
-        let dialect = Dialect::new(&table).unwrap();
+        let dialect = Dialect::new(table.leak()).unwrap();
         let [short, long] = [(Dialect::DEFAULT, &wires[0]), (dialect, &wires[1])].map(|(dialect, wire)| {
             std::panic::catch_unwind(|| queued_within::<Numbers>(dialect, places, wire)).ok()
         });

@@ -100,6 +100,6 @@ fn the_documented_values_of_the_configurations() {
     );
     assert_eq!(PcConfig { limits: Limits::TCP, datagrams: false, ..pc }, PcConfig::TCP);
     // A datagram that is longer than any message is seen to be.
-    assert_eq!(<Pc<'_, &[Line]> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);
+    assert_eq!(<Pc<&[Line]> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);
     assert_eq!(<Robot<'_, Line> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);
 }

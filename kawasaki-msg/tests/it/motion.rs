@@ -15,7 +15,7 @@ use kawasaki_msg::{Acks, Line, Robot, RobotConfig, RobotEvent};
 const MS: Duration = Duration::from_millis(1);
 
 /// The robot has order 50, and these jobs come in one packet.
-fn give<R: Wake>(robot: &mut Robot<'_, Line, 256, 16, R>, jobs: u16) {
+fn give<R: Wake>(robot: &mut Robot<'_, Line, 256, R>, jobs: u16) {
     robot.handle_timeout(MS);
     robot.handle_connected(MS);
     cycle(robot, 2 * MS);
@@ -27,12 +27,12 @@ fn give<R: Wake>(robot: &mut Robot<'_, Line, 256, 16, R>, jobs: u16) {
     robot.handle_input(3 * MS, packet.as_bytes());
 }
 
-fn cycle<R: Wake>(robot: &mut Robot<'_, Line, 256, 16, R>, now: Duration) {
+fn cycle<R: Wake>(robot: &mut Robot<'_, Line, 256, R>, now: Duration) {
     robot.handle_timeout(now);
     robot.poll_transmit(now, &mut [0; 4096]).expect("it speaks first");
 }
 
-fn events<R: Wake>(robot: &mut Robot<'_, Line, 256, 16, R>) -> Vec<RobotEvent> {
+fn events<R: Wake>(robot: &mut Robot<'_, Line, 256, R>) -> Vec<RobotEvent> {
     core::iter::from_fn(|| robot.poll_event()).collect()
 }
 

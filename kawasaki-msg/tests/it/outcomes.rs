@@ -11,17 +11,16 @@ use kawasaki_msg::{
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);
 
-const COMMAND: Entry<'static> = Entry {
+const COMMAND: Entry = Entry {
     role: Role::Command(7),
     name: "Nopeus",
     header: &[],
     fields: &[Field::Order, Field::Value],
     reply: None,
-    past_queue: true,
 };
 
 /// The default table with a command 7, changed.
-fn dialect(change: impl FnMut(&mut Entry<'static>)) -> Dialect<'static> {
+fn dialect(change: impl FnMut(&mut Entry)) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     table.push(COMMAND);
     table.iter_mut().for_each(change);
@@ -31,7 +30,7 @@ fn dialect(change: impl FnMut(&mut Entry<'static>)) -> Dialect<'static> {
 /// A PC with a command 7 whose robot is the test.
 struct Bench {
     now: Duration,
-    pc: Pc<'static, &'static [Line]>,
+    pc: Pc<&'static [Line]>,
 }
 
 impl Bench {
@@ -39,7 +38,7 @@ impl Bench {
         Self::with(PcConfig::TCP, |_| {})
     }
 
-    fn with(config: PcConfig<'static>, change: impl FnMut(&mut Entry<'static>)) -> Self {
+    fn with(config: PcConfig, change: impl FnMut(&mut Entry)) -> Self {
         let mut pc = Pc::new(PcConfig { dialect: dialect(change), ..config }).unwrap();
         pc.handle_connected(Duration::ZERO);
         Self { now: Duration::ZERO, pc }

@@ -325,8 +325,11 @@ fn queue_of(name: &str, answer: &str) -> (Vec<Job<Line>>, Vec<kawasaki_msg::Robo
     use core::time::Duration;
     use kawasaki_msg::{Bounds, Dialect, Point, Robot, RobotConfig, Role};
     let mut table = Dialect::DEFAULT.entries().to_vec();
-    table.iter_mut().filter(|entry| entry.role == Role::Job).for_each(|entry| entry.name = name);
-    let dialect = Dialect::new(&table).unwrap();
+    table
+        .iter_mut()
+        .filter(|entry| entry.role == Role::Job)
+        .for_each(|entry| entry.name = name.to_owned().leak());
+    let dialect = Dialect::new(table.leak()).unwrap();
     let bounds = Bounds { min: Point::new(-1000, 0), max: Point::new(1000, 500) };
     let (writer, reader) = robot_work_queue::boxed(9, 12).unwrap();
     let config = RobotConfig { dialect, max_number: 12, ..RobotConfig::TCP };

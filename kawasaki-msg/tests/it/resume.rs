@@ -11,7 +11,7 @@ use kawasaki_msg::{
 
 const CYCLE: Duration = Duration::from_millis(100);
 
-type PcEnd<'a> = Pc<'static, &'a [Line]>;
+type PcEnd<'a> = Pc<&'a [Line]>;
 
 fn picture(jobs: i32) -> Vec<Line> {
     let line = |x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 1, 0) };
@@ -185,9 +185,9 @@ fn what_no_order_can_be_is_refused() {
 fn the_state_is_that_after_a_lost_connection() {
     use kawasaki_msg::robot_session::end::Machine as _;
     use pc::machine::{Input, Machine, Sent};
-    let config = PcConfig { max_number: 63, ..PcConfig::TCP }.machine();
+    let config = PcConfig { max_number: 63, ..PcConfig::TCP };
     let now = Duration::from_secs(1);
-    let mut lost = Machine::<1>::new();
+    let mut lost = Machine::new();
     let status = Status { order: 0, phase: Phase::Idle, queued: None, executed: None, ended: 0 };
     let reports = [
         FromRobot::Status(status),
@@ -211,7 +211,7 @@ fn the_state_is_that_after_a_lost_connection() {
         }
     }
     lost.on(2 * now, Input::Disconnected, &config).unwrap();
-    let mut resumed = Machine::<1>::new();
+    let mut resumed = Machine::new();
     resumed.on(now, Input::Resume { order: 50, executed: 2, sent: 4, total: None }, &config).unwrap();
     assert_eq!(resumed, lost);
 }

@@ -4,23 +4,25 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Acks, Charset, ConfigError, DecodeError, Decoder, Dialect, Entry, Field, Job, JobKind, LargePc,
-    LargeRobot, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig, RobotEvent, Role, Room,
+    Acks, Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, Entry, Field, Job, JobKind, LargePc,
+    Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig, RobotEvent, Role, Room,
 };
 
 type Lines = &'static [Line];
 
-fn table(constant: &str) -> Vec<Entry<'_>> {
-    let mut table: Vec<Entry<'_>> = Dialect::DEFAULT.entries().to_vec();
+fn table(constant: &str) -> &'static [Entry] {
+    let mut table: Vec<Entry> = Dialect::DEFAULT.entries().to_vec();
     let filler = table.iter_mut().find(|entry| entry.role == Role::Filler).unwrap();
-    filler.fields = Box::leak(Box::new([Field::Constant(Box::leak(constant.to_owned().into_boxed_str()))]));
-    table
+    filler.fields = vec![Field::Constant(constant.to_owned().leak())].leak();
+    table.leak()
 }
 
-fn robot<const MESSAGE: usize, const WORDS: usize>(
-    config: RobotConfig<'_>,
-) -> Result<Robot<'_, Line, MESSAGE, WORDS>, ConfigError> {
-    Robot::sized(config, robot_work_queue::boxed(256, config.max_number).unwrap().0)
+fn robot<const MESSAGE: usize>(
+    config: RobotConfig,
+    capacity: usize,
+) -> Result<Robot<'static, Line, MESSAGE>, ConfigError> {
+    let (writer, _) = robot_work_queue::boxed(capacity, config.max_number).unwrap();
+    Robot::with_ranges(config, writer, Bounds::default())
 }
 
 #[test]
@@ -28,27 +30,23 @@ fn a_table_with_a_message_that_is_too_long_is_refused_at_once() {
     // "<Huuhaa$…#", the constant with a separator, and what is counted for a length of four digits.
     let (fits, long) = ("x".repeat(256 - 14), "x".repeat(256 - 13));
     for (constant, refused) in [(&fits, false), (&long, true)] {
-        let table = table(constant);
-        let dialect = Dialect::new(&table).unwrap();
+        let dialect = Dialect::new(table(constant)).unwrap();
         let error = refused.then_some(ConfigError::LongMessages { longest: 257, held: 256 });
         let (pc, tcp) = (PcConfig { dialect, ..PcConfig::TCP }, RobotConfig { dialect, ..RobotConfig::TCP });
         assert_eq!(Pc::<Lines>::new(pc).err(), error);
-        assert_eq!(robot::<256, 16>(tcp).err(), error);
-        assert!(robot::<257, 16>(tcp).is_ok() && LargePc::<Lines>::sized(pc).is_ok());
+        assert_eq!(robot::<256>(tcp, 256).err(), error);
+        assert!(robot::<257>(tcp, 256).is_ok());
+        assert!(LargePc::<Lines>::with_ranges(pc, Bounds::default()).is_ok());
     }
 }
 
 #[test]
-fn numbers_that_cannot_be_told_apart_are_refused_at_once() {
-    for (max_number, refused) in [(1023, false), (1024, true), (9999, true)] {
-        let error = refused.then_some(ConfigError::TooManyNumbers { max: max_number, numbers: 1024 });
-        let pc = PcConfig { cumulative_acks: false, max_number, ..PcConfig::TCP };
-        let config = RobotConfig { acks: Acks::Individual, max_number, ..RobotConfig::TCP };
-        assert_eq!(Pc::<Lines>::new(pc).err(), error);
-        assert_eq!(robot::<256, 16>(config).err(), error);
-        assert!(LargePc::<Lines>::sized(pc).is_ok());
-        let (writer, _reader) = robot_work_queue::boxed(256, max_number).unwrap();
-        assert!(LargeRobot::<Line>::sized(config, writer).is_ok());
+fn a_queue_in_which_jobs_cannot_be_told_apart_is_refused_at_once() {
+    for (capacity, refused) in [(1024, false), (1025, true), (9998, true)] {
+        let error = refused.then_some(ConfigError::LongQueue { capacity, limit: 1024 });
+        let config = RobotConfig { acks: Acks::Individual, ..RobotConfig::TCP };
+        assert_eq!(robot::<256>(config, capacity).err(), error);
+        assert!(robot::<256>(RobotConfig::TCP, capacity).is_ok());
     }
 }
 
@@ -72,12 +70,9 @@ fn a_message_that_is_too_long_costs_nothing_after_it() {
 }
 
 /// What a robot queues of a packet that comes in two pieces, and what it reports.
-fn queued<const MESSAGE: usize, const WORDS: usize>(
-    packet: &[u8],
-    cut: usize,
-) -> (Vec<Job<Line>>, Vec<RobotEvent>) {
+fn queued<const MESSAGE: usize>(packet: &[u8], cut: usize) -> (Vec<Job<Line>>, Vec<RobotEvent>) {
     let (writer, reader) = robot_work_queue::boxed(256, 9999).unwrap();
-    let mut robot = Robot::<Line, MESSAGE, WORDS>::sized(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<Line, MESSAGE>::with_ranges(RobotConfig::TCP, writer, Bounds::default()).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     for piece in [&packet[..cut], &packet[cut..]] {
@@ -106,9 +101,9 @@ fn a_robot_of_any_size_queues_the_same() {
         let mut all = all.clone();
         corrupt.into_iter().for_each(|at| all[at] = b'<');
         for cut in 0..=all.len() {
-            let large = queued::<4096, 157>(&all, cut);
-            assert_eq!(queued::<256, 16>(&all, cut), large, "cut at {cut}");
-            assert_eq!(queued::<96, 16>(&all, cut), large, "cut at {cut}");
+            let large = queued::<4096>(&all, cut);
+            assert_eq!(queued::<256>(&all, cut), large, "cut at {cut}");
+            assert_eq!(queued::<96>(&all, cut), large, "cut at {cut}");
             assert!(corrupt.is_some() || large.0.len() == usize::from(number - 1));
         }
     }

@@ -72,9 +72,9 @@ macro_rules! gated {
     }};
 }
 
-type Session = Box<LargePc<'static, kawasaki_msg::tokio::Source<Line>>>;
+type Session = Box<LargePc<kawasaki_msg::tokio::Source<Line>>>;
 
-fn a_pc<K: Keep>(config: PcConfig<'static>, keep: K) -> (Pc<Line, K>, Gate, JoinHandle<Session>) {
+fn a_pc<K: Keep>(config: PcConfig, keep: K) -> (Pc<Line, K>, Gate, JoinHandle<Session>) {
     let (gate, dial) = gated!();
     let (pc, task) = pc(config, keep, dial).unwrap();
     (pc, gate, tokio::spawn(task.run()))
@@ -190,7 +190,7 @@ async fn a_change_whose_future_was_dropped_is_written_once() {
 }
 
 /// A PC in the middle of order 50, three jobs of which were sent.
-async fn running(config: PcConfig<'static>, jobs: Vec<Line>) -> (Pc<Line, ()>, Peer, Order) {
+async fn running(config: PcConfig, jobs: Vec<Line>) -> (Pc<Line, ()>, Peer, Order) {
     let (pc, gate, _task) = a_pc(config, ());
     let mut robot = open(gate);
     let order = pc.start(50, jobs).await.unwrap();
@@ -261,11 +261,11 @@ async fn a_journal_has_the_outcome_of_its_last_order() {
 }
 
 /// Over TCP, with a command of the plant: number 7.
-pub(crate) fn with_command() -> PcConfig<'static> {
+pub(crate) fn with_command() -> PcConfig {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let fields = &[Field::Order, Field::Value];
     let role = Role::Command(7);
-    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None, past_queue: true });
+    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None });
     PcConfig { dialect: Dialect::new(table.leak()).unwrap(), ..PcConfig::TCP }
 }
 

@@ -38,7 +38,7 @@ impl Wire {
 }
 
 /// An order over a line on which a byte takes this long, to a robot that reads this many at once: the most bytes that were on their way to it.
-fn run(byte: Duration, piece: usize, config: RobotConfig<'static>) -> usize {
+fn run(byte: Duration, piece: usize, config: RobotConfig) -> usize {
     let (jobs, mut motion) = boxed::<Line>(64, 9999).unwrap();
     let mut robot = Robot::new(config, jobs).unwrap();
     let mut pc = Pc::new(PcConfig { silence: Duration::MAX, ..PcConfig::TCP }).unwrap();

@@ -93,7 +93,7 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
     robot.handle_connected(now());
     let mut ended = None;
-    let mut turn = |robot: &mut Robot<'_, Line, 256, 16, _>| {
+    let mut turn = |robot: &mut Robot<'_, Line, 256, _>| {
         let turn = driver.turn(robot, None, |_, event| {
             if let RobotEvent::OrderOver { executed, .. } = event {
                 ended = Some(executed);

@@ -7,7 +7,7 @@ use kawasaki_msg::{Charset, Message, Writer};
 /// The bytes of a message of a table, half of them jobs.
 #[cfg(feature = "arbitrary")]
 pub(super) fn arbitrary_of(
-    dialect: Dialect<'_>,
+    dialect: Dialect,
     u: &mut arbitrary::Unstructured<'_>,
 ) -> arbitrary::Result<Vec<u8>> {
     let mut wire = vec![0; Message::MAX_LEN];

@@ -42,7 +42,7 @@ pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
 }
 
 struct Messages {
-    dialect: Dialect<'static>,
+    dialect: Dialect,
 }
 
 /// A message object.
@@ -74,10 +74,10 @@ impl codec::Messages for Messages {
         let count = message["fields"].as_array().map_or(0, Vec::len);
         // A job's own fields are one of the table.
         let own = (count + 1).saturating_sub(entry.fields.len());
-        let times = |field: &Field<'_>| if *field == Field::Work { own } else { 1 };
+        let times = |field: &Field| if *field == Field::Work { own } else { 1 };
         let fields = entry.fields.iter().flat_map(|field| core::iter::repeat_n(field, times(field)));
         let named = |key: &'static str| {
-            move |(at, field): (usize, &Field<'_>)| (format!("/{key}/{at}"), repeated_name(*field))
+            move |(at, field): (usize, &Field)| (format!("/{key}/{at}"), repeated_name(*field))
         };
         let header = entry.header.iter().enumerate().map(named("header"));
         header.chain(fields.enumerate().map(named("fields"))).collect()

@@ -26,7 +26,7 @@ const SLOTS: usize = 256;
 
 /// The PC, and the jobs of its order.
 struct Pc {
-    pc: LargePc<'static, Source>,
+    pc: LargePc<Source>,
     layout: Layout,
     jobs: Rc<RefCell<Jobs>>,
 }
@@ -43,7 +43,7 @@ struct Jobs {
 struct Source(Rc<RefCell<Jobs>>);
 
 impl Owner for Pc {
-    type End = LargePc<'static, Source>;
+    type End = LargePc<Source>;
     type Rule = pc::Rule;
 
     const CALLS: &'static [Call<Self>] = &[
@@ -100,7 +100,7 @@ struct Commanded {
     value: i32,
 }
 
-type Begin = fn(&mut LargePc<'static, Source>, Begun, Source) -> Result<(), kawasaki_msg::SessionError>;
+type Begin = fn(&mut LargePc<Source>, Begun, Source) -> Result<(), kawasaki_msg::SessionError>;
 
 impl Pc {
     fn begin(&mut self, argument: &Value, begin: Begin) -> Called {
@@ -128,14 +128,14 @@ impl JobSource for Source {
     }
 }
 
-impl borrow::Borrow<LargePc<'static, Source>> for Pc {
-    fn borrow(&self) -> &LargePc<'static, Source> {
+impl borrow::Borrow<LargePc<Source>> for Pc {
+    fn borrow(&self) -> &LargePc<Source> {
         &self.pc
     }
 }
 
-impl borrow::BorrowMut<LargePc<'static, Source>> for Pc {
-    fn borrow_mut(&mut self) -> &mut LargePc<'static, Source> {
+impl borrow::BorrowMut<LargePc<Source>> for Pc {
+    fn borrow_mut(&mut self) -> &mut LargePc<Source> {
         &mut self.pc
     }
 }
@@ -259,7 +259,7 @@ impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
 }
 
 /// What is agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
-pub(super) fn plant(given: &mut Given) -> Result<(Dialect<'static>, Layout)> {
+pub(super) fn plant(given: &mut Given) -> Result<(Dialect, Layout)> {
     let mut plant = Plant::default();
     plant.charset = given.take("charset")?.unwrap_or(plant.charset);
     plant.job = given.take("job")?;

@@ -23,12 +23,12 @@ impl Configure for CodecSettings {
 }
 
 /// What of a robot's configuration the plant does not decide.
-pub fn robot_settings(fields: &mut impl Fields, config: &mut RobotConfig<'_>) {
+pub fn robot_settings(fields: &mut impl Fields, config: &mut RobotConfig) {
     fields.without(&["limits", "datagrams", "max_number", "acks"], |fields| config.configure(fields));
 }
 
 /// What of a PC's configuration the plant does not decide.
-pub fn pc_settings(fields: &mut impl Fields, config: &mut PcConfig<'_>) {
+pub fn pc_settings(fields: &mut impl Fields, config: &mut PcConfig) {
     let agreed = ["limits", "datagrams", "max_number", "cumulative_acks"];
     fields.without(&agreed, |fields| config.configure(fields));
 }

@@ -39,7 +39,7 @@ pub struct Plant {
 /// One message of the table.
 #[derive(Debug, Clone)]
 struct Message {
-    default: Entry<'static>,
+    default: Entry,
     sent: bool,
     name: String,
     header: Vec<FieldSetting>,
@@ -58,7 +58,7 @@ struct Given {
 
 impl Default for Plant {
     fn default() -> Self {
-        let settings = |fields: &[Field<'_>]| fields.iter().map(FieldSetting::from).collect();
+        let settings = |fields: &[Field]| fields.iter().map(FieldSetting::from).collect();
         let messages = Dialect::DEFAULT.entries().iter().map(|entry| {
             let (header, fields) = (settings(entry.header), settings(entry.fields));
             let message = Message { default: *entry, sent: true, name: entry.name.into(), header, fields };
@@ -129,8 +129,8 @@ impl Plant {
     ///
     /// # Errors
     /// When the table contradicts itself, or lacks what no session can do without.
-    pub fn dialect(&self) -> Result<Dialect<'static>> {
-        static MADE: Mutex<BTreeMap<String, Dialect<'static>>> = Mutex::new(BTreeMap::new());
+    pub fn dialect(&self) -> Result<Dialect> {
+        static MADE: Mutex<BTreeMap<String, Dialect>> = Mutex::new(BTreeMap::new());
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
         let dialect = match made.entry(format!("{:?}", self.messages)) {
             btree_map::Entry::Occupied(made) => *made.get(),
@@ -153,7 +153,7 @@ impl Plant {
                 (Some(default), _) => default,
                 (None, Some(id)) => {
                     let role = Role::Command(id.parse()?);
-                    Entry { role, name: "", header: &[], fields: &[], reply: None, past_queue: true }
+                    Entry { role, name: "", header: &[], fields: &[], reply: None }
                 }
                 (None, None) => anyhow::bail!("no message has the role {role}"),
             };
@@ -190,7 +190,7 @@ impl Plant {
     ///
     /// # Errors
     /// When it cannot work.
-    pub fn pc(&self, config: PcConfig<'static>) -> Result<PcConfig<'static>> {
+    pub fn pc(&self, config: PcConfig) -> Result<PcConfig> {
         let config = PcConfig {
             dialect: self.dialect()?,
             limits: self.limits,
@@ -207,7 +207,7 @@ impl Plant {
     ///
     /// # Errors
     /// When it cannot work.
-    pub fn robot(&self, config: RobotConfig<'static>) -> Result<RobotConfig<'static>> {
+    pub fn robot(&self, config: RobotConfig) -> Result<RobotConfig> {
         // What the plant contradicts itself in, a PC refuses, too: but for what a plant may lack and only a PC needs.
         let takeover = kawasaki_msg::Takeover::Never;
         let PcConfig { dialect, limits, datagrams, max_number, .. } =
@@ -247,8 +247,8 @@ fn refused(error: ConfigError) -> Refused {
 }
 
 impl Message {
-    fn entry(&self) -> Entry<'static> {
-        let fields = |settings: &[FieldSetting]| -> &'static [Field<'static>] {
+    fn entry(&self) -> Entry {
+        let fields = |settings: &[FieldSetting]| -> &'static [Field] {
             settings.iter().map(FieldSetting::field).collect::<Vec<_>>().leak()
         };
         let (header, fields) = (fields(&self.header), fields(&self.fields));
@@ -261,7 +261,7 @@ impl Message {
 #[serde(try_from = "String", into = "String")]
 struct FieldSetting(String);
 
-const NAMES: [(&str, Field<'static>); 9] = [
+const NAMES: [(&str, Field); 9] = [
     ("order", Field::Order),
     ("ended", Field::Ended),
     ("phase", Field::Phase),
@@ -274,7 +274,7 @@ const NAMES: [(&str, Field<'static>); 9] = [
 ];
 
 impl FieldSetting {
-    fn field(&self) -> Field<'static> {
+    fn field(&self) -> Field {
         match self.0.strip_prefix('=') {
             Some(text) => Field::Constant(String::leak(text.into())),
             None => NAMES.iter().find(|(name, _)| *name == self.0).map_or(Field::Unused, |(_, field)| *field),
@@ -282,8 +282,8 @@ impl FieldSetting {
     }
 }
 
-impl From<&Field<'_>> for FieldSetting {
-    fn from(field: &Field<'_>) -> Self {
+impl From<&Field> for FieldSetting {
+    fn from(field: &Field) -> Self {
         match field {
             Field::Constant(text) => Self(format!("={text}")),
             field => Self(field_name(*field).unwrap_or("unused").into()),
@@ -322,7 +322,7 @@ fn role(error: &ConfigError) -> Option<Role> {
 }
 
 /// What a field is called in settings and in JSON; nothing where it is a constant.
-pub(super) fn field_name(field: Field<'_>) -> Option<&'static str> {
+pub(super) fn field_name(field: Field) -> Option<&'static str> {
     NAMES.iter().find(|(_, known)| *known == field).map(|(name, _)| *name)
 }
 
@@ -335,7 +335,7 @@ pub(super) fn role_name(role: Role) -> String {
 }
 
 /// The name that a field has in common with those that repeat its value.
-pub(super) fn repeated_name(field: Field<'_>) -> &'static str {
+pub(super) fn repeated_name(field: Field) -> &'static str {
     match field {
         Field::Order | Field::Ended => "order",
         Field::Number | Field::Queued | Field::Executed => "number",

@@ -10,7 +10,7 @@ use super::plant::{field_name, repeated_name, role_name};
 use crate::codec::{self, EncodeError, Kind, error, message};
 
 /// Reads and writes `{"role": …, "values": {…}, "work": […]}`.
-pub(super) struct Roles(pub(super) Dialect<'static>);
+pub(super) struct Roles(pub(super) Dialect);
 
 /// A message object.
 #[derive(Deserialize, Serialize)]
@@ -57,7 +57,7 @@ impl codec::Messages for Roles {
             let values = Value::Object(values);
             Err(anyhow!("a value is not a field of the message `{}`: {values}", entry.name))?;
         }
-        let text = |field: &Field<'static>| match field {
+        let text = |field: &Field| match field {
             Field::Constant(text) => (*text).into(),
             field => params.get(*field).map_or_else(String::new, |number| number.to_string()),
         };
@@ -77,8 +77,7 @@ impl codec::Messages for Roles {
     fn names(&self, message: &Value) -> Vec<(String, &'static str)> {
         let entry = self.0.entries().iter().find(|entry| message["role"] == role_name(entry.role));
         let fields = entry.into_iter().flat_map(|entry| entry.header.iter().chain(entry.fields));
-        let named =
-            |field: &Field<'_>| Some((format!("/values/{}", field_name(*field)?), repeated_name(*field)));
+        let named = |field: &Field| Some((format!("/values/{}", field_name(*field)?), repeated_name(*field)));
         fields.filter_map(named).collect()
     }
 

@@ -62,7 +62,7 @@ fn an_item_is_a_line() {
 }
 
 /// Both ends of a plant.
-struct Both(RobotConfig<'static>, PcConfig<'static>);
+struct Both(RobotConfig, PcConfig);
 
 impl Configure for Both {
     fn configure(&mut self, fields: &mut impl Fields) {

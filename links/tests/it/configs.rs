@@ -206,7 +206,7 @@ fn what_else_decides_is_no_setting() {
 fn a_configuration_is_part_of_a_program_s_own() {
     #[derive(serde::Deserialize)]
     struct Site {
-        robot: kawasaki_msg::RobotConfig<'static>,
+        robot: kawasaki_msg::RobotConfig,
         plc: fanuc_hmi_modbus::ClientConfig,
         arm: val2_alter::HostConfig,
     }

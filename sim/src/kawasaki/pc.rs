@@ -14,7 +14,7 @@ use crate::settings::Settings;
 #[derive(Debug, Clone)]
 pub struct KawasakiPc<W: Work> {
     /// Its session.
-    pub config: PcConfig<'static>,
+    pub config: PcConfig,
     /// What the fields of a job may be.
     pub ranges: W::Ranges,
     /// The number of its first order; each order has the next one.
@@ -64,7 +64,7 @@ impl<W: Work> JobSource for Jobs<W> {
 #[derive(Debug)]
 pub struct Pc<W: Work> {
     settings: KawasakiPc<W>,
-    session: LargePc<'static, Jobs<W>>,
+    session: LargePc<Jobs<W>>,
     /// The number of the next order.
     next: u16,
     was_connected: bool,
@@ -72,7 +72,7 @@ pub struct Pc<W: Work> {
 }
 
 impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
-    type Session = LargePc<'static, Jobs<W>>;
+    type Session = LargePc<Jobs<W>>;
     type Event = PcEvent;
     type Work = PcEvent;
 

@@ -18,7 +18,7 @@ pub type TimeOf<W> = Arc<dyn Fn(&W) -> Duration + Send + Sync>;
 #[derive(Clone)]
 pub struct KawasakiRobot<W: Work> {
     /// Its session.
-    pub config: RobotConfig<'static>,
+    pub config: RobotConfig,
     /// What the fields of a job may be.
     pub ranges: W::Ranges,
     /// How many jobs its queue holds: less than the configuration's `max_number`.

@@ -57,7 +57,7 @@ async fn a_robot_that_has_forgotten_its_order_is_noticed() {
 fn half_an_hour_of_drawing() {
     let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
     let jobs = jobs(600);
-    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
     pc.start(7, jobs.leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     bench.faults().follow(Script::new().every_answer(1000, Fault::Cut));
@@ -123,7 +123,7 @@ async fn a_robot_draws_each_order_of_a_pc_once() {
 #[test]
 fn a_job_is_over_when_it_is_due() {
     let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
-    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
     pc.start(7, jobs(3).leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     assert_eq!(bench.device().due(), None);
@@ -201,7 +201,7 @@ fn a_robot_ends_its_connection_to_a_pc_that_is_silent_and_makes_another() {
 #[test]
 fn a_robot_that_forgets_its_order_executes_the_job_that_it_has_begun_and_no_more() {
     let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
-    let mut pc: LargePc<'static, &[Line]> = LargePc::sized(PcConfig::TCP).unwrap();
+    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
     pc.start(7, jobs(600).leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     assert!(bench.run_until(60 * S, |bench| bench.executed().len() == 5));
@@ -218,7 +218,7 @@ fn a_robot_that_forgets_its_order_executes_the_job_that_it_has_begun_and_no_more
 type Two = Bench<Simulator<Kawasaki<Line>>, Pc<Line>>;
 
 /// A PC with orders of 20 jobs, and a robot that has executed three of the first.
-fn in_the_middle(config: PcConfig<'static>) -> Two {
+fn in_the_middle(config: PcConfig) -> Two {
     let pc = KawasakiPc { config, jobs: jobs(20).into(), ..KawasakiPc::default() };
     let robot = KawasakiRobot::<Line> { job_time: S, ..KawasakiRobot::default() };
     let mut bench = pc.bench(robot.simulator().unwrap()).unwrap();

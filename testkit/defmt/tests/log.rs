@@ -115,7 +115,7 @@ fn can_be_logged<T: Format>() {}
 fn types_with_parameters() {
     can_be_logged::<kawasaki_msg::Job<kawasaki_msg::Line>>();
     can_be_logged::<kawasaki_msg::Message<'_>>();
-    can_be_logged::<kawasaki_msg::Field<'_>>();
+    can_be_logged::<kawasaki_msg::Field>();
     can_be_logged::<mmacell_proto::Command<mmacell_proto::AnyPose>>();
     can_be_logged::<mmacell_proto::Reply<mmacell_proto::AnyPose>>();
     can_be_logged::<mmacell_proto::CentralEvent<mmacell_proto::PlatformPose>>();

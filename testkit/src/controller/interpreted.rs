@@ -36,7 +36,7 @@ impl AsRobot {
     /// A controller whose program is not ours: `from` is replaced by `to` in its source, once.
     pub fn altered(
         bounds: Bounds,
-        config: RobotConfig<'_>,
+        config: RobotConfig,
         capacity: usize,
         seed: u64,
         (from, to): (&str, &str),
@@ -138,7 +138,7 @@ impl AsRobot {
 impl Controller for AsRobot {
     const WHOLE: bool = false;
 
-    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self {
+    fn within(bounds: Bounds, config: RobotConfig, capacity: usize, seed: u64) -> Self {
         Self::load(&source(&bounds, &config, capacity), seed)
     }
 
@@ -203,7 +203,7 @@ impl Controller for AsRobot {
 }
 
 /// The program with the settings of a configuration.
-fn source(bounds: &Bounds, config: &RobotConfig<'_>, capacity: usize) -> String {
+fn source(bounds: &Bounds, config: &RobotConfig, capacity: usize) -> String {
     let seconds = |time: Duration| time.as_secs_f64();
     let Acks::Cumulative { every } = config.acks else { panic!("jobs do not overtake one another") };
     let low_water = config.low_water.unwrap_or(capacity / 2);

@@ -17,12 +17,12 @@ pub trait Controller: Session<Event = RobotEvent> + Sized {
     const WHOLE: bool;
 
     /// A controller that was just switched on. What is left open (which task comes first) follows from `seed`.
-    fn begin(config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self {
+    fn begin(config: RobotConfig, capacity: usize, seed: u64) -> Self {
         Self::within(Bounds::WIDEST, config, capacity, seed)
     }
 
     /// The same, with coordinates that it can reach.
-    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self;
+    fn within(bounds: Bounds, config: RobotConfig, capacity: usize, seed: u64) -> Self;
 
     /// The motion task executes its next job, or the last one that waits if jobs may overtake one another.
     fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job<Line>>;

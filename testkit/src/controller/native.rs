@@ -24,7 +24,7 @@ pub struct Native {
 impl Controller for Native {
     const WHOLE: bool = true;
 
-    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, _: u64) -> Self {
+    fn within(bounds: Bounds, config: RobotConfig, capacity: usize, _: u64) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, config.max_number).unwrap();
         Self { robot: LargeRobot::with_ranges(config, writer, bounds).unwrap(), reader, reports: Vec::new() }
     }

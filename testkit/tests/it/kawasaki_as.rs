@@ -25,11 +25,11 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(change: Option<Change>, config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
+    fn new(change: Option<Change>, config: RobotConfig, capacity: usize, max_number: u16) -> Self {
         Self::within(Bounds::WIDEST, change, RobotConfig { max_number, ..config }, capacity)
     }
 
-    fn within(bounds: Bounds, change: Option<Change>, config: RobotConfig<'static>, capacity: usize) -> Self {
+    fn within(bounds: Bounds, change: Option<Change>, config: RobotConfig, capacity: usize) -> Self {
         let robot = match change {
             None => AsRobot::within(bounds, config, capacity, 1),
             Some(change) => AsRobot::altered(bounds, config, capacity, 1, change),

@@ -14,13 +14,13 @@ use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
 
-fn pc(config: PcConfig<'static>) -> Pc<'static, Source> {
+fn pc(config: PcConfig) -> Pc<Source> {
     let mut pc = Pc::new(config).unwrap();
     pc.handle_connected(Duration::ZERO);
     pc
 }
 
-fn answer(pc: &mut Pc<'static, Source>, now: Duration) -> Option<String> {
+fn answer(pc: &mut Pc<Source>, now: Duration) -> Option<String> {
     let mut out = [0; 4096];
     pc.poll_transmit(now, &mut out).map(|length| String::from_utf8(out[..length].to_vec()).unwrap())
 }
@@ -72,7 +72,7 @@ fn the_whole_packet_is_read_before_it_is_answered() {
     let mut pc = pc(PcConfig::TCP);
     pc.start(1, picture(1, 4)).unwrap();
     let mut now = Duration::ZERO;
-    let mut say = |pc: &mut Pc<'static, Source>, pieces: &[&[u8]]| {
+    let mut say = |pc: &mut Pc<Source>, pieces: &[&[u8]]| {
         now += 32 * MS;
         for piece in pieces {
             now += 3 * MS;
@@ -217,7 +217,6 @@ fn a_command_goes_past_the_queue() {
         header: &[],
         fields: &[Field::Order, Field::Value],
         reply: None,
-        past_queue: true,
     });
     let dialect = Dialect::new(table.leak()).unwrap();
     let (robot, pc) = (RobotConfig { dialect, ..RobotConfig::TCP }, PcConfig { dialect, ..PcConfig::TCP });

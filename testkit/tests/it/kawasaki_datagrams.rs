@@ -10,7 +10,7 @@ use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
 
-fn rig(robot: RobotConfig<'static>, pc: PcConfig<'static>) -> Rig {
+fn rig(robot: RobotConfig, pc: PcConfig) -> Rig {
     Rig::with(1, Faults { datagrams: true, ..Faults::NONE }, 64, pc.max_number, robot, pc)
 }
 

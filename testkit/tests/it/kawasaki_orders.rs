@@ -54,7 +54,7 @@ fn rig<C: Controller>(capacity: usize) -> Rig<C> {
 }
 
 /// A rig whose robot is in the middle of an order of 1000 jobs.
-fn in_the_middle<C: Controller>(pc: PcConfig<'static>, robot: RobotConfig<'static>) -> Rig<C> {
+fn in_the_middle<C: Controller>(pc: PcConfig, robot: RobotConfig) -> Rig<C> {
     let mut rig = Rig::of(1, Faults::NONE, 64, pc.max_number, robot, pc);
     rig.pc.start(50, picture(50, 1000)).unwrap();
     rig.run_until(LIMIT, |rig| rig.executed.len() == 100);
@@ -80,7 +80,7 @@ fn over_a_stream_a_start_is_sent_once() {
         let mut pc = Pc::new(config).unwrap();
         let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
         pc.start(50, picture(50, 3)).unwrap();
-        let mut starts = |pc: &mut Pc<'static, Source>, seconds: u32, robot: &[u8]| {
+        let mut starts = |pc: &mut Pc<Source>, seconds: u32, robot: &[u8]| {
             now += seconds * Duration::from_secs(1);
             pc.handle_input(now, robot);
             let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();
@@ -149,9 +149,9 @@ fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
 }
 
 /// The PC program is started again: it knows nothing of the order that the robot is in.
-fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig<'static>) {
+fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig) {
     rig.link.disconnect(rig.now);
-    rig.pc = kawasaki_msg::LargePc::sized(pc).unwrap();
+    rig.pc = kawasaki_msg::LargePc::with_ranges(pc, Default::default()).unwrap();
     rig.pc_events.clear();
 }
 
@@ -210,7 +210,7 @@ fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
     for refuse_repeated_start in [false, true] {
         let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };
         let mut rig = in_the_middle::<C>(PcConfig::TCP, robot);
-        rig.pc = kawasaki_msg::LargePc::sized(PcConfig::TCP).unwrap();
+        rig.pc = kawasaki_msg::LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
         (rig.from_pc, rig.from_robot) = (Vec::new(), Vec::new());
         rig.pc_events.clear();
         rig.pc.handle_connected(rig.now);

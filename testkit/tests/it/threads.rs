@@ -7,7 +7,7 @@ fn every_end_moves_between_threads() {
     moves::<robot_work_queue::WorkQueue<String, 3>>();
     moves::<robot_work_queue::Writer<'_, String>>();
     moves::<robot_work_queue::Reader<'_, String>>();
-    moves::<kawasaki_msg::Pc<'_, &[kawasaki_msg::Line]>>();
+    moves::<kawasaki_msg::Pc<&[kawasaki_msg::Line]>>();
     moves::<kawasaki_msg::Robot<'_, kawasaki_msg::Line>>();
     moves::<val2_alter::Host>();
     moves::<val2_alter::Controller>();

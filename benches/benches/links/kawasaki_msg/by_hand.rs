@@ -39,7 +39,7 @@ impl Layout for Line {
 
     #[inline(always)]
     fn write(&self, out: &mut Window<'_>) -> Option<()> {
-        out.number(self.kind.code(), 0, (1, 2))?;
+        out.number(self.kind.into(), 0, (1, 2))?;
         out.number(self.start.x, 0, BOARD)?;
         out.number(self.start.y, 0, BOARD)?;
         out.number(self.end.x, 0, BOARD)?;

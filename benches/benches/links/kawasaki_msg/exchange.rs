@@ -31,7 +31,7 @@ struct Exchange {
     pc: Vec<u8>,
 }
 
-fn pc() -> Pc<'static, impl JobSource<Work = Line>> {
+fn pc() -> Pc<impl JobSource<Work = Line>> {
     let source = |index: u32| Supply::Job(line((index % 9999) as u16 + 1));
     let mut pc = Pc::new(PcConfig::TCP).expect("a PC");
     pc.start(50, source).expect("no order is active");
@@ -40,7 +40,7 @@ fn pc() -> Pc<'static, impl JobSource<Work = Line>> {
 }
 
 /// The answer to what the robot has sent, and the end of all that is to be reported.
-fn answer(pc: &mut Pc<'_, impl JobSource>, now: Duration, packet: &[u8], out: &mut [u8]) -> usize {
+fn answer(pc: &mut Pc<impl JobSource>, now: Duration, packet: &[u8], out: &mut [u8]) -> usize {
     pc.handle_input(now, packet);
     pc.handle_timeout(now + DELAY);
     let length = pc.poll_transmit(now + DELAY, out).expect("each packet is answered");
@@ -52,7 +52,7 @@ fn answer(pc: &mut Pc<'_, impl JobSource>, now: Duration, packet: &[u8], out: &m
 
 fn robot() -> (LargeRobot<'static, Line>, Motion<'static, Line>) {
     let (jobs, motion) = kawasaki_msg::motion::boxed(256, 9999).expect("a queue");
-    let mut robot = LargeRobot::sized(RobotConfig::TCP, jobs).expect("a robot");
+    let mut robot = LargeRobot::with_ranges(RobotConfig::TCP, jobs, Default::default()).expect("a robot");
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     (robot, motion)

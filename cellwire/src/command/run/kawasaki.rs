@@ -131,7 +131,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
 fn serve(
     args: &Args,
     settings: &Settings,
-    config: kawasaki_msg::PcConfig<'static>,
+    config: kawasaki_msg::PcConfig,
     jobs: &Jobs,
     journal: &mut Journal,
     progress: &ProgressBar,

@@ -53,8 +53,8 @@ pub struct Settings {
     port: u16,
     queue: usize,
     speed: u32,
-    robot: RobotConfig<'static>,
-    pc: PcConfig<'static>,
+    robot: RobotConfig,
+    pc: PcConfig,
 }
 
 impl Default for Settings {
@@ -175,7 +175,7 @@ impl<'a> Repeat<'a> {
 }
 
 impl<'a> Program for Repeat<'a> {
-    type Session = LargePc<'static, &'a [AnyWork]>;
+    type Session = LargePc<&'a [AnyWork]>;
 
     fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);

@@ -14,7 +14,7 @@ pub struct RobotSettings {
     /// The plant.
     pub plant: Plant,
     /// Its session.
-    pub config: RobotConfig<'static>,
+    pub config: RobotConfig,
     /// How many jobs its queue holds.
     pub queue: usize,
     /// How fast the pen goes, in mm/s.
@@ -56,7 +56,7 @@ pub struct PcSettings {
     /// The plant.
     pub plant: Plant,
     /// Its session.
-    pub config: PcConfig<'static>,
+    pub config: PcConfig,
     /// The picture, an SVG file.
     pub drawing: Option<String>,
     /// The number of the first order.

@@ -22,7 +22,7 @@ use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The session's configuration.
-    pub config: RobotConfig<'static>,
+    pub config: RobotConfig,
     /// The fields of a job.
     pub layout: Layout,
     /// How many jobs its queue holds.

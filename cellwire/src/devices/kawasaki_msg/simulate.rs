@@ -74,11 +74,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
 ///
 /// # Errors
 /// When it cannot work.
-pub fn pc_config(
-    plant: &Plant,
-    config: PcConfig<'static>,
-    given: &Map<String, Value>,
-) -> Result<PcConfig<'static>> {
+pub fn pc_config(plant: &Plant, config: PcConfig, given: &Map<String, Value>) -> Result<PcConfig> {
     let lacks_interrupt = |error: &Refused| error.name == "messages.order_interrupt";
     match plant.pc(config) {
         Err(error)

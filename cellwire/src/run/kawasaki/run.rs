@@ -32,13 +32,13 @@ pub enum Ended {
     },
 }
 
-type Pc<'a> = LargePc<'static, Order<'a>>;
+type Pc<'a> = LargePc<Order<'a>>;
 
 /// Jobs that are executed.
 #[allow(missing_debug_implementations, reason = "it holds what notifies")]
 pub struct Runner<'a> {
     jobs: &'a Jobs,
-    config: PcConfig<'static>,
+    config: PcConfig,
     journal: &'a mut Journal,
     /// Why nothing is sent any more.
     failed: Option<anyhow::Error>,
@@ -73,7 +73,7 @@ impl<'a> Runner<'a> {
     /// for so long as `absence` says it ends.
     pub fn new(
         jobs: &'a Jobs,
-        config: PcConfig<'static>,
+        config: PcConfig,
         journal: &'a mut Journal,
         order: Option<u16>,
         answer: Option<Answer>,

@@ -13,7 +13,7 @@ pub struct Settings {
     /// The plant.
     pub plant: Plant,
     /// The session.
-    pub config: PcConfig<'static>,
+    pub config: PcConfig,
     /// The number of the next order.
     pub order: Option<u16>,
     board: [u32; 2],

@@ -21,7 +21,7 @@ static COMPLETED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// What wakes an end of the queue: its hooks.
 type Hook = fn();
-type Session = Robot<'static, Line, 256, 16, Hook>;
+type Session = Robot<'static, Line, 256, Hook>;
 /// Made one by one where they stay: a task would be made on the stack, with both in it.
 static DRIVER: StaticCell<Driver<Receiver, Sender, EmbassyClock, 256, { Session::MAX_TRANSMIT }>> =
     StaticCell::new();
@@ -32,7 +32,7 @@ async fn communicate(uart: Uart, jobs: Jobs<'static, Line, Hook>) {
     let (receiver, sender) = uart.split();
     let driver = DRIVER.init_with(|| Driver::new(receiver, sender, EmbassyClock));
     let session = SESSION.init_with(|| {
-        let Ok(session) = Session::sized(RobotConfig::TCP, jobs) else { panic!("it works") };
+        let Ok(session) = Session::new(RobotConfig::TCP, jobs) else { panic!("it works") };
         session
     });
     loop {

@@ -5,7 +5,7 @@ use static_cell::StaticCell;
 
 use super::{Caller, Peer};
 
-type Session = Pc<'static, fn(u32) -> Supply<Line>>;
+type Session = Pc<fn(u32) -> Supply<Line>>;
 static PEER: StaticCell<Caller<Session>> = StaticCell::new();
 
 fn line(index: u32) -> Supply<Line> {

@@ -272,15 +272,15 @@ impl Drawn {
 
 /// A PC whose bytes, and those that it is sent, are kept.
 struct Tapped {
-    pc: LargePc<'static, Jobs<AnyWork>>,
+    pc: LargePc<Jobs<AnyWork>>,
     talk: Vec<(Duration, bool, Vec<u8>)>,
 }
 
 impl Session for Tapped {
     type Event = PcEvent;
-    type Statistics = <LargePc<'static, Jobs<AnyWork>> as Session>::Statistics;
-    const MAX_INPUT: usize = <LargePc<'static, Jobs<AnyWork>> as Session>::MAX_INPUT;
-    const MAX_TRANSMIT: usize = <LargePc<'static, Jobs<AnyWork>> as Session>::MAX_TRANSMIT;
+    type Statistics = <LargePc<Jobs<AnyWork>> as Session>::Statistics;
+    const MAX_INPUT: usize = <LargePc<Jobs<AnyWork>> as Session>::MAX_INPUT;
+    const MAX_TRANSMIT: usize = <LargePc<Jobs<AnyWork>> as Session>::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {
         self.pc.handle_connected(now);

@@ -43,7 +43,7 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
 }
 
 struct Orders {
-    dialect: Dialect<'static>,
+    dialect: Dialect,
     numbers: Numbering,
     datagrams: bool,
     reply_timeout: Duration,
@@ -375,7 +375,7 @@ impl Orders {
 }
 
 /// The configurations of both ends: those of the plant that is set, or of the one that the configuration of an end has.
-fn configs(setup: &Setup<'_>) -> Result<(PcConfig<'static>, RobotConfig<'static>)> {
+fn configs(setup: &Setup<'_>) -> Result<(PcConfig, RobotConfig)> {
     let (mut pc, mut robot) = (setup.given(PC), setup.given(ROBOT));
     robot.take::<Value>("queue")?;
     let (is_pc, is_robot) = (!pc.0.is_empty(), !robot.0.is_empty());

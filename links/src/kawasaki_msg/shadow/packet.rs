@@ -68,7 +68,7 @@ impl Packet {
 }
 
 /// What a message means in the plant.
-pub(super) fn read(dialect: &Dialect<'_>, message: &Value) -> Option<(Role, Params)> {
+pub(super) fn read(dialect: &Dialect, message: &Value) -> Option<(Role, Params)> {
     if let Some(role) = message["role"].as_str() {
         let entry = dialect.entries().iter().find(|entry| role_name(entry.role) == role)?;
         let mut params = Params::default();

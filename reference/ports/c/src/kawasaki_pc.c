@@ -21,7 +21,8 @@ bool kawasaki_pc_init(struct kawasaki_pc *pc, const struct kawasaki_pc_config *c
     const struct kawasaki_dialect *dialect = &pc->config.dialect;
     if (!kawasaki_end_init(&pc->end, dialect, &config->limits, config->max_number, config->datagrams))
         return false;
-    pc->window = (uint16_t)(config->datagrams ? config->max_number / 2 : config->max_number - 1); /* KM-95 */
+    const uint16_t window = (uint16_t)(config->datagrams ? config->max_number / 2 : config->max_number - 1);
+    pc->window = config->individual_acks && window > 1024 ? 1024 : window; /* KM-95 */
     if (config->takeover == KAWASAKI_TAKEOVER_INTERRUPT && !kawasaki_has(dialect, KAWASAKI_ORDER_INTERRUPT))
         return false;
     return config->silence > 0 && (!config->individual_acks || kawasaki_has(dialect, KAWASAKI_JOB_ACK));

@@ -3,7 +3,6 @@
 use core::time::Duration;
 
 use cellwire_links::end::End;
-use kawasaki_msg::ALL_NUMBERS;
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine as robot;
 use serde_json::{Map, Value};
@@ -49,8 +48,8 @@ pub(super) fn names(link: &str, end: &str, config: &Map<String, Value>) -> Names
             (_, "rtu") => (server::<Rtu>, server_state),
             _ => (server::<RtuOverTcp>, server_state),
         },
-        ("kawasaki-msg", "pc") => (cells::<kawasaki::Pc<ALL_NUMBERS>>, pc_state),
-        ("kawasaki-msg", _) => (cells::<kawasaki::Robot<ALL_NUMBERS>>, robot_state),
+        ("kawasaki-msg", "pc") => (cells::<kawasaki::Pc>, pc_state),
+        ("kawasaki-msg", _) => (cells::<kawasaki::Robot>, robot_state),
         // A link whose machines have no tables yet.
         _ => (|_| Vec::new(), name),
     };
@@ -98,16 +97,12 @@ fn of<M: 'static>(end: &dyn End, show: impl Fn(&M) -> String) -> Option<String> 
 }
 
 fn pc_state(end: &dyn End) -> String {
-    let is_alone = |machine: &<kawasaki::Pc<ALL_NUMBERS> as Rows>::Machine| {
-        !machine.is_connected() && machine.order != pc::Order::Idle
-    };
+    let is_alone = |machine: &pc::Machine| !machine.is_connected() && machine.order != pc::Order::Idle;
     of(end, |machine| not_connected(end, is_alone(machine))).unwrap_or_default()
 }
 
 fn robot_state(end: &dyn End) -> String {
-    let is_alone = |machine: &<kawasaki::Robot<ALL_NUMBERS> as Rows>::Machine| {
-        !machine.is_connected() && machine.order != robot::Order::Idle
-    };
+    let is_alone = |machine: &robot::Machine| !machine.is_connected() && machine.order != robot::Order::Idle;
     of(end, |machine| not_connected(end, is_alone(machine))).unwrap_or_default()
 }
 

@@ -3,9 +3,9 @@
 use core::time::Duration;
 
 use kawasaki_msg::pc::machine::{
-    Action, Config, Count, Input, Link, Order, Outcome, Reaction, Reply, Report, Rest, Sent, Stage, Start,
+    Action, Count, Input, Link, Order, Outcome, Reaction, Reply, Report, Rest, Sent, Stage, Start,
 };
-use kawasaki_msg::{FromRobot, Phase, Status};
+use kawasaki_msg::{FromRobot, PcConfig, Phase, Status};
 use robot_session::end::Machine as _;
 
 use super::machines::Pc;
@@ -29,7 +29,7 @@ pub(super) const SILENCE: &str = "a robot that is silent, or does not answer a s
 #[derive(Debug, Clone)]
 pub struct AnyRobot {
     /// The PC's configuration.
-    pub pc: Config,
+    pub pc: PcConfig,
     /// How many orders are started, all of the same number, and the jobs of each.
     pub starts: u8,
     /// The jobs of each.

@@ -2,20 +2,18 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::FromRobot;
 use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::machine as robot;
+use kawasaki_msg::{FromRobot, RobotConfig};
 use robot_session::end::Machine as _;
 
 use crate::model::Drawn;
 
-/// 64 job numbers are enough for it.
-pub type Robot = robot::Machine<1>;
-/// As [`Robot`].
-pub type Pc = pc::Machine<1>;
+pub use pc::Machine as Pc;
+pub use robot::Machine as Robot;
 
 /// The packet that is due, with space for all of it.
-pub(super) fn packet(robot: &Robot, config: &robot::Config) -> (Vec<FromRobot>, robot::Sent) {
+pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, robot::Sent) {
     let due = robot.transmit(Duration::ZERO, config).expect("a packet is due");
     let (acked, acks): (Vec<u32>, Vec<FromRobot>) = robot.acks(&due, config).unzip();
     let replies = [due.start, due.end, due.status, due.pause, due.request].into_iter().flatten();

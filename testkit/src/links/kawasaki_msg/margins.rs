@@ -54,8 +54,8 @@ impl JobSource for Nothing {
     }
 }
 
-fn pc() -> LargePc<'static, Nothing> {
-    let mut pc = LargePc::sized(PcConfig::TCP).expect("the default can work");
+fn pc() -> LargePc<Nothing> {
+    let mut pc = LargePc::with_ranges(PcConfig::TCP, Default::default()).expect("the default can work");
     pc.handle_connected(Duration::ZERO);
     pc
 }

@@ -15,7 +15,6 @@ use core::time::Duration;
 pub use margins::margins;
 
 use kawasaki_msg::pc::Rule as PcRule;
-use kawasaki_msg::pc::machine as pc;
 use kawasaki_msg::robot::Rule as RobotRule;
 use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover};
 use robot_session::end::Rules;
@@ -32,7 +31,7 @@ use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
-    &[Table::of::<rows::Pc>("kawasaki-msg", 160), Table::of::<rows::Robot>("kawasaki-msg", 240)];
+    &[Table::of::<rows::Pc>("kawasaki-msg", 248), Table::of::<rows::Robot>("kawasaki-msg", 480)];
 
 /// PC and robot over TCP.
 pub const TCP: Pair = Pair {
@@ -156,7 +155,7 @@ fn any(peer: Peer, faults: u8) -> AnyPc {
 
 /// A PC and a robot that is not ours.
 fn any_robot(jobs: u32, users: u8) -> AnyRobot {
-    let pc = PcConfig { silence: TICK * 3, ..tcp(&[1], jobs, Faults::default()).pc }.machine();
+    let pc = PcConfig { silence: TICK * 3, ..tcp(&[1], jobs, Faults::default()).pc };
     AnyRobot { pc, starts: 2, jobs, batch: 2, users }
 }
 
@@ -439,7 +438,7 @@ fn any_pc_must_fail() -> Vec<MustFail> {
 
 fn any_robot_must_fail() -> Vec<MustFail> {
     let system = any_robot(4, 1);
-    let pc = pc::Config { rules: Rules::without(PcRule::Window), ..system.pc };
+    let pc = PcConfig { rules: Rules::without(PcRule::Window), ..system.pc };
     vec![MustFail::new(
         "Window (PC)",
         any_robot::NUMBERS,

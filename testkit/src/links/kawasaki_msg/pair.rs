@@ -47,7 +47,7 @@ impl System for Setup {
 
     fn init(&self) -> World {
         World {
-            robot: Robot::new(&self.robot.machine()),
+            robot: Robot::new(&self.robot),
             pc: Pc::new(),
             before: 0,
             line: false,
@@ -171,7 +171,7 @@ impl System for Setup {
         add(w.starts.iter().any(|start| !start.executed_is_true()), EXECUTED);
         add(w.starts.iter().any(|start| !start.not_executed_is_true()), NOT_EXECUTED);
         if let (pc::Order::Running { .. }, Some(start)) = (w.pc.order, w.starts.last()) {
-            let executed = executed(&w.pc, self.pc.max_number);
+            let executed = executed(&w.pc);
             add(start.done & executed != executed, COUNTED);
         }
         // Over datagrams it costs no fault to be late.

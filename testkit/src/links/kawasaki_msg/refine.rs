@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use kawasaki_msg::pc::machine as pc;
-use kawasaki_msg::robot::machine::{self as robot, AckState, Link};
+use kawasaki_msg::robot::machine::{self as robot, Link};
 use kawasaki_msg::robot_session::end::{End as _, Machine as _};
 use kawasaki_msg::robot_session::{Decoder as _, Session};
 use kawasaki_msg::{
@@ -92,7 +92,7 @@ struct Ends<'a> {
     robot: LargeRobot<'static, Line>,
     /// The queue of a robot that was restarted.
     reader: Option<Reader<'static, Job<Line>>>,
-    pc: LargePc<'static, Source>,
+    pc: LargePc<Source>,
     taken: Rc<RefCell<Vec<u32>>>,
     /// The messages of each packet in flight.
     up: Vec<Vec<Vec<u8>>>,
@@ -102,7 +102,7 @@ struct Ends<'a> {
 impl<'a> Ends<'a> {
     fn new(setup: &'a Setup) -> (Self, Reader<'static, Job<Line>>) {
         let (robot, reader) = new_robot(setup);
-        let pc = LargePc::sized(setup.pc).expect("a configuration that works");
+        let pc = LargePc::with_ranges(setup.pc, Default::default()).expect("a configuration that works");
         let ends = Self {
             setup,
             world: setup.init(),
@@ -183,7 +183,8 @@ impl<'a> Ends<'a> {
             Act::RobotNotices => self.robot.handle_disconnected(now),
             Act::PcNotices => self.pc.handle_disconnected(now),
             Act::RestartPc => {
-                self.pc = LargePc::sized(self.setup.pc).expect("a configuration that works");
+                self.pc = LargePc::with_ranges(self.setup.pc, Default::default())
+                    .expect("a configuration that works");
                 if self.setup.datagrams() {
                     self.pc.handle_connected(now);
                 } else {
@@ -209,7 +210,7 @@ impl<'a> Ends<'a> {
     }
 
     fn transmit(&mut self, before: &World, path: &[Act]) {
-        let (expected, _) = packet(&before.robot, &self.setup.robot.machine());
+        let (expected, _) = packet(&before.robot, &self.setup.robot);
         let mut out = [0; <LargeRobot<Line> as Session>::MAX_TRANSMIT];
         let length = self.robot.poll_transmit(self.now, &mut out).expect("a packet is due");
         let (messages, sent) = read(&out[..length], FromRobot::read);
@@ -308,21 +309,8 @@ impl<'a> Ends<'a> {
         assert_eq!((found.queued, found.executed), (model.queued, model.executed), "{path:?}");
         assert_eq!((found.ended, found.replies), (model.ended, model.replies), "{path:?}");
         assert_eq!(found.starts, model.starts, "{path:?}");
-        match (&found.acks, &model.acks) {
-            (AckState::Cumulative { acked }, AckState::Cumulative { acked: expected }) => {
-                assert_eq!(acked, expected, "{path:?}");
-            }
-            (
-                AckState::Individual { ahead, unacked },
-                AckState::Individual { ahead: expected, unacked: expected_unacked },
-            ) => {
-                for number in 1..=self.setup.robot.max_number {
-                    assert_eq!(ahead.contains(number), expected.contains(number), "{path:?}");
-                    assert_eq!(unacked.contains(number), expected_unacked.contains(number), "{path:?}");
-                }
-            }
-            (found, model) => panic!("{found:?}, the model: {model:?}: {path:?}"),
-        }
+        assert_eq!((&found.ahead, found.acked), (&model.ahead, model.acked), "{path:?}");
+        assert_eq!(found.acked_ahead, model.acked_ahead, "{path:?}");
         let due = self.robot.poll_timeout().map(|at| at.saturating_sub(self.now));
         assert_eq!(due, model.deadline(), "{path:?}");
     }
@@ -342,9 +330,7 @@ impl<'a> Ends<'a> {
             (model.executed, model.queued, model.sent, model.total, model.is_unsure),
             "{path:?}"
         );
-        for number in 1..=self.setup.pc.max_number {
-            assert_eq!(found.ahead.contains(number), model.ahead.contains(number), "{path:?}");
-        }
+        assert_eq!(found.ahead, model.ahead, "{path:?}");
     }
 }
 
@@ -352,7 +338,7 @@ fn new_robot(setup: &Setup) -> (LargeRobot<'static, Line>, Reader<'static, Job<L
     let config = kawasaki_msg::RobotConfig { low_water: Some(setup.low_water), ..setup.robot };
     let (writer, reader) =
         robot_work_queue::boxed(setup.capacity, config.max_number).expect("a queue that works");
-    (LargeRobot::sized(config, writer).expect("a configuration that works"), reader)
+    (LargeRobot::with_ranges(config, writer, Default::default()).expect("a configuration that works"), reader)
 }
 
 fn relative(time: &mut Duration, now: Duration) {

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::machine::{Config, Input, Machine, Order, Rest, Sent};
+use kawasaki_msg::pc::machine::{Input, Machine, Order, Rest, Sent};
 use kawasaki_msg::robot::machine as robot;
 use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status};
 use robot_session::end::Machine as _;
@@ -12,9 +12,9 @@ use crate::model::{NOW, Rows};
 /// The order of the table.
 const OURS: u16 = 50;
 
-/// The PC, which can tell this many job numbers apart, by 64.
+/// The PC.
 #[derive(Debug)]
-pub struct Pc<const WORDS: usize = 1>;
+pub struct Pc;
 
 const fn status(order: u16, phase: Phase, queued: Option<u16>, executed: Option<u16>) -> FromRobot {
     FromRobot::Status(Status { order, phase, queued, executed, ended: 0 })
@@ -22,12 +22,12 @@ const fn status(order: u16, phase: Phase, queued: Option<u16>, executed: Option<
 
 const IDLE: FromRobot = status(0, Phase::Idle, None, None);
 
-impl<const WORDS: usize> Rows for Pc<WORDS> {
-    type Machine = Machine<WORDS>;
+impl Rows for Pc {
+    type Machine = Machine;
 
-    fn states() -> Vec<Machine<WORDS>> {
+    fn states() -> Vec<Machine> {
         let config = Self::config();
-        let after = |machine: &Machine<WORDS>, inputs: &[Input]| {
+        let after = |machine: &Machine, inputs: &[Input]| {
             let mut machine = machine.clone();
             for input in inputs {
                 machine.on(NOW, *input, &config).expect("a state that can be reached");
@@ -35,7 +35,7 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             machine
         };
         // What comes is answered.
-        let hear = |machine: &Machine<WORDS>, message, sent| {
+        let hear = |machine: &Machine, message, sent| {
             let mut machine =
                 after(machine, &[Input::Message(message), Input::ReadEnd { whole: true }, Input::Sent(sent)]);
             while machine.report().is_some() {
@@ -124,11 +124,11 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
         inputs
     }
 
-    fn config() -> Config {
-        PcConfig { max_number: 63, reply_delay: Duration::ZERO, ..PcConfig::TCP }.machine()
+    fn config() -> PcConfig {
+        PcConfig { max_number: 63, reply_delay: Duration::ZERO, ..PcConfig::TCP }
     }
 
-    fn column_at(machine: &Machine<WORDS>, now: Duration, input: &Input) -> String {
+    fn column_at(machine: &Machine, now: Duration, input: &Input) -> String {
         let ours = machine.order.number();
         let is_ours = |order: u16| order != 0 && (machine.order == Order::Idle || order == ours);
         let name = match *input {
@@ -157,17 +157,17 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
     }
 }
 
-/// The robot, which can tell this many job numbers apart, by 64.
+/// The robot.
 #[derive(Debug)]
-pub struct Robot<const WORDS: usize = 1>;
+pub struct Robot;
 
-impl<const WORDS: usize> Rows for Robot<WORDS> {
-    type Machine = robot::Machine<WORDS>;
+impl Rows for Robot {
+    type Machine = robot::Machine;
 
-    fn states() -> Vec<robot::Machine<WORDS>> {
+    fn states() -> Vec<robot::Machine> {
         use robot::Input as On;
         let config = Self::config();
-        let after = |machine: &robot::Machine<WORDS>, inputs: &[On]| {
+        let after = |machine: &robot::Machine, inputs: &[On]| {
             let mut machine = machine.clone();
             for input in inputs {
                 machine.on(NOW, *input, &config).expect("a state that can be reached");
@@ -211,7 +211,7 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
             broken_off,
             alarm,
         ];
-        let sent = |state: &robot::Machine<WORDS>| after(state, &[On::Sent(robot::Sent::default())]);
+        let sent = |state: &robot::Machine| after(state, &[On::Sent(robot::Sent::default())]);
         let mut rows = Vec::new();
         for state in states {
             rows.push(state.clone());
@@ -262,11 +262,11 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
         inputs
     }
 
-    fn config() -> robot::Config {
-        RobotConfig { max_number: 63, ..RobotConfig::TCP }.machine()
+    fn config() -> RobotConfig {
+        RobotConfig { max_number: 63, ..RobotConfig::TCP }
     }
 
-    fn column_at(machine: &robot::Machine<WORDS>, now: Duration, input: &robot::Input) -> String {
+    fn column_at(machine: &robot::Machine, now: Duration, input: &robot::Input) -> String {
         use robot::Input as On;
         let active = machine.order.number();
         let is_ours = |order: u16| if active == 0 { order != OURS + 1 } else { order == active };

@@ -21,10 +21,10 @@ fn below(count: u32) -> u8 {
 }
 
 /// The jobs that the PC knows to be executed, one bit each.
-pub(super) fn executed(pc: &Pc, max: u16) -> u8 {
+pub(super) fn executed(pc: &Pc) -> u8 {
     let count = &pc.count;
     let ahead = (count.executed..count.sent)
-        .filter(|index| count.ahead.contains((index % u32::from(max)) as u16 + 1))
+        .filter(|index| count.ahead.contains(index - count.executed))
         .fold(0, |bits, index| bits | 1 << index);
     below(count.executed) | ahead
 }
@@ -126,7 +126,7 @@ impl Setup {
     }
 
     fn robot(&self, w: &mut World, input: robot::Input, edges: &mut Edges<'_>) -> robot::Action {
-        let Ok(action) = drive(&mut w.robot, input, &self.robot.machine(), edges) else {
+        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
             w.flags.unexpected = true;
             return robot::Action::Nothing;
         };
@@ -141,13 +141,13 @@ impl Setup {
 
     fn pc(&self, w: &mut World, input: pc::Input, edges: &mut Edges<'_>) -> pc::Action {
         let number = w.pc.order.number();
-        let Ok(pc::Reaction { action, .. }) = drive(&mut w.pc, input, &self.pc.machine(), edges) else {
+        let Ok(pc::Reaction { action, .. }) = drive(&mut w.pc, input, &self.pc, edges) else {
             w.flags.unexpected = true;
             return pc::Action::Nothing;
         };
         if let pc::Action::Outcome { outcome, .. } = action {
             w.before = if self.filters_acks { number } else { 0 };
-            let executed = executed(&w.pc, self.pc.max_number);
+            let executed = executed(&w.pc);
             let whole = match outcome {
                 Outcome::Over { .. } => executed == below(self.jobs),
                 Outcome::Unknown { .. } => false,
@@ -163,7 +163,7 @@ impl Setup {
             w.pc.count = pc::Count::default();
         }
         while let Some(report) = w.pc.report() {
-            let _reported = w.pc.on(NOW, pc::Input::Reported, &self.pc.machine());
+            let _reported = w.pc.on(NOW, pc::Input::Reported, &self.pc);
             if report == pc::Report::Disconnect {
                 self.pc_closes(w, edges);
             }
@@ -173,7 +173,7 @@ impl Setup {
 
     /// The answer of the PC as it is sent.
     fn pc_answers(&self, w: &mut World, edges: &mut Edges<'_>) -> Vec<Sent> {
-        let config = self.pc.machine();
+        let config = self.pc;
         let mut answer = w.pc.transmit(NOW, &config).expect("an answer is due");
         let is_done = answer.last.is_some_and(|index| index >= self.jobs);
         if is_done {
@@ -224,7 +224,7 @@ impl Setup {
         }
         let report = w.robot.report();
         if report.is_some() {
-            let _reported = w.robot.on(NOW, robot::Input::Reported, &self.robot.machine());
+            let _reported = w.robot.on(NOW, robot::Input::Reported, &self.robot);
         }
         let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
         if !cleared || w.occupied() == 0 {
@@ -350,7 +350,7 @@ impl Setup {
                 self.robot_pass(w, edges);
             }
             Act::Transmit => {
-                let (messages, sent) = packet(&w.robot, &self.robot.machine());
+                let (messages, sent) = packet(&w.robot, &self.robot);
                 self.robot(w, robot::Input::Sent(sent), edges);
                 if w.line {
                     w.up.push(InFlight { messages, left: LATEST });
@@ -442,7 +442,7 @@ impl Setup {
                     w.lose();
                 }
                 w.disturb();
-                w.robot = Robot::new(&self.robot.machine());
+                w.robot = Robot::new(&self.robot);
                 w.queue.clear();
                 w.executing = None;
             }

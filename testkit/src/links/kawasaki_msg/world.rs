@@ -40,9 +40,9 @@ pub struct Faults {
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The robot's configuration.
-    pub robot: RobotConfig<'static>,
+    pub robot: RobotConfig,
     /// The PC's.
-    pub pc: PcConfig<'static>,
+    pub pc: PcConfig,
     /// The order numbers that the user starts, one after the other.
     pub starts: Vec<u16>,
     /// The jobs of each.

@@ -48,7 +48,7 @@ pub(super) struct AnyRobot {
 impl Controller for AnyRobot {
     const WHOLE: bool = false;
 
-    fn within(_: Bounds, config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self {
+    fn within(_: Bounds, config: RobotConfig, capacity: usize, seed: u64) -> Self {
         Self {
             rng: Rng::new(seed ^ 0x616E_7972),
             max_number: config.max_number,

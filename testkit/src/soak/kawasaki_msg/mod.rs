@@ -89,10 +89,10 @@ struct Cell<C> {
     wire: Wire,
     ledger: Ledger,
     invented: u64,
-    config: (RobotConfig<'static>, PcConfig<'static>),
+    config: (RobotConfig, PcConfig),
     capacity: usize,
     robot: C,
-    pc: LargePc<'static, Picture>,
+    pc: LargePc<Picture>,
     /// How long a job takes, and when the next one is taken.
     pace: Duration,
     motion_at: Duration,
@@ -223,7 +223,7 @@ impl<C: Controller> Cell<C> {
             config: (robot, pc),
             capacity,
             robot: C::begin(robot, capacity, seed),
-            pc: LargePc::sized(pc).unwrap(),
+            pc: LargePc::with_ranges(pc, Default::default()).unwrap(),
             pace: [MS / 10, MS, 7 * MS, 40 * MS][rng.below(4)],
             motion_at: Duration::ZERO,
             overtakes,
@@ -283,7 +283,7 @@ impl<C: Controller> Cell<C> {
             // Its user knows that it restarted, and nothing else.
             Mishap::PcRestarts => {
                 self.lose_connection();
-                self.pc = LargePc::sized(pc).unwrap();
+                self.pc = LargePc::with_ranges(pc, Default::default()).unwrap();
                 if self.config.0.datagrams {
                     self.pc.handle_connected(self.now);
                 }

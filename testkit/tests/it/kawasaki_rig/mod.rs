@@ -40,7 +40,7 @@ pub struct Rig<C = Native> {
     pub now: Duration,
     pub link: Link,
     pub robot: C,
-    pub pc: LargePc<'static, Source>,
+    pub pc: LargePc<Source>,
     /// How long one job takes; `None` while the motion task is stopped.
     pub motion: Option<Duration>,
     pub motion_at: Duration,
@@ -70,8 +70,8 @@ impl Rig {
         faults: Faults,
         capacity: usize,
         max_number: u16,
-        robot: RobotConfig<'static>,
-        pc: PcConfig<'static>,
+        robot: RobotConfig,
+        pc: PcConfig,
     ) -> Self {
         Self::of(seed, faults, capacity, max_number, robot, pc)
     }
@@ -84,15 +84,15 @@ impl<C: Controller> Rig<C> {
         faults: Faults,
         capacity: usize,
         max_number: u16,
-        robot: RobotConfig<'static>,
-        pc: PcConfig<'static>,
+        robot: RobotConfig,
+        pc: PcConfig,
     ) -> Self {
         let (robot, pc) = (RobotConfig { max_number, ..robot }, PcConfig { max_number, ..pc });
         Self {
             now: Duration::ZERO,
             link: Link::new(seed, faults),
             robot: C::begin(robot, capacity, seed),
-            pc: LargePc::sized(pc).unwrap(),
+            pc: LargePc::with_ranges(pc, Default::default()).unwrap(),
             motion: Some(MS),
             motion_at: Duration::ZERO,
             overtakes: false,

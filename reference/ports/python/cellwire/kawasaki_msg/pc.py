@@ -53,7 +53,8 @@ class Pc(End):
     def __init__(self, config: PcConfig | None = None) -> None:
         self.config = config = config or PcConfig()
         super().__init__(config.dialect, config.max_number, config.datagrams)
-        self.window = self.numbering.largest // 2 if config.datagrams else self.numbering.largest - 1  # KM-95
+        window = self.numbering.largest // 2 if config.datagrams else self.numbering.largest - 1
+        self.window = window if config.cumulative_acks else min(window, 1024)  # KM-95
         self.is_up = False
         self.silent_at: int
         self.reply_at: int | None = None  # Due

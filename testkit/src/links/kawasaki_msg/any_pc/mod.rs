@@ -48,7 +48,7 @@ pub enum Peer {
 #[derive(Debug, Clone)]
 pub struct AnyPc {
     /// The robot's configuration.
-    pub robot: RobotConfig<'static>,
+    pub robot: RobotConfig,
     /// What the PC does.
     pub peer: Peer,
     /// The jobs of the order.
@@ -86,7 +86,7 @@ impl AnyPc {
 
     fn drive(&self, w: &mut World, input: Input, edges: &mut Edges<'_>) -> Action {
         let nothing_left = w.is_empty();
-        let Ok(action) = drive(&mut w.robot, input, &self.robot.machine(), edges) else {
+        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
             w.flags.unexpected = true;
             return Action::Nothing;
         };
@@ -115,7 +115,7 @@ impl AnyPc {
         }
         let report = w.robot.report();
         if report.is_some() {
-            let _reported = w.robot.on(NOW, Input::Reported, &self.robot.machine());
+            let _reported = w.robot.on(NOW, Input::Reported, &self.robot);
         }
         let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
         if !cleared || w.is_empty() {
@@ -156,7 +156,7 @@ impl AnyPc {
     fn transmit(&self, w: &mut World, edges: &mut Edges<'_>) -> (bool, Option<u8>) {
         let accepted = w.robot.order.number() == OURS || w.over;
         let queued = w.robot.queued as u8;
-        let (_, sent) = packet(&w.robot, &self.robot.machine());
+        let (_, sent) = packet(&w.robot, &self.robot);
         let asked = sent.request.then_some(queued);
         self.drive(w, Input::Sent(sent), edges);
         (accepted, asked)
@@ -270,7 +270,7 @@ impl System for AnyPc {
     type Act = Act;
 
     fn init(&self) -> World {
-        let mut robot = Robot::new(&self.robot.machine());
+        let mut robot = Robot::new(&self.robot);
         if let Starts::New { ignored_until, .. } = &mut robot.starts {
             *ignored_until = NOW;
         }

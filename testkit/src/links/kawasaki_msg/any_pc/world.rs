@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use kawasaki_msg::FromPc;
-use kawasaki_msg::robot::machine::{AckState, Link, Order, Replies, Stage};
+use kawasaki_msg::robot::machine::{Link, Order, Replies, Stage};
 
 use super::super::machines::Robot;
 
@@ -107,9 +107,7 @@ impl World {
     /// What is still to be sent decides nothing else, and a PC that does anything does not read it.
     pub(super) fn project(&mut self) {
         (self.robot.replies, self.robot.ended) = (Replies::default(), None);
-        if let AckState::Cumulative { acked } = &mut self.robot.acks {
-            *acked = self.robot.executed;
-        }
+        self.robot.acked = self.robot.executed;
         if let Link::Connected { status_at, .. } = &mut self.robot.link {
             *status_at = Duration::MAX;
         }

@@ -1,6 +1,6 @@
 use core::fmt;
 
-use crate::value::is_mark;
+use crate::marks::is_mark;
 
 /// Short text in a job: up to `N` characters of one byte each, up to 255, inside the job itself. A byte is the character of that
 /// number (ISO 8859-1); which of them the wire can carry is the dialect's character set.
@@ -10,6 +10,9 @@ pub struct Text<const N: usize> {
     bytes: [u8; N],
     length: u8,
 }
+
+/// The beginning of a name, as long as a name can be in AS: 15 characters (thesis, section 5.1).
+pub type Name = Text<15>;
 
 impl<const N: usize> Text<N> {
     /// No character.
@@ -24,6 +27,20 @@ impl<const N: usize> Text<N> {
             new.length = new.length.checked_add(1)?;
         }
         Some(new)
+    }
+
+    /// The beginning of a text, with a `?` in place of each character that [`new`](Self::new) does not take.
+    pub fn of(text: &str) -> Self {
+        Self::beginning(text.chars())
+    }
+
+    pub(crate) fn beginning(text: impl Iterator<Item = char>) -> Self {
+        let mut new = Self::EMPTY;
+        for (byte, c) in new.bytes.iter_mut().zip(text).take(u8::MAX.into()) {
+            *byte = u8::try_from(c).ok().filter(|byte| !is_mark(*byte)).unwrap_or(b'?');
+            new.length += 1;
+        }
+        new
     }
 
     /// The characters.
@@ -43,7 +60,7 @@ impl<const N: usize> Text<N> {
 
     /// The text of these bytes; `None` if they are more than `N` or 255.
     #[inline]
-    pub(super) fn of(bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn from_wire(bytes: &[u8]) -> Option<Self> {
         let mut text = Self { bytes: [0; N], length: u8::try_from(bytes.len()).ok()? };
         text.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
         Some(text)

@@ -65,33 +65,52 @@ pub struct Status {
     pub ended: u16,
 }
 
-/// The order that a message names; 0 for none.
-fn order(params: &Params) -> u16 {
-    params.number(Field::Order).unwrap_or(0)
+impl Status {
+    /// The values of a message.
+    pub(crate) fn read(params: &Params) -> Self {
+        let code = params.number(Field::Phase).and_then(|code| u8::try_from(code).ok());
+        Self {
+            order: params.or_zero(Field::Order),
+            phase: code.map_or(Phase::Idle, Phase::from),
+            queued: params.number(Field::Queued),
+            executed: params.number(Field::Executed),
+            ended: params.or_zero(Field::Ended),
+        }
+    }
+
+    pub(crate) fn write(self) -> Params {
+        of(self.order)
+            .with(Field::Phase, u16::from(u8::from(self.phase)))
+            .with(Field::Queued, self.queued)
+            .with(Field::Executed, self.executed)
+            .with(Field::Ended, (self.ended != 0).then_some(self.ended))
+    }
+}
+
+/// The values of a message about an order.
+fn of(order: u16) -> Params {
+    Params::default().with(Field::Order, order)
 }
 
 impl FromPc {
     /// The meaning of a message's values; a job's own fields are not read here.
     pub fn read(role: Role, params: &Params) -> Self {
-        let order = order(params);
+        let (order, number) = (params.or_zero(Field::Order), params.or_zero(Field::Number));
         match role {
             Role::Status => FromPc::Status { order },
-            Role::OrderStart => FromPc::Start { order, first: params.number(Field::Number).unwrap_or(0) },
+            Role::OrderStart => FromPc::Start { order, first: number },
             Role::OrderEnd => FromPc::End { order },
             Role::OrderInterrupt => FromPc::Interrupt { order },
-            Role::Job => FromPc::Job { order, number: params.number(Field::Number).unwrap_or(0), good: true },
+            Role::Job => FromPc::Job { order, number, good: true },
             Role::Filler | Role::Command(_) => FromPc::Filler,
             Role::JobAck | Role::JobRequest | Role::Pause | Role::OrderAck | Role::EndAck => {
                 FromPc::WrongSide
             }
         }
     }
-}
 
-impl FromPc {
     /// The message's role and values. A status and a job have more of them than the machine knows.
     pub(crate) fn write(self) -> (Role, Params) {
-        let of = |order| Params::default().with(Field::Order, order);
         match self {
             FromPc::Status { order } => (Role::Status, of(order)),
             FromPc::Start { order, first } => (Role::OrderStart, of(order).with(Field::Number, first)),
@@ -104,21 +123,19 @@ impl FromPc {
 }
 
 impl FromRobot {
-    /// What values mean.
+    /// The meaning of a message's values.
     pub fn read(role: Role, params: &Params) -> Self {
-        let order = order(params);
-        let number = params.number(Field::Number).unwrap_or(0);
-        let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
-        let ended = params.number(Field::Ended).unwrap_or(0);
+        let (order, number) = (params.or_zero(Field::Order), params.or_zero(Field::Number));
         match role {
             Role::JobAck => FromRobot::JobAck { order, number },
             Role::JobRequest => FromRobot::Request { order, number },
-            Role::Pause => FromRobot::Pause { order, queued },
+            Role::Pause => FromRobot::Pause { order, queued: params.number(Field::Queued) },
             Role::OrderAck => FromRobot::OrderAck { active: order },
-            Role::EndAck => FromRobot::EndAck { ended, active: order, executed },
-            Role::Status => {
-                FromRobot::Status(Status { order, phase: phase(params), queued, executed, ended })
+            Role::EndAck => {
+                let (ended, executed) = (params.or_zero(Field::Ended), params.number(Field::Executed));
+                FromRobot::EndAck { ended, active: order, executed }
             }
+            Role::Status => FromRobot::Status(Status::read(params)),
             Role::Filler => FromRobot::Filler,
             Role::Job | Role::OrderStart | Role::OrderEnd | Role::OrderInterrupt | Role::Command(_) => {
                 FromRobot::WrongSide
@@ -128,19 +145,13 @@ impl FromRobot {
 
     /// The message's role and values.
     pub(crate) fn write(self) -> (Role, Params) {
-        let of = |order| Params::default().with(Field::Order, order);
         match self {
             FromRobot::JobAck { order, number } => (Role::JobAck, of(order).with(Field::Number, number)),
             FromRobot::OrderAck { active } => (Role::OrderAck, of(active)),
             FromRobot::EndAck { ended, active, executed } => {
                 (Role::EndAck, of(active).with(Field::Ended, ended).with(Field::Executed, executed))
             }
-            FromRobot::Status(status) => {
-                let ended = (status.ended != 0).then_some(status.ended);
-                let params = of(status.order).with(Field::Phase, u16::from(u8::from(status.phase)));
-                let params = params.with(Field::Queued, status.queued).with(Field::Executed, status.executed);
-                (Role::Status, params.with(Field::Ended, ended))
-            }
+            FromRobot::Status(status) => (Role::Status, status.write()),
             FromRobot::Pause { order, queued } => (Role::Pause, of(order).with(Field::Queued, queued)),
             FromRobot::Request { order, number } => (Role::JobRequest, of(order).with(Field::Number, number)),
             FromRobot::Filler | FromRobot::WrongSide | FromRobot::Unusable => {
@@ -148,10 +159,4 @@ impl FromRobot {
             }
         }
     }
-}
-
-/// The phase that a status names.
-pub(crate) fn phase(params: &Params) -> Phase {
-    let code = params.number(Field::Phase).and_then(|code| u8::try_from(code).ok());
-    code.map_or(Phase::Idle, Phase::from)
 }

@@ -42,7 +42,7 @@ impl Numbering {
 }
 
 /// The jobs after a count that have overtaken others: those executed, or acknowledged, before all up to them are.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Ahead {
     /// A bit for each job after the count, the next one first.
     bits: [u64; Self::MAX as usize / 64],
@@ -53,9 +53,6 @@ pub struct Ahead {
 impl Ahead {
     /// The number of jobs after the count that can be told apart: the longest queue in which jobs overtake one another.
     pub const MAX: u32 = 1024;
-
-    /// No job.
-    pub const NONE: Self = Self { bits: [0; Self::MAX as usize / 64], len: 0 };
 
     /// Whether the set has the job that follows the count after this many others.
     pub fn contains(&self, after: u32) -> bool {
@@ -119,7 +116,7 @@ mod tests {
 
     #[test]
     fn jobs_ahead_follow_their_count() {
-        let mut ahead = Ahead::NONE;
+        let mut ahead = Ahead::default();
         let jobs = [0, 1, 63, 64, 500, 1023];
         for after in jobs {
             assert!(!ahead.contains(after) && ahead.insert(after) && !ahead.insert(after));
@@ -131,6 +128,6 @@ mod tests {
             assert!((0..1024).filter(|after| ahead.contains(*after)).eq(left.map(|after| after - count)));
             ahead.pass();
         }
-        assert_eq!(ahead, Ahead::NONE);
+        assert_eq!(ahead, Ahead::default());
     }
 }

@@ -52,6 +52,11 @@ impl Params {
         self.get(field).and_then(|value| u16::try_from(value).ok())
     }
 
+    /// The value of a field that counts something; 0 if the message has none.
+    pub(crate) fn or_zero(&self, field: Field) -> u16 {
+        self.number(field).unwrap_or(0)
+    }
+
     /// Sets the value of a field that has none.
     pub(crate) fn add(&mut self, field: Field, value: u16) {
         if self.get(field).is_none() {

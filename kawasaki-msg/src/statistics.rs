@@ -98,23 +98,3 @@ robot_session::counters! {
         pub corrupt: u64,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_mean_goes_over_the_last_twenty() {
-        let mut times = Times::default();
-        assert_eq!((times.last(), times.mean()), (None, None));
-        times.record(Duration::from_millis(100));
-        assert_eq!(times.mean(), Some(Duration::from_millis(100)));
-        for _ in 0..19 {
-            times.record(Duration::from_millis(20));
-        }
-        assert_eq!(times.mean(), Some(Duration::from_millis(24)));
-        times.record(Duration::from_millis(20));
-        assert_eq!(times.mean(), Some(Duration::from_millis(20)));
-        assert_eq!((times.last(), times.count()), (Some(Duration::from_millis(20)), 21));
-    }
-}

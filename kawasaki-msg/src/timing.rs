@@ -36,31 +36,3 @@ pub const fn packets(jobs: usize, message_len: usize, packet_limit: usize) -> us
 pub fn transfer_time(jobs: usize, message_len: usize, packet_limit: usize) -> Duration {
     EXCHANGE.saturating_mul(u32::try_from(packets(jobs, message_len, packet_limit)).unwrap_or(u32::MAX))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn batching_pays_in_proportion() {
-        assert_eq!(packets(2000, 43, 4096), 22);
-        assert_eq!(transfer_time(2000, 43, 4096), Duration::from_millis(704));
-        assert_eq!(transfer_time(2000, 4096, 4096), Duration::from_secs(64));
-        assert_eq!(packets(1, 5000, 4096), 0);
-    }
-
-    #[test]
-    fn the_means_are_those_of_the_appendix() {
-        let unpack = [
-            361_328, 117_188, 200_195, 219_727, 117_188, 117_188, 117_188, 180_664, 175_781, 576_172,
-            543_634, 195_259, 598_612u64,
-        ];
-        let cycle = [
-            107_983, 108_105, 108_008, 108_105, 108_203, 108_081, 108_008, 108_301, 107_983, 108_105,
-            108_008, 108_081, 109_717u64,
-        ];
-        assert_eq!(UNPACK_MEAN.as_micros(), u128::from((unpack.iter().sum::<u64>() + 65) / 130));
-        assert_eq!(UNPACK_MAX.as_micros(), u128::from(unpack.iter().max().unwrap() / 10));
-        assert_eq!(WORK_CYCLE.as_micros(), u128::from((cycle.iter().sum::<u64>() + 6) / 13));
-    }
-}

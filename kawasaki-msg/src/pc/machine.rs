@@ -10,7 +10,7 @@ pub use super::state::{
     Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
     Reaction, Rejection, Reply, Report, Rest, Sent, Stage, Start,
 };
-use crate::content::{FromPc, FromRobot};
+use crate::content::{FromPc, FromRobot, Status};
 use crate::phase::Phase;
 use crate::timing::LATEST_DATAGRAM;
 
@@ -70,9 +70,13 @@ impl robot_session::end::Machine for Machine {
         Some(Answer {
             last: (is_active && config.end_when_done && executed == sent).then_some(sent),
             order: self.order.number(),
-            status: contents
-                .status
-                .then(|| (self.phase(), numbering.number(sent), numbering.number(executed))),
+            status: contents.status.then(|| Status {
+                order: self.order.number(),
+                phase: self.phase(),
+                queued: numbering.number(sent),
+                executed: numbering.number(executed),
+                ended: 0,
+            }),
             request: self.request(config),
             commands: self.commands.waiting,
             jobs: jobs.filter(|_| is_active),
@@ -124,16 +128,6 @@ impl robot_session::end::Machine for Machine {
 }
 
 impl Machine {
-    /// A PC without an order that listens.
-    pub fn new() -> Self {
-        Self {
-            link: Link::Listening,
-            order: Order::Idle,
-            count: Count::default(),
-            commands: Commands::default(),
-        }
-    }
-
     /// What is to be reported of the state; `None` when it all was.
     pub const fn report(&self) -> Option<Report> {
         match self.link {
@@ -405,11 +399,5 @@ impl Machine {
             }
         }
         Some(Action::Sent)
-    }
-}
-
-impl Default for Machine {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -12,7 +12,7 @@ use super::state::{
 };
 #[cfg(feature = "tokio")]
 use super::state::{Order, Start};
-use crate::content::{FromRobot, phase};
+use crate::content::{FromRobot, Status};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, EncodeError, MessageError, SessionError};
 use crate::job::{self, Job, Work};
@@ -77,7 +77,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     pub fn with_ranges(config: PcConfig, ranges: Ranges<S>) -> Result<Self, ConfigError> {
         config.check(job::check::<S::Work>(&ranges)?, MESSAGE)?;
         Ok(Self {
-            core: Core::new(config, Machine::new(), Decoder::sized(config.dialect.charset())),
+            core: Core::new(config, Machine::default(), Decoder::sized(config.dialect.charset())),
             ranges,
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
@@ -191,7 +191,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
             self.core.machine.order,
             Order::Idle | Order::Starting { start: Start::Unsent | Start::Foreign { .. }, .. }
         );
-        self.core.machine = Machine::new();
+        self.core.machine = Machine::default();
         self.source = None;
         !is_unsent
     }
@@ -265,15 +265,6 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     }
 }
 
-/// The values of a status.
-fn status_of(order: u16, (phase, sent, executed): (Phase, Option<u16>, Option<u16>)) -> Params {
-    Params::default()
-        .with(Field::Order, order)
-        .with(Field::Phase, u16::from(u8::from(phase)))
-        .with(Field::Queued, sent)
-        .with(Field::Executed, executed)
-}
-
 #[cold]
 fn rejected(
     numbering: Numbering,
@@ -283,10 +274,9 @@ fn rejected(
     params: &Params,
 ) -> MessageError {
     match why {
-        Rejection::WrongOrder => MessageError::WrongOrder {
-            active: machine.order.number(),
-            found: params.number(Field::Order).unwrap_or(0),
-        },
+        Rejection::WrongOrder => {
+            MessageError::WrongOrder { active: machine.order.number(), found: params.or_zero(Field::Order) }
+        }
         Rejection::OutOfOrder => {
             let field = if role == Role::JobAck || role == Role::JobRequest {
                 Field::Number
@@ -294,7 +284,7 @@ fn rejected(
                 Field::Executed
             };
             let known = if role == Role::JobRequest { machine.count.sent } else { machine.count.executed };
-            let found = params.number(field).unwrap_or(0);
+            let found = params.or_zero(field);
             MessageError::OutOfOrder { expected: numbering.next(known), found }
         }
         Rejection::NotExpected => MessageError::NotExpected { role },
@@ -368,10 +358,8 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
         });
         let order = self.core.machine.order.number();
         if let Some((Role::Status, params)) = &message {
-            let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
-            let order = params.number(Field::Order).unwrap_or(0);
-            let status = PcEvent::PeerStatus { order, phase: phase(params), queued, executed };
-            self.core.events.push_notice(status);
+            let Status { order, phase, queued, executed, .. } = Status::read(params);
+            self.core.events.push_notice(PcEvent::PeerStatus { order, phase, queued, executed });
         }
         match action {
             Action::Nothing => {}
@@ -414,7 +402,7 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
         }
         let mut packet = Packet::new(out, self.core.config.limits, self.core.config.dialect);
         if let Some(status) = answer.status {
-            let _ = packet.push(Role::Status, &status_of(answer.order, status));
+            let _ = packet.push(Role::Status, &status.write());
         }
         if let Some(request) = answer.request {
             let (role, params) = request.write();

@@ -3,14 +3,14 @@
 use core::fmt;
 use core::time::Duration;
 
-use crate::content::{FromPc, FromRobot};
+use crate::content::{FromPc, FromRobot, Status};
 use crate::numbering::Ahead;
 use crate::phase::Phase;
 
-/// A PC's machine. Bytes, the lines of the jobs, the values of commands, events and statistics are the session's.
+/// A PC's machine, which listens without an order at first. Bytes, the lines of the jobs, the values of commands, events and statistics are the session's.
 ///
 #[doc = include_str!("../../diagrams/pc.md")]
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Machine {
     /// The connection.
     pub link: Link,
@@ -23,10 +23,11 @@ pub struct Machine {
 }
 
 /// The connection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Link {
     /// No connection.
+    #[default]
     Listening,
     /// Bytes can flow. The robot is given up if no message has come by `silent_at`; `close`: the connection is to be closed, which is
     /// not reported yet.
@@ -67,10 +68,11 @@ pub enum Known {
 }
 
 /// The order; its number is from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Order {
     /// No order.
+    #[default]
     Idle,
     /// The robot is to take it. `refusals`: how often the robot has refused it without being in another order. `cancelled`: the caller
     /// has interrupted it; the outcome of the start that was sent is still waited for.
@@ -107,7 +109,7 @@ pub enum Stage {
 }
 
 /// Counts of jobs: `executed <= queued <= sent`.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Count {
     /// Up to which count all are executed.
     pub executed: u32,
@@ -181,8 +183,8 @@ pub struct Answer {
     pub last: Option<u32>,
     /// The order; 0 for none.
     pub order: u16,
-    /// The status: its phase, the last job sent and the last one known to be executed.
-    pub status: Option<(Phase, Option<u16>, Option<u16>)>,
+    /// The status: the last job sent as the queued one, and the last one known to be executed.
+    pub status: Option<Status>,
     /// What the order asks of the robot.
     pub request: Option<FromPc>,
     /// How many commands, those that wait.
@@ -195,7 +197,7 @@ impl Answer {
     /// The answer that ends the order; its [`Sent::rest`] is [`Rest::End`].
     #[must_use]
     pub fn at_end(self) -> Self {
-        let status = self.status.map(|(_, sent, executed)| (Phase::Ending, sent, executed));
+        let status = self.status.map(|status| Status { phase: Phase::Ending, ..status });
         Self { last: None, status, request: Some(FromPc::End { order: self.order }), jobs: None, ..self }
     }
 }
@@ -316,20 +318,6 @@ impl Order {
         match self {
             Order::Idle => 0,
             Order::Starting { number, .. } | Order::Running { number, .. } => *number,
-        }
-    }
-}
-
-impl Default for Count {
-    fn default() -> Self {
-        Self {
-            executed: 0,
-            queued: 0,
-            sent: 0,
-            total: None,
-            ahead: Ahead::NONE,
-            is_unsure: false,
-            is_news: false,
         }
     }
 }

@@ -100,7 +100,7 @@ impl Machine {
             let stage = Stage::Intake { flow: Flow::Asking, gap: Gap::Closed, recovery };
             self.order = Order::Active { number: order, stage };
             (self.queued, self.executed) = (0, 0);
-            (self.ahead, self.acked, self.acked_ahead) = (Ahead::NONE, 0, Ahead::NONE);
+            (self.ahead, self.acked, self.acked_ahead) = (Ahead::default(), 0, Ahead::default());
             self.replies.start = Some(order);
             return Action::Started;
         };

@@ -133,9 +133,9 @@ impl Machine {
             order: Order::Idle,
             queued: 0,
             executed: 0,
-            ahead: Ahead::NONE,
+            ahead: Ahead::default(),
             acked: 0,
-            acked_ahead: Ahead::NONE,
+            acked_ahead: Ahead::default(),
             ended: None,
             replies: Replies::default(),
             starts,
@@ -221,7 +221,7 @@ impl Machine {
         // The status reports it all; a start whose answer was lost is repeated.
         (self.replies.status, self.replies.start) = (true, None);
         // The status covers the jobs that are executed in order; those executed ahead may not have arrived.
-        (self.acked, self.acked_ahead) = (self.executed, Ahead::NONE);
+        (self.acked, self.acked_ahead) = (self.executed, Ahead::default());
         if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
             // No time runs out without a connection: a pause may be over since.
             flow.end_pause(now);

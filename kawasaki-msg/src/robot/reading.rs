@@ -5,7 +5,7 @@ use robot_work_queue::Wake;
 use super::event::{OF_ORDER, RobotEvent};
 use super::session::Robot;
 use super::state::Rejection;
-use crate::content::{FromPc, phase};
+use crate::content::{FromPc, Status};
 use crate::error::MessageError;
 use crate::job::Work;
 use crate::role::{Field, Role};
@@ -20,10 +20,8 @@ impl<W: Work, const MESSAGE: usize, R: Wake> Robot<'_, W, MESSAGE, R> {
             (FromPc::Job { .. }, _) => self.jobs.writer.free() > 0,
             // An order is begun only with space for all that it can report, and a motion task.
             (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.jobs.writer.is_abandoned(),
-            (FromPc::Status { order }, _) => {
-                let (sent, executed) =
-                    (received.params.number(Field::Queued), received.params.number(Field::Executed));
-                let phase = phase(&received.params);
+            (FromPc::Status { .. }, _) => {
+                let Status { order, phase, queued: sent, executed, .. } = Status::read(&received.params);
                 events.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
                 true
             }

@@ -23,7 +23,7 @@ impl<W: Work> Received<W> {
     }
 
     pub(super) fn number(&self, field: Field) -> u16 {
-        self.params.number(field).unwrap_or(0)
+        self.params.or_zero(field)
     }
 
     pub(super) fn job(&self) -> Job<W> {

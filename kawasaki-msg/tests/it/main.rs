@@ -8,6 +8,7 @@ mod dialect;
 mod edges;
 #[cfg(all(feature = "alloc", feature = "std"))]
 mod examples;
+mod figures;
 #[cfg(feature = "tokio")]
 mod give_up;
 #[cfg(feature = "tokio")]

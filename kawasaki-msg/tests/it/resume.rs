@@ -187,7 +187,7 @@ fn the_state_is_that_after_a_lost_connection() {
     use pc::machine::{Input, Machine, Sent};
     let config = PcConfig { max_number: 63, ..PcConfig::TCP };
     let now = Duration::from_secs(1);
-    let mut lost = Machine::new();
+    let mut lost = Machine::default();
     let status = Status { order: 0, phase: Phase::Idle, queued: None, executed: None, ended: 0 };
     let reports = [
         FromRobot::Status(status),
@@ -211,7 +211,7 @@ fn the_state_is_that_after_a_lost_connection() {
         }
     }
     lost.on(2 * now, Input::Disconnected, &config).unwrap();
-    let mut resumed = Machine::new();
+    let mut resumed = Machine::default();
     resumed.on(now, Input::Resume { order: 50, executed: 2, sent: 4, total: None }, &config).unwrap();
     assert_eq!(resumed, lost);
 }

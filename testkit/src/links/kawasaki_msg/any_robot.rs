@@ -164,7 +164,7 @@ impl System for AnyRobot {
 
     fn init(&self) -> World {
         World {
-            pc: Pc::new(),
+            pc: Pc::default(),
             started: 0,
             users: self.users,
             spoken: false,

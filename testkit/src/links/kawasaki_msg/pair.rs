@@ -48,7 +48,7 @@ impl System for Setup {
     fn init(&self) -> World {
         World {
             robot: Robot::new(&self.robot),
-            pc: Pc::new(),
+            pc: Pc::default(),
             before: 0,
             line: false,
             up: Vec::new(),

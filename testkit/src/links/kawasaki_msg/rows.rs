@@ -44,7 +44,7 @@ impl Rows for Pc {
             machine
         };
         let nothing = Sent::default();
-        let listening = Machine::new();
+        let listening = Machine::default();
         let idle = after(&listening, &[Input::Connected]);
         let starting = after(&idle, &[Input::Start { order: OURS }]);
         let start_sent = hear(&starting, IDLE, Sent { request: true, ..nothing });

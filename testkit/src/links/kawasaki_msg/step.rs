@@ -429,7 +429,7 @@ impl Setup {
             Act::RestartPc => {
                 w.faults -= 1;
                 w.report(Reported::Abandoned);
-                (w.pc, w.before) = (Pc::new(), 0);
+                (w.pc, w.before) = (Pc::default(), 0);
                 if self.datagrams() {
                     self.pc(w, pc::Input::Connected, edges);
                 } else {

@@ -1,4 +1,4 @@
-//! Which messages there are, as data: what each is called, what it holds, whether it is answered.
+//! Which messages there are, as data: what each is called, and what it holds.
 //!
 //! The source gives two names, `TilausAlkaa` and `TilausKuittaus`, and says of the others only that they exist. All other
 //! names and the order of their fields are ours; a plant that has its own replaces the table.
@@ -44,47 +44,43 @@ pub struct Entry {
     pub header: &'static [Field],
     /// What its fields are, in order.
     pub fields: &'static [Field],
-    /// What the other end answers, where an answer is defined (thesis, sections 10.4 and 11.3).
-    pub reply: Option<Role>,
 }
 
 const DEFAULT_TABLE: &[Entry] = {
     use Field::{Ended, Executed, Number, Order, Phase, Queued, Work};
-    const fn entry(role: Role, name: &'static str, fields: &'static [Field], reply: Option<Role>) -> Entry {
-        Entry { role, name, header: &[], fields, reply }
+    const fn entry(role: Role, name: &'static str, fields: &'static [Field]) -> Entry {
+        Entry { role, name, header: &[], fields }
     }
     &[
-        entry(Role::Job, "Tyo", &[Order, Number, Work], None),
-        entry(Role::JobAck, "TyoKuittaus", &[Order, Number], None),
-        entry(Role::JobRequest, "TyoPyynto", &[Order, Number], Some(Role::Job)),
-        entry(Role::Pause, "TyoTauko", &[Order, Queued], None),
-        entry(Role::OrderStart, "TilausAlkaa", &[Order, Number], Some(Role::OrderAck)),
-        entry(Role::OrderAck, "TilausKuittaus", &[Order], None),
-        entry(Role::OrderEnd, "TilausLoppuu", &[Order], Some(Role::EndAck)),
-        entry(Role::OrderInterrupt, "TilausKeskeytyy", &[Order], Some(Role::EndAck)),
-        entry(Role::EndAck, "LoppuKuittaus", &[Ended, Order, Executed], None),
-        entry(Role::Status, "Tila", &[Order, Phase, Queued, Executed, Ended], Some(Role::Status)),
-        entry(Role::Filler, "Huuhaa", &[], None),
+        entry(Role::Job, "Tyo", &[Order, Number, Work]),
+        entry(Role::JobAck, "TyoKuittaus", &[Order, Number]),
+        entry(Role::JobRequest, "TyoPyynto", &[Order, Number]),
+        entry(Role::Pause, "TyoTauko", &[Order, Queued]),
+        entry(Role::OrderStart, "TilausAlkaa", &[Order, Number]),
+        entry(Role::OrderAck, "TilausKuittaus", &[Order]),
+        entry(Role::OrderEnd, "TilausLoppuu", &[Order]),
+        entry(Role::OrderInterrupt, "TilausKeskeytyy", &[Order]),
+        entry(Role::EndAck, "LoppuKuittaus", &[Ended, Order, Executed]),
+        entry(Role::Status, "Tila", &[Order, Phase, Queued, Executed, Ended]),
+        entry(Role::Filler, "Huuhaa", &[]),
     ]
 };
 
-/// The messages and fields that a table may lack, each for a guarantee: see the crate's page. `None`: the whole message.
-const OPTIONAL: &[(Role, Option<Field>)] = &[
-    (Role::JobAck, None),
-    (Role::Pause, None),
-    (Role::OrderInterrupt, None),
-    (Role::Job, Some(Field::Order)),
-    (Role::JobAck, Some(Field::Order)),
-    (Role::JobRequest, Some(Field::Order)),
-    (Role::Pause, Some(Field::Order)),
-    (Role::Pause, Some(Field::Queued)),
-    (Role::OrderStart, Some(Field::Number)),
-    (Role::OrderEnd, Some(Field::Order)),
-    (Role::OrderInterrupt, Some(Field::Order)),
-    (Role::EndAck, Some(Field::Order)),
-    (Role::Status, Some(Field::Phase)),
-    (Role::Status, Some(Field::Ended)),
-];
+/// Whether a table may lack a message (`None`) or a field of it, for a guarantee: see the crate's page.
+fn is_optional(role: Role, field: Option<Field>) -> bool {
+    use Field::{Ended, Number, Order, Phase, Queued};
+    use Role::{EndAck, Job, JobAck, JobRequest, OrderEnd, OrderInterrupt, OrderStart, Pause, Status};
+    match field {
+        None => matches!(role, JobAck | Pause | OrderInterrupt),
+        Some(Order) => {
+            matches!(role, Job | JobAck | JobRequest | Pause | OrderEnd | OrderInterrupt | EndAck)
+        }
+        Some(Number) => role == OrderStart,
+        Some(Queued) => role == Pause,
+        Some(Phase | Ended) => role == Status,
+        Some(_) => false,
+    }
+}
 
 impl Dialect {
     /// The greatest job number that any table allows: AS has no index of five digits (thesis, section 11.1.1).
@@ -104,7 +100,7 @@ impl Dialect {
     pub fn new(entries: &'static [Entry]) -> Result<Self, ConfigError> {
         let count = |role| entries.iter().filter(|entry| entry.role == role).count();
         for needed in DEFAULT_TABLE {
-            let is_missing = count(needed.role) == 0 && !OPTIONAL.contains(&(needed.role, None));
+            let is_missing = count(needed.role) == 0 && !is_optional(needed.role, None);
             if is_missing {
                 return Err(ConfigError::Role { role: needed.role });
             }
@@ -146,9 +142,7 @@ impl Dialect {
         // An acknowledged end names its order as the ended one.
         let late = |entry: &&Entry| {
             let names = |field| entry.all().any(|other| *other == field);
-            OPTIONAL.contains(&(entry.role, Some(Field::Order)))
-                && !names(Field::Order)
-                && !names(Field::Ended)
+            is_optional(entry.role, Some(Field::Order)) && !names(Field::Order) && !names(Field::Ended)
         };
         match self.entries.iter().find(late) {
             Some(entry) if datagrams => Err(ConfigError::LateMessages { role: entry.role }),
@@ -169,11 +163,6 @@ impl Dialect {
     /// The message with this role.
     pub fn entry(&self, role: Role) -> Option<&'static Entry> {
         self.entries.iter().find(|entry| entry.role == role)
-    }
-
-    /// Whether the table defines an answer to a message.
-    pub(crate) fn answers(&self, role: Role) -> bool {
-        self.entry(role).is_some_and(|entry| entry.reply.is_some())
     }
 
     /// The message with this name.
@@ -346,7 +335,7 @@ impl Entry {
             return Err(ConfigError::Fields { role });
         }
         for field in default.map_or(&[][..], |entry| entry.fields) {
-            if !all().any(|other| other == field) && !OPTIONAL.contains(&(role, Some(*field))) {
+            if !all().any(|other| other == field) && !is_optional(role, Some(*field)) {
                 return Err(ConfigError::MissingField { role, field: *field });
             }
         }

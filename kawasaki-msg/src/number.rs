@@ -237,24 +237,4 @@ mod tests {
             assert_eq!(text(number, places), expected.as_bytes());
         }
     }
-
-    fn units(value: f64, places: u8) -> Option<i32> {
-        Decimal::nearest(value, places).map(|decimal| decimal.units)
-    }
-
-    #[test]
-    fn a_float_becomes_the_nearest_decimal_or_none() {
-        assert_eq!(units(1.5, 0), Some(2));
-        assert_eq!(units(-1.5, 0), Some(-2));
-        assert_eq!(units(-0.0004, 3), Some(0));
-        assert_eq!(units(2_147_483.647, 3), Some(i32::MAX));
-        assert_eq!(units(2_147_483_647.4, 0), Some(i32::MAX));
-        assert_eq!(units(2_147_483_647.5, 0), None);
-        assert_eq!(units(-2_147_483_648.4, 0), Some(i32::MIN));
-        assert_eq!(units(-2_147_483_648.5, 0), None);
-        assert_eq!(units(1e300, 9), None);
-        assert_eq!(units(f64::NAN, 3), None);
-        assert_eq!(units(f64::NEG_INFINITY, 3), None);
-        assert_eq!(units(1.0, 10), None);
-    }
 }

@@ -91,30 +91,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_wrap_and_counts_go_on() {
-        let numbering = Numbering::new(5);
-        let numbers: std::vec::Vec<_> = (0..=11).map(|count| numbering.number(count)).collect();
-        let expected = [None, Some(1), Some(2), Some(3), Some(4), Some(5)];
-        assert_eq!(numbers[..6], expected);
-        assert_eq!(numbers[6..], [1, 2, 3, 4, 5, 1].map(Some));
-        assert_eq!(numbering.next(5), 1);
-    }
-
-    #[test]
-    fn a_number_is_as_far_ahead_as_its_count() {
-        for max in [1, 2, 5, 9999] {
-            let numbering = Numbering::new(max);
-            for count in [0, 1, 4, 5, 6, 9998, 9999, 10_000] {
-                for ahead in (0..u32::from(max)).step_by(1 + usize::from(max) / 7) {
-                    if let Some(number) = numbering.number(count + ahead) {
-                        assert_eq!(numbering.ahead(count, number), ahead, "{max} {count} {ahead}");
-                    }
-                }
-            }
-        }
-    }
-
-    #[test]
     fn jobs_ahead_follow_their_count() {
         let mut ahead = Ahead::default();
         let jobs = [0, 1, 63, 64, 500, 1023];

@@ -7,7 +7,6 @@ use super::state::{Action, Count, Known, Link, Machine, Order, Outcome, Rejectio
 use crate::content::{FromRobot, Status};
 use crate::numbering::Numbering;
 use crate::phase::Phase;
-use crate::role::Role;
 use crate::timing::LATEST_DATAGRAM;
 
 impl Machine {
@@ -90,7 +89,7 @@ impl Machine {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
         {
-            contents.jobs_from = config.dialect.answers(Role::JobRequest).then_some(from);
+            contents.jobs_from = Some(from);
         }
         Action::Nothing
     }
@@ -195,7 +194,7 @@ impl Machine {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
         {
-            contents.status = config.dialect.answers(Role::Status);
+            contents.status = true;
         }
         match &mut self.order {
             Order::Idle => Action::Nothing,

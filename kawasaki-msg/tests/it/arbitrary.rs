@@ -52,7 +52,6 @@ fn any_bytes_are_a_message_of_the_table_that_is_read_as_itself() {
         name: "Nopeus",
         header: &[Field::Constant("solu"), Field::Order],
         fields: &[Field::Unused, Field::Value],
-        reply: None,
     };
     let table = [Dialect::DEFAULT.entries(), &[command]].concat();
     let dialect = Dialect::new(table.leak()).unwrap();

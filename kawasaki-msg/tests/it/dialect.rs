@@ -19,7 +19,7 @@ fn read(dialect: &Dialect, name: &str, data: &str) -> Result<(Role, Params), Mes
 fn with_command(fields: &'static [Field]) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let role = Role::Command(1);
-    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None });
+    table.push(Entry { role, name: "Nopeus", header: &[], fields });
     Dialect::new(table.leak()).unwrap()
 }
 

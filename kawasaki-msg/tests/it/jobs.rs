@@ -481,6 +481,25 @@ fn a_job_is_done_once_and_only_if_it_was_queued() {
     assert_eq!(bench.robot.statistics().executed, 1);
 }
 
+/// Where numbers begin again, the lowest number is not that of the oldest job.
+#[test]
+fn jobs_that_overtake_are_acknowledged_across_the_wrap() {
+    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 4, 5);
+    bench.cycle(&jobs([1, 2, 3]));
+    (0..3).for_each(|_| _ = bench.execute());
+    bench.cycle(&jobs([4, 5, 1, 2]));
+    let take = |bench: &mut Bench, number| {
+        let job = bench.reader.take_where(|_, job| job.number == number).unwrap();
+        bench.robot.job_done(bench.now, number).unwrap();
+        job.complete();
+    };
+    [2, 5].into_iter().for_each(|number| take(&mut bench, number));
+    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$2#><TyoKuittaus$4#50$5#>"));
+    [1, 4].into_iter().for_each(|number| take(&mut bench, number));
+    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$1#><TyoKuittaus$4#50$4#><T"));
+    assert_eq!((bench.robot.executed(), bench.robot.queued()), (7, 7));
+}
+
 #[test]
 fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
     let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 400, 999);

@@ -11,13 +11,8 @@ use kawasaki_msg::{
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);
 
-const COMMAND: Entry = Entry {
-    role: Role::Command(7),
-    name: "Nopeus",
-    header: &[],
-    fields: &[Field::Order, Field::Value],
-    reply: None,
-};
+const COMMAND: Entry =
+    Entry { role: Role::Command(7), name: "Nopeus", header: &[], fields: &[Field::Order, Field::Value] };
 
 /// The default table with a command 7, changed.
 fn dialect(change: impl FnMut(&mut Entry)) -> Dialect {
@@ -174,23 +169,6 @@ fn an_acknowledgement_that_comes_twice_counts_once() {
     assert_eq!((bench.pc.executed(), bench.pc.sent()), (2, 5), "number 1 again");
     bench.cycle(b"<TyoKuittaus$4#50$3#><TyoKuittaus$4#50$4#>");
     assert_eq!(bench.pc.executed(), 4);
-}
-
-/// §10.4: the robot cannot flush what it does not expect.
-#[test]
-fn a_message_is_answered_where_the_table_defines_an_answer() {
-    for unanswered in [None, Some(Role::Status), Some(Role::JobRequest)] {
-        let mut bench = Bench::with(PcConfig::TCP, |entry| {
-            if Some(entry.role) == unanswered {
-                entry.reply = None;
-            }
-        });
-        bench.pc.start(50, &[LINE; 3]).unwrap();
-        let packet = bench.cycle(IDLE);
-        assert_eq!(packet.contains("<Tila$"), unanswered != Some(Role::Status), "{packet}");
-        let packet = bench.cycle(STARTED);
-        assert_eq!(packet.contains("<Tyo$"), unanswered != Some(Role::JobRequest), "{packet}");
-    }
 }
 
 #[test]

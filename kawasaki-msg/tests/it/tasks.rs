@@ -265,7 +265,7 @@ pub(crate) fn with_command() -> PcConfig {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let fields = &[Field::Order, Field::Value];
     let role = Role::Command(7);
-    table.push(Entry { role, name: "Nopeus", header: &[], fields, reply: None });
+    table.push(Entry { role, name: "Nopeus", header: &[], fields });
     PcConfig { dialect: Dialect::new(table.leak()).unwrap(), ..PcConfig::TCP }
 }
 

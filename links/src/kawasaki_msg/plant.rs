@@ -153,7 +153,7 @@ impl Plant {
                 (Some(default), _) => default,
                 (None, Some(id)) => {
                     let role = Role::Command(id.parse()?);
-                    Entry { role, name: "", header: &[], fields: &[], reply: None }
+                    Entry { role, name: "", header: &[], fields: &[] }
                 }
                 (None, None) => anyhow::bail!("no message has the role {role}"),
             };

@@ -216,7 +216,6 @@ fn a_command_goes_past_the_queue() {
         name: "Nopeus",
         header: &[],
         fields: &[Field::Order, Field::Value],
-        reply: None,
     });
     let dialect = Dialect::new(table.leak()).unwrap();
     let (robot, pc) = (RobotConfig { dialect, ..RobotConfig::TCP }, PcConfig { dialect, ..PcConfig::TCP });

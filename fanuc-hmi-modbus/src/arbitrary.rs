@@ -2,42 +2,40 @@
 
 use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
-use crate::message::{Bits, Exception, Reply, Request, Words, function, limit};
+use crate::message::function::{self, Row};
+use crate::message::{Bits, Exception, Reply, Request, Words, limit};
+
+/// The functions with a type, and 0 for another one.
+const FUNCTIONS: [u8; 11] = [1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 0];
 
 impl<'a> Arbitrary<'a> for Request<'a> {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
-        Ok(match u.int_in_range(0..=10u8)? {
-            0 => {
-                let (address, quantity) = run(u, limit::READ_BITS)?;
-                Self::ReadCoils { address, quantity }
+        let function = *u.choose(&FUNCTIONS)?;
+        let Row { reads, writes, .. } = Row::of(function);
+        Ok(match function {
+            function::READ_COILS..=function::READ_INPUT_REGISTERS => {
+                let (address, quantity) = run(u, reads)?;
+                Self::read(function, address, quantity)
             }
-            1 => {
-                let (address, quantity) = run(u, limit::READ_BITS)?;
-                Self::ReadDiscreteInputs { address, quantity }
+            function::WRITE_COIL => Self::WriteCoil { address: u.arbitrary()?, value: u.arbitrary()? },
+            function::WRITE_REGISTER => {
+                Self::WriteRegister { address: u.arbitrary()?, value: u.arbitrary()? }
             }
-            2 => {
-                let (address, quantity) = run(u, limit::READ_REGISTERS)?;
-                Self::ReadHoldingRegisters { address, quantity }
-            }
-            3 => {
-                let (address, quantity) = run(u, limit::READ_REGISTERS)?;
-                Self::ReadInputRegisters { address, quantity }
-            }
-            4 => Self::WriteCoil { address: u.arbitrary()?, value: u.arbitrary()? },
-            5 => Self::WriteRegister { address: u.arbitrary()?, value: u.arbitrary()? },
-            6 => {
-                let (address, quantity) = run(u, limit::WRITE_BITS)?;
+            function::WRITE_COILS => {
+                let (address, quantity) = run(u, writes)?;
                 let data = data(u, usize::from(quantity).div_ceil(8))?;
                 Self::WriteCoils { address, values: Bits::from_wire(data, quantity.into()) }
             }
-            7 => {
-                let (address, quantity) = run(u, limit::WRITE_REGISTERS)?;
+            function::WRITE_REGISTERS => {
+                let (address, quantity) = run(u, writes)?;
                 Self::WriteRegisters { address, values: words(u, quantity)? }
             }
-            8 => Self::MaskWriteRegister { address: u.arbitrary()?, and: u.arbitrary()?, or: u.arbitrary()? },
-            9 => {
-                let (address, quantity) = run(u, limit::READ_REGISTERS)?;
-                let (write_address, written) = run(u, limit::READ_WRITE_REGISTERS)?;
+            function::MASK_WRITE_REGISTER => {
+                Self::MaskWriteRegister { address: u.arbitrary()?, and: u.arbitrary()?, or: u.arbitrary()? }
+            }
+            function::READ_WRITE_REGISTERS => {
+                let (address, quantity) = run(u, reads)?;
+                let (write_address, written) = run(u, writes)?;
                 Self::ReadWriteRegisters { address, quantity, write_address, values: words(u, written)? }
             }
             _ => {
@@ -51,28 +49,22 @@ impl<'a> Arbitrary<'a> for Request<'a> {
 /// Bits fill their last byte: a reply does not show how many of them were asked for.
 impl<'a> Arbitrary<'a> for Reply<'a> {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
-        Ok(match u.int_in_range(0..=11u8)? {
-            0 => Self::Coils(bits(u)?),
-            1 => Self::DiscreteInputs(bits(u)?),
-            2 => Self::HoldingRegisters(registers(u)?),
-            3 => Self::InputRegisters(registers(u)?),
-            4 => Self::WriteCoil { address: u.arbitrary()?, value: u.arbitrary()? },
-            5 => Self::WriteRegister { address: u.arbitrary()?, value: u.arbitrary()? },
-            6 => {
-                let (address, quantity) = run(u, limit::WRITE_BITS)?;
-                Self::WriteCoils { address, quantity }
+        if u.int_in_range(0..=11u8)? == 0 {
+            return Ok(Self::Exception { function: u.int_in_range(1..=127)?, exception: u.arbitrary()? });
+        }
+        let request: Request<'_> = u.arbitrary()?;
+        let function = request.function();
+        Ok(match request {
+            Request::ReadCoils { quantity, .. } | Request::ReadDiscreteInputs { quantity, .. } => {
+                let data = data(u, usize::from(quantity).div_ceil(8))?;
+                Self::of_bits(function, Bits::from_wire(data, usize::MAX))
             }
-            7 => {
-                let (address, quantity) = run(u, limit::WRITE_REGISTERS)?;
-                Self::WriteRegisters { address, quantity }
+            Request::ReadHoldingRegisters { quantity, .. } | Request::ReadInputRegisters { quantity, .. } => {
+                Self::of_words(function, words(u, quantity)?)
             }
-            8 => Self::MaskWriteRegister { address: u.arbitrary()?, and: u.arbitrary()?, or: u.arbitrary()? },
-            9 => Self::ReadWriteRegisters(registers(u)?),
-            10 => Self::Exception { function: u.int_in_range(1..=127)?, exception: u.arbitrary()? },
-            _ => {
-                let (function, data) = other(u)?;
-                Self::Other { function, data }
-            }
+            Request::ReadWriteRegisters { values, .. } => Self::ReadWriteRegisters(values),
+            Request::Other { data, .. } => Self::Other { function, data },
+            written => Self::repeating(&written).ok_or(Error::IncorrectFormat)?,
         })
     }
 }
@@ -95,16 +87,6 @@ fn run(u: &mut Unstructured<'_>, most: u16) -> Result<(u16, u16)> {
 /// This many registers, or as many as there are bytes for.
 fn words<'a>(u: &mut Unstructured<'a>, quantity: u16) -> Result<Words<'a>> {
     data(u, (2 * usize::from(quantity)).min(u.len() & !1)).map(Words::from_wire)
-}
-
-fn registers<'a>(u: &mut Unstructured<'a>) -> Result<Words<'a>> {
-    let quantity = u.int_in_range(1..=limit::READ_REGISTERS)?;
-    words(u, quantity)
-}
-
-fn bits<'a>(u: &mut Unstructured<'a>) -> Result<Bits<'a>> {
-    let quantity = u.int_in_range(1..=limit::READ_BITS)?;
-    data(u, usize::from(quantity).div_ceil(8)).map(|data| Bits::from_wire(data, usize::MAX))
 }
 
 /// A function without a type of its own, and its bytes.

@@ -4,7 +4,8 @@ use robot_session::Encode;
 
 use crate::crc::crc16;
 use crate::error::{DecodeError, EncodeError};
-use crate::message::{Pdu, PduBuf, Reply, Request, function, limit};
+use crate::message::function::{self, Length, Row};
+use crate::message::{Pdu, PduBuf, Reply, Request, limit};
 use crate::registers::{Registers, serve};
 
 /// A frame ("ADU"): which unit, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
@@ -45,7 +46,7 @@ pub enum Side {
 /// Bytes of the MBAP header: transaction, protocol, length, unit.
 const MBAP: usize = 7;
 /// Bytes of an RTU frame around its PDU: unit and CRC.
-const RTU: usize = 3;
+pub(crate) const RTU: usize = 3;
 
 impl Frame<&[u8]> {
     /// The longest TCP frame; an RTU frame has at most [`MAX_RTU_LEN`](Self::MAX_RTU_LEN).
@@ -160,7 +161,7 @@ impl<'a> Frame<&'a [u8]> {
         Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: Reply::decode(self.pdu)? })
     }
 
-    /// Carries the request in this frame out, and writes the frame that answers it to the beginning of `out`; gives its length, or
+    /// Carries the request in this frame out, and writes the frame that answers it to the beginning of `out`; returns its length, or
     /// `None` when `out` has no room for the longest frame: then nothing is done. See [`serve`](crate::serve).
     #[inline(always)] // with `serve`
     pub fn serve<R: Registers + ?Sized>(&self, registers: &mut R, out: &mut [u8]) -> Option<usize> {
@@ -297,45 +298,29 @@ pub(crate) enum RtuLen {
 }
 
 impl RtuLen {
+    #[inline(never)]
     pub(crate) fn of(bytes: &[u8], side: Side) -> Self {
         let Some(&code) = bytes.get(1) else { return Self::AtLeast(RTU + 1) };
-        match RtuShape::of(code, side) {
-            RtuShape::Fixed(len) => Self::Known(len),
-            RtuShape::Counted { at } => match bytes.get(at) {
-                Some(&count) => Self::Known(at + 1 + usize::from(count) + 2),
-                None => Self::AtLeast(at + 1 + 2),
-            },
-            RtuShape::Silence => Self::Silence,
+        match pdu_length(code, side) {
+            Length::Fixed(pdu) => Self::Known(RTU + usize::from(pdu)),
+            Length::Counted(at) => {
+                let head = usize::from(at) + 1;
+                match bytes.get(head) {
+                    Some(&count) => Self::Known(RTU + head + usize::from(count)),
+                    None => Self::AtLeast(RTU + head),
+                }
+            }
+            Length::Unknown => Self::Silence,
         }
     }
 }
 
-/// What the function code says of the length of an RTU frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum RtuShape {
-    /// How many bytes.
-    Fixed(usize),
-    /// It counts the bytes between its byte count and its CRC.
-    Counted {
-        /// Where the byte count is.
-        at: usize,
-    },
-    /// Nothing.
-    Silence,
-}
-
-impl RtuShape {
-    #[inline]
-    pub(crate) fn of(code: u8, side: Side) -> Self {
-        use function::{EXCEPTION, MASK_WRITE_REGISTER, READ_WRITE_REGISTERS, WRITE_COILS, WRITE_REGISTERS};
-        match (side, code) {
-            (Side::Client, 1..=6) | (Side::Server, 5 | 6 | WRITE_COILS | WRITE_REGISTERS) => Self::Fixed(8),
-            (_, MASK_WRITE_REGISTER) => Self::Fixed(10),
-            (Side::Client, WRITE_COILS | WRITE_REGISTERS) => Self::Counted { at: 6 },
-            (Side::Client, READ_WRITE_REGISTERS) => Self::Counted { at: 10 },
-            (Side::Server, 1..=4 | READ_WRITE_REGISTERS) => Self::Counted { at: 2 },
-            (Side::Server, code) if code > EXCEPTION => Self::Fixed(5),
-            _ => Self::Silence,
-        }
+/// The length of a PDU with this function code.
+#[inline]
+pub(crate) fn pdu_length(code: u8, side: Side) -> Length {
+    match side {
+        Side::Client => Row::of(code).request,
+        Side::Server if code > function::EXCEPTION => Length::Fixed(2),
+        Side::Server => Row::of(code).reply,
     }
 }

@@ -1,7 +1,9 @@
 //! What a server holds, and how a request is carried out on it: a PDU in, a PDU out.
 
 use crate::error::DecodeError;
-use crate::message::{Bits, BitsMut, Exception, Request, Words, WordsMut, function, limit};
+use crate::message::function::{self, Row};
+use crate::message::run;
+use crate::message::{Bits, BitsMut, Exception, Request, Words, WordsMut, limit};
 
 /// The coils, inputs and registers of a server. Every method has a default that refuses, so that an implementation names only
 /// the tables that it has.
@@ -81,85 +83,75 @@ pub trait Registers {
     }
 }
 
-/// Carries a request out and writes its reply; gives the length of the reply.
+/// Carries a request out and writes its reply; returns the length of the reply.
 ///
-/// A PDU that is no request is answered too: exception 1 for its function code, exception 3 for the rest of it, exception 2 when
+/// A PDU that is not a request is answered too: exception 1 for its function code, exception 3 for the rest of it, exception 2 when
 /// it reaches beyond address 65535.
-#[inline(always)] // what is not built in is `serve_any`
+#[inline(always)] // the read that a client repeats in every cycle is little enough to be built in where the registers are known
 pub fn serve<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8; limit::PDU]) -> usize {
-    // The read that a client repeats in every cycle: little enough to be built in where the registers are known.
-    if let [function @ function::READ_HOLDING_REGISTERS, a, b, c, d] = *pdu
-        && let quantity = u16::from_be_bytes([c, d])
-        && quantity.wrapping_sub(1) < limit::READ_REGISTERS
-    {
-        let address = u16::from_be_bytes([a, b]);
-        let served = match words(function, address, quantity, out) {
-            Ok(mut words) => registers.read_holding_registers(address, &mut words),
-            Err(exception) => Err(exception),
-        };
-        return match served {
-            Ok(()) => words_len(quantity),
-            Err(exception) => refuse(function, exception, out),
-        };
-    }
-    serve_any(pdu, registers, out)
+    let served = match pdu {
+        [function @ function::READ_HOLDING_REGISTERS, body @ ..] => {
+            match run(*function, body, Row::of(*function).reads) {
+                Ok((address, quantity)) => read_holding_registers(address, quantity, registers, out),
+                Err(_) => Err(Exception::IllegalDataValue),
+            }
+        }
+        _ => serve_other(pdu, registers, out),
+    };
+    served.unwrap_or_else(|exception| refuse(pdu, exception, out))
 }
 
-/// [`serve`], with nothing built in.
-#[inline(never)]
-pub(crate) fn serve_any<R: Registers + ?Sized>(
-    pdu: &[u8],
+#[inline(always)] // with `serve`
+fn read_holding_registers<R: Registers + ?Sized>(
+    address: u16,
+    quantity: u16,
     registers: &mut R,
     out: &mut [u8; limit::PDU],
-) -> usize {
-    let request = Request::decode(pdu).map_err(exception);
-    match request.and_then(|request| carry_out(pdu, request, registers, out)) {
-        Ok(len) => len,
-        Err(exception) => refuse(pdu.first().copied().unwrap_or_default(), exception, out),
-    }
+) -> Result<usize, Exception> {
+    let (mut words, len) = words(function::READ_HOLDING_REGISTERS, address, quantity, out)?;
+    registers.read_holding_registers(address, &mut words)?;
+    Ok(len)
 }
 
 #[cold]
-fn refuse(function: u8, exception: Exception, out: &mut [u8; limit::PDU]) -> usize {
+fn refuse(pdu: &[u8], exception: Exception, out: &mut [u8; limit::PDU]) -> usize {
+    let function = pdu.first().copied().unwrap_or_default();
     if let Some(reply) = out.first_chunk_mut() {
         *reply = [function | function::EXCEPTION, exception.into()];
     }
     2
 }
 
-fn exception(error: DecodeError) -> Exception {
-    match error {
-        DecodeError::Function { .. } | DecodeError::Empty => Exception::IllegalFunction,
-        _ => Exception::IllegalDataValue,
-    }
-}
-
-fn carry_out<R: Registers + ?Sized>(
+/// Carries any request out and writes its reply; returns the length of the reply, or the exception to answer with.
+#[inline(never)]
+pub(crate) fn serve_other<R: Registers + ?Sized>(
     pdu: &[u8],
-    request: Request<'_>,
     registers: &mut R,
     out: &mut [u8; limit::PDU],
 ) -> Result<usize, Exception> {
+    let request = Request::decode(pdu).map_err(|error| match error {
+        DecodeError::Function { .. } | DecodeError::Empty => Exception::IllegalFunction,
+        _ => Exception::IllegalDataValue,
+    })?;
+    let function = request.function();
     match request {
         Request::ReadHoldingRegisters { address, quantity } => {
-            let mut words = words(function::READ_HOLDING_REGISTERS, address, quantity, out)?;
-            registers.read_holding_registers(address, &mut words)?;
-            Ok(words_len(quantity))
+            read_holding_registers(address, quantity, registers, out)
         }
         Request::ReadInputRegisters { address, quantity } => {
-            let mut words = words(function::READ_INPUT_REGISTERS, address, quantity, out)?;
+            let (mut words, len) = words(function, address, quantity, out)?;
             registers.read_input_registers(address, &mut words)?;
-            Ok(words_len(quantity))
+            Ok(len)
         }
         Request::ReadCoils { address, quantity } => {
-            let mut bits = bits(function::READ_COILS, address, quantity, out)?;
+            let (mut bits, len) = bits(function, address, quantity, out)?;
             registers.read_coils(address, &mut bits)?;
-            Ok(bits_len(quantity))
+            Ok(len)
         }
         Request::ReadDiscreteInputs { address, quantity } => {
-            let mut bits = bits(function::READ_DISCRETE_INPUTS, address, quantity, out)?;
+            let (mut bits, len) = bits(function, address, quantity, out)?;
             registers.read_discrete_inputs(address, &mut bits)?;
-            Ok(bits_len(quantity))
+            Ok(len)
         }
         Request::WriteCoil { address, value } => {
             registers.write_coils(address, Bits::from(&[value]))?;
@@ -188,16 +180,14 @@ fn carry_out<R: Registers + ?Sized>(
         }
         Request::ReadWriteRegisters { address, quantity, write_address, values } => {
             in_table(write_address, values.len())?;
-            let mut words = words(function::READ_WRITE_REGISTERS, address, quantity, out)?;
+            let (mut words, len) = words(function, address, quantity, out)?;
             registers.read_holding_registers(address, &mut words)?;
             registers.write_registers(write_address, values)?;
             registers.read_holding_registers(address, &mut words)?;
-            Ok(words_len(quantity))
+            Ok(len)
         }
         Request::Other { function, data } => {
-            let Some((first, rest)) = out.split_first_mut() else {
-                return Err(Exception::ServerDeviceFailure);
-            };
+            let (first, rest) = out.split_first_mut().ok_or(Exception::ServerDeviceFailure)?;
             let len = registers.other(function, data, rest)?;
             *first = function;
             if len < limit::PDU { Ok(1 + len) } else { Err(Exception::ServerDeviceFailure) }
@@ -219,45 +209,42 @@ fn in_table(address: u16, quantity: usize) -> Result<(), Exception> {
     if usize::from(address) + quantity <= 1 << 16 { Ok(()) } else { Err(Exception::IllegalDataAddress) }
 }
 
-/// The registers of a reply, of which the rest is written.
+/// The registers of a reply, whose head is written, and its length.
 #[inline(always)] // with `serve`
 fn words(
     function: u8,
     address: u16,
     quantity: u16,
     out: &mut [u8; limit::PDU],
-) -> Result<WordsMut<'_>, Exception> {
-    in_table(address, quantity.into())?;
-    Ok(WordsMut::from_wire(reply_data(function, 2 * quantity, out)?))
+) -> Result<(WordsMut<'_>, usize), Exception> {
+    let data = reply_data(function, address, quantity, out)?;
+    let len = 2 + data.len();
+    Ok((WordsMut::from_wire(data), len))
 }
 
-/// The length of the reply with this many registers.
-#[inline]
-const fn words_len(quantity: u16) -> usize {
-    2 + 2 * quantity as usize
-}
-
-/// The bits of a reply, of which the rest is written.
+/// The bits of a reply, whose head is written, and its length.
 #[inline]
 fn bits(
     function: u8,
     address: u16,
     quantity: u16,
     out: &mut [u8; limit::PDU],
-) -> Result<BitsMut<'_>, Exception> {
+) -> Result<(BitsMut<'_>, usize), Exception> {
+    let data = reply_data(function, address, quantity, out)?;
+    let len = 2 + data.len();
+    Ok((BitsMut::from_wire(data, quantity.into()), len))
+}
+
+/// Writes a function code and a byte count, and returns the bytes after them.
+#[inline(always)] // with `words`
+fn reply_data(
+    function: u8,
+    address: u16,
+    quantity: u16,
+    out: &mut [u8; limit::PDU],
+) -> Result<&mut [u8], Exception> {
     in_table(address, quantity.into())?;
-    Ok(BitsMut::from_wire(reply_data(function, quantity.div_ceil(8), out)?, quantity.into()))
-}
-
-/// The length of the reply with this many bits.
-#[inline]
-const fn bits_len(quantity: u16) -> usize {
-    2 + quantity.div_ceil(8) as usize
-}
-
-/// Writes a function code and a byte count, and gives the bytes that follow them.
-#[inline]
-fn reply_data(function: u8, count: u16, out: &mut [u8; limit::PDU]) -> Result<&mut [u8], Exception> {
+    let count = Row::of(function).bytes(quantity);
     let (head, data) = out.split_first_chunk_mut().ok_or(Exception::ServerDeviceFailure)?;
     *head = [function, u8::try_from(count).map_err(|_| Exception::ServerDeviceFailure)?];
     data.get_mut(..count.into()).ok_or(Exception::ServerDeviceFailure)

@@ -7,8 +7,8 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::EncodeError;
-use crate::frame::Frame;
-use crate::message::{Bits, Exception, Pdu, PduBuf, Reply, Request, Words, function, limit};
+use crate::frame::{Frame, Side};
+use crate::message::{Bits, PduBuf, Reply, Request, Words, function, limit};
 
 impl Serialize for Words<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -120,6 +120,13 @@ impl<'de> Deserialize<'de> for Frame<PduBuf> {
 #[derive(Debug)]
 pub struct FrameObject(pub Result<Frame<PduBuf>, EncodeError>);
 
+impl FrameObject {
+    /// The keys of a message of `side` beside transaction, unit and function.
+    pub fn keys(function: u8, side: Side) -> impl Iterator<Item = impl fmt::Display> + Clone {
+        Key::of(function, side).iter()
+    }
+}
+
 impl<'de> Deserialize<'de> for FrameObject {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_map(FrameVisitor)
@@ -136,41 +143,43 @@ impl<'de> Visitor<'de> for FrameVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-        let mut keys = Keys::default();
+        let mut given = Given::default();
         while let Some(key) = map.next_key::<Key>()? {
-            match key {
-                Key::Transaction => keys.transaction = map.next_value()?,
-                Key::Unit => keys.unit = Some(map.next_value()?),
-                Key::Function => keys.function = Some(map.next_value()?),
-                Key::Address => keys.address = Some(map.next_value()?),
-                Key::Quantity => keys.quantity = Some(map.next_value()?),
-                Key::WriteAddress => keys.write_address = Some(map.next_value()?),
-                Key::And => keys.and = Some(map.next_value()?),
-                Key::Or => keys.or = Some(map.next_value()?),
-                Key::Value => keys.value = Some(map.next_value::<Number>()?.0),
-                Key::Exception => keys.exception = Some(map.next_value()?),
-                Key::Bits | Key::Registers | Key::Values | Key::Data => {
-                    keys.list = Some((key, map.next_value()?));
-                }
+            let number = match key {
                 Key::Unknown => {
                     map.next_value::<IgnoredAny>()?;
                     return Err(A::Error::custom("a key that no Modbus frame has"));
                 }
+                Key::Values | Key::Bits | Key::Registers | Key::Data => {
+                    if given.list.replace((key, map.next_value()?)).is_some() {
+                        return Err(A::Error::custom(ShapeError::Extra));
+                    }
+                    continue;
+                }
+                Key::Transaction => map.next_value()?,
+                Key::Unit | Key::Function | Key::Exception => Some(map.next_value::<u8>()?.into()),
+                Key::Value => Some(map.next_value::<Number>()?.0),
+                _ => Some(map.next_value()?),
+            };
+            if let Some(place) = given.numbers.get_mut(key as usize) {
+                *place = number;
             }
         }
-        match keys.frame() {
+        match given.frame() {
             Err(ShapeError::Encode(error)) => Ok(FrameObject(Err(error))),
             frame => frame.map(|frame| FrameObject(Ok(frame))).map_err(A::Error::custom),
         }
     }
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+/// The keys of an object: those with a number, then those with a list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Key {
     Transaction,
     Unit,
     Function,
+    Exception,
     Address,
     Quantity,
     WriteAddress,
@@ -181,23 +190,45 @@ enum Key {
     Bits,
     Registers,
     Data,
-    Exception,
     #[serde(other)]
     Unknown,
 }
+impl Key {
+    /// The keys with a number.
+    const NUMBERS: usize = Self::Value as usize + 1;
 
+    /// The keys of a message of `side` beside transaction, unit and function.
+    const fn of(code: u8, side: Side) -> &'static [Self] {
+        match (code, side) {
+            (1..=4, Side::Client) => &[Self::Address, Self::Quantity],
+            (1 | 2, Side::Server) => &[Self::Bits],
+            (3 | 4 | function::READ_WRITE_REGISTERS, Side::Server) => &[Self::Registers],
+            (function::WRITE_COIL | function::WRITE_REGISTER, _) => &[Self::Address, Self::Value],
+            (function::WRITE_COILS | function::WRITE_REGISTERS, Side::Client) => {
+                &[Self::Address, Self::Values]
+            }
+            (function::WRITE_COILS | function::WRITE_REGISTERS, Side::Server) => {
+                &[Self::Address, Self::Quantity]
+            }
+            (function::MASK_WRITE_REGISTER, _) => &[Self::Address, Self::And, Self::Or],
+            (function::READ_WRITE_REGISTERS, Side::Client) => {
+                &[Self::Address, Self::Quantity, Self::WriteAddress, Self::Values]
+            }
+            _ => &[Self::Data],
+        }
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+/// The values of an object.
 #[derive(Default)]
-struct Keys {
-    transaction: Option<u16>,
-    unit: Option<u8>,
-    function: Option<u8>,
-    address: Option<u16>,
-    quantity: Option<u16>,
-    write_address: Option<u16>,
-    and: Option<u16>,
-    or: Option<u16>,
-    value: Option<u16>,
-    exception: Option<Exception>,
+struct Given {
+    numbers: [Option<u16>; Key::NUMBERS],
     list: Option<(Key, List)>,
 }
 
@@ -205,7 +236,7 @@ struct Keys {
 #[derive(Debug, thiserror::Error)]
 enum ShapeError {
     #[error("a key is missing: {0}")]
-    Missing(&'static str),
+    Missing(Key),
     #[error(transparent)]
     Encode(#[from] EncodeError),
     #[error("a value does not fit: {0}")]
@@ -214,104 +245,89 @@ enum ShapeError {
     Extra,
 }
 
-impl Keys {
-    fn frame(mut self) -> Result<Frame<PduBuf>, ShapeError> {
-        let unit = self.unit.ok_or(ShapeError::Missing("unit"))?;
-        let pdu = self.pdu()?;
-        let rest = [self.address, self.quantity, self.write_address, self.and, self.or, self.value];
-        if rest.iter().any(Option::is_some) {
-            return Err(ShapeError::Extra);
-        }
-        Ok(Frame { transaction: self.transaction, unit, pdu })
+impl Given {
+    fn frame(&self) -> Result<Frame<PduBuf>, ShapeError> {
+        let byte = |key| {
+            let number = self.number(key).ok_or(ShapeError::Missing(key))?;
+            u8::try_from(number).map_err(|_| ShapeError::Range("a byte is 0 to 255"))
+        };
+        let (unit, function) = (byte(Key::Unit)?, byte(Key::Function)?);
+        let pdu = if self.has_only(&[Key::Exception]) {
+            PduBuf::new(&Reply::Exception { function, exception: byte(Key::Exception)?.into() })?
+        } else if self.has_only(&[Key::Data]) {
+            PduBuf::new(&Request::Other { function, data: self.list().to_bytes(&mut [0; limit::PDU])? })?
+        } else if self.has_only(Key::of(function, Side::Client)) {
+            self.request(function)?
+        } else if self.has_only(Key::of(function, Side::Server)) {
+            self.reply(function)?
+        } else {
+            let mut keys = Key::of(function, Side::Client).iter();
+            return Err(keys
+                .find(|key| !self.has(**key))
+                .map_or(ShapeError::Extra, |key| ShapeError::Missing(*key)));
+        };
+        Ok(Frame { transaction: self.number(Key::Transaction), unit, pdu })
     }
 
-    /// Takes the keys that the message has.
-    fn pdu(&mut self) -> Result<PduBuf, ShapeError> {
-        let code = self.function.ok_or(ShapeError::Missing("function"))?;
-        if let Some(exception) = self.exception {
-            if self.list.is_some() {
-                return Err(ShapeError::Extra);
+    fn request(&self, function: u8) -> Result<PduBuf, ShapeError> {
+        let number = |key| self.number(key).unwrap_or_default();
+        let (address, quantity, list) = (number(Key::Address), number(Key::Quantity), self.list());
+        let values = Words::from(list.words());
+        Ok(match function {
+            function::WRITE_COIL => {
+                PduBuf::new(&Request::WriteCoil { address, value: truth(number(Key::Value))? })
             }
-            return buffer(&Reply::Exception { function: code, exception });
-        }
-        let mut bits = [false; List::MAX];
-        let mut bytes = [0; limit::PDU];
-        let empty = List::default();
-        let given = self.list.take();
-        let (key, list) = given.as_ref().map_or((Key::Unknown, &empty), |(key, list)| (*key, list));
-        let words = Words::from(list.words());
-        let of_bits = key == Key::Bits || (code, key) == (function::WRITE_COILS, Key::Values);
-        let truths = if of_bits { list.to_bits(&mut bits)? } else { Bits::from(&[]) };
-        match (code, key) {
-            (function::READ_COILS, Key::Bits) => buffer(&Reply::Coils(truths)),
-            (function::READ_DISCRETE_INPUTS, Key::Bits) => buffer(&Reply::DiscreteInputs(truths)),
-            (function::READ_HOLDING_REGISTERS, Key::Registers) => buffer(&Reply::HoldingRegisters(words)),
-            (function::READ_INPUT_REGISTERS, Key::Registers) => buffer(&Reply::InputRegisters(words)),
-            (function::READ_WRITE_REGISTERS, Key::Registers) => buffer(&Reply::ReadWriteRegisters(words)),
-            (function::WRITE_COILS, Key::Values) => {
-                buffer(&Request::WriteCoils { address: self.address()?, values: truths })
+            function::WRITE_REGISTER => {
+                PduBuf::new(&Request::WriteRegister { address, value: number(Key::Value) })
             }
-            (function::WRITE_REGISTERS, Key::Values) => {
-                buffer(&Request::WriteRegisters { address: self.address()?, values: words })
+            function::WRITE_COILS => {
+                let mut bits = [false; List::MAX];
+                let values = list.to_bits(&mut bits)?;
+                PduBuf::new(&Request::WriteCoils { address, values })
             }
-            (function::READ_WRITE_REGISTERS, Key::Values | Key::Unknown) => {
-                buffer(&Request::ReadWriteRegisters {
-                    address: self.address()?,
-                    quantity: self.quantity()?,
-                    write_address: self.write_address.take().ok_or(ShapeError::Missing("write_address"))?,
-                    values: words,
-                })
+            function::WRITE_REGISTERS => PduBuf::new(&Request::WriteRegisters { address, values }),
+            function::MASK_WRITE_REGISTER => {
+                let (and, or) = (number(Key::And), number(Key::Or));
+                PduBuf::new(&Request::MaskWriteRegister { address, and, or })
             }
-            (function::WRITE_COIL, Key::Unknown) => {
-                let value = self.value.take().ok_or(ShapeError::Missing("value"))?;
-                let value = truth(value)?;
-                buffer(&Request::WriteCoil { address: self.address()?, value })
+            function::READ_WRITE_REGISTERS => {
+                let write_address = number(Key::WriteAddress);
+                PduBuf::new(&Request::ReadWriteRegisters { address, quantity, write_address, values })
             }
-            (function::WRITE_REGISTER, Key::Unknown) => {
-                let value = self.value.take().ok_or(ShapeError::Missing("value"))?;
-                buffer(&Request::WriteRegister { address: self.address()?, value })
-            }
-            (function::MASK_WRITE_REGISTER, Key::Unknown) => buffer(&Request::MaskWriteRegister {
-                address: self.address()?,
-                and: self.and.take().ok_or(ShapeError::Missing("and"))?,
-                or: self.or.take().ok_or(ShapeError::Missing("or"))?,
-            }),
-            (function::WRITE_COILS, Key::Unknown) => {
-                buffer(&Reply::WriteCoils { address: self.address()?, quantity: self.quantity()? })
-            }
-            (function::WRITE_REGISTERS, Key::Unknown) => {
-                buffer(&Reply::WriteRegisters { address: self.address()?, quantity: self.quantity()? })
-            }
-            (function::READ_COILS, Key::Unknown) => {
-                buffer(&Request::ReadCoils { address: self.address()?, quantity: self.quantity()? })
-            }
-            (function::READ_DISCRETE_INPUTS, Key::Unknown) => {
-                buffer(&Request::ReadDiscreteInputs { address: self.address()?, quantity: self.quantity()? })
-            }
-            (function::READ_HOLDING_REGISTERS, Key::Unknown) => buffer(&Request::ReadHoldingRegisters {
-                address: self.address()?,
-                quantity: self.quantity()?,
-            }),
-            (function::READ_INPUT_REGISTERS, Key::Unknown) => {
-                buffer(&Request::ReadInputRegisters { address: self.address()?, quantity: self.quantity()? })
-            }
-            (function, Key::Data) => buffer(&Request::Other { function, data: list.to_bytes(&mut bytes)? }),
-            (_, Key::Unknown) => Err(ShapeError::Missing("data")),
-            _ => Err(ShapeError::Extra),
-        }
+            _ => PduBuf::new(&Request::read(function, address, quantity)),
+        }?)
     }
 
-    fn address(&mut self) -> Result<u16, ShapeError> {
-        self.address.take().ok_or(ShapeError::Missing("address"))
+    fn reply(&self, function: u8) -> Result<PduBuf, ShapeError> {
+        let number = |key| self.number(key).unwrap_or_default();
+        let (address, quantity, list) = (number(Key::Address), number(Key::Quantity), self.list());
+        Ok(match function {
+            function::READ_COILS | function::READ_DISCRETE_INPUTS => {
+                PduBuf::new(&Reply::of_bits(function, list.to_bits(&mut [false; List::MAX])?))
+            }
+            function::WRITE_COILS => PduBuf::new(&Reply::WriteCoils { address, quantity }),
+            function::WRITE_REGISTERS => PduBuf::new(&Reply::WriteRegisters { address, quantity }),
+            _ => PduBuf::new(&Reply::of_words(function, Words::from(list.words()))),
+        }?)
     }
 
-    fn quantity(&mut self) -> Result<u16, ShapeError> {
-        self.quantity.take().ok_or(ShapeError::Missing("quantity"))
+    fn number(&self, key: Key) -> Option<u16> {
+        *self.numbers.get(key as usize)?
     }
-}
 
-fn buffer(pdu: &impl Pdu) -> Result<PduBuf, ShapeError> {
-    Ok(PduBuf::new(pdu)?)
+    fn list(&self) -> &List {
+        self.list.as_ref().map_or(&List::EMPTY, |(_, list)| list)
+    }
+
+    fn has(&self, key: Key) -> bool {
+        self.number(key).is_some() || self.list.as_ref().is_some_and(|(given, _)| *given == key)
+    }
+
+    /// Returns whether the message has these keys and no others.
+    fn has_only(&self, keys: &[Key]) -> bool {
+        let numbers = self.numbers.iter().skip(Key::Exception as usize).flatten().count();
+        keys.iter().all(|key| self.has(*key)) && keys.len() == numbers + usize::from(self.list.is_some())
+    }
 }
 
 fn truth(word: u16) -> Result<bool, ShapeError> {
@@ -330,6 +346,7 @@ struct List {
 
 impl List {
     const MAX: usize = limit::READ_BITS as usize;
+    const EMPTY: Self = Self { items: [0; Self::MAX], len: 0 };
 
     fn words(&self) -> &[u16] {
         self.items.get(..self.len).unwrap_or_default()
@@ -351,12 +368,6 @@ impl List {
     }
 }
 
-impl Default for List {
-    fn default() -> Self {
-        Self { items: [0; Self::MAX], len: 0 }
-    }
-}
-
 impl<'de> Deserialize<'de> for List {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct ListVisitor;
@@ -368,7 +379,7 @@ impl<'de> Deserialize<'de> for List {
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<List, A::Error> {
-                let mut list = List::default();
+                let mut list = List::EMPTY;
                 while let Some(Number(word)) = seq.next_element()? {
                     let Some(item) = list.items.get_mut(list.len) else {
                         return Err(A::Error::invalid_length(list.len + 1, &self));

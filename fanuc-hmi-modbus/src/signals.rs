@@ -73,155 +73,67 @@ pub enum Signal {
 
 impl Signal {
     /// Its table and PDU address; `None` when the number is outside its range.
-    pub const fn place(self) -> Option<(Table, u16)> {
-        let (kind, number) = self.split();
-        let range = kind.range();
-        if number < range.first || number - range.first > range.last_address - range.first_address {
-            return None;
-        }
-        Some((range.table, range.first_address + (number - range.first)))
+    pub fn place(self) -> Option<(Table, u16)> {
+        let number = self.number();
+        let row = ROWS.iter().find(|row| (row.signal)(number) == self)?;
+        let offset = number.checked_sub(row.number)?;
+        (offset <= row.last - row.first).then_some((row.table, row.first - 1 + offset))
     }
 
     /// The signal at a PDU address; `None` where Table 1 has "not used".
     pub fn at(table: Table, address: u16) -> Option<Self> {
-        Kind::ALL.into_iter().find_map(|kind| {
-            let range = kind.range();
-            let here = range.table == table && (range.first_address..=range.last_address).contains(&address);
-            here.then(|| kind.signal(range.first + (address - range.first_address)))
-        })
+        let address = address.checked_add(1)?;
+        let row = ROWS.iter().find(|row| row.table == table && (row.first..=row.last).contains(&address))?;
+        Some((row.signal)(row.number + (address - row.first)))
     }
 
-    const fn split(self) -> (Kind, u16) {
-        match self {
-            Self::Di(n) => (Kind::Di, n),
-            Self::Ri(n) => (Kind::Ri, n),
-            Self::Ui(n) => (Kind::Ui, n),
-            Self::Uo(n) => (Kind::Uo, n),
-            Self::Si(n) => (Kind::Si, n),
-            Self::So(n) => (Kind::So, n),
-            Self::Wi(n) => (Kind::Wi, n),
-            Self::Wo(n) => (Kind::Wo, n),
-            Self::Wsi(n) => (Kind::Wsi, n),
-            Self::Wso(n) => (Kind::Wso, n),
-            Self::Do(n) => (Kind::Do, n),
-            Self::Ro(n) => (Kind::Ro, n),
-            Self::Flag(n) => (Kind::Flag, n),
-            Self::Gi(n) => (Kind::Gi, n),
-            Self::Go(n) => (Kind::Go, n),
-            Self::Ai(n) => (Kind::Ai, n),
-            Self::Ao(n) => (Kind::Ao, n),
-            Self::R(n) => (Kind::R, n),
-            Self::Dynamic(n) => (Kind::Dynamic, n),
-        }
+    #[rustfmt::skip]
+    const fn number(self) -> u16 {
+        let (Self::Di(n) | Self::Ri(n) | Self::Ui(n) | Self::Uo(n) | Self::Si(n) | Self::So(n) | Self::Wi(n) | Self::Wo(n)
+            | Self::Wsi(n) | Self::Wso(n) | Self::Do(n) | Self::Ro(n) | Self::Flag(n) | Self::Gi(n) | Self::Go(n)
+            | Self::Ai(n) | Self::Ao(n) | Self::R(n) | Self::Dynamic(n)) = self;
+        n
     }
 }
 
 /// A row of Table 1.
-#[derive(Debug, Clone, Copy)]
-enum Kind {
-    Di,
-    Ri,
-    Ui,
-    Uo,
-    Si,
-    So,
-    Wi,
-    Wo,
-    Wsi,
-    Wso,
-    Do,
-    Ro,
-    Flag,
-    Gi,
-    Go,
-    Ai,
-    Ao,
-    R,
-    Dynamic,
-}
-
 struct Row {
+    signal: fn(u16) -> Signal,
     table: Table,
-    first_address: u16,
-    last_address: u16,
-    /// The number of the signal at the first address.
+    /// The first address, counted from 1.
     first: u16,
+    /// The last address, counted from 1.
+    last: u16,
+    /// The number of the signal at the first address.
+    number: u16,
 }
 
-impl Kind {
-    const ALL: [Self; 19] = [
-        Self::Di,
-        Self::Ri,
-        Self::Ui,
-        Self::Uo,
-        Self::Si,
-        Self::So,
-        Self::Wi,
-        Self::Wo,
-        Self::Wsi,
-        Self::Wso,
-        Self::Do,
-        Self::Ro,
-        Self::Flag,
-        Self::Gi,
-        Self::Go,
-        Self::Ai,
-        Self::Ao,
-        Self::R,
-        Self::Dynamic,
-    ];
-
-    /// The numbers are those of Table 1: the first and last address, counted from 1, and the signal at the first.
-    const fn range(self) -> Row {
-        use Table::{Coils, DiscreteInputs, HoldingRegisters, InputRegisters};
-        let (table, first_address, last_address, first) = match self {
-            Self::Di => (DiscreteInputs, 1, 10_000, 1),
-            Self::Ri => (DiscreteInputs, 10_001, 20_000, 1),
-            Self::Ui => (DiscreteInputs, 20_001, 21_000, 1),
-            Self::Uo => (DiscreteInputs, 21_001, 21_999, 1),
-            Self::Si => (DiscreteInputs, 22_000, 22_999, 0),
-            Self::So => (DiscreteInputs, 23_000, 24_000, 0),
-            Self::Wi => (DiscreteInputs, 24_001, 25_000, 1),
-            Self::Wo => (DiscreteInputs, 25_001, 26_000, 1),
-            Self::Wsi => (DiscreteInputs, 26_001, 27_000, 1),
-            Self::Wso => (DiscreteInputs, 27_001, 28_000, 1),
-            Self::Do => (Coils, 1, 10_000, 1),
-            Self::Ro => (Coils, 10_001, 20_000, 1),
-            Self::Flag => (Coils, 20_001, 30_000, 1),
-            Self::Gi => (InputRegisters, 1, 1000, 1),
-            Self::Go => (InputRegisters, 1001, 2000, 1),
-            Self::Ai => (InputRegisters, 2001, 3000, 1),
-            Self::Ao => (InputRegisters, 3001, 4000, 1),
-            Self::R => (HoldingRegisters, 1, 16_384, 1),
-            Self::Dynamic => (HoldingRegisters, 16_385, 16_448, 0),
-        };
-        Row { table, first_address: first_address - 1, last_address: last_address - 1, first }
-    }
-
-    const fn signal(self, n: u16) -> Signal {
-        match self {
-            Self::Di => Signal::Di(n),
-            Self::Ri => Signal::Ri(n),
-            Self::Ui => Signal::Ui(n),
-            Self::Uo => Signal::Uo(n),
-            Self::Si => Signal::Si(n),
-            Self::So => Signal::So(n),
-            Self::Wi => Signal::Wi(n),
-            Self::Wo => Signal::Wo(n),
-            Self::Wsi => Signal::Wsi(n),
-            Self::Wso => Signal::Wso(n),
-            Self::Do => Signal::Do(n),
-            Self::Ro => Signal::Ro(n),
-            Self::Flag => Signal::Flag(n),
-            Self::Gi => Signal::Gi(n),
-            Self::Go => Signal::Go(n),
-            Self::Ai => Signal::Ai(n),
-            Self::Ao => Signal::Ao(n),
-            Self::R => Signal::R(n),
-            Self::Dynamic => Signal::Dynamic(n),
-        }
-    }
+const fn row(signal: fn(u16) -> Signal, table: Table, first: u16, last: u16, number: u16) -> Row {
+    Row { signal, table, first, last, number }
 }
+
+/// Table 1.
+static ROWS: [Row; 19] = [
+    row(Signal::Di, Table::DiscreteInputs, 1, 10_000, 1),
+    row(Signal::Ri, Table::DiscreteInputs, 10_001, 20_000, 1),
+    row(Signal::Ui, Table::DiscreteInputs, 20_001, 21_000, 1),
+    row(Signal::Uo, Table::DiscreteInputs, 21_001, 21_999, 1),
+    row(Signal::Si, Table::DiscreteInputs, 22_000, 22_999, 0),
+    row(Signal::So, Table::DiscreteInputs, 23_000, 24_000, 0),
+    row(Signal::Wi, Table::DiscreteInputs, 24_001, 25_000, 1),
+    row(Signal::Wo, Table::DiscreteInputs, 25_001, 26_000, 1),
+    row(Signal::Wsi, Table::DiscreteInputs, 26_001, 27_000, 1),
+    row(Signal::Wso, Table::DiscreteInputs, 27_001, 28_000, 1),
+    row(Signal::Do, Table::Coils, 1, 10_000, 1),
+    row(Signal::Ro, Table::Coils, 10_001, 20_000, 1),
+    row(Signal::Flag, Table::Coils, 20_001, 30_000, 1),
+    row(Signal::Gi, Table::InputRegisters, 1, 1000, 1),
+    row(Signal::Go, Table::InputRegisters, 1001, 2000, 1),
+    row(Signal::Ai, Table::InputRegisters, 2001, 3000, 1),
+    row(Signal::Ao, Table::InputRegisters, 3001, 4000, 1),
+    row(Signal::R, Table::HoldingRegisters, 1, 16_384, 1),
+    row(Signal::Dynamic, Table::HoldingRegisters, 16_385, 16_448, 0),
+];
 
 #[cfg(test)]
 mod tests {

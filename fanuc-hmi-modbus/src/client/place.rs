@@ -4,7 +4,8 @@ use super::event::Ticket;
 use super::machine::Fit;
 use crate::error::{DecodeError, Mismatch};
 use crate::frame::{Frame, RtuLen, Side};
-use crate::message::{PduBuf, Reply, Request, function};
+use crate::message::function::{self, Row};
+use crate::message::{PduBuf, Reply, Request};
 
 /// The bytes of a request, and then of its reply.
 #[derive(Debug, Clone, Copy)]
@@ -63,15 +64,29 @@ impl Place {
         if self.unit != frame.unit && !any_unit {
             return Err(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
         }
-        // The read that is repeated in every cycle: what it asked for is known without its request.
-        let is_read = self.pdu.function() == function::READ_HOLDING_REGISTERS;
-        match Reply::decode(frame.pdu) {
-            Ok(Reply::HoldingRegisters(words)) if is_read && words.len() == usize::from(self.quantity) => {
+        let reply = Reply::decode(frame.pdu).map_err(Misfit::Malformed)?;
+        match reply {
+            // The quantity that was asked for is known without the request, and a reply of registers is not equal to it.
+            Reply::HoldingRegisters(words)
+            | Reply::InputRegisters(words)
+            | Reply::ReadWriteRegisters(words)
+                if self.pdu.function() == reply.function() && words.len() == usize::from(self.quantity) =>
+            {
                 Ok(Fit::Whole)
             }
-            Ok(reply) => self.answered(frame, &reply),
-            Err(error) => Err(Misfit::Malformed(error)),
+            reply => self.answered(frame, &reply),
         }
+    }
+
+    #[inline(never)]
+    fn answered(&self, frame: &Frame<&[u8]>, reply: &Reply<'_>) -> Result<Fit, Misfit> {
+        let request = self.pdu.request().map_err(Misfit::Malformed)?;
+        reply.answers(&request).map_err(Misfit::Mismatch)?;
+        Ok(match reply {
+            Reply::Exception { .. } => Fit::Exception,
+            _ if frame.unit == self.unit && frame.pdu == self.pdu.as_bytes() => Fit::Equal,
+            _ => Fit::Whole,
+        })
     }
 
     /// Whether an RTU frame with the reply to the request in this place begins with these bytes.
@@ -97,22 +112,10 @@ impl Place {
     const fn has_asked_count(&self, reply: &[u8]) -> bool {
         match *reply {
             [_, code, count, ..] if code < function::EXCEPTION && self.quantity > 0 => {
-                let is_of_bits = matches!(code, function::READ_COILS | function::READ_DISCRETE_INPUTS);
-                count as u16 == if is_of_bits { self.quantity.div_ceil(8) } else { 2 * self.quantity }
+                count as u16 == Row::of(code).bytes(self.quantity)
             }
             _ => true,
         }
-    }
-
-    #[inline(never)]
-    fn answered(&self, frame: &Frame<&[u8]>, reply: &Reply<'_>) -> Result<Fit, Misfit> {
-        let request = self.pdu.request().map_err(Misfit::Malformed)?;
-        reply.answers(&request).map_err(Misfit::Mismatch)?;
-        Ok(match reply {
-            Reply::Exception { .. } => Fit::Exception,
-            _ if frame.unit == self.unit && frame.pdu == self.pdu.as_bytes() => Fit::Equal,
-            _ => Fit::Whole,
-        })
     }
 
     /// The reply takes the place of its request.

@@ -1,7 +1,8 @@
 //! Where RTU frames begin and end.
 
 use crate::error::DecodeError;
-use crate::frame::{Frame, RtuLen, RtuShape, Side};
+use crate::frame::{Frame, RTU, RtuLen, Side, pdu_length};
+use crate::message::function::Length;
 use crate::stream::Stream;
 
 /// The length of the RTU frame that begins here, or how many bytes show it.
@@ -76,12 +77,12 @@ impl Ends {
                 };
                 let data = stream.get(start..end).unwrap_or_default();
                 let (Some(code), Some(shows)) = (data.get(1), data.last()) else { break };
-                let len = match RtuShape::of(*code, side) {
-                    RtuShape::Fixed(len) if *at == 1 => len,
-                    RtuShape::Counted { at: count_at } if count_at == *at => at + 3 + usize::from(*shows),
+                let pdu = match pdu_length(*code, side) {
+                    Length::Fixed(pdu) if *at == 1 => pdu.into(),
+                    Length::Counted(count_at) if usize::from(count_at) + 1 == *at => at + usize::from(*shows),
                     _ => continue,
                 };
-                self.add(place(stream, start), len);
+                self.add(place(stream, start), RTU + pdu);
             }
             let mut longest = None;
             while let Some(len) = self.take(place(stream, end)) {

@@ -1,4 +1,6 @@
-//! The function codes that have a type of their own.
+//! The functions that have a type of their own.
+
+use super::limit;
 
 /// Read coils.
 pub const READ_COILS: u8 = 1;
@@ -23,7 +25,64 @@ pub const READ_WRITE_REGISTERS: u8 = 23;
 /// Set in the function code of a reply that is an exception.
 pub const EXCEPTION: u8 = 0x80;
 
-/// True for the codes above; another one travels as `Other`.
+/// Returns whether the code is one of those above. Messages of other functions travel as `Other`.
 pub const fn is_typed(code: u8) -> bool {
-    matches!(code, 1..=6 | 15 | 16 | 22 | 23)
+    Row::of(code).is_typed
+}
+
+/// The length of a PDU, and the part of it that shows the length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Length {
+    /// So many bytes.
+    Fixed(u8),
+    /// A byte count at this offset from the function code, then so many bytes.
+    Counted(u8),
+    /// Not shown by the PDU.
+    Unknown,
+}
+
+/// The messages of a function.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Row {
+    is_typed: bool,
+    /// The length of the request.
+    pub(crate) request: Length,
+    /// The length of the reply, if that is not an exception.
+    pub(crate) reply: Length,
+    /// The most bits or registers that it reads; 0 if it reads none.
+    pub(crate) reads: u16,
+    /// The most bits or registers that it writes; 0 if it writes none.
+    pub(crate) writes: u16,
+    /// Whether it reads or writes bits, not registers.
+    is_of_bits: bool,
+}
+
+impl Row {
+    /// Every function with a type of its own, one a line.
+    #[inline(always)] // most callers look at one of the fields
+    pub(crate) const fn of(code: u8) -> Self {
+        use Length::{Counted, Fixed, Unknown};
+        let (request, reply, reads, writes, is_of_bits) = match code {
+            READ_COILS => (Fixed(5), Counted(1), limit::READ_BITS, 0, true),
+            READ_DISCRETE_INPUTS => (Fixed(5), Counted(1), limit::READ_BITS, 0, true),
+            READ_HOLDING_REGISTERS => (Fixed(5), Counted(1), limit::READ_REGISTERS, 0, false),
+            READ_INPUT_REGISTERS => (Fixed(5), Counted(1), limit::READ_REGISTERS, 0, false),
+            WRITE_COIL => (Fixed(5), Fixed(5), 0, 1, true),
+            WRITE_REGISTER => (Fixed(5), Fixed(5), 0, 1, false),
+            WRITE_COILS => (Counted(5), Fixed(5), 0, limit::WRITE_BITS, true),
+            WRITE_REGISTERS => (Counted(5), Fixed(5), 0, limit::WRITE_REGISTERS, false),
+            MASK_WRITE_REGISTER => (Fixed(7), Fixed(7), 0, 1, false),
+            READ_WRITE_REGISTERS => {
+                (Counted(9), Counted(1), limit::READ_REGISTERS, limit::READ_WRITE_REGISTERS, false)
+            }
+            _ => (Unknown, Unknown, 0, 0, false),
+        };
+        Self { is_typed: !matches!(request, Unknown), request, reply, reads, writes, is_of_bits }
+    }
+
+    /// Returns how many bytes this many bits or registers take.
+    #[inline]
+    pub(crate) const fn bytes(self, quantity: u16) -> u16 {
+        if self.is_of_bits { quantity.div_ceil(8) } else { 2 * quantity }
+    }
 }

@@ -16,3 +16,4 @@ pub use exception::Exception;
 pub use pdu::Pdu;
 pub use reply::Reply;
 pub use request::Request;
+pub(crate) use wire::run;

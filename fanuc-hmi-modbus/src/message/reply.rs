@@ -1,11 +1,11 @@
 use super::data::{Bits, Words};
 use super::exception::Exception;
+use super::function::{self, Row};
 use super::pdu::{Pdu, sealed};
 use super::request::Request;
 use super::wire::{
-    check_run, coil, coil_word, exactly, mask, pair, put_mask, put_other, put_pair, room, room_for,
+    check_run, coil, coil_word, exactly, mask, pair, put_mask, put_other, put_pair, room, room_for, run,
 };
-use super::{function, limit};
 use crate::error::{DecodeError, EncodeError, Mismatch};
 
 /// What a server answers.
@@ -57,10 +57,12 @@ impl<'a> Reply<'a> {
     /// Every other reply: apart, so that the one that is read in every cycle is small enough to be built in where it is decoded.
     fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
         Ok(match function {
-            function::READ_INPUT_REGISTERS => Self::InputRegisters(words(function, body)?),
-            function::READ_COILS => Self::Coils(bits(function, body)?),
-            function::READ_DISCRETE_INPUTS => Self::DiscreteInputs(bits(function, body)?),
-            function::READ_WRITE_REGISTERS => Self::ReadWriteRegisters(words(function, body)?),
+            function::READ_COILS | function::READ_DISCRETE_INPUTS => {
+                Self::of_bits(function, Bits::from_wire(counted(function, body)?, usize::MAX))
+            }
+            function::READ_INPUT_REGISTERS | function::READ_WRITE_REGISTERS => {
+                Self::of_words(function, words(function, body)?)
+            }
             function::WRITE_COIL => {
                 let (address, value) = pair(function, body)?;
                 Self::WriteCoil { address, value: coil(value)? }
@@ -70,11 +72,11 @@ impl<'a> Reply<'a> {
                 Self::WriteRegister { address, value }
             }
             function::WRITE_COILS => {
-                let (address, quantity) = written(function, body, limit::WRITE_BITS)?;
+                let (address, quantity) = run(function, body, Row::of(function).writes)?;
                 Self::WriteCoils { address, quantity }
             }
             function::WRITE_REGISTERS => {
-                let (address, quantity) = written(function, body, limit::WRITE_REGISTERS)?;
+                let (address, quantity) = run(function, body, Row::of(function).writes)?;
                 Self::WriteRegisters { address, quantity }
             }
             function::MASK_WRITE_REGISTER => {
@@ -87,6 +89,40 @@ impl<'a> Reply<'a> {
                 Self::Exception { function: function & !function::EXCEPTION, exception: code.into() }
             }
             function => Self::Other { function, data: body },
+        })
+    }
+
+    /// The reply to a read of function 3, 4 or 23.
+    pub(crate) const fn of_words(function: u8, words: Words<'a>) -> Self {
+        match function {
+            function::READ_HOLDING_REGISTERS => Self::HoldingRegisters(words),
+            function::READ_INPUT_REGISTERS => Self::InputRegisters(words),
+            _ => Self::ReadWriteRegisters(words),
+        }
+    }
+
+    /// The reply to a read of function 1 or 2.
+    pub(crate) const fn of_bits(function: u8, bits: Bits<'a>) -> Self {
+        match function {
+            function::READ_COILS => Self::Coils(bits),
+            _ => Self::DiscreteInputs(bits),
+        }
+    }
+
+    /// The reply that repeats what a request writes; `None` if the request reads, or has no type of its own.
+    pub(crate) fn repeating(request: &Request<'_>) -> Option<Self> {
+        let count = |written: usize| u16::try_from(written).unwrap_or(u16::MAX);
+        Some(match *request {
+            Request::WriteCoil { address, value } => Self::WriteCoil { address, value },
+            Request::WriteRegister { address, value } => Self::WriteRegister { address, value },
+            Request::WriteCoils { address, values } => {
+                Self::WriteCoils { address, quantity: count(values.len()) }
+            }
+            Request::WriteRegisters { address, values } => {
+                Self::WriteRegisters { address, quantity: count(values.len()) }
+            }
+            Request::MaskWriteRegister { address, and, or } => Self::MaskWriteRegister { address, and, or },
+            _ => return None,
         })
     }
 
@@ -113,42 +149,33 @@ impl<'a> Reply<'a> {
     /// The first thing that differs.
     #[inline]
     pub fn answers(&self, request: &Request<'_>) -> Result<(), Mismatch> {
-        let (expected, found) = (request.function(), self.function());
-        if expected != found {
-            return Err(Mismatch::Function { expected, found });
+        let function = self.function();
+        if request.function() != function {
+            return Err(Mismatch::Function { expected: request.function(), found: function });
         }
-        let count = |expected: usize, found: usize| {
-            if expected == found { Ok(()) } else { Err(Mismatch::Quantity { expected, found }) }
-        };
-        let echo = |same: bool| if same { Ok(()) } else { Err(Mismatch::Echo) };
-        match (*request, *self) {
+        let (expected, found) = match (*request, *self) {
             (
                 Request::ReadCoils { quantity, .. } | Request::ReadDiscreteInputs { quantity, .. },
                 Self::Coils(bits) | Self::DiscreteInputs(bits),
-            ) => count(usize::from(quantity).div_ceil(8), bits.byte_len()),
+            ) => (usize::from(quantity).div_ceil(8), bits.byte_len()),
             (
                 Request::ReadHoldingRegisters { quantity, .. }
                 | Request::ReadInputRegisters { quantity, .. }
                 | Request::ReadWriteRegisters { quantity, .. },
                 Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words),
-            ) => count(2 * usize::from(quantity), 2 * words.len()),
-            (Request::WriteCoil { address: a, value: v }, Self::WriteCoil { address, value }) => {
-                echo((a, v) == (address, value))
-            }
-            (Request::WriteRegister { address: a, value: v }, Self::WriteRegister { address, value }) => {
-                echo((a, v) == (address, value))
-            }
-            (Request::WriteCoils { address: a, values }, Self::WriteCoils { address, quantity }) => {
-                echo(a == address && values.len() == usize::from(quantity))
-            }
-            (Request::WriteRegisters { address: a, values }, Self::WriteRegisters { address, quantity }) => {
-                echo(a == address && values.len() == usize::from(quantity))
-            }
-            (
-                Request::MaskWriteRegister { address: a, and: n, or: o },
-                Self::MaskWriteRegister { address, and, or },
-            ) => echo((a, n, o) == (address, and, or)),
-            _ => Ok(()), // an exception, or a function that only the caller knows
+            ) => (2 * usize::from(quantity), 2 * words.len()),
+            _ => return self.repeats(request),
+        };
+        if expected == found { Ok(()) } else { Err(Mismatch::Quantity { expected, found }) }
+    }
+
+    /// Checks a reply to a write; the others are not looked into.
+    #[inline(never)]
+    fn repeats(&self, request: &Request<'_>) -> Result<(), Mismatch> {
+        match self {
+            Self::Exception { .. } | Self::Other { .. } => Ok(()), // a function that only the caller knows
+            _ if Self::repeating(request) == Some(*self) => Ok(()),
+            _ => Err(Mismatch::Echo),
         }
     }
 }
@@ -192,12 +219,8 @@ impl Pdu for Reply<'_> {
             }
             Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
             Self::WriteRegister { address, value } => put_pair(out, function, address, value),
-            Self::WriteCoils { address, quantity } => {
-                check_run(function, address, quantity.into(), limit::WRITE_BITS)?;
-                put_pair(out, function, address, quantity)
-            }
-            Self::WriteRegisters { address, quantity } => {
-                check_run(function, address, quantity.into(), limit::WRITE_REGISTERS)?;
+            Self::WriteCoils { address, quantity } | Self::WriteRegisters { address, quantity } => {
+                check_run(function, address, quantity.into(), Row::of(function).writes)?;
                 put_pair(out, function, address, quantity)
             }
             Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
@@ -233,11 +256,6 @@ fn counted(function: u8, body: &[u8]) -> Result<&[u8], DecodeError> {
 }
 
 #[inline]
-fn bits(function: u8, body: &[u8]) -> Result<Bits<'_>, DecodeError> {
-    counted(function, body).map(|data| Bits::from_wire(data, usize::MAX))
-}
-
-#[inline]
 fn words(function: u8, body: &[u8]) -> Result<Words<'_>, DecodeError> {
     if let Some(&found) = body.first()
         && found % 2 == 1
@@ -247,23 +265,14 @@ fn words(function: u8, body: &[u8]) -> Result<Words<'_>, DecodeError> {
     counted(function, body).map(Words::from_wire)
 }
 
-fn written(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
-    let (address, quantity) = pair(function, body)?;
-    if (1..=max).contains(&quantity) {
-        Ok((address, quantity))
-    } else {
-        Err(DecodeError::Quantity { function, found: quantity, max })
-    }
-}
-
 fn put_bits(out: &mut [u8], function: u8, bits: Bits<'_>) -> Result<usize, EncodeError> {
-    check_run(function, 0, bits.len(), limit::READ_BITS)?;
+    check_run(function, 0, bits.len(), Row::of(function).reads)?;
     bits.write(put_head(out, function, bits.byte_len())?);
     Ok(2 + bits.byte_len())
 }
 
 fn put_words(out: &mut [u8], function: u8, words: Words<'_>) -> Result<usize, EncodeError> {
-    check_run(function, 0, words.len(), limit::READ_REGISTERS)?;
+    check_run(function, 0, words.len(), Row::of(function).reads)?;
     words.write(put_head(out, function, 2 * words.len())?);
     Ok(2 + 2 * words.len())
 }

@@ -1,7 +1,8 @@
 use super::data::{Bits, Words};
+use super::function::{self, Row};
+use super::limit;
 use super::pdu::{Pdu, sealed};
-use super::wire::{check_run, coil, coil_word, mask, pair, put_mask, put_other, put_pair, room};
-use super::{function, limit};
+use super::wire::{check_run, coil, coil_word, mask, pair, put_mask, put_other, put_pair, room, run, within};
 use crate::error::{DecodeError, EncodeError};
 
 /// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
@@ -45,7 +46,7 @@ impl<'a> Request<'a> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
         match function {
             function::READ_HOLDING_REGISTERS => {
-                let (address, quantity) = run(function, body, limit::READ_REGISTERS)?;
+                let (address, quantity) = run(function, body, Row::of(function).reads)?;
                 Ok(Self::ReadHoldingRegisters { address, quantity })
             }
             _ => Self::decode_other(function, body),
@@ -55,17 +56,9 @@ impl<'a> Request<'a> {
     /// Every other request: apart, so that the one that comes in every cycle is small enough to be built in where it is decoded.
     fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
         Ok(match function {
-            function::READ_COILS => {
-                let (address, quantity) = run(function, body, limit::READ_BITS)?;
-                Self::ReadCoils { address, quantity }
-            }
-            function::READ_DISCRETE_INPUTS => {
-                let (address, quantity) = run(function, body, limit::READ_BITS)?;
-                Self::ReadDiscreteInputs { address, quantity }
-            }
-            function::READ_INPUT_REGISTERS => {
-                let (address, quantity) = run(function, body, limit::READ_REGISTERS)?;
-                Self::ReadInputRegisters { address, quantity }
+            function::READ_COILS | function::READ_DISCRETE_INPUTS | function::READ_INPUT_REGISTERS => {
+                let (address, quantity) = run(function, body, Row::of(function).reads)?;
+                Self::read(function, address, quantity)
             }
             function::WRITE_COIL => {
                 let (address, value) = pair(function, body)?;
@@ -77,12 +70,12 @@ impl<'a> Request<'a> {
             }
             function::WRITE_COILS => {
                 let (address, body) = word(function, 0, body)?;
-                let (quantity, data) = data(function, 2, body, limit::WRITE_BITS, |q| q.div_ceil(8))?;
+                let (quantity, data) = data(function, 2, body)?;
                 Self::WriteCoils { address, values: Bits::from_wire(data, quantity.into()) }
             }
             function::WRITE_REGISTERS => {
                 let (address, body) = word(function, 0, body)?;
-                let (_, data) = data(function, 2, body, limit::WRITE_REGISTERS, |q| 2 * q)?;
+                let (_, data) = data(function, 2, body)?;
                 Self::WriteRegisters { address, values: Words::from_wire(data) }
             }
             function::MASK_WRITE_REGISTER => {
@@ -93,8 +86,8 @@ impl<'a> Request<'a> {
                 let (address, body) = word(function, 0, body)?;
                 let (quantity, body) = word(function, 2, body)?;
                 let (write_address, body) = word(function, 4, body)?;
-                let quantity = within(function, quantity, limit::READ_REGISTERS)?;
-                let (_, data) = data(function, 6, body, limit::READ_WRITE_REGISTERS, |q| 2 * q)?;
+                let quantity = within(function, quantity, Row::of(function).reads)?;
+                let (_, data) = data(function, 6, body)?;
                 Self::ReadWriteRegisters { address, quantity, write_address, values: Words::from_wire(data) }
             }
             0 | function::EXCEPTION.. => return Err(DecodeError::Function { found: function }),
@@ -102,17 +95,27 @@ impl<'a> Request<'a> {
         })
     }
 
-    /// Whether a reply may be equal to it, or begin as it does; of a function without a type nothing is known.
+    /// A read of function 1 to 4.
+    pub(crate) const fn read(function: u8, address: u16, quantity: u16) -> Self {
+        match function {
+            function::READ_COILS => Self::ReadCoils { address, quantity },
+            function::READ_DISCRETE_INPUTS => Self::ReadDiscreteInputs { address, quantity },
+            function::READ_HOLDING_REGISTERS => Self::ReadHoldingRegisters { address, quantity },
+            _ => Self::ReadInputRegisters { address, quantity },
+        }
+    }
+
+    /// Returns whether a reply may be equal to it, or begin as it does; of a function without a type nothing is known.
     pub(crate) fn is_mirrored(&self) -> bool {
-        // A read's reply has the number of its bytes where the request has the high byte of its address.
-        let counts = |address: u16, bytes: u16| address >> 8 == bytes;
         match *self {
-            Self::ReadCoils { address, quantity } | Self::ReadDiscreteInputs { address, quantity } => {
-                counts(address, quantity.div_ceil(8))
-            }
-            Self::ReadHoldingRegisters { address, quantity }
+            // The reply has the number of its bytes where the request has the high byte of its address.
+            Self::ReadCoils { address, quantity }
+            | Self::ReadDiscreteInputs { address, quantity }
+            | Self::ReadHoldingRegisters { address, quantity }
             | Self::ReadInputRegisters { address, quantity }
-            | Self::ReadWriteRegisters { address, quantity, .. } => counts(address, 2 * quantity),
+            | Self::ReadWriteRegisters { address, quantity, .. } => {
+                address >> 8 == Row::of(self.function()).bytes(quantity)
+            }
             Self::WriteCoils { .. } | Self::WriteRegisters { .. } => false,
             Self::WriteCoil { .. }
             | Self::WriteRegister { .. }
@@ -152,7 +155,7 @@ impl<'a> Request<'a> {
 
     /// True when only a reply makes sense of it: such a request cannot be broadcast.
     pub const fn reads(&self) -> bool {
-        matches!(self.function(), 1..=4 | function::READ_WRITE_REGISTERS)
+        Row::of(self.function()).reads > 0
     }
 }
 
@@ -190,27 +193,12 @@ impl Pdu for Request<'_> {
             Self::WriteCoils { address, values } => put_coils(out, address, values),
             Self::WriteRegisters { address, values } => put_words(out, &[address], values),
             Self::ReadWriteRegisters { address, quantity, write_address, values } => {
-                check_run(function, address, quantity.into(), limit::READ_REGISTERS)?;
+                check_run(function, address, quantity.into(), Row::of(function).reads)?;
                 put_words(out, &[address, quantity, write_address], values)
             }
             Self::Other { function, data } => put_other(out, function, data),
         }
     }
-}
-
-fn within(function: u8, quantity: u16, max: u16) -> Result<u16, DecodeError> {
-    if (1..=max).contains(&quantity) {
-        Ok(quantity)
-    } else {
-        Err(DecodeError::Quantity { function, found: quantity, max })
-    }
-}
-
-/// An address and a quantity within 1 to `max`.
-#[inline]
-fn run(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
-    let (address, quantity) = pair(function, body)?;
-    Ok((address, within(function, quantity, max)?))
 }
 
 /// The word at `offset` after the function code, and what follows it.
@@ -226,20 +214,15 @@ fn word(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), Decode
 
 /// A quantity, its byte count and exactly the data that they announce, `offset` after the function code.
 #[inline]
-fn data(
-    function: u8,
-    offset: usize,
-    body: &[u8],
-    max: u16,
-    bytes: fn(u16) -> u16,
-) -> Result<(u16, &[u8]), DecodeError> {
+fn data(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), DecodeError> {
+    let row = Row::of(function);
     let (quantity, body) = word(function, offset, body)?;
-    let quantity = within(function, quantity, max)?;
+    let quantity = within(function, quantity, row.writes)?;
     let head = 1 + offset + 2;
     let Some((&count, data)) = body.split_first() else {
         return Err(DecodeError::PduLength { function, expected: head + 1, found: head });
     };
-    let expected = bytes(quantity);
+    let expected = row.bytes(quantity);
     if u16::from(count) != expected {
         return Err(DecodeError::ByteCount { function, expected, found: count });
     }
@@ -255,7 +238,7 @@ fn data(
 
 fn put_coils(out: &mut [u8], address: u16, values: Bits<'_>) -> Result<usize, EncodeError> {
     let function = function::WRITE_COILS;
-    let quantity = check_run(function, address, values.len(), limit::WRITE_BITS)?;
+    let quantity = check_run(function, address, values.len(), Row::of(function).writes)?;
     let (data, len) = put_head(out, function, &[address, quantity], values.byte_len())?;
     values.write(data);
     Ok(len)
@@ -267,12 +250,9 @@ fn put_words<const N: usize>(
     words: &[u16; N],
     values: Words<'_>,
 ) -> Result<usize, EncodeError> {
-    let (function, max) = match N {
-        1 => (function::WRITE_REGISTERS, limit::WRITE_REGISTERS),
-        _ => (function::READ_WRITE_REGISTERS, limit::READ_WRITE_REGISTERS),
-    };
+    let function = if N == 1 { function::WRITE_REGISTERS } else { function::READ_WRITE_REGISTERS };
     let address = words.last().copied().unwrap_or_default();
-    let quantity = check_run(function, address, values.len(), max)?;
+    let quantity = check_run(function, address, values.len(), Row::of(function).writes)?;
     let head = [quantity];
     let (data, len) = put_head(out, function, words.iter().chain(&head), 2 * values.len())?;
     values.write(data);

@@ -31,6 +31,21 @@ pub(super) fn pair(function: u8, body: &[u8]) -> Result<(u16, u16), DecodeError>
     Ok((u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d])))
 }
 
+/// An address and a quantity within 1 to `max`.
+#[inline]
+pub(crate) fn run(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
+    let (address, quantity) = pair(function, body)?;
+    Ok((address, within(function, quantity, max)?))
+}
+
+pub(super) fn within(function: u8, quantity: u16, max: u16) -> Result<u16, DecodeError> {
+    if (1..=max).contains(&quantity) {
+        Ok(quantity)
+    } else {
+        Err(DecodeError::Quantity { function, found: quantity, max })
+    }
+}
+
 /// Writes a function code and two words.
 #[inline]
 pub(super) fn put_pair(out: &mut [u8], function: u8, first: u16, second: u16) -> Result<usize, EncodeError> {

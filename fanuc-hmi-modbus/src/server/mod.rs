@@ -20,8 +20,9 @@ use machine::{Action, Due, Input, ServerMachine};
 use crate::decoder::{Decoder, WINDOW};
 use crate::error::{ConfigError, DecodeError};
 use crate::frame::Frame;
-use crate::message::{function, limit};
-use crate::registers::{Registers, serve_any};
+use crate::message::function::Row;
+use crate::message::{Exception, limit};
+use crate::registers::{Registers, serve_other};
 use receiver::Receiver;
 use replies::Replies;
 
@@ -104,9 +105,7 @@ impl<R: Registers, const N: usize> Server<R, N> {
         let Some(frame) = self.core.decoder.frame(request) else { return };
         let Some(reply) = self.replies.push() else { return };
         reply.length = frame.serve(&mut self.registers, &mut reply.bytes).unwrap_or(0);
-        let exception = reply.exception(frame.transaction.is_some());
-        let Frame { transaction, unit, .. } = frame;
-        let served = ServerEvent::Served { transaction, unit, function: frame.function(), exception };
+        let served = served(&frame, reply.exception(frame.transaction.is_some()));
         self.core.statistics.served += 1;
         self.core.events.push_notice(served);
     }
@@ -115,14 +114,8 @@ impl<R: Registers, const N: usize> Server<R, N> {
     #[cold]
     fn serve_broadcast(&mut self, request: Range<usize>) {
         let Some(frame) = self.core.decoder.frame(request) else { return };
-        let mut reply = [0; limit::PDU];
-        let length = serve_any(frame.pdu, &mut self.registers, &mut reply);
-        let exception = match reply.get(..length) {
-            Some([code, exception]) if *code >= function::EXCEPTION => Some((*exception).into()),
-            _ => None,
-        };
-        let Frame { transaction, unit, .. } = frame;
-        let served = ServerEvent::Served { transaction, unit, function: frame.function(), exception };
+        let exception = serve_other(frame.pdu, &mut self.registers, &mut [0; limit::PDU]).err();
+        let served = served(&frame, exception);
         self.core.statistics.served += 1;
         self.core.events.push_notice(served);
     }
@@ -239,8 +232,14 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     }
 }
 
+/// The event of a request that was carried out.
+#[inline]
+fn served(request: &Frame<&[u8]>, exception: Option<Exception>) -> ServerEvent {
+    let Frame { transaction, unit, .. } = *request;
+    ServerEvent::Served { transaction, unit, function: request.function(), exception }
+}
+
 /// Whether an RTU reply has values, and is longer than a request to read them.
 fn is_long_read(reply: &[u8]) -> bool {
-    let is_read = |code| matches!(code, 1..=4 | function::READ_WRITE_REGISTERS);
-    reply.len() > READ_REQUEST && reply.get(1).is_some_and(|code| is_read(*code))
+    reply.len() > READ_REQUEST && reply.get(1).is_some_and(|code| Row::of(*code).reads > 0)
 }

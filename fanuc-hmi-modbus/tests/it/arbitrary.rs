@@ -31,7 +31,7 @@ fn decoded(wire: &[u8], is_tcp: bool) -> Frame<&[u8]> {
 fn any_bytes_are_a_request_and_a_reply_that_decode_to_themselves() {
     let (mut requests, mut replies, mut exceptions, mut count) =
         (HashSet::new(), HashSet::new(), HashSet::new(), 0);
-    for bytes in inputs(10_000) {
+    for bytes in inputs(20_000) {
         if let Ok(frame) = Unstructured::new(&bytes).arbitrary::<Frame<Request<'_>>>() {
             assert_eq!(decoded(&wire(&frame), frame.transaction.is_some()).request(), Ok(frame));
             let (pdu, function) = (PduBuf::new(&frame.pdu).unwrap(), frame.pdu.function());
@@ -58,7 +58,7 @@ fn any_bytes_are_a_request_and_a_reply_that_decode_to_themselves() {
     assert_eq!(requests.len(), 2 * bits + 2 * registers + 3 * single + 3 * written + other, "{requests:?}");
     let (read, echo) = (8, 1);
     assert_eq!((replies.len(), exceptions.len()), (5 * read + 5 * echo + other + 127, 12), "{replies:?}");
-    assert!(count > 19_500, "{count} of 20000 inputs are long enough");
+    assert!(count > 39_000, "{count} of 40000 inputs are long enough");
 }
 
 #[test]

@@ -3,10 +3,12 @@
 use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
 use crate::message::function::{self, Row};
-use crate::message::{Bits, Exception, Reply, Request, Words, limit};
+use crate::message::{
+    Bits, DeviceIdentification, DeviceObjects, Exception, HEAD, Reply, Request, Words, limit,
+};
 
 /// The functions with a type, and 0 for another one.
-const FUNCTIONS: [u8; 11] = [1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 0];
+const FUNCTIONS: [u8; 14] = [1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43, 0];
 
 impl<'a> Arbitrary<'a> for Request<'a> {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
@@ -20,6 +22,14 @@ impl<'a> Arbitrary<'a> for Request<'a> {
             function::WRITE_COIL => Self::WriteCoil { address: u.arbitrary()?, value: u.arbitrary()? },
             function::WRITE_REGISTER => {
                 Self::WriteRegister { address: u.arbitrary()?, value: u.arbitrary()? }
+            }
+            function::DIAGNOSTICS => {
+                let quantity = u.int_in_range(1..=writes)?;
+                Self::Diagnostics { subfunction: u.arbitrary()?, data: words(u, quantity)? }
+            }
+            function::REPORT_SERVER_ID => Self::ReportServerId,
+            function::READ_DEVICE_IDENTIFICATION => {
+                Self::ReadDeviceIdentification { category: u.arbitrary()?, object: u.arbitrary()? }
             }
             function::WRITE_COILS => {
                 let (address, quantity) = run(u, writes)?;
@@ -63,6 +73,20 @@ impl<'a> Arbitrary<'a> for Reply<'a> {
                 Self::of_words(function, words(u, quantity)?)
             }
             Request::ReadWriteRegisters { values, .. } => Self::ReadWriteRegisters(values),
+            Request::Diagnostics { subfunction, data } => Self::Diagnostics { subfunction, data },
+            Request::ReportServerId => {
+                let length = u.int_in_range(1..=limit::SERVER_ID.into())?;
+                Self::ServerId(data(u, length)?)
+            }
+            Request::ReadDeviceIdentification { category, .. } => {
+                Self::DeviceIdentification(DeviceIdentification {
+                    category,
+                    conformity: u.arbitrary()?,
+                    more: u.arbitrary()?,
+                    next: u.arbitrary()?,
+                    objects: objects(u)?,
+                })
+            }
             Request::Other { data, .. } => Self::Other { function, data },
             written => Self::repeating(&written).ok_or(Error::IncorrectFormat)?,
         })
@@ -89,11 +113,17 @@ fn words<'a>(u: &mut Unstructured<'a>, quantity: u16) -> Result<Words<'a>> {
     data(u, (2 * usize::from(quantity)).min(u.len() & !1)).map(Words::from_wire)
 }
 
+/// Objects in these bytes, as many as there are.
+fn objects<'a>(u: &mut Unstructured<'a>) -> Result<DeviceObjects<'a>> {
+    let most = limit::PDU - HEAD;
+    Ok(DeviceObjects::from_wire(u.bytes(most.min(u.len()))?))
+}
+
 /// A function without a type of its own, and its bytes.
 fn other<'a>(u: &mut Unstructured<'a>) -> Result<(u8, &'a [u8])> {
     let function = u.int_in_range(7..=127)?;
-    // The typed ones come in pairs.
-    let function = if function::is_typed(function) { function + 2 } else { function };
+    // None of the typed ones is 50 above another.
+    let function = if function::is_typed(function) { function + 50 } else { function };
     let length = u.int_in_range(0..=limit::PDU - 1)?;
     Ok((function, u.bytes(length.min(u.len()))?))
 }

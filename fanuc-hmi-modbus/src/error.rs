@@ -113,6 +113,12 @@ pub enum DecodeError {
         /// The byte count.
         found: u8,
     },
+    /// A device identification goes on (`FF`) or not (`00`), nothing else.
+    #[error("more follows is {found:#04x}, neither 0xff nor 0 (at byte 4 of the PDU)")]
+    MoreFollows {
+        /// The value.
+        found: u8,
+    },
     /// A single coil is written with `FF00` (on) or `0000` (off), nothing else.
     #[error("coil value is {found:#06x}, neither 0xff00 nor 0 (at byte 3 of the PDU)")]
     CoilValue {

@@ -44,7 +44,10 @@ pub use decoder::Decoder;
 pub use error::{ConfigError, DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};
 pub use framing::Framing;
-pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
+pub use message::{
+    Bits, BitsMut, DeviceIdentification, DeviceObjects, Exception, Pdu, PduBuf, Reply, Request, Words,
+    WordsMut, function, limit,
+};
 pub use position::PositionRegister;
 pub use registers::{Registers, serve};
 pub use robot_session;

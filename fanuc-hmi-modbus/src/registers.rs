@@ -2,8 +2,7 @@
 
 use crate::error::DecodeError;
 use crate::message::function::{self, Row};
-use crate::message::run;
-use crate::message::{Bits, BitsMut, Exception, Request, Words, WordsMut, limit};
+use crate::message::{Bits, BitsMut, Exception, HEAD, Request, Words, WordsMut, limit, run};
 
 /// The coils, inputs and registers of a server. Every method has a default that refuses, so that an implementation names only
 /// the tables that it has.
@@ -72,6 +71,30 @@ pub trait Registers {
     /// The exception to answer with.
     fn write_registers(&mut self, _address: u16, _values: Words<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
+    }
+
+    /// Function 8: a diagnostic of the serial line. `out` has the words of the request, which are the reply unless they are changed.
+    ///
+    /// # Errors
+    /// The exception to answer with.
+    fn diagnose(&mut self, _subfunction: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
+    /// Function 17: writes the 1 to 250 bytes that the device says of itself, an id and FF if it runs first, and returns how many.
+    ///
+    /// # Errors
+    /// The exception to answer with.
+    fn server_id(&mut self, _out: &mut [u8]) -> Result<usize, Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
+    /// Function 43, MEI type 14: writes the value of an object of the device's identification, at most 244 bytes, and returns its length.
+    /// 0 is the name of its vendor, 1 the code of the product, 2 the revision, all in ASCII; 3 to 6 are the vendor's address in the web, the
+    /// names of product, model and application; those from 128 on are the device's own. `None`: there is no such object; without object
+    /// 0 the answer is exception 1.
+    fn device_object(&mut self, _id: u8, _out: &mut [u8]) -> Option<usize> {
+        None
     }
 
     /// A function without a type of its own: writes the bytes after the function code, at most 252, and returns how many.
@@ -161,6 +184,13 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
             registers.write_registers(address, Words::from(&[value]))?;
             repeat::<5>(pdu, out)
         }
+        Request::Diagnostics { subfunction, .. } => {
+            let out = out.get_mut(..pdu.len()).ok_or(Exception::ServerDeviceFailure)?;
+            out.copy_from_slice(pdu);
+            let words = out.get_mut(3..).unwrap_or_default();
+            registers.diagnose(subfunction, &mut WordsMut::from_wire(words))?;
+            Ok(pdu.len())
+        }
         Request::WriteCoils { address, values } => {
             in_table(address, values.len())?;
             registers.write_coils(address, values)?;
@@ -170,6 +200,16 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
             in_table(address, values.len())?;
             registers.write_registers(address, values)?;
             repeat::<5>(pdu, out)
+        }
+        Request::ReportServerId => {
+            let (head, id) = out.split_first_chunk_mut().ok_or(Exception::ServerDeviceFailure)?;
+            let length = registers.server_id(id.get_mut(..limit::SERVER_ID.into()).unwrap_or_default())?;
+            *head = [function, u8::try_from(length).map_err(|_| Exception::ServerDeviceFailure)?];
+            if (1..=limit::SERVER_ID.into()).contains(&length) {
+                Ok(2 + length)
+            } else {
+                Err(Exception::ServerDeviceFailure)
+            }
         }
         Request::MaskWriteRegister { address, and, or } => {
             let mut word = [0; 2];
@@ -186,6 +226,7 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
             registers.read_holding_registers(address, &mut words)?;
             Ok(len)
         }
+        Request::ReadDeviceIdentification { category, object } => identify(category, object, registers, out),
         Request::Other { function, data } => {
             let (first, rest) = out.split_first_mut().ok_or(Exception::ServerDeviceFailure)?;
             let len = registers.other(function, data, rest)?;
@@ -193,6 +234,46 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
             if len < limit::PDU { Ok(1 + len) } else { Err(Exception::ServerDeviceFailure) }
         }
     }
+}
+
+/// Objects of the device from one on, as many as fit.
+fn identify<R: Registers + ?Sized>(
+    category: u8,
+    object: u8,
+    registers: &mut R,
+    out: &mut [u8; limit::PDU],
+) -> Result<usize, Exception> {
+    let mut value = [0; limit::DEVICE_OBJECT];
+    let mut has = |from: u8, to: u8| (from..=to).any(|id| registers.device_object(id, &mut value).is_some());
+    if !has(0, 0) {
+        return Err(Exception::IllegalFunction);
+    }
+    let last = match category {
+        1 => 2,
+        2 => 0x7F,
+        3 => 0xFF,
+        4 if has(object, object) => object,
+        4 => return Err(Exception::IllegalDataAddress),
+        _ => return Err(Exception::IllegalDataValue),
+    };
+    let conformity = 0x80 + 1 + u8::from(has(3, 0xFF)) + u8::from(has(0x80, 0xFF));
+    let first = if object <= last && has(object, object) { object } else { 0 };
+    let (head, list) = out.split_first_chunk_mut::<HEAD>().ok_or(Exception::ServerDeviceFailure)?;
+    let (mut at, mut count, mut rest) = (0, 0, [0, 0]);
+    for id in first..=last {
+        let Some(length) = registers.device_object(id, &mut value) else { continue };
+        let value = value.get(..length).ok_or(Exception::ServerDeviceFailure)?;
+        let Some([to_id, to_length, to @ ..]) = list.get_mut(at..at + 2 + length) else {
+            rest = [0xFF, id];
+            break;
+        };
+        (*to_id, *to_length) = (id, u8::try_from(length).unwrap_or(u8::MAX)); // at most 244
+        to.copy_from_slice(value);
+        (at, count) = (at + 2 + length, count + 1);
+    }
+    let [more, next] = rest;
+    *head = [function::READ_DEVICE_IDENTIFICATION, function::MEI, category, conformity, more, next, count];
+    Ok(HEAD + at)
 }
 
 /// The reply that repeats the beginning of its request: where was written, and what or how much.

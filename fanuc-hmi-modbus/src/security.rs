@@ -104,11 +104,11 @@ fn element<'a>(bytes: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
 /// An access to registers: the function that stands for it, 15 also for function 5, 16 for 6, and both halves of 22 and 23 by themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Access {
-    /// 1, 2, 3, 4, 15, 16, or that of a function without a type.
+    /// 1, 2, 3, 4, 8, 15, 16, 17, 43, or that of a function without a type.
     pub function: u8,
-    /// The first address; 0 of a function without a type.
+    /// The first address; the subfunction of 8, the object of 43; 0 of 17 and of a function without a type.
     pub address: u16,
-    /// How many bits or registers; 0 of a function without a type.
+    /// How many bits or registers, words of 8, objects of 43; 0 of 17 and of a function without a type.
     pub quantity: u16,
 }
 
@@ -179,6 +179,21 @@ impl<R: Registers, A: FnMut(Access) -> bool> Registers for Guarded<R, A> {
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
         self.check(function::WRITE_REGISTERS, address, values.len())?;
         self.registers.write_registers(address, values)
+    }
+
+    fn diagnose(&mut self, subfunction: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.check(function::DIAGNOSTICS, subfunction, out.len())?;
+        self.registers.diagnose(subfunction, out)
+    }
+
+    fn server_id(&mut self, out: &mut [u8]) -> Result<usize, Exception> {
+        self.check(function::REPORT_SERVER_ID, 0, 0)?;
+        self.registers.server_id(out)
+    }
+
+    fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {
+        self.check(function::READ_DEVICE_IDENTIFICATION, id.into(), 1).ok()?;
+        self.registers.device_object(id, out)
     }
 
     fn other(&mut self, function: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {

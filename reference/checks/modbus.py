@@ -23,8 +23,9 @@ LINK = "fanuc-hmi-modbus"
 FOUND_BY = {"tshark": {"crc"}, "pymodbus": {"crc", "protocol"}}
 LEFT_OUT = {
     # Its function codes from 65 on, and those whose data it gives other names, are bytes to us. It shows no exception code of 0.
-    "tshark": lambda message: "data" in message or message.get("exception") == 0,
-    "pymodbus": lambda message: False,
+    "tshark": lambda message: "data" in message or message.get("exception") == 0 or message["function"] in (8, 17, 43),
+    # It has no words of function 8, and nothing of an identification that it does not keep as a table.
+    "pymodbus": lambda message: message["function"] in (8, 17, 43) and "exception" not in message,
 }
 # Our names, in the order of the wire, and tshark's fields.
 TSHARK = {

@@ -37,6 +37,37 @@ seq:
   - id: address
     type: u2
     if: is_typed and (is_request or is_write)
+  - id: subfunction
+    type: u2
+    if: code == 8
+  - id: mei
+    type: u1
+    if: is_identification
+  - id: category
+    type: u1
+    if: is_identification
+  - id: object
+    type: u1
+    if: is_identification and is_request
+  - id: conformity
+    type: u1
+    if: is_identification and not is_request
+  - id: more_follows
+    type: u1
+    valid:
+      any-of: [0, 0xff]
+    if: is_identification and not is_request
+  - id: next
+    type: u1
+    if: is_identification and not is_request
+  - id: object_count
+    type: u1
+    if: is_identification and not is_request
+  - id: objects
+    type: device_object
+    repeat: expr
+    repeat-expr: object_count
+    if: is_identification and not is_request
   - id: quantity
     type: u2
     valid:
@@ -54,8 +85,13 @@ seq:
   - id: byte_count
     type: u1
     valid:
-      expr: 'is_request ? _ == count_of_request : _ >= 1 and _ <= 250 and (code <= 2 or (_ & 1) == 0)'
-    if: 'is_request ? is_run or code == 23 : is_read'
+      expr: 'is_request ? _ == count_of_request : _ >= 1 and _ <= 250 and (code <= 2 or code == 17 or (_ & 1) == 0)'
+    if: 'is_request ? is_run or code == 23 : is_read or code == 17'
+  - id: id
+    type: u1
+    repeat: expr
+    repeat-expr: byte_count
+    if: code == 17 and not is_request
   - id: value
     type:
       switch-on: code
@@ -73,12 +109,13 @@ seq:
     type:
       switch-on: code
       cases:
+        8: register
         15: bit
         16: register
         23: register
     repeat: expr
-    repeat-expr: 'code == 23 ? write_quantity : quantity'
-    if: is_request and (is_run or code == 23)
+    repeat-expr: 'code == 8 ? words_of_diagnostic : code == 23 ? write_quantity : quantity'
+    if: is_request and (is_run or code == 23) or code == 8
   - id: bits
     type: b1le
     repeat: expr
@@ -93,7 +130,7 @@ seq:
     type: u1
     repeat: expr
     repeat-expr: end_of_pdu - data_from
-    if: not is_typed and not is_exception
+    if: is_raw and not is_exception
   - id: end
     size: 0
     valid:
@@ -120,6 +157,17 @@ instances:
     value: code == 5 or code == 6 or code == 22 or is_run
   is_typed:
     value: is_read or is_write
+  is_identification:
+    value: code == 43 and end_of_pdu > data_from and mei_type == 14
+  mei_type:
+    pos: data_from
+    type: u1
+  more:
+    value: more_follows == 0xff
+  is_raw:
+    value: not is_typed and code != 8 and code != 17 and not is_identification
+  words_of_diagnostic:
+    value: 'end_of_pdu - data_from < 4 ? 1 : (end_of_pdu - data_from - 2) / 2'
   max_quantity:
     value: 'code <= 2 ? 2000 : code == 15 ? 1968 : code == 16 ? 123 : 125'
   count_of_request:
@@ -134,6 +182,16 @@ instances:
     repeat: expr
     repeat-expr: _io.size - 2
 types:
+  device_object:
+    seq:
+      - id: id
+        type: u1
+      - id: len_text
+        type: u1
+      - id: text
+        type: str
+        size: len_text
+        encoding: ISO-8859-1
   coil:
     seq:
       - id: word

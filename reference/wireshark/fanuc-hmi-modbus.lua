@@ -17,7 +17,8 @@ number("unit", "Unit", ProtoField.uint8)
 local FUNCTIONS = {
     [1] = "read coils", [2] = "read discrete inputs", [3] = "read holding registers", [4] = "read input registers",
     [5] = "write coil", [6] = "write register", [15] = "write coils", [16] = "write registers",
-    [22] = "mask write register", [23] = "read/write registers",
+    [8] = "diagnostics", [17] = "report server id", [22] = "mask write register", [23] = "read/write registers",
+    [43] = "read device identification",
 }
 f.function_code = ProtoField.uint8("fanuc_hmi_modbus.function", "Function", base.DEC, FUNCTIONS)
 number("address", "Address", ProtoField.uint16)
@@ -30,6 +31,14 @@ number("registers", "Register", ProtoField.uint16)
 number("and", "AND mask", ProtoField.uint16)
 number("or", "OR mask", ProtoField.uint16)
 number("data", "Data", ProtoField.uint8)
+number("subfunction", "Subfunction", ProtoField.uint16)
+number("id", "Id", ProtoField.uint8)
+number("category", "Category", ProtoField.uint8)
+number("object", "Object", ProtoField.uint8)
+number("conformity", "Conformity", ProtoField.uint8)
+number("more", "More follows", ProtoField.uint8)
+number("next", "Next object", ProtoField.uint8)
+f.text = ProtoField.string("fanuc_hmi_modbus.text", "Text")
 f.exception = ProtoField.uint8("fanuc_hmi_modbus.exception", "Exception", base.DEC, {
     [1] = "illegal function", [2] = "illegal data address", [3] = "illegal data value", [4] = "server device failure",
     [5] = "acknowledge", [6] = "server device busy", [8] = "memory parity error", [10] = "gateway path unavailable",
@@ -81,6 +90,11 @@ function modbus.init()
     open_requests, matches = {}, {}
 end
 
+local NAMED = { [8] = true, [17] = true, [43] = true }
+for code in pairs(TABLE_OF) do NAMED[code] = true end
+
+local function is_identification(pdu) return pdu:len() > 1 and pdu(0, 1):uint() == 43 and pdu(1, 1):uint() == 14 end
+
 local function is_read(code) return code >= 1 and code <= 4 or code == 23 end
 
 local function crc16(range)
@@ -108,10 +122,11 @@ local function rtu_length(tvb, at, is_request)
     if code == 22 then return 10 end
     if is_request then
         if code >= 1 and code <= 6 then return 8 end
+        if code == 17 then return 4 end
         if code == 15 or code == 16 then return counted(6) end
         if code == 23 then return counted(10) end
     else
-        if is_read(code) then return counted(2) end
+        if is_read(code) or code == 17 then return counted(2) end
         if code == 5 or code == 6 or code == 15 or code == 16 then return 8 end
         if code > EXCEPTION then return 5 end
     end
@@ -161,6 +176,37 @@ local function read_pdu(pdu, is_request, add)
         range = take(1)
         add(f.exception, range)
         asked.exception = range:uint()
+    elseif code == 8 then
+        exactly(math.max(5, pdu:len() + (pdu:len() + 1) % 2))
+        word("subfunction")
+        rest_words("values")
+    elseif code == 17 and is_request then
+        exactly(1)
+    elseif code == 17 then
+        local count = take(1):uint()
+        if count < 1 or count > 250 then fail("reply_byte_count") end
+        exactly(2 + count)
+        while at < pdu:len() do add(f.id, take(1)) end
+    elseif is_identification(pdu) then
+        take(1)
+        if is_request then exactly(4) elseif pdu:len() < 7 then fail("pdu_length") end
+        add(f.category, take(1))
+        if is_request then
+            add(f.object, take(1))
+        else
+            add(f.conformity, take(1))
+            local more = take(1)
+            if more:uint() ~= 0 and more:uint() ~= 0xFF then fail("more_follows") end
+            add(f.more, more, more:uint() % 254)
+            add(f.next, take(1))
+            for _ = 1, take(1):uint() do
+                local id, size = take(1), take(1):uint()
+                add(f.id, id)
+                local text = take(size)
+                if size > 0 then add(f.text, text, text:string(ENC_ISO_8859_1)) end
+            end
+            exactly(at)
+        end
     elseif not TABLE_OF[code] then
         while at < pdu:len() do add(f.data, take(1)) end
     elseif not is_request and is_read(code) then
@@ -344,7 +390,7 @@ end
 local function exception_length(tvb, at, is_request)
     if is_request or at < 0 or tvb:len() - at < 8 or header_error(tvb, at) then return end
     local code = tvb(at + 7, 1):uint()
-    if code > EXCEPTION and TABLE_OF[code - EXCEPTION] then return tvb(at + 4, 2):uint() end
+    if code > EXCEPTION and NAMED[code - EXCEPTION] then return tvb(at + 4, 2):uint() end
 end
 
 --- The place and the length of the frame at `at`, whose error it has, or nothing if bytes are missing. `excess` bytes may belong to the

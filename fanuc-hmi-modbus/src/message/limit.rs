@@ -10,5 +10,11 @@ pub const WRITE_BITS: u16 = 1968;
 pub const WRITE_REGISTERS: u16 = 123;
 /// Registers written by a read/write request.
 pub const READ_WRITE_REGISTERS: u16 = 121;
+/// Words of a diagnostic.
+pub const DIAGNOSTICS: u16 = 125;
+/// Bytes that a device says of itself.
+pub const SERVER_ID: u16 = 250;
+/// Bytes of an object of a device's identification.
+pub const DEVICE_OBJECT: usize = 244;
 /// Bytes of a PDU.
 pub const PDU: usize = 253;

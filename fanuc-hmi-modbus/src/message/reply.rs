@@ -1,10 +1,12 @@
 use super::data::{Bits, Words};
 use super::exception::Exception;
-use super::function::{self, Row};
+use super::function::{self, MEI, Row};
+use super::identification::DeviceIdentification;
 use super::pdu::{Pdu, sealed};
 use super::request::Request;
 use super::wire::{
-    check_run, coil, coil_word, exactly, mask, pair, put_mask, put_other, put_pair, room, room_for, run,
+    check_run, coil, coil_word, diagnostic, exactly, mask, pair, put_diagnostic, put_mask, put_other,
+    put_pair, room, room_for, run,
 };
 use crate::error::{DecodeError, EncodeError, Mismatch};
 
@@ -26,14 +28,20 @@ pub enum Reply<'a> {
     WriteCoil { address: u16, value: bool },
     /// 6: repeats the request.
     WriteRegister { address: u16, value: u16 },
+    /// 8: of subfunction 0 the words of the request, of the others one word.
+    Diagnostics { subfunction: u16, data: Words<'a> },
     /// 15: how many coils were written.
     WriteCoils { address: u16, quantity: u16 },
     /// 16: how many registers were written.
     WriteRegisters { address: u16, quantity: u16 },
+    /// 17: 1 to 250 bytes that are the device's own: an id, FF if it runs or 00, anything else.
+    ServerId(&'a [u8]),
     /// 22: repeats the request.
     MaskWriteRegister { address: u16, and: u16, or: u16 },
     /// 23: the 1 to 125 registers that were read after the write.
     ReadWriteRegisters(Words<'a>),
+    /// 43, MEI type 14.
+    DeviceIdentification(DeviceIdentification<'a>),
     /// The server refuses the request of this function code, 1 to 127.
     Exception { function: u8, exception: Exception },
     /// Another function, 1 to 127, with the bytes after its code.
@@ -71,6 +79,10 @@ impl<'a> Reply<'a> {
                 let (address, value) = pair(function, body)?;
                 Self::WriteRegister { address, value }
             }
+            function::DIAGNOSTICS => {
+                let (subfunction, data) = diagnostic(body)?;
+                Self::Diagnostics { subfunction, data }
+            }
             function::WRITE_COILS => {
                 let (address, quantity) = run(function, body, Row::of(function).writes)?;
                 Self::WriteCoils { address, quantity }
@@ -79,9 +91,13 @@ impl<'a> Reply<'a> {
                 let (address, quantity) = run(function, body, Row::of(function).writes)?;
                 Self::WriteRegisters { address, quantity }
             }
+            function::REPORT_SERVER_ID => Self::ServerId(counted(function, body)?),
             function::MASK_WRITE_REGISTER => {
                 let (address, and, or) = mask(body)?;
                 Self::MaskWriteRegister { address, and, or }
+            }
+            function::READ_DEVICE_IDENTIFICATION if body.first() == Some(&MEI) => {
+                Self::DeviceIdentification(DeviceIdentification::decode(body)?)
             }
             0 | function::EXCEPTION => return Err(DecodeError::Function { found: function }),
             function::EXCEPTION.. => {
@@ -135,10 +151,13 @@ impl<'a> Reply<'a> {
             Self::InputRegisters(_) => function::READ_INPUT_REGISTERS,
             Self::WriteCoil { .. } => function::WRITE_COIL,
             Self::WriteRegister { .. } => function::WRITE_REGISTER,
+            Self::Diagnostics { .. } => function::DIAGNOSTICS,
             Self::WriteCoils { .. } => function::WRITE_COILS,
             Self::WriteRegisters { .. } => function::WRITE_REGISTERS,
+            Self::ServerId(_) => function::REPORT_SERVER_ID,
             Self::MaskWriteRegister { .. } => function::MASK_WRITE_REGISTER,
             Self::ReadWriteRegisters(_) => function::READ_WRITE_REGISTERS,
+            Self::DeviceIdentification(_) => function::READ_DEVICE_IDENTIFICATION,
             Self::Exception { function, .. } | Self::Other { function, .. } => *function,
         }
     }
@@ -169,14 +188,24 @@ impl<'a> Reply<'a> {
         if expected == found { Ok(()) } else { Err(Mismatch::Quantity { expected, found }) }
     }
 
-    /// Checks a reply to a write; the others are not looked into.
+    /// Checks what a reply repeats of its request, unless it is a read.
     #[inline(never)]
     fn repeats(&self, request: &Request<'_>) -> Result<(), Mismatch> {
-        match self {
-            Self::Exception { .. } | Self::Other { .. } => Ok(()), // a function that only the caller knows
-            _ if Self::repeating(request) == Some(*self) => Ok(()),
-            _ => Err(Mismatch::Echo),
-        }
+        let is_same = match (*self, *request) {
+            // Another MEI type.
+            (Self::Other { .. }, Request::ReadDeviceIdentification { .. }) => false,
+            // What a device says of itself, and a function that only the caller knows.
+            (Self::Exception { .. } | Self::Other { .. } | Self::ServerId(_), _) => true,
+            (
+                Self::Diagnostics { subfunction, data },
+                Request::Diagnostics { subfunction: asked, data: sent },
+            ) => subfunction == asked && (subfunction != 0 || data == sent),
+            (Self::DeviceIdentification(it), Request::ReadDeviceIdentification { category, .. }) => {
+                it.category == category
+            }
+            _ => Self::repeating(request) == Some(*self),
+        };
+        if is_same { Ok(()) } else { Err(Mismatch::Echo) }
     }
 }
 
@@ -202,7 +231,10 @@ impl Pdu for Reply<'_> {
             Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words) => {
                 2 + 2 * words.len()
             }
+            Self::Diagnostics { data, .. } => 3 + 2 * data.len(),
+            Self::ServerId(data) => 2 + data.len(),
             Self::MaskWriteRegister { .. } => 7,
+            Self::DeviceIdentification(identification) => identification.encoded_len(),
             Self::Exception { .. } => 2,
             Self::Other { data, .. } => 1 + data.len(),
             _ => 5,
@@ -223,7 +255,14 @@ impl Pdu for Reply<'_> {
                 check_run(function, address, quantity.into(), Row::of(function).writes)?;
                 put_pair(out, function, address, quantity)
             }
+            Self::Diagnostics { subfunction, data } => put_diagnostic(out, subfunction, data),
+            Self::ServerId(data) => {
+                check_run(function, 0, data.len(), Row::of(function).reads)?;
+                put_head(out, function, data.len())?.copy_from_slice(data);
+                Ok(2 + data.len())
+            }
             Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
+            Self::DeviceIdentification(identification) => identification.encode(out),
             Self::Exception { function, exception } => {
                 if function == 0 || function >= function::EXCEPTION {
                     return Err(EncodeError::Function { found: function });

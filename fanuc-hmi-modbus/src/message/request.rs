@@ -1,8 +1,11 @@
 use super::data::{Bits, Words};
-use super::function::{self, Row};
+use super::function::{self, MEI, Row};
 use super::limit;
 use super::pdu::{Pdu, sealed};
-use super::wire::{check_run, coil, coil_word, mask, pair, put_mask, put_other, put_pair, room, run, within};
+use super::wire::{
+    check_run, coil, coil_word, diagnostic, exactly, mask, pair, put_diagnostic, put_mask, put_other,
+    put_pair, room, room_for, run, within,
+};
 use crate::error::{DecodeError, EncodeError};
 
 /// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
@@ -23,14 +26,21 @@ pub enum Request<'a> {
     WriteCoil { address: u16, value: bool },
     /// 6: one holding register.
     WriteRegister { address: u16, value: u16 },
+    /// 8: a diagnostic of the serial line: 1 to 125 words, and 1 of every subfunction but 0.
+    Diagnostics { subfunction: u16, data: Words<'a> },
     /// 15: 1 to 1968 coils.
     WriteCoils { address: u16, values: Bits<'a> },
     /// 16: 1 to 123 holding registers.
     WriteRegisters { address: u16, values: Words<'a> },
+    /// 17: what the device says of itself.
+    ReportServerId,
     /// 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
     MaskWriteRegister { address: u16, and: u16, or: u16 },
     /// 23: 1 to 121 registers are written, then 1 to 125 are read.
     ReadWriteRegisters { address: u16, quantity: u16, write_address: u16, values: Words<'a> },
+    /// 43, MEI type 14: objects of the device's identification, from this id on. Categories: 1 basic, 2 regular, 3 extended, 4 the
+    /// object alone.
+    ReadDeviceIdentification { category: u8, object: u8 },
     /// Another function, 1 to 127, with the bytes after its code.
     Other { function: u8, data: &'a [u8] },
 }
@@ -68,6 +78,10 @@ impl<'a> Request<'a> {
                 let (address, value) = pair(function, body)?;
                 Self::WriteRegister { address, value }
             }
+            function::DIAGNOSTICS => {
+                let (subfunction, data) = diagnostic(body)?;
+                Self::Diagnostics { subfunction, data }
+            }
             function::WRITE_COILS => {
                 let (address, body) = word(function, 0, body)?;
                 let (quantity, data) = data(function, 2, body)?;
@@ -77,6 +91,10 @@ impl<'a> Request<'a> {
                 let (address, body) = word(function, 0, body)?;
                 let (_, data) = data(function, 2, body)?;
                 Self::WriteRegisters { address, values: Words::from_wire(data) }
+            }
+            function::REPORT_SERVER_ID => {
+                let [] = *exactly(function, body)?;
+                Self::ReportServerId
             }
             function::MASK_WRITE_REGISTER => {
                 let (address, and, or) = mask(body)?;
@@ -89,6 +107,10 @@ impl<'a> Request<'a> {
                 let quantity = within(function, quantity, Row::of(function).reads)?;
                 let (_, data) = data(function, 6, body)?;
                 Self::ReadWriteRegisters { address, quantity, write_address, values: Words::from_wire(data) }
+            }
+            function::READ_DEVICE_IDENTIFICATION if body.first() == Some(&MEI) => {
+                let [_, category, object] = *exactly(function, body)?;
+                Self::ReadDeviceIdentification { category, object }
             }
             0 | function::EXCEPTION.. => return Err(DecodeError::Function { found: function }),
             function => Self::Other { function, data: body },
@@ -119,7 +141,10 @@ impl<'a> Request<'a> {
             Self::WriteCoils { .. } | Self::WriteRegisters { .. } => false,
             Self::WriteCoil { .. }
             | Self::WriteRegister { .. }
+            | Self::Diagnostics { .. }
+            | Self::ReportServerId
             | Self::MaskWriteRegister { .. }
+            | Self::ReadDeviceIdentification { .. }
             | Self::Other { .. } => true,
         }
     }
@@ -133,10 +158,13 @@ impl<'a> Request<'a> {
             Self::ReadInputRegisters { .. } => function::READ_INPUT_REGISTERS,
             Self::WriteCoil { .. } => function::WRITE_COIL,
             Self::WriteRegister { .. } => function::WRITE_REGISTER,
+            Self::Diagnostics { .. } => function::DIAGNOSTICS,
             Self::WriteCoils { .. } => function::WRITE_COILS,
             Self::WriteRegisters { .. } => function::WRITE_REGISTERS,
+            Self::ReportServerId => function::REPORT_SERVER_ID,
             Self::MaskWriteRegister { .. } => function::MASK_WRITE_REGISTER,
             Self::ReadWriteRegisters { .. } => function::READ_WRITE_REGISTERS,
+            Self::ReadDeviceIdentification { .. } => function::READ_DEVICE_IDENTIFICATION,
             Self::Other { function, .. } => *function,
         }
     }
@@ -155,7 +183,7 @@ impl<'a> Request<'a> {
 
     /// True when only a reply makes sense of it: such a request cannot be broadcast.
     pub const fn reads(&self) -> bool {
-        Row::of(self.function()).reads > 0
+        matches!(self, Self::ReadDeviceIdentification { .. }) || Row::of(self.function()).reads > 0
     }
 }
 
@@ -165,6 +193,9 @@ impl Pdu for Request<'_> {
     #[inline]
     fn encoded_len(&self) -> usize {
         match self {
+            Self::Diagnostics { data, .. } => 3 + 2 * data.len(),
+            Self::ReportServerId => 1,
+            Self::ReadDeviceIdentification { .. } => 4,
             Self::WriteCoils { values, .. } => 6 + values.byte_len(),
             Self::WriteRegisters { values, .. } => 6 + 2 * values.len(),
             Self::MaskWriteRegister { .. } => 7,
@@ -190,6 +221,15 @@ impl Pdu for Request<'_> {
             Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
             Self::WriteRegister { address, value } => put_pair(out, function, address, value),
             Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
+            Self::Diagnostics { subfunction, data } => put_diagnostic(out, subfunction, data),
+            Self::ReportServerId => {
+                *room_for(out)? = [function];
+                Ok(1)
+            }
+            Self::ReadDeviceIdentification { category, object } => {
+                *room_for(out)? = [function, MEI, category, object];
+                Ok(4)
+            }
             Self::WriteCoils { address, values } => put_coils(out, address, values),
             Self::WriteRegisters { address, values } => put_words(out, &[address], values),
             Self::ReadWriteRegisters { address, quantity, write_address, values } => {

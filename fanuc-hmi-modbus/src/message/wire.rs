@@ -1,6 +1,8 @@
 //! Parts that several functions share, read and written.
 
-use super::{function, limit};
+use super::data::Words;
+use super::function::{self, MEI, Row};
+use super::limit;
 use crate::error::{DecodeError, EncodeError};
 
 /// The first `needed` bytes of `out`.
@@ -67,6 +69,35 @@ pub(super) fn mask(body: &[u8]) -> Result<(u16, u16, u16), DecodeError> {
     Ok((u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]), u16::from_be_bytes([e, f])))
 }
 
+/// The subfunction and the words of a diagnostic.
+pub(super) fn diagnostic(body: &[u8]) -> Result<(u16, Words<'_>), DecodeError> {
+    let found = 1 + body.len();
+    match body.split_first_chunk() {
+        Some((subfunction, data @ [_, _, ..])) if data.len() % 2 == 0 => {
+            Ok((u16::from_be_bytes(*subfunction), Words::from_wire(data)))
+        }
+        _ => Err(DecodeError::PduLength {
+            function: function::DIAGNOSTICS,
+            expected: (found | 1).max(5),
+            found,
+        }),
+    }
+}
+
+pub(super) fn put_diagnostic(
+    out: &mut [u8],
+    subfunction: u16,
+    data: Words<'_>,
+) -> Result<usize, EncodeError> {
+    let function = function::DIAGNOSTICS;
+    check_run(function, 0, data.len(), Row::of(function).writes)?;
+    let (head, words) = room(out, 3 + 2 * data.len())?.split_at_mut(3);
+    let [high, low] = subfunction.to_be_bytes();
+    head.copy_from_slice(&[function, high, low]);
+    data.write(words);
+    Ok(3 + 2 * data.len())
+}
+
 pub(super) const COIL_ON: u16 = 0xFF00;
 
 pub(super) fn coil(found: u16) -> Result<bool, DecodeError> {
@@ -100,7 +131,12 @@ pub(super) fn no_run(function: u8, address: u16, found: usize, max: u16) -> Enco
 
 /// Writes a function code that may travel as `Other`, and its bytes.
 pub(super) fn put_other(out: &mut [u8], function: u8, data: &[u8]) -> Result<usize, EncodeError> {
-    if function == 0 || function >= function::EXCEPTION || function::is_typed(function) {
+    let is_raw = match function {
+        0 | function::EXCEPTION.. => false,
+        function::READ_DEVICE_IDENTIFICATION => data.first() != Some(&MEI),
+        function => !function::is_typed(function),
+    };
+    if !is_raw {
         return Err(EncodeError::Function { found: function });
     }
     let found = data.len() + 1;

@@ -28,6 +28,7 @@ fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
             Request::WriteRegisters { address: 1, values: (&[1, 2, 3]).into() },
             reply(Reply::WriteRegisters { address: 1, quantity: 3 }),
         ),
+        (Request::ReportServerId, reply(Reply::ServerId(&[17, 255, 3, 4, 5, 6, 7, 8, 9, 10]))),
         (
             Request::Other { function: 65, data: &[9] },
             reply(Reply::Other { function: 65, data: &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10] }),

@@ -50,8 +50,8 @@ pub(crate) fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
             reply(Reply::WriteRegisters { address: 1, quantity: 3 }),
         ),
         (
-            Request::Other { function: 8, data: &[0, 0, 1, 2] },
-            reply(Reply::Other { function: 8, data: &[0, 0, 1, 2] }),
+            Request::Diagnostics { subfunction: 0, data: Words::from(&[0x102]) },
+            reply(Reply::Diagnostics { subfunction: 0, data: Words::from(&[0x102]) }),
         ),
         (WRITE, reply(Reply::Exception { function: 6, exception: Exception::IllegalDataAddress })),
     ]

@@ -11,6 +11,7 @@ mod echo;
 mod edges;
 #[cfg(feature = "tokio")]
 mod handle;
+mod identification;
 mod line;
 #[cfg(feature = "tokio")]
 mod pipes;

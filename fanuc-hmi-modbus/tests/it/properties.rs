@@ -7,8 +7,9 @@ use core::time::Duration;
 use arbitrary::Unstructured;
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Encode as _};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Decoder, EncodeError, Exception, Frame, Framing, Pdu, PduBuf, Registers,
-    Reply, Request, Side, WordOrder, Words, WordsMut, function, limit, serve,
+    Bits, BitsMut, DecodeError, Decoder, DeviceIdentification, DeviceObjects, EncodeError, Exception, Frame,
+    Framing, Pdu, PduBuf, Registers, Reply, Request, Side, WordOrder, Words, WordsMut, function, limit,
+    serve,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -37,6 +38,9 @@ impl Asked {
             4 => Request::ReadInputRegisters { address, quantity },
             5 => Request::WriteCoil { address, value: other % 2 == 1 },
             6 => Request::WriteRegister { address, value: other },
+            8 => Request::Diagnostics { subfunction: other, data: self.words.as_slice().into() },
+            17 => Request::ReportServerId,
+            43 => Request::ReadDeviceIdentification { category: address as u8, object: other as u8 },
             15 => Request::WriteCoils { address, values: self.bits.as_slice().into() },
             16 => Request::WriteRegisters { address, values: self.words.as_slice().into() },
             22 => Request::MaskWriteRegister { address, and: quantity, or: other },
@@ -59,6 +63,15 @@ impl Asked {
             4 => Reply::InputRegisters(self.words.as_slice().into()),
             5 => Reply::WriteCoil { address, value: other % 2 == 1 },
             6 => Reply::WriteRegister { address, value: other },
+            8 => Reply::Diagnostics { subfunction: other, data: self.words.as_slice().into() },
+            17 => Reply::ServerId(&self.data),
+            43 => Reply::DeviceIdentification(DeviceIdentification {
+                category: address as u8,
+                conformity: other as u8,
+                more: quantity % 2 == 1,
+                next: quantity as u8,
+                objects: DeviceObjects::from_wire(&self.data),
+            }),
             15 => Reply::WriteCoils { address, quantity },
             16 => Reply::WriteRegisters { address, quantity },
             22 => Reply::MaskWriteRegister { address, and: quantity, or: other },
@@ -80,10 +93,13 @@ fn asked() -> impl Strategy<Value = Asked> {
         Just(4),
         Just(5),
         Just(6),
+        Just(8),
         Just(15),
         Just(16),
+        Just(17),
         Just(22),
         Just(23),
+        Just(43),
         1u8..=127
     ];
     let quantity = prop_oneof![1u16..=125, 0u16..=2100];
@@ -111,7 +127,8 @@ fn asked() -> impl Strategy<Value = Asked> {
 fn small() -> impl Strategy<Value = Vec<u8>> {
     vec(any::<u8>(), 6..24).prop_filter_map("no such request", |bytes| {
         let request = Unstructured::new(&bytes).arbitrary::<Request<'_>>().ok()?;
-        function::is_typed(request.function()).then(|| encoded(None, 1, &request).unwrap())
+        let shows_length = function::is_typed(request.function()) && ![8, 43].contains(&request.function());
+        shows_length.then(|| encoded(None, 1, &request).unwrap())
     })
 }
 
@@ -236,7 +253,8 @@ proptest! {
         let allowed = match asked.code {
             1 | 2 => run(quantity, 2000),
             3 | 4 => run(quantity, 125),
-            5 | 6 | 22 => true,
+            5 | 6 | 17 | 22 | 43 => true,
+            8 => (1..=125).contains(&asked.words.len()),
             15 => run(asked.bits.len(), 1968),
             16 => run(asked.words.len(), 123),
             23 => {
@@ -249,7 +267,7 @@ proptest! {
     }
 
     #[test]
-    fn an_accepted_pdu_encodes_to_its_bytes(pdu in vec(any::<u8>(), 0..limit::PDU), code in 0u8..=30) {
+    fn an_accepted_pdu_encodes_to_its_bytes(pdu in vec(any::<u8>(), 0..limit::PDU), code in prop_oneof![0u8..=30, Just(43)]) {
         let mut pdu = pdu;
         if let Some(first) = pdu.first_mut() {
             *first = code;

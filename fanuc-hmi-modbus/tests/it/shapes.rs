@@ -12,10 +12,13 @@ fn objects() -> Vec<(Value, bool)> {
         json!({"transaction":1,"unit":2,"function":4,"address":3,"quantity":4}),
         json!({"unit":2,"function":5,"address":3,"value":true}),
         json!({"unit":2,"function":6,"address":3,"value":65535}),
+        json!({"unit":2,"function":8,"subfunction":3,"values":[4]}),
         json!({"unit":2,"function":15,"address":3,"values":[true,false]}),
         json!({"unit":2,"function":16,"address":3,"values":[7,65535]}),
         json!({"unit":2,"function":22,"address":3,"and":5,"or":6}),
         json!({"unit":2,"function":23,"address":3,"quantity":4,"write_address":5,"values":[6]}),
+        json!({"unit":2,"function":17}),
+        json!({"unit":2,"function":43,"category":1,"object":3}),
         json!({"unit":2,"function":100,"data":[0,255]}),
     ];
     let replies = [
@@ -25,10 +28,13 @@ fn objects() -> Vec<(Value, bool)> {
         json!({"transaction":1,"unit":2,"function":4,"registers":[1]}),
         json!({"unit":2,"function":5,"address":3,"value":false}),
         json!({"unit":2,"function":6,"address":3,"value":0}),
+        json!({"unit":2,"function":8,"subfunction":3,"values":[4]}),
         json!({"unit":2,"function":15,"address":3,"quantity":9}),
         json!({"unit":2,"function":16,"address":3,"quantity":9}),
         json!({"unit":2,"function":22,"address":3,"and":5,"or":6}),
         json!({"unit":2,"function":23,"registers":[6]}),
+        json!({"unit":2,"function":17,"id":[5,255]}),
+        json!({"unit":2,"function":43,"category":1,"conformity":129,"more":true,"next":2,"objects":[{"id":0,"text":"F\u{fc}"}]}),
         json!({"unit":2,"function":100,"data":[0,255]}),
         json!({"unit":2,"function":3,"exception":2}),
     ];
@@ -68,6 +74,8 @@ fn no_key_can_be_left_out_but_the_transaction() {
                 Ok(frame) if key == "transaction" => {
                     assert_eq!((frame.transaction, frame.pdu), (None, whole.pdu))
                 }
+                // The request of the same function.
+                Ok(frame) if key == "id" => assert_eq!(frame.pdu.as_bytes(), [17]),
                 Ok(frame) => panic!("{less} is {frame:?}"),
                 Err(error) => assert_ne!(error, ""),
             }
@@ -133,6 +141,20 @@ fn what_a_frame_cannot_hold_says_what_is_wrong() {
             json!({"unit":1,"function":6,"address":0,"value":-1}),
             "invalid type: integer `-1`, expected 0 to 65535, or true or false",
         ),
+        (
+            json!({"unit":1,"function":43,"objects":[{"id":1,"text":"\u{100}"}]}),
+            "invalid value: string \"\u{100}\", expected a text of at most 255 characters up to U+00FF",
+        ),
+        (json!({"unit":1,"function":43,"objects":[{"id":1}]}), "missing field `text`"),
+        (
+            json!({"unit":1,"function":43,"objects":[{"id":1,"text":"a".repeat(256)}]}),
+            "invalid value: string \"aaa",
+        ),
+        (
+            json!({"unit":1,"function":43,"objects":vec![json!({"id":1,"text":"a".repeat(255)}); 8]}),
+            "more objects than a PDU holds",
+        ),
+        (json!({"unit":1,"function":43,"category":1}), "a key is missing: object"),
         (
             json!({"unit":1,"function":3,"address":0,"quantity":126}),
             "quantity 126 in function 3 is not within 1 to 125",

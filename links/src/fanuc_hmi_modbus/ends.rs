@@ -142,6 +142,34 @@ impl Registers for Tables {
         Ok(())
     }
 
+    fn diagnose(&mut self, subfunction: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        match subfunction {
+            0 => {}
+            11 => out.set(0, 7),
+            _ => return Err(Exception::IllegalFunction),
+        }
+        Ok(())
+    }
+
+    fn server_id(&mut self, out: &mut [u8]) -> Result<usize, Exception> {
+        Ok(out.iter_mut().zip([0x11, 0xFF]).map(|(to, from)| *to = from).count())
+    }
+
+    fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {
+        let value: &[u8] = match id {
+            0 => b"cellwire",
+            1 => b"FM",
+            2 => b"1.0",
+            3 => &[],
+            128 => &[b'x'; 230],
+            129 => &[0xFC],
+            130 => &[b'y'; 244],
+            _ => return None,
+        };
+        out.get_mut(..value.len())?.copy_from_slice(value);
+        Some(value.len())
+    }
+
     fn other(&mut self, function: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
         match function {
             65 => {

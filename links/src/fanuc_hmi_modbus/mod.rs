@@ -44,6 +44,7 @@ pub const LINK: Link = Link {
         ("byte_count", "FM-12"),
         ("quantity", "FM-32"),
         ("coil_value", "FM-11"),
+        ("more_follows", "FM-97"),
         ("function", "FM-32"),
         ("reply_byte_count", "FM-13"),
         ("mbap_length", "FM-28"),

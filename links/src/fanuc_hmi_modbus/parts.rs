@@ -39,6 +39,22 @@ pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
 
 /// What is behind the code of a function, in the order of the bytes.
 fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
+    if message.get("subfunction").is_some() {
+        parts.take(2, "/subfunction", "FM-96");
+        parts.list(count(message, "values"), 2, "/values", "FM-96");
+        return;
+    }
+    if message["function"] == 17 {
+        if !is_request {
+            parts.take(1, "byte count", "FM-13");
+            parts.list(count(message, "id"), 1, "/id", "FM-96");
+        }
+        return;
+    }
+    if message.get("category").is_some() {
+        identification(parts, message, is_request);
+        return;
+    }
     if !is_request && (message.get("bits").is_some() || message.get("address").is_none()) {
         parts.take(1, "byte count", "FM-13");
         bits(parts, "/bits", count(message, "bits"));
@@ -71,6 +87,26 @@ fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
         } else {
             parts.list(count(message, "values"), 2, "/values", "FM-7");
         }
+    }
+}
+
+/// What is behind the code of function 43.
+fn identification(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
+    parts.take(1, "MEI type", "FM-97");
+    parts.take(1, "/category", "FM-97");
+    if is_request {
+        parts.take(1, "/object", "FM-97");
+        return;
+    }
+    for name in ["/conformity", "/more", "/next", "count of objects"] {
+        parts.take(1, name, "FM-97");
+    }
+    for index in 0..count(message, "objects") {
+        let object = format!("/objects/{index}");
+        let text = message.pointer(&format!("{object}/text")).and_then(Value::as_str).unwrap_or_default();
+        parts.take(1, format!("{object}/id"), "FM-97");
+        parts.take(1, "length", "FM-97");
+        parts.take(text.chars().count(), format!("{object}/text"), "FM-97");
     }
 }
 

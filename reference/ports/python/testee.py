@@ -106,17 +106,27 @@ class StoryRobot(kawasaki_msg.Robot):
         self.complete()
 
 
+# What the stories' server says of itself.
+OBJECTS = {0: "cellwire", 1: "FM", 2: "1.0", 3: "", 128: "x" * 230, 129: "\xfc", 130: "y" * 244}
+
+
 class StoryRegisters(fanuc_hmi_modbus.Registers):
-    """The tables of the stories, and their three functions."""
+    """The tables of the stories, and their functions."""
 
     def __init__(self) -> None:
         on = [address % 3 == 0 for address in range(100)]
-        super().__init__(on, [not coil for coil in on], [7 * address for address in range(100)])
+        holding = [7 * address for address in range(100)]
+        super().__init__(on, [not coil for coil in on], holding, None, [0x11, 0xFF], OBJECTS)
 
     def serve(self, request: Json) -> Json:
         if request["function"] == 2 and self.coils is not None:
             self.discrete_inputs = [not coil for coil in self.coils]
         return super().serve(request)
+
+    def diagnose(self, subfunction: int, values: list[int]) -> list[int]:
+        if subfunction not in (0, 11):
+            return super().diagnose(subfunction, values)
+        return values if subfunction == 0 else [7, *values[1:]]
 
     def serve_other(self, function: int, data: bytes) -> Json:
         if function == 67:

@@ -343,13 +343,7 @@ impl Client {
 
 /// Whether a request that is made twice does no harm.
 pub fn changes_nothing(request: &Request<'_>) -> bool {
-    matches!(
-        request,
-        Request::ReadCoils { .. }
-            | Request::ReadDiscreteInputs { .. }
-            | Request::ReadHoldingRegisters { .. }
-            | Request::ReadInputRegisters { .. }
-    )
+    request.reads() && !matches!(request, Request::ReadWriteRegisters { .. })
 }
 
 /// The answer in an event; what is none goes to standard error, and the first of it into `instead`.

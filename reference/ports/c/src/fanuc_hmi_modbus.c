@@ -15,6 +15,9 @@
 #define COIL_ON 0xFF00
 #define EXCEPTION 0x80
 #define MAX_REPLY_BYTES 250
+#define IDENTIFICATION 14 /* the MEI type of function 43 that has a shape */
+#define MORE 0xFF
+#define OBJECTS_AT 7
 #define NO_FRAME SIZE_MAX
 
 uint16_t modbus_crc(const uint8_t *data, size_t length)
@@ -40,6 +43,12 @@ uint16_t modbus_max_read(uint8_t function)
 
 uint16_t modbus_max_write(uint8_t function) { return function == 15 ? 1968 : function == 16 ? 123 : 121; }
 
+bool modbus_is_named(uint8_t function)
+{
+    return modbus_max_read(function) > 0 || function == 5 || function == 6 || function == 8 || function == 15 || function == 16 ||
+           function == 17 || function == 22 || function == 43;
+}
+
 enum length_by { BY_BEGINNING, BY_SILENCE, NOT_KNOWN_YET };
 
 /* The bytes of an RTU frame (FM-10); where they are not known yet, how many are needed to know. */
@@ -60,8 +69,8 @@ static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbu
         base = is_client ? 13 : 5, count_at = is_client ? 10 : 2;
     } else if (function == 5 || function == 6) {
         *size = 8;
-    } else if (modbus_max_read(function) > 0) {
-        *size = 8;
+    } else if (modbus_max_read(function) > 0 || function == 17) {
+        *size = function == 17 ? 4 : 8;
         base = 5, count_at = is_client ? 0 : 2;
     } else if (!is_client && function > EXCEPTION) {
         *size = 5;
@@ -112,8 +121,7 @@ static enum outcome more(const struct modbus_decoder *decoder, size_t expected, 
 static bool is_exception(const struct modbus_decoder *decoder)
 {
     uint8_t code = decoder->length >= SHORTEST_TCP ? decoder->held[MBAP_LEN] : 0, function = code & 0x7F;
-    bool is_typed = (function >= 1 && function <= 6) || function == 15 || function == 16 || function == 22 || function == 23;
-    return decoder->side == MODBUS_SERVER && code > EXCEPTION && is_typed;
+    return decoder->side == MODBUS_SERVER && code > EXCEPTION && modbus_is_named(function);
 }
 
 /* FM-72 */
@@ -312,6 +320,48 @@ static void decode_run(struct pdu *pdu, enum modbus_shape shape, uint16_t most)
     check_quantity(pdu, message->quantity, most);
 }
 
+/* Function 8, both ways (FM-96). */
+static void decode_diagnostic(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    size_t odd = pdu->length | 1;
+    message->shape = MODBUS_DIAGNOSTIC;
+    exactly(pdu, odd < 5 ? 5 : odd);
+    message->subfunction = get_u16(pdu);
+    message->quantity = (uint16_t)((pdu->length - pdu->at) / 2);
+    get_registers(pdu);
+}
+
+static bool is_identification(const struct pdu *pdu) { return pdu->data[0] == 43 && pdu->length > 1 && pdu->data[1] == IDENTIFICATION; }
+
+/* The reply of function 43 (FM-97). */
+static void decode_identification(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    message->shape = MODBUS_IDENTIFICATION;
+    if (pdu->length < OBJECTS_AT) {
+        exactly(pdu, OBJECTS_AT);
+        return;
+    }
+    pdu->at = 2;
+    message->category = get_u8(pdu);
+    message->conformity = get_u8(pdu);
+    uint8_t more = get_u8(pdu);
+    message->more = more == MORE;
+    message->next = get_u8(pdu);
+    if (more != 0 && !message->more)
+        wrong(pdu->item, MODBUS_MORE_FOLLOWS, more);
+    for (uint8_t count = get_u8(pdu); count > 0; count--) {
+        size_t size = get_u16(pdu) & 0xFF;
+        if (!has(pdu, size))
+            return;
+        pdu->at += size;
+    }
+    exactly(pdu, pdu->at);
+    message->quantity = (uint16_t)(pdu->length - OBJECTS_AT);
+    memcpy(message->bytes, pdu->data + OBJECTS_AT, message->quantity);
+}
+
 static void decode_raw(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
@@ -353,8 +403,23 @@ static void decode_request(struct pdu *pdu)
         check_quantity(pdu, message->read_quantity, modbus_max_read(function));
         get_written_values(pdu);
         break;
+    case 8:
+        decode_diagnostic(pdu);
+        break;
+    case 17:
+        message->shape = MODBUS_REPORT_ID;
+        exactly(pdu, 1);
+        break;
     default:
-        decode_raw(pdu);
+        if (!is_identification(pdu)) {
+            decode_raw(pdu);
+            break;
+        }
+        message->shape = MODBUS_IDENTIFY;
+        exactly(pdu, 4);
+        pdu->at = 2;
+        message->category = get_u8(pdu);
+        message->object = get_u8(pdu);
     }
 }
 
@@ -362,11 +427,17 @@ static void decode_request(struct pdu *pdu)
 static void decode_values(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
-    bool is_bits = message->function <= 2;
+    bool is_bits = message->function <= 2, is_own = message->function == 17;
     uint8_t count = get_u8(pdu);
-    if (count == 0 || count > MAX_REPLY_BYTES || (!is_bits && count % 2 != 0))
+    if (count == 0 || count > MAX_REPLY_BYTES || (!is_bits && !is_own && count % 2 != 0))
         wrong(pdu->item, MODBUS_REPLY_BYTE_COUNT, count);
     exactly(pdu, pdu->at + count);
+    if (is_own) {
+        message->shape = MODBUS_SERVER_ID;
+        message->quantity = count;
+        get_bytes(pdu);
+        return;
+    }
     message->shape = is_bits ? MODBUS_BITS : MODBUS_REGISTERS;
     message->quantity = (uint16_t)(is_bits ? count * 8 : count / 2);
     if (is_bits)
@@ -387,8 +458,12 @@ static void decode_reply(struct pdu *pdu)
         message->function = (uint8_t)(function - EXCEPTION);
         exactly(pdu, 2);
         message->exception = get_u8(pdu);
-    } else if (modbus_max_read(function) > 0) {
+    } else if (modbus_max_read(function) > 0 || function == 17) {
         decode_values(pdu);
+    } else if (function == 8) {
+        decode_diagnostic(pdu);
+    } else if (is_identification(pdu)) {
+        decode_identification(pdu);
     } else if (function == 5 || function == 6 || function == 22) {
         decode_single(pdu);
     } else if (function == 15 || function == 16) {

@@ -6,6 +6,9 @@
 #define MBAP_LEN 7
 #define COIL_ON 0xFF00
 #define EXCEPTION 0x80
+#define MAX_WORDS 125 /* of function 8 */
+#define MAX_OWN 250   /* bytes of function 17 */
+#define IDENTIFICATION 14
 
 static bool is_quantity(uint16_t quantity, uint16_t most) { return quantity >= 1 && quantity <= most; }
 
@@ -41,6 +44,16 @@ static size_t put_registers(uint8_t *pdu, size_t at, const struct modbus_message
     return at;
 }
 
+/* How many objects there are (FM-97); -1: the last one is not whole. */
+static int count_objects(const struct modbus_message *message)
+{
+    int count = 0;
+    size_t at = 0;
+    for (; at + 1 < message->quantity; at += 2u + message->bytes[at + 1])
+        count++;
+    return at == message->quantity ? count : -1;
+}
+
 static bool is_shape(const struct modbus_message *message)
 {
     uint8_t function = message->function;
@@ -70,11 +83,21 @@ static bool is_shape(const struct modbus_message *message)
         return (function == 15 || function == 16) && is_written;
     case MODBUS_EXCEPTION:
         return function >= 1 && function < EXCEPTION;
+    case MODBUS_SERVER_ID:
+        return function == 17 && is_quantity(quantity, MAX_OWN);
+    case MODBUS_IDENTIFICATION:
+        return function == 43 && quantity <= MODBUS_MAX_OBJECTS && count_objects(message) >= 0;
+    case MODBUS_DIAGNOSTIC:
+        return function == 8 && is_quantity(quantity, MAX_WORDS);
+    case MODBUS_REPORT_ID:
+        return function == 17;
+    case MODBUS_IDENTIFY:
+        return function == 43;
     case MODBUS_RAW:
         break;
     }
-    return function != 0 && function < EXCEPTION && most == 0 && function != 5 && function != 6 && function != 15 &&
-           function != 16 && function != 22 && quantity <= MODBUS_MAX_DATA;
+    bool is_other = function == 43 ? quantity == 0 || message->bytes[0] != IDENTIFICATION : !modbus_is_named(function);
+    return function != 0 && function < EXCEPTION && is_other && quantity <= MODBUS_MAX_DATA;
 }
 
 /* The PDU of a message that is_shape. */
@@ -86,6 +109,31 @@ static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
     case MODBUS_EXCEPTION:
         pdu[0] = message->function | EXCEPTION;
         pdu[at++] = message->exception;
+        return at;
+    case MODBUS_SERVER_ID:
+        pdu[at++] = (uint8_t)message->quantity;
+        memcpy(pdu + at, message->bytes, message->quantity);
+        return at + message->quantity;
+    case MODBUS_IDENTIFICATION:
+        pdu[at++] = IDENTIFICATION;
+        pdu[at++] = message->category;
+        pdu[at++] = message->conformity;
+        pdu[at++] = message->more ? 0xFF : 0;
+        pdu[at++] = message->next;
+        pdu[at++] = (uint8_t)count_objects(message);
+        memcpy(pdu + at, message->bytes, message->quantity);
+        return at + message->quantity;
+    case MODBUS_DIAGNOSTIC:
+        at = put_u16(pdu, at, message->subfunction);
+        for (size_t i = 0; i < message->quantity; i++)
+            at = put_u16(pdu, at, message->registers[i]);
+        return at;
+    case MODBUS_REPORT_ID:
+        return at;
+    case MODBUS_IDENTIFY:
+        pdu[at++] = IDENTIFICATION;
+        pdu[at++] = message->category;
+        pdu[at++] = message->object;
         return at;
     case MODBUS_RAW:
         memcpy(pdu + at, message->bytes, message->quantity);

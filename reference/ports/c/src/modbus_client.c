@@ -205,6 +205,15 @@ static struct judgement judge_data(const struct modbus_message *request, const s
     case MODBUS_WRITE_COILS:
     case MODBUS_WRITE_WORDS:
         return echo(is_address && request->quantity == reply->quantity);
+    case MODBUS_DIAGNOSTIC: {
+        bool is_same = request->quantity == reply->quantity &&
+                       memcmp(request->registers, reply->registers, request->quantity * sizeof *request->registers) == 0;
+        return echo(request->subfunction == reply->subfunction && (request->subfunction > 0 || is_same));
+    }
+    case MODBUS_IDENTIFY:
+        return echo(reply->shape == MODBUS_IDENTIFICATION && request->category == reply->category);
+    case MODBUS_RAW:
+        return echo(reply->shape == MODBUS_RAW);
     default:
         return echo(true);
     }
@@ -470,8 +479,9 @@ uint64_t modbus_client_request(struct modbus_client *client, const struct modbus
 {
     uint8_t frame[MODBUS_MAX_LEN];
     struct modbus_client_place *place = find_place(client);
-    bool is_reply = request->shape >= MODBUS_BITS && request->shape != MODBUS_RAW;
-    if (place == NULL || is_reply || (is_broadcast(client, request) && is_read(request)) ||
+    bool is_reply = request->shape >= MODBUS_BITS && request->shape < MODBUS_RAW;
+    bool asks = is_read(request) || request->shape == MODBUS_REPORT_ID || request->shape == MODBUS_IDENTIFY;
+    if (place == NULL || is_reply || (is_broadcast(client, request) && asks) ||
         modbus_encode(request, framing_of(client), frame, sizeof frame) == 0)
         return 0;
     place->stage = MODBUS_CLIENT_QUEUED;

@@ -441,7 +441,7 @@ bool modbus_server_event(struct modbus_server *server, struct modbus_server_even
 /* FM-92 */
 static bool is_proof(const uint8_t *reply, size_t length)
 {
-    static const uint8_t READING[] = {1, 2, 3, 4, 23};
+    static const uint8_t READING[] = {1, 2, 3, 4, 17, 23};
     return length > READ_REQUEST && memchr(READING, reply[1], sizeof READING) != NULL;
 }
 

@@ -32,13 +32,25 @@ static void print_registers(const char *name, const struct modbus_message *messa
     PRINT_LIST(message->registers, message->quantity);
 }
 
+static void print_identification(const struct modbus_message *message)
+{
+    print(",\"category\":%d,\"conformity\":%d", message->category, message->conformity);
+    print(",\"more\":%s,\"next\":%d,\"objects\":[", message->more ? "true" : "false", message->next);
+    for (size_t at = 0; at < message->quantity; at += 2u + message->bytes[at + 1]) {
+        print("%s{\"id\":%d,\"text\":\"", at > 0 ? "," : "", message->bytes[at]);
+        for (size_t i = 0; i < message->bytes[at + 1]; i++)
+            print("\\u%04x", message->bytes[at + 2 + i]);
+        print("\"}");
+    }
+    print("]");
+}
+
 void print_modbus_message(const struct modbus_message *message, bool has_transaction)
 {
     print("{\"unit\":%d,\"function\":%d", message->unit, message->function);
     if (has_transaction)
         print(",\"transaction\":%d", message->transaction);
-    bool is_reply = message->shape >= MODBUS_BITS && message->shape != MODBUS_WRITTEN;
-    if (!is_reply)
+    if (message->shape < MODBUS_BITS || message->shape == MODBUS_WRITTEN)
         print(",\"address\":%d", message->address);
     switch (message->shape) {
     case MODBUS_READ:
@@ -76,8 +88,21 @@ void print_modbus_message(const struct modbus_message *message, bool has_transac
         print(",\"exception\":%d", message->exception);
         break;
     case MODBUS_RAW:
-        print(",\"data\":");
+    case MODBUS_SERVER_ID:
+        print(",\"%s\":", message->shape == MODBUS_RAW ? "data" : "id");
         PRINT_LIST(message->bytes, message->quantity);
+        break;
+    case MODBUS_DIAGNOSTIC:
+        print(",\"subfunction\":%d", message->subfunction);
+        print_registers("values", message);
+        break;
+    case MODBUS_IDENTIFICATION:
+        print_identification(message);
+        break;
+    case MODBUS_IDENTIFY:
+        print(",\"category\":%d,\"object\":%d", message->category, message->object);
+        break;
+    case MODBUS_REPORT_ID:
         break;
     }
     print("}");
@@ -87,7 +112,7 @@ void print_modbus_error(const struct modbus_fault *item)
 {
     static const char *const KINDS[] = {
         "",         "protocol",   "mbap_length",      "crc",       "cut", "too_long", "noise", "function", "pdu_length",
-        "quantity", "byte_count", "reply_byte_count", "coil_value", "exception_length"};
+        "quantity", "byte_count", "reply_byte_count", "coil_value", "more_follows", "exception_length"};
     enum modbus_error_kind kind = item->kind;
     bool is_exception = kind == MODBUS_EXCEPTION_LENGTH;
     bool has_expected =
@@ -182,6 +207,26 @@ static bool read_data(const struct json *list, struct modbus_message *message)
     return true;
 }
 
+/* 1 to 250 bytes, and one more: it is the encoder that refuses it. */
+static bool read_objects(const struct json *list, struct modbus_message *message)
+{
+    if (list == NULL || list->type != '[')
+        return false;
+    message->quantity = 0;
+    for (const struct json *object = list->child; object != NULL; object = object->next) {
+        uint8_t *to = message->bytes + message->quantity;
+        size_t room = sizeof message->bytes - message->quantity;
+        if (object->type != '{' || object->count != 2 || room < 2 || !read_u8(object, "id", to))
+            return false;
+        long size = json_latin1(json_get(object, "text"), to + 2, room - 2);
+        if (size < 0)
+            return false;
+        to[1] = (uint8_t)size;
+        message->quantity = (uint16_t)(message->quantity + 2 + size);
+    }
+    return true;
+}
+
 static bool read_registers(const struct json *list, struct modbus_message *message)
 {
     int64_t values[MODBUS_MAX_REGISTERS];
@@ -207,6 +252,14 @@ static bool read_shape(const struct json *object, struct modbus_message *message
     const struct json *value = json_get(object, "value"), *values = json_get(object, "values");
     if (json_get(object, "data") != NULL)
         message->shape = MODBUS_RAW;
+    else if (json_get(object, "subfunction") != NULL)
+        message->shape = MODBUS_DIAGNOSTIC;
+    else if (!is_client && json_get(object, "id") != NULL)
+        message->shape = MODBUS_SERVER_ID;
+    else if (!is_client && json_get(object, "objects") != NULL)
+        message->shape = MODBUS_IDENTIFICATION;
+    else if (is_client && json_get(object, "category") != NULL)
+        message->shape = MODBUS_IDENTIFY;
     else if (!is_client && json_get(object, "exception") != NULL)
         message->shape = MODBUS_EXCEPTION;
     else if (!is_client && json_get(object, "bits") != NULL)
@@ -223,6 +276,8 @@ static bool read_shape(const struct json *object, struct modbus_message *message
         message->shape = is_bit(values->child, message->function, 15) ? MODBUS_WRITE_COILS : MODBUS_WRITE_WORDS;
     else if (json_get(object, "quantity") != NULL)
         message->shape = is_client ? MODBUS_READ : MODBUS_WRITTEN;
+    else if (is_client && message->function == 17)
+        message->shape = MODBUS_REPORT_ID;
     else
         return false;
     return true;
@@ -239,8 +294,13 @@ static size_t keys_of(enum modbus_shape shape)
     case MODBUS_BITS:
     case MODBUS_REGISTERS:
     case MODBUS_EXCEPTION:
+    case MODBUS_SERVER_ID:
     case MODBUS_RAW:
         return 1;
+    case MODBUS_IDENTIFICATION:
+        return 5;
+    case MODBUS_REPORT_ID:
+        return 0;
     default:
         return 2;
     }
@@ -280,6 +340,18 @@ static bool read_fields(const struct json *object, struct modbus_message *messag
         return read_u8(object, "exception", &message->exception);
     case MODBUS_RAW:
         return read_data(json_get(object, "data"), message);
+    case MODBUS_SERVER_ID:
+        return read_data(json_get(object, "id"), message);
+    case MODBUS_DIAGNOSTIC:
+        return read_u16(object, "subfunction", &message->subfunction) && read_registers(values, message);
+    case MODBUS_IDENTIFICATION:
+        return read_u8(object, "category", &message->category) && read_u8(object, "conformity", &message->conformity) &&
+               read_bit(json_get(object, "more"), &message->more) && read_u8(object, "next", &message->next) &&
+               read_objects(json_get(object, "objects"), message);
+    case MODBUS_REPORT_ID:
+        return true;
+    case MODBUS_IDENTIFY:
+        return read_u8(object, "category", &message->category) && read_u8(object, "object", &message->object);
     }
     return false;
 }
@@ -287,7 +359,8 @@ static bool read_fields(const struct json *object, struct modbus_message *messag
 bool read_modbus_request(const struct json *object, struct modbus_message *message)
 {
     /* A reply is read as well: it is the client that refuses it. */
-    bool is_reply = json_get(object, "exception") != NULL || json_get(object, "bits") != NULL || json_get(object, "registers") != NULL;
+    bool is_reply = json_get(object, "exception") != NULL || json_get(object, "bits") != NULL || json_get(object, "registers") != NULL ||
+                    json_get(object, "id") != NULL || json_get(object, "objects") != NULL;
     decoder.side = is_reply ? MODBUS_SERVER : MODBUS_CLIENT;
     return read_u8(object, "unit", &message->unit) && read_u8(object, "function", &message->function) &&
            json_get(object, "transaction") == NULL && read_fields(object, message);

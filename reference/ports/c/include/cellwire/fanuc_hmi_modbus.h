@@ -13,6 +13,7 @@ extern "C" {
 #define MODBUS_MAX_LEN 260  /* FM-6 */
 #define MODBUS_MAX_DATA 252 /* bytes of a PDU after its function code */
 #define MODBUS_MAX_REGISTERS (MODBUS_MAX_DATA / 2)
+#define MODBUS_MAX_OBJECTS 246 /* bytes of the objects of function 43 */
 #define MODBUS_LOOKED_AT 520 /* bytes that are searched for the next frame */
 
 enum modbus_side { MODBUS_CLIENT, MODBUS_SERVER };
@@ -32,8 +33,14 @@ enum modbus_shape {
     MODBUS_REGISTERS, /* 3, 4, 23: quantity, registers */
     MODBUS_WRITTEN,   /* 15, 16: address, quantity */
     MODBUS_EXCEPTION, /* exception */
+    MODBUS_SERVER_ID, /* 17: quantity bytes */
+    MODBUS_IDENTIFICATION, /* 43: category, conformity, more, next; quantity bytes of objects: id, length, value of each */
     /* both */
-    MODBUS_RAW, /* any other function: quantity bytes */
+    MODBUS_RAW,        /* any other function: quantity bytes */
+    MODBUS_DIAGNOSTIC, /* 8: subfunction, quantity, registers */
+    /* requests without an address */
+    MODBUS_REPORT_ID, /* 17 */
+    MODBUS_IDENTIFY,  /* 43: category, object */
 };
 
 struct modbus_message {
@@ -41,10 +48,10 @@ struct modbus_message {
     uint8_t unit, function;
     enum modbus_shape shape;
     uint16_t address, quantity, read_quantity, write_address;
-    uint16_t value, and_mask, or_mask;
-    bool coil;
-    uint8_t exception;
-    uint8_t bytes[MODBUS_MAX_DATA]; /* raw, or bits: the first one in bit 0 of the first byte */
+    uint16_t value, and_mask, or_mask, subfunction;
+    bool coil, more;
+    uint8_t exception, category, object, conformity, next;
+    uint8_t bytes[MODBUS_MAX_DATA]; /* raw, objects, or bits: the first one in bit 0 of the first byte */
     uint16_t registers[MODBUS_MAX_REGISTERS];
 };
 
@@ -64,6 +71,7 @@ enum modbus_error_kind {
     MODBUS_BYTE_COUNT,       /* function, expected, found */
     MODBUS_REPLY_BYTE_COUNT, /* function, found */
     MODBUS_COIL_VALUE,       /* found */
+    MODBUS_MORE_FOLLOWS,     /* found */
     /* An exception over TCP (FM-89), which is also in the item's message. */
     MODBUS_EXCEPTION_LENGTH, /* function, expected, found */
 };
@@ -105,6 +113,9 @@ bool modbus_is_corrupt(const struct modbus_decoder *decoder, struct modbus_item 
 
 /* Writes a message, and returns its length; 0: refused (FM-36), nothing is written. */
 size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size);
+
+/* Whether a function has a shape of its own. */
+bool modbus_is_named(uint8_t function);
 
 /* The most bits or registers that one request reads; 0: the function reads nothing. */
 uint16_t modbus_max_read(uint8_t function);

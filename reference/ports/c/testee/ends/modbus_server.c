@@ -67,6 +67,66 @@ static uint8_t write(const struct modbus_message *request, struct modbus_message
     return 0;
 }
 
+/* What it says of itself. */
+static const struct object {
+    uint8_t id;
+    const char *value;
+    uint8_t length;
+} OBJECTS[] = {{0, "cellwire", 8}, {1, "FM", 2}, {2, "1.0", 3}, {3, "", 0}, {128, NULL, 230}, {129, "\xFC", 1}, {130, NULL, 244}};
+#define OBJECT_COUNT (sizeof OBJECTS / sizeof *OBJECTS)
+
+static bool has_object(uint8_t id)
+{
+    for (size_t i = 0; i < OBJECT_COUNT; i++)
+        if (OBJECTS[i].id == id)
+            return true;
+    return false;
+}
+
+/* FM-98 */
+static uint8_t identify(const struct modbus_message *request, struct modbus_message *reply)
+{
+    static const uint8_t LAST[] = {0, 2, 0x7F, 0xFF};
+    uint8_t category = request->category, object = request->object, last = object;
+    if (category == 0 || category > 4)
+        return 3;
+    if (category < 4)
+        last = LAST[category];
+    else if (!has_object(object))
+        return 2;
+    uint8_t first = object <= last && has_object(object) ? object : 0;
+    reply->shape = MODBUS_IDENTIFICATION;
+    reply->category = category;
+    reply->conformity = 0x83;
+    for (size_t i = 0; i < OBJECT_COUNT && !reply->more; i++) {
+        const struct object *it = &OBJECTS[i];
+        uint8_t *to = reply->bytes + reply->quantity;
+        if (it->id < first || it->id > last)
+            continue;
+        if (reply->quantity + 2 + it->length > MODBUS_MAX_OBJECTS) {
+            reply->more = true;
+            reply->next = it->id;
+            continue;
+        }
+        to[0] = it->id;
+        to[1] = it->length;
+        if (it->value == NULL)
+            memset(to + 2, it->id == 128 ? 'x' : 'y', it->length);
+        else
+            memcpy(to + 2, it->value, it->length);
+        reply->quantity = (uint16_t)(reply->quantity + 2 + it->length);
+    }
+    return 0;
+}
+
+static uint8_t diagnose(const struct modbus_message *request, struct modbus_message *reply)
+{
+    *reply = *request;
+    if (request->subfunction == 11)
+        reply->registers[0] = 7;
+    return request->subfunction == 0 || request->subfunction == 11 ? 0 : 1;
+}
+
 static uint8_t serve(void *context, const struct modbus_message *request, struct modbus_message *reply)
 {
     unsigned address = request->address;
@@ -95,6 +155,16 @@ static uint8_t serve(void *context, const struct modbus_message *request, struct
     case 16:
     case 22:
         return write(request, reply);
+    case 8:
+        return diagnose(request, reply);
+    case 17:
+        reply->shape = MODBUS_SERVER_ID;
+        reply->bytes[0] = 0x11;
+        reply->bytes[1] = 0xFF;
+        reply->quantity = 2;
+        return 0;
+    case 43:
+        return request->shape == MODBUS_IDENTIFY ? identify(request, reply) : 1;
     case 65:
         *reply = *request;
         return 0;

@@ -11,7 +11,7 @@ from .replies import asked_bytes, begins_reply, is_mirrored
 
 MAX_PLACES = 16
 PROBE: Json = {"function": 3, "address": 0, "quantity": 1}
-REPEATED = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or")}
+REPEATED = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or"), 43: ("category",)}
 
 
 @dataclass
@@ -118,7 +118,8 @@ class Client(Session):
             self.encode(message, 0 if self.is_tcp else None)
         except (Refused, KeyError, TypeError) as refused:
             raise NotTaken(f"message: {refused}") from refused
-        if is_broadcast and message["function"] in codec.READING:
+        is_identification = message["function"] == 17 or "category" in message
+        if is_broadcast and (message["function"] in codec.READING or is_identification):
             raise NotTaken("broadcast_read")
         place = self.free_place()
         self.tickets += 1
@@ -300,13 +301,19 @@ class Client(Session):
         function = request["function"]
         if reply["function"] != function:
             return {"kind": "function", "expected": function, "found": reply["function"]}
-        if "exception" in reply or "data" in reply:
+        if "exception" in reply or "id" in reply:
             return None
+        if "data" in reply or "data" in request:
+            return None if "data" in reply and "data" in request else {"kind": "echo"}
         if function in codec.READING:
             expected = asked_bytes(request)
             found = len(reply["bits"]) // 8 if function in codec.BITS else 2 * len(reply["registers"])
             return None if found == expected else {"kind": "quantity", "expected": expected, "found": found}
-        if function in REPEATED:
+        if function == 8:
+            is_echo = reply["subfunction"] == request["subfunction"] and (
+                reply["subfunction"] > 0 or reply["values"] == request["values"]
+            )
+        elif function in REPEATED:
             is_echo = all(reply[name] == request[name] for name in REPEATED[function])
         else:
             is_echo = (reply["address"], reply["quantity"]) == (request["address"], len(request["values"]))

@@ -20,7 +20,10 @@ BITS = (1, 2)
 READING = (1, 2, 3, 4, 23)
 MAX_READ = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
 MAX_WRITE = {15: 1968, 16: 123, 23: 121}
-NAMED = {1, 2, 3, 4, 5, 6, 15, 16, 22, 23}
+MAX_WORDS, MAX_OWN = 125, 250  # of functions 8 and 17
+NAMED = {1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43}
+IDENTIFICATION = 14  # the MEI type of function 43 that has a shape
+MORE = 0xFF
 
 
 class Wrong(Exception):
@@ -63,11 +66,11 @@ def rtu_length(frame: bytes, sender: str) -> int | None:
     fixed: dict[int, int]
     counts: dict[int, tuple[int, int]]
     if sender == "client":
-        fixed = {code: 8 for code in range(1, 7)}
+        fixed = {code: 8 for code in range(1, 7)} | {17: 4}
         counts = {15: (9, 6), 16: (9, 6), 23: (13, 10)}
     else:
         fixed = {code: 8 for code in (5, 6, 15, 16)} | {code: 5 for code in range(EXCEPTION + 1, 256)}
-        counts = {code: (5, 2) for code in (1, 2, 3, 4, 23)}
+        counts = {code: (5, 2) for code in (1, 2, 3, 4, 17, 23)}
     if function in counts:
         size, at = counts[function]
         if at >= len(frame):
@@ -312,6 +315,37 @@ class Pdu:
         return self.bits()[:quantity] if self.function == 15 else self.registers()
 
 
+def is_identification(pdu: Pdu) -> bool:
+    return pdu.data[:2] == bytes([43, IDENTIFICATION])
+
+
+def decode_diagnostic(pdu: Pdu) -> Json:
+    """Function 8, both ways (FM-96)."""
+    pdu.exactly(max(5, len(pdu.data) | 1))
+    return {"function": 8, "subfunction": pdu.u16(), "values": pdu.registers()}
+
+
+def decode_identification(pdu: Pdu) -> Json:
+    """The reply of function 43 (FM-97)."""
+    if len(pdu.data) < 7:
+        pdu.exactly(7)
+    pdu.at = 2
+    message: Json = {"function": 43, "category": pdu.u8(), "conformity": pdu.u8()}
+    more = pdu.u8()
+    if more not in (0, MORE):
+        raise Wrong("more_follows", found=more)
+    message |= {"more": more == MORE, "next": pdu.u8(), "objects": []}
+    for _ in range(pdu.u8()):
+        number, size = divmod(pdu.u16(), 256)
+        end = pdu.at + size
+        if len(pdu.data) < end:
+            pdu.exactly(end)
+        message["objects"].append({"id": number, "text": pdu.data[pdu.at : end].decode("latin-1")})
+        pdu.at = end
+    pdu.exactly(pdu.at)
+    return message
+
+
 def decode_single(pdu: Pdu) -> Json:
     """Functions 5, 6 and 22, whose replies repeat the request."""
     pdu.exactly(7 if pdu.function == 22 else 5)
@@ -354,6 +388,14 @@ def decode_request(data: bytes) -> Json:
             "write_address": write_address,
             "values": values,
         }
+    if function == 8:
+        return decode_diagnostic(pdu)
+    if function == 17:
+        pdu.exactly(1)
+        return {"function": 17}
+    if is_identification(pdu):
+        pdu.exactly(4)
+        return {"function": 43, "category": data[2], "object": data[3]}
     return pdu.raw()
 
 
@@ -366,11 +408,13 @@ def decode_reply(data: bytes) -> Json:
     if function > EXCEPTION:
         pdu.exactly(2)
         return {"function": function - EXCEPTION, "exception": pdu.u8()}
-    if function in MAX_READ:
+    if function in MAX_READ or function == 17:
         found = pdu.u8()
-        if not 1 <= found <= MAX_REPLY_BYTES or (function > 2 and found % 2):
+        if not 1 <= found <= MAX_REPLY_BYTES or (function not in (1, 2, 17) and found % 2):
             raise Wrong("reply_byte_count", function=function, found=found)
         pdu.exactly(2 + found)
+        if function == 17:
+            return {"function": 17, "id": list(data[2:])}
         return (
             {"function": function, "bits": pdu.bits()}
             if function <= 2
@@ -381,6 +425,10 @@ def decode_reply(data: bytes) -> Json:
     if function in (15, 16):
         pdu.exactly(5)
         return {"function": function, "address": pdu.u16(), "quantity": pdu.quantity(MAX_WRITE[function])}
+    if function == 8:
+        return decode_diagnostic(pdu)
+    if is_identification(pdu):
+        return decode_identification(pdu)
     return pdu.raw()
 
 
@@ -444,9 +492,42 @@ def function_of(message: Json) -> int:
 def encode_raw(message: Json) -> bytes:
     """A function that the table does not name."""
     function = function_of(message)
-    if function in NAMED:
+    data = integers(message["data"], 0, 255, range(MAX_PDU), "data")
+    if function in NAMED and (function != 43 or data[:1] == [IDENTIFICATION]):
         raise Refused(f"function {function} has a shape of its own")
-    return bytes([function, *integers(message["data"], 0, 255, range(MAX_PDU), "data")])
+    return bytes([function, *data])
+
+
+def encode_diagnostic(message: Json) -> bytes:
+    """Function 8, both ways."""
+    values = message["values"]
+    integer(len(values), 1, MAX_WORDS, "a quantity")
+    return struct.pack(">BH", 8, u16(message["subfunction"])) + pack_registers(values)
+
+
+def u8(value: Any) -> int:
+    return integer(value, 0, 0xFF, "a byte")
+
+
+def encode_identification(message: Json) -> bytes:
+    """The reply of function 43."""
+    listed = b""
+    if not isinstance(message["objects"], list):
+        raise Refused("objects are a list")
+    for item in message["objects"]:
+        if item.keys() != {"id", "text"}:
+            raise Refused("an object has id and text")
+        try:
+            value = item["text"].encode("latin-1")
+        except UnicodeEncodeError as wrong:
+            raise Refused("a character beyond U+00FF") from wrong
+        listed += bytes([u8(item["id"]), u8(len(value))]) + value
+    more = MORE if truth(message["more"]) else 0
+    head = [43, IDENTIFICATION, u8(message["category"]), u8(message["conformity"]), more, u8(message["next"])]
+    pdu = bytes([*head, u8(len(message["objects"]))]) + listed
+    if len(pdu) > MAX_PDU:
+        raise Refused("more objects than a PDU has")
+    return pdu
 
 
 def encode_request(message: Json) -> bytes:
@@ -465,6 +546,12 @@ def encode_request(message: Json) -> bytes:
         values = message["values"]
         reads = run(message["address"], message["quantity"], MAX_READ[23])
         return bytes([23]) + reads + run(message["write_address"], len(values), MAX_WRITE[23]) + counted(pack(values))
+    if function == 8:
+        return encode_diagnostic(message)
+    if function == 17:
+        return bytes([17])
+    if function == 43:
+        return bytes([43, IDENTIFICATION, u8(message["category"]), u8(message["object"])])
     raise Refused(f"function {function} needs data")
 
 
@@ -482,4 +569,10 @@ def encode_reply(message: Json) -> bytes:
         return encode_single(message)
     if function in (15, 16):
         return bytes([function]) + run(message["address"], message["quantity"], MAX_WRITE[function])
+    if function == 8:
+        return encode_diagnostic(message)
+    if function == 17:
+        return bytes([17]) + counted(bytes(integers(message["id"], 0, 255, range(1, MAX_OWN + 1), "id")))
+    if function == 43:
+        return encode_identification(message)
     raise Refused(f"function {function} needs data")

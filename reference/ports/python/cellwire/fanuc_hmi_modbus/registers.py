@@ -8,6 +8,8 @@ from ..stream import Json
 Value = TypeVar("Value", bool, int)
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
 ADDRESSES = 0x10000
+LIST = 246  # bytes of a PDU for the objects of function 43
+LAST_OF = {1: 2, 2: 0x7F, 3: 0xFF}  # the ids of a category
 
 
 class Refusal(Exception):
@@ -27,11 +29,15 @@ class Registers:
         discrete_inputs: list[bool] | None = None,
         holding_registers: list[int] | None = None,
         input_registers: list[int] | None = None,
+        server_id: list[int] | None = None,
+        objects: dict[int, str] | None = None,  # of at most 244 characters
     ) -> None:
         self.coils = coils
         self.discrete_inputs = discrete_inputs
         self.holding_registers = holding_registers
         self.input_registers = input_registers
+        self.server_id = server_id
+        self.objects = objects or {}
 
     def serve(self, request: Json) -> Json:
         """The reply to a request, both without a transaction and a unit; raises Refusal."""
@@ -54,11 +60,40 @@ class Registers:
             (word,) = run(self.holding_registers, request["address"], 1)
             masked = word & request["and"] | request["or"] & ~request["and"] & 0xFFFF  # FM-14
             write(self.holding_registers, request["address"], [masked])
+        elif function == 8:
+            return reply | {"subfunction": request["subfunction"], "values": self.diagnose(request["subfunction"], request["values"])}
+        elif function == 17 and self.server_id is not None:
+            return reply | {"id": self.server_id}
+        elif "category" in request and 0 in self.objects:
+            return reply | self.identify(request["category"], request["object"])
         else:
-            return self.serve_other(function, bytes(request["data"]))
+            return self.serve_other(function, bytes(request.get("data", b"")))
         if function in (15, 16):
             return reply | {"address": request["address"], "quantity": len(request["values"])}
         return request
+
+    def diagnose(self, subfunction: int, values: list[int]) -> list[int]:
+        """Function 8: the words of the reply."""
+        raise Refusal(ILLEGAL_FUNCTION)
+
+    def identify(self, category: int, number: int) -> Json:
+        """FM-98"""
+        if category == 4 and number not in self.objects:
+            raise Refusal(ILLEGAL_ADDRESS)
+        if category != 4 and category not in LAST_OF:
+            raise Refusal(ILLEGAL_VALUE)
+        last = LAST_OF.get(category, number)
+        first = number if number in self.objects and number <= last else 0
+        found: list[Json] = []
+        left, rest = LIST, 0
+        for at in sorted(at for at in self.objects if first <= at <= last):
+            left -= 2 + len(self.objects[at])
+            if left < 0:
+                rest = at
+                break
+            found.append({"id": at, "text": self.objects[at]})
+        conformity = 0x80 + next(level for level, end in ((3, 0x80), (2, 3), (1, 0)) if max(self.objects) >= end)
+        return {"category": category, "conformity": conformity, "more": left < 0, "next": rest, "objects": found}
 
     def serve_other(self, function: int, data: bytes) -> Json:
         """A function that has no table."""

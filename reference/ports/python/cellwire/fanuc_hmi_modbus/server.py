@@ -294,7 +294,7 @@ class Server(Session):
                 self.silent_at = after(now, self.gap)  # FM-66
             self.read_stream(False)
         if not self.is_tcp:
-            self.echo.sent(reply, reply[1] in codec.READING and len(reply) > READ_REQUEST)  # FM-92
+            self.echo.sent(reply, reply[1] in (*codec.READING, 17) and len(reply) > READ_REQUEST)  # FM-92
         return reply
 
     def deadline(self) -> int | None:

@@ -12,8 +12,9 @@
 //! # Ok(()) }
 //! ```
 
+mod service;
+
 use core::ops::{Bound, RangeBounds};
-use core::time::Duration;
 use std::boxed::Box;
 use std::io;
 use std::string::String;
@@ -21,9 +22,8 @@ use std::sync::Arc;
 use std::vec;
 use std::vec::Vec;
 
-use robot_session::end::End as _;
 use robot_session::now;
-use robot_session::tokio::{self as session, Closed, Connector, Handle, Reports, Service, Task};
+use robot_session::tokio::{self as session, Closed, Connector, Handle, Task};
 
 use crate::block::TelemetryBlock;
 use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
@@ -371,6 +371,48 @@ impl Client {
         self.words(&Request::ReadWriteRegisters { address, quantity, write_address, values }).await
     }
 
+    /// Function 8: the words of a diagnostic of the serial line; 1 to 125 for subfunction 0, which returns them, otherwise 1.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn diagnose(&self, subfunction: u16, words: &[u16]) -> Result<Vec<u16>, Error> {
+        let request = Request::Diagnostics { subfunction, data: Words::from(words) };
+        self.words(&request).await
+    }
+
+    /// Function 17: the bytes that the device says of itself, an id and FF if it runs first.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn report_server_id(&self) -> Result<Vec<u8>, Error> {
+        match self.ask(&Request::ReportServerId).await?.reply() {
+            Ok(Reply::ServerId(id)) => Ok(id.to_vec()),
+            _ => Err(misfit(&Request::ReportServerId, &[])),
+        }
+    }
+
+    /// Function 43: id and value of the objects of the device's identification of a category (1 basic, 2 regular, 3 extended), in as many
+    /// requests as the device needs.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub async fn read_device_identification(&self, category: u8) -> Result<Vec<(u8, Vec<u8>)>, Error> {
+        let (mut objects, mut object) = (Vec::new(), 0);
+        loop {
+            let request = Request::ReadDeviceIdentification { category, object };
+            let pdu = self.ask(&request).await?;
+            let Ok(Reply::DeviceIdentification(part)) = pdu.reply() else {
+                return Err(misfit(&request, &[]));
+            };
+            objects.extend(part.objects.iter().map(|(id, value)| (id, value.to_vec())));
+            // The next object is a later one, or the loop would not end.
+            if !part.more || part.next <= object {
+                return Ok(objects);
+            }
+            object = part.next;
+        }
+    }
+
     /// Any request: the reply as a PDU, which is no exception. For a broadcast, which has no reply, the request.
     ///
     /// # Errors
@@ -390,7 +432,8 @@ impl Client {
             Ok(
                 Reply::HoldingRegisters(words)
                 | Reply::InputRegisters(words)
-                | Reply::ReadWriteRegisters(words),
+                | Reply::ReadWriteRegisters(words)
+                | Reply::Diagnostics { data: words, .. },
             ) => Ok(words.to_vec()),
             _ => Err(misfit(request, &[])),
         }
@@ -426,89 +469,4 @@ fn run(addresses: &impl RangeBounds<u16>) -> (u16, u16) {
 fn misfit(request: &Request<'_>, found: &[u16]) -> Error {
     let expected = usize::from(request.quantity_read()) * 2;
     Failure::Refused(Mismatch::Quantity { expected, found: found.len() * 2 }).into()
-}
-
-impl Requests {
-    /// Who waits for this request.
-    fn take(&mut self, ticket: Ticket) -> Option<Made> {
-        let at = self.made.iter().position(|(made, _)| *made == ticket)?;
-        Some(self.made.swap_remove(at).1)
-    }
-}
-
-/// The client of a task: a place for every request that may be in flight.
-type Session = crate::Client<16>;
-
-impl Service for Requests {
-    type Session = Session;
-    type Call = Made;
-    type Event = Event;
-
-    fn has_room(&self, session: &Session) -> bool {
-        self.made.len() < session.config().in_flight
-    }
-
-    fn call(&mut self, session: &mut Session, _now: Duration, call: Made) {
-        if call.reply.is_abandoned() {
-            return;
-        }
-        let made = match call.pdu.request() {
-            Ok(request) => session.request(call.unit, &request).map_err(Error::from),
-            Err(error) => Err(Failure::Malformed(error).into()),
-        };
-        match made {
-            Ok(ticket) => self.made.push((ticket, call)),
-            // A caller that is gone does not need to know that nothing was sent.
-            Err(error) => drop(call.reply.send(Err(error))),
-        }
-    }
-
-    fn event(&mut self, session: &mut Session, event: ClientEvent, reports: &mut Reports<'_, Event>) {
-        let Some(ticket) = event.outcome_of() else {
-            if let ClientEvent::OutOfStep(error) = event {
-                reports.reconnect(io::Error::new(io::ErrorKind::InvalidData, error));
-            }
-            reports.event(Event::Notice(event));
-            return;
-        };
-        if let ClientEvent::Failed { failure, .. } = event
-            && session.config().framing.has_transactions()
-            && session.pending() > 0
-        {
-            match failure {
-                Failure::TimedOut => reports.reconnect(io::Error::other("the server has cut a reply off")),
-                // Otherwise the next reply would be read from the middle of this one.
-                Failure::Malformed(_) | Failure::Refused(_) if session.in_flight() == 0 => {
-                    reports.reconnect(io::Error::other("a reply is longer than its header says"));
-                }
-                // Over TCP nothing is returned.
-                Failure::Malformed(_)
-                | Failure::Refused(_)
-                | Failure::Disconnected
-                | Failure::NotSent
-                | Failure::Returned => {}
-            }
-        }
-        let Some(Made { unit, mut pdu, reply }) = self.take(ticket) else { return };
-        let request = *pdu;
-        let outcome = match event {
-            ClientEvent::Failed { failure, .. } => Err(failure.into()),
-            ClientEvent::Replied { .. } => match session.reply(ticket) {
-                Some(Reply::Exception { exception, .. }) => Err(Error::Exception(exception)),
-                Some(reply) => pdu.put(&reply).map(|()| pdu).map_err(Error::from),
-                None => return,
-            },
-            // A broadcast has no reply: its outcome is the request.
-            _ => Ok(pdu),
-        };
-        if let Err(outcome) = reply.send(outcome) {
-            let outcome = outcome.map(|pdu| *pdu);
-            reports.event(Event::Abandoned(Box::new(Abandoned { unit, request, outcome })));
-        }
-    }
-
-    fn refuse(&mut self, call: Made, why: &Arc<io::Error>) {
-        // As above: nothing was sent.
-        let _ = call.reply.send(Err(Error::NotConnected(Arc::clone(why))));
-    }
 }

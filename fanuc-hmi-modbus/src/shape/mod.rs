@@ -1,5 +1,7 @@
 //! The `message` object of a frame, which the tool prints and reads, and the vectors hold.
 
+mod objects;
+
 use core::fmt;
 
 use serde::de::{Error as _, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
@@ -8,7 +10,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::EncodeError;
 use crate::frame::{Frame, Side};
-use crate::message::{Bits, PduBuf, Reply, Request, Words, function, limit};
+use crate::message::{
+    Bits, DeviceIdentification, DeviceObjects, PduBuf, Reply, Request, Words, function, limit,
+};
 
 impl Serialize for Words<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -38,6 +42,14 @@ impl Serialize for Frame<Request<'_>> {
             }
             Request::WriteRegister { address, value } => {
                 entries(&mut map, &[("address", address), ("value", value)])?;
+            }
+            Request::Diagnostics { subfunction, data } => {
+                map.serialize_entry("subfunction", &subfunction)?;
+                map.serialize_entry("values", &data)?;
+            }
+            Request::ReportServerId => {}
+            Request::ReadDeviceIdentification { category, object } => {
+                entries(&mut map, &[("category", category.into()), ("object", object.into())])?;
             }
             Request::WriteCoils { address, values } => {
                 map.serialize_entry("address", &address)?;
@@ -75,6 +87,18 @@ impl Serialize for Frame<Reply<'_>> {
             }
             Reply::WriteRegister { address, value } => {
                 entries(&mut map, &[("address", address), ("value", value)])?;
+            }
+            Reply::Diagnostics { subfunction, data } => {
+                map.serialize_entry("subfunction", &subfunction)?;
+                map.serialize_entry("values", &data)?;
+            }
+            Reply::ServerId(id) => map.serialize_entry("id", id)?,
+            Reply::DeviceIdentification(it) => {
+                let numbers = [("category", it.category.into()), ("conformity", it.conformity.into())];
+                entries(&mut map, &numbers)?;
+                map.serialize_entry("more", &it.more)?;
+                map.serialize_entry("next", &it.next)?;
+                map.serialize_entry("objects", &it.objects)?;
             }
             Reply::WriteCoils { address, quantity } | Reply::WriteRegisters { address, quantity } => {
                 entries(&mut map, &[("address", address), ("quantity", quantity)])?;
@@ -150,15 +174,22 @@ impl<'de> Visitor<'de> for FrameVisitor {
                     map.next_value::<IgnoredAny>()?;
                     return Err(A::Error::custom("a key that no Modbus frame has"));
                 }
-                Key::Values | Key::Bits | Key::Registers | Key::Data => {
-                    if given.list.replace((key, map.next_value()?)).is_some() {
+                Key::Values | Key::Bits | Key::Registers | Key::Id | Key::Data | Key::Objects => {
+                    let list = if key == Key::Objects { objects::read(&mut map)? } else { map.next_value()? };
+                    if given.list.replace((key, list)).is_some() {
                         return Err(A::Error::custom(ShapeError::Extra));
                     }
                     continue;
                 }
                 Key::Transaction => map.next_value()?,
-                Key::Unit | Key::Function | Key::Exception => Some(map.next_value::<u8>()?.into()),
-                Key::Value => Some(map.next_value::<Number>()?.0),
+                Key::Unit
+                | Key::Function
+                | Key::Exception
+                | Key::Category
+                | Key::Object
+                | Key::Conformity
+                | Key::Next => Some(map.next_value::<u8>()?.into()),
+                Key::Value | Key::More => Some(map.next_value::<Number>()?.0),
                 _ => Some(map.next_value()?),
             };
             if let Some(place) = given.numbers.get_mut(key as usize) {
@@ -185,10 +216,18 @@ enum Key {
     WriteAddress,
     And,
     Or,
+    Subfunction,
+    Category,
+    Object,
+    Conformity,
+    More,
+    Next,
     Value,
     Values,
     Bits,
     Registers,
+    Id,
+    Objects,
     Data,
     #[serde(other)]
     Unknown,
@@ -213,6 +252,13 @@ impl Key {
             (function::MASK_WRITE_REGISTER, _) => &[Self::Address, Self::And, Self::Or],
             (function::READ_WRITE_REGISTERS, Side::Client) => {
                 &[Self::Address, Self::Quantity, Self::WriteAddress, Self::Values]
+            }
+            (function::DIAGNOSTICS, _) => &[Self::Subfunction, Self::Values],
+            (function::REPORT_SERVER_ID, Side::Client) => &[],
+            (function::REPORT_SERVER_ID, Side::Server) => &[Self::Id],
+            (function::READ_DEVICE_IDENTIFICATION, Side::Client) => &[Self::Category, Self::Object],
+            (function::READ_DEVICE_IDENTIFICATION, Side::Server) => {
+                &[Self::Category, Self::Conformity, Self::More, Self::Next, Self::Objects]
             }
             _ => &[Self::Data],
         }
@@ -247,13 +293,9 @@ enum ShapeError {
 
 impl Given {
     fn frame(&self) -> Result<Frame<PduBuf>, ShapeError> {
-        let byte = |key| {
-            let number = self.number(key).ok_or(ShapeError::Missing(key))?;
-            u8::try_from(number).map_err(|_| ShapeError::Range("a byte is 0 to 255"))
-        };
-        let (unit, function) = (byte(Key::Unit)?, byte(Key::Function)?);
+        let (unit, function) = (self.byte(Key::Unit)?, self.byte(Key::Function)?);
         let pdu = if self.has_only(&[Key::Exception]) {
-            PduBuf::new(&Reply::Exception { function, exception: byte(Key::Exception)?.into() })?
+            PduBuf::new(&Reply::Exception { function, exception: self.byte(Key::Exception)?.into() })?
         } else if self.has_only(&[Key::Data]) {
             PduBuf::new(&Request::Other { function, data: self.list().to_bytes(&mut [0; limit::PDU])? })?
         } else if self.has_only(Key::of(function, Side::Client)) {
@@ -286,6 +328,14 @@ impl Given {
                 PduBuf::new(&Request::WriteCoils { address, values })
             }
             function::WRITE_REGISTERS => PduBuf::new(&Request::WriteRegisters { address, values }),
+            function::DIAGNOSTICS => {
+                PduBuf::new(&Request::Diagnostics { subfunction: number(Key::Subfunction), data: values })
+            }
+            function::REPORT_SERVER_ID => PduBuf::new(&Request::ReportServerId),
+            function::READ_DEVICE_IDENTIFICATION => PduBuf::new(&Request::ReadDeviceIdentification {
+                category: self.byte(Key::Category)?,
+                object: self.byte(Key::Object)?,
+            }),
             function::MASK_WRITE_REGISTER => {
                 let (and, or) = (number(Key::And), number(Key::Or));
                 PduBuf::new(&Request::MaskWriteRegister { address, and, or })
@@ -307,12 +357,29 @@ impl Given {
             }
             function::WRITE_COILS => PduBuf::new(&Reply::WriteCoils { address, quantity }),
             function::WRITE_REGISTERS => PduBuf::new(&Reply::WriteRegisters { address, quantity }),
+            function::REPORT_SERVER_ID => PduBuf::new(&Reply::ServerId(list.to_bytes(&mut [0; limit::PDU])?)),
+            function::READ_DEVICE_IDENTIFICATION => {
+                let mut bytes = [0; limit::PDU];
+                let objects = DeviceObjects::from_wire(list.to_bytes(&mut bytes)?);
+                PduBuf::new(&Reply::DeviceIdentification(DeviceIdentification {
+                    category: self.byte(Key::Category)?,
+                    conformity: self.byte(Key::Conformity)?,
+                    more: truth(number(Key::More))?,
+                    next: self.byte(Key::Next)?,
+                    objects,
+                }))
+            }
             _ => PduBuf::new(&Reply::of_words(function, Words::from(list.words()))),
         }?)
     }
 
     fn number(&self, key: Key) -> Option<u16> {
         *self.numbers.get(key as usize)?
+    }
+
+    fn byte(&self, key: Key) -> Result<u8, ShapeError> {
+        let number = self.number(key).ok_or(ShapeError::Missing(key))?;
+        u8::try_from(number).map_err(|_| ShapeError::Range("a byte is 0 to 255"))
     }
 
     fn list(&self) -> &List {
@@ -348,6 +415,13 @@ impl List {
     const MAX: usize = limit::READ_BITS as usize;
     const EMPTY: Self = Self { items: [0; Self::MAX], len: 0 };
 
+    /// Adds an item, if there is room for it.
+    fn push(&mut self, item: u16) -> Option<()> {
+        *self.items.get_mut(self.len)? = item;
+        self.len += 1;
+        Some(())
+    }
+
     fn words(&self) -> &[u16] {
         self.items.get(..self.len).unwrap_or_default()
     }
@@ -381,11 +455,7 @@ impl<'de> Deserialize<'de> for List {
             fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<List, A::Error> {
                 let mut list = List::EMPTY;
                 while let Some(Number(word)) = seq.next_element()? {
-                    let Some(item) = list.items.get_mut(list.len) else {
-                        return Err(A::Error::invalid_length(list.len + 1, &self));
-                    };
-                    *item = word;
-                    list.len += 1;
+                    list.push(word).ok_or_else(|| A::Error::invalid_length(List::MAX + 1, &self))?;
                 }
                 Ok(list)
             }

@@ -9,6 +9,7 @@ use fanuc_hmi_modbus::{
 
 use super::background::{PERIOD, Pose, background_task};
 use super::faults::{TelemetryFault as Fault, TelemetryFaults as Faults};
+use super::identification::Identification;
 use super::tables::Tables;
 
 /// Where the tool is at a time since the start of the program.
@@ -28,6 +29,7 @@ pub fn circle(at: Duration) -> Pose {
 pub struct Controller {
     source: Source,
     faults: Faults,
+    identification: Identification,
     now: Duration,
     /// The run that the background task has done last.
     run: Option<u32>,
@@ -65,13 +67,21 @@ impl Controller {
     }
 
     fn with(source: Source, tables: Tables, order: WordOrder) -> Self {
-        Self { source, faults: Faults::default(), now: Duration::ZERO, run: None, tables, order }
+        let (faults, identification) = (Faults::default(), Identification::default());
+        Self { source, faults, identification, now: Duration::ZERO, run: None, tables, order }
     }
 
     /// The same with faults.
     #[must_use]
     pub fn with_faults(mut self, faults: Faults) -> Self {
         self.faults = faults;
+        self
+    }
+
+    /// The same with what it says of itself.
+    #[must_use]
+    pub fn with_identification(mut self, identification: Identification) -> Self {
+        self.identification = identification;
         self
     }
 
@@ -180,6 +190,10 @@ impl Registers for Controller {
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
         self.ready()?;
         self.tables.read_input_registers(address, out)
+    }
+
+    fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {
+        self.identification.write(id, out)
     }
 
     fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {

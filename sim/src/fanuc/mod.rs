@@ -3,6 +3,7 @@
 mod background;
 mod controller;
 mod faults;
+mod identification;
 mod tables;
 
 use core::time::Duration;
@@ -16,6 +17,7 @@ use robot_session::end::End as _;
 pub use self::background::{PERIOD, Pose, background_task};
 pub use self::controller::{Controller, Motion, Program, circle};
 pub use self::faults::{NoFault, TelemetryFault, TelemetryFaults};
+pub use self::identification::{Identification, NoObject};
 pub use self::tables::Tables;
 use crate::device::{Device, Error, Notes};
 use crate::settings::Settings;
@@ -29,13 +31,17 @@ pub struct Fanuc {
     pub word_order: WordOrder,
     /// Implausible telemetry, with times.
     pub faults: TelemetryFaults,
+    /// What it says of itself; without object 0 nothing.
+    pub identification: Identification,
 }
 
 impl Settings for Fanuc {
     type Device = FanucController;
 
     fn device(&self) -> Result<FanucController, Error> {
-        let controller = Controller::new(Box::new(circle), self.word_order).with_faults(self.faults.clone());
+        let controller = Controller::new(Box::new(circle), self.word_order)
+            .with_faults(self.faults.clone())
+            .with_identification(self.identification.clone());
         FanucController::new(self.config, Arc::new(Mutex::new(controller)))
     }
 }
@@ -276,6 +282,10 @@ impl Registers for Connection {
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
         let read = self.lock().read_input_registers(address, out);
         self.read((Table::InputRegisters, address, out.len()), read)
+    }
+
+    fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {
+        self.lock().device_object(id, out)
     }
 
     fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {

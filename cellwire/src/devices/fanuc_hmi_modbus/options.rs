@@ -32,6 +32,8 @@ pub struct FanucSettings {
     pub word_order: WordOrder,
     /// Implausible telemetry, with times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
     pub faults: Option<String>,
+    /// What it says of itself: see [`Identification`](cellwire_sim::fanuc::Identification).
+    pub identification: Option<String>,
     /// The program that the robot runs.
     pub program: ProgramSettings,
 }
@@ -138,6 +140,7 @@ impl Default for FanucSettings {
             echo: false,
             word_order,
             faults: None,
+            identification: None,
             program: ProgramSettings::default(),
         }
     }
@@ -204,6 +207,7 @@ impl Configure for FanucSettings {
             echo,
             word_order,
             faults,
+            identification,
             program,
         } = self;
         frames_setting(fields, frames);
@@ -224,6 +228,9 @@ impl Configure for FanucSettings {
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";
         fields.text("faults", shape, "there are none", "implausible telemetry, with times", faults);
+        let shape = "ID:TEXT with commas between them, such as 0:FANUC,1:R-30iB,2:V9.40";
+        let about = "the objects of its device identification, function 43";
+        fields.text("identification", shape, "it has none", about, identification);
         program.configure(fields);
     }
 }

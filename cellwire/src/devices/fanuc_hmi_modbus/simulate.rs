@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use cellwire_sim::fanuc::{
-    Controller, FanucController, FanucEvent, Shared, Tables, TelemetryFaults, Write, circle,
+    Controller, FanucController, FanucEvent, Identification, Shared, Tables, TelemetryFaults, Write, circle,
 };
 use cellwire_sim::host::{Notice, Server};
 use cellwire_sim::{Simulator, Told};
@@ -42,6 +42,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     }
     settings.program.leaves_registers = !options.settings.contains_key("telemetry");
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
+    let identification: Identification = settings.identification.as_deref().unwrap_or_default().parse()?;
     let reports = Reports::default();
     let (controller, mapping) = match &settings.program.program {
         None => (Controller::new(Box::new(circle), settings.word_order), None),
@@ -53,7 +54,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         }
     };
     let shown = Shown { mapping };
-    let controller = Arc::new(Mutex::new(controller.with_faults(faults)));
+    let controller = Arc::new(Mutex::new(controller.with_faults(faults).with_identification(identification)));
     let runs = settings.program.program.is_some();
     match &options.endpoint {
         Endpoint::Listen(address) => {

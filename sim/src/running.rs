@@ -92,14 +92,7 @@ impl<D: Device + Send + 'static> Running<D> {
         let listener = Listener::new(listener)?;
         Self::start(simulator, address, String::new(), move |simulator, shared| {
             let clock = || shared.clock.elapsed();
-            let server = Server {
-                listener,
-                clock,
-                idle_timeout: None,
-                look: Some(LOOK),
-                #[cfg(feature = "tls")]
-                tls: None,
-            };
+            let server = Server { look: Some(LOOK), ..Server::new(listener, clock) };
             server.run(simulator, || !shared.ends(), |simulator, notice| shared.note(simulator, notice))
         })
     }

@@ -74,13 +74,8 @@ impl SimulateOptions {
     pub fn server(&self, listener: TcpListener, clock: Clock) -> Result<Server<impl Fn() -> Duration>> {
         let look = self.control.as_ref().map(|_| LOOK);
         let listener = Listener::new(listener)?;
-        Ok(Server {
-            listener,
-            clock: move || clock.now(),
-            idle_timeout: self.idle_timeout,
-            look,
-            tls: self.tls.clone(),
-        })
+        let (idle_timeout, tls) = (self.idle_timeout, self.tls.clone());
+        Ok(Server { idle_timeout, look, tls, ..Server::new(listener, move || clock.now()) })
     }
 }
 

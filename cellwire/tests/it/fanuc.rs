@@ -375,7 +375,7 @@ fn controller(order: WordOrder) -> String {
     thread::spawn(move || {
         let trace = TraceArgs::off().start("fanuc");
         let (listener, clock) = (Listener::new(listener).unwrap(), Clock::start());
-        let server = Server { listener, clock: || clock.now(), idle_timeout: None, look: None };
+        let server = Server::new(listener, || clock.now());
         serve_tcp(server, connection(&shared, ServerConfig::tcp()).unwrap(), &trace, None)
     });
     address

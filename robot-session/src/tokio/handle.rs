@@ -11,7 +11,7 @@ use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
 
 use super::shared::{Link, Shared};
 use super::{Service, Waker};
-use crate::{now, trace};
+use crate::{Session as _, now, trace};
 
 /// The receiver of a call's outcome.
 pub struct Reply<T> {

@@ -45,6 +45,18 @@ pub struct Server<C> {
 }
 
 impl<C: Fn() -> Duration> Server<C> {
+    /// A server without limits of time, which looks at its sessions when something is due.
+    pub const fn new(listener: Listener, clock: C) -> Self {
+        Self {
+            listener,
+            clock,
+            idle_timeout: None,
+            look: None,
+            #[cfg(feature = "tls")]
+            tls: None,
+        }
+    }
+
     /// Serves while `goes_on`. A client that does not read its replies stops the reading of its requests, and does not stop another client.
     ///
     /// # Errors

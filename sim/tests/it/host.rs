@@ -38,7 +38,7 @@ impl Host {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
-            let server = Server { listener, clock: move || begun.elapsed(), idle_timeout, look };
+            let server = Server { idle_timeout, look, ..Server::new(listener, move || begun.elapsed()) };
             server.run(
                 simulator,
                 || !stopped.load(Ordering::Relaxed),

@@ -170,8 +170,7 @@ impl Log {
         let device = connection(&Arc::new(Mutex::new(controller)), settings.server)?;
         // It ends with the process, as the listener does.
         thread::spawn(move || {
-            let server =
-                Server { listener, clock: || clock.now(), idle_timeout: None, look: None, tls: None };
+            let server = Server::new(listener, || clock.now());
             serve_tcp(server, device, &trace, None)
         });
         let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;

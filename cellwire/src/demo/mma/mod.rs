@@ -115,7 +115,7 @@ impl Run {
             let (device, goes_on) = (Ported::new(which, &cell, speed), Arc::clone(&goes_on));
             devices.push(thread::spawn(move || {
                 let (clock, look) = (|| clock.now().wall, Some(STOP));
-                let server = Server { listener, clock, idle_timeout: None, look, tls: None };
+                let server = Server { look, ..Server::new(listener, clock) };
                 server.run(
                     device,
                     || goes_on.load(Ordering::Relaxed),

@@ -69,8 +69,7 @@ impl SimulateOptions {
         let commands = Arc::new(Commands { device, remote: simulator.remote(), own });
         let thread = thread::Builder::new().name("control".into()).spawn(move || {
             let clock = Clock::start();
-            let server =
-                Server { listener, clock: || clock.now(), idle_timeout: None, look: None, tls: None };
+            let server = Server::new(listener, || clock.now());
             let served: Result<()> = server.run(Client::new(commands), || true, |_, _| Ok(()));
             if let Err(error) = served {
                 remark(&format!("warning: --control has ended: {error:#}"));

@@ -1,24 +1,26 @@
 //! Commands of the broker: each is remembered before it is given to a link, so that none is executed twice.
 //!
-//! A command has an id that its sender uses once, and a time. The id is in the store, safely on the disk, before the cell has the
-//! command. The same id again only has its outcome reported again, also by the next process, and also where it was refused; what had no
-//! outcome when a process ended is unknown. Ids are remembered for a day and longer where their time is ahead, and a command whose time is
-//! further from now than [`max_age`](super::site::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be
-//! obeyed. Where a clock was wrong for a while it would not be: so a command that is not later than every one that was forgotten is
-//! refused too.
+//! A command has an id that its sender uses once, and a time: the one in the id, or else that of the message, which is another one each
+//! time that it is sent. The id is in the store, safely on the disk, before the cell has the command. The same id again only has its outcome
+//! reported again, also by the next process, and also if it was refused; a command without an outcome when a process ends is unknown.
+//! A command whose time is further from now than [`max_age`](super::site::Commands::max_age), an hour at the most, is refused, and so is one
+//! that is not later than every one that was forgotten. docs/bridge.md has the clauses.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use anyhow::Result;
-use serde_json::{Map, Value as Json};
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
 
 use super::bucket::{Bucket, Rate};
+use super::ledger::Ledger;
 use super::metric::{COMMAND, DETAIL, Named, OUTCOME, REQUEST, text};
 use super::payload::{Payload, Value};
-use super::remembered::{self, Entry, Remembered};
-use super::report::{Command, Outcome};
-use crate::store::{Batch, Store};
+use super::remembered::{self, Entry, Names, Remembered, time_of};
+use super::report::{Command, Order, Outcome};
+use crate::store::Batch;
 
 /// The longest id, in bytes.
 const LONGEST_ID: usize = 64;
@@ -32,7 +34,19 @@ pub struct Commands {
     /// The time of the latest command that was not refused.
     latest: u64,
     known: HashMap<String, Remembered>,
+    ledger: Ledger,
     buckets: HashMap<String, Bucket>,
+}
+
+/// A command and its outcome, as bridges report it to one another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Told {
+    /// The cell.
+    pub cell: String,
+    /// The id.
+    pub id: String,
+    /// The outcome, and the bridge that has accepted the command.
+    pub entry: Entry,
 }
 
 /// A command that had no outcome when the bridge ended.
@@ -55,6 +69,10 @@ pub struct Write<'a> {
     pub payload: &'a Payload,
     /// Why it is no command that may be obeyed, if it is none.
     pub unfit: Option<&'a str>,
+    /// Whether several bridges share the cell.
+    pub is_shared: bool,
+    /// The reason to refuse every id without a time: the ids that another bridge has executed are not all known.
+    pub unread: Option<&'a str>,
 }
 
 /// What is to be done about a message that writes metrics of a cell.
@@ -71,17 +89,17 @@ pub enum Decision {
 }
 
 impl Commands {
-    /// What the store remembers. What had no outcome is unknown from now on.
+    /// Reads what the store remembers, given the names that begin with a prefix. A command without an outcome is unknown from now on.
     ///
     /// # Errors
     /// When the store cannot be read.
     pub fn open(
-        store: &Store,
+        names: impl Fn(&str) -> Result<Names>,
         max_age: Duration,
         rate: Rate,
         batch: &mut Batch,
     ) -> Result<(Self, Vec<Interrupted>)> {
-        let (mut known, mut unknown) = (Remembered::open(store)?, Vec::new());
+        let (mut known, mut unknown) = (Remembered::open(names)?, Vec::new());
         for (cell, remembered) in &mut known {
             for (id, entry) in remembered.unfinished(true) {
                 entry.outcome = Outcome::Unknown;
@@ -92,7 +110,12 @@ impl Commands {
         }
         let max_age = u64::try_from(max_age.as_millis()).unwrap_or(u64::MAX);
         let latest = known.values().map(Remembered::latest).max().unwrap_or_default();
-        Ok((Self { max_age, rate, latest, known, buckets: HashMap::new() }, unknown))
+        let mut ledger = Ledger::default();
+        for (cell, remembered) in &known {
+            let own = remembered.iter().filter(|(_, entry)| entry.is_in_ledger());
+            own.for_each(|(id, entry)| ledger.insert(entry.number, cell, id));
+        }
+        Ok((Self { max_age, rate, latest, known, ledger, buckets: HashMap::new() }, unknown))
     }
 
     /// Decides about a message for a cell.
@@ -106,13 +129,17 @@ impl Commands {
         if let Some(entry) = self.known.get(cell).and_then(|known| known.get(&command.id)) {
             return Decision::Report(entry.named(&command.id));
         }
-        let acceptable = self.acceptable(write, at, now);
+        let of_id = time_of(&command.id);
+        let at = of_id.or(at);
+        let acceptable = self.acceptable(write, at, of_id.is_some(), now, batch);
         let sent = at.unwrap_or(now);
         let (outcome, detail) = match &acceptable {
             Ok(()) => (Outcome::Accepted, String::new()),
             Err((_, why)) => (Outcome::Refused, why.clone()),
         };
-        let entry = Entry { at: now, sent, outcome, detail, by: String::new() };
+        let is_in_ledger = acceptable.is_ok() && write.is_shared;
+        let number = if is_in_ledger { self.ledger.append(cell, &command.id) } else { 0 };
+        let entry = Entry { at: now, sent, outcome, detail, by: String::new(), number };
         let report = entry.named(&command.id);
         let known = self.known.entry(cell.to_owned()).or_default();
         known.keep(cell, &command.id, entry, now, max_age, batch);
@@ -131,7 +158,9 @@ impl Commands {
         &mut self,
         write: Write<'_>,
         at: Option<u64>,
+        has_time: bool,
         now: u64,
+        batch: &mut Batch,
     ) -> Result<(), (&'static str, String)> {
         if let Some(why) = write.unfit {
             return Err(("unfit", why.into()));
@@ -158,6 +187,9 @@ impl Commands {
         if let Some(why) = self.known.get(write.cell).and_then(|known| known.bars(at)) {
             return Err(("forgotten", why));
         }
+        if let Some(why) = write.unread.filter(|_| !has_time) {
+            return Err(("unread", why.into()));
+        }
         let rate = self.rate;
         let bucket = self.buckets.entry(write.cell.to_owned()).or_insert_with(|| Bucket::full(rate, now));
         if !bucket.take(rate, now) {
@@ -167,6 +199,14 @@ impl Commands {
                 format!(
                     "this cell accepts {per_second} commands per second, {burst} at once: see commands.rate"
                 ),
+            ));
+        }
+        let known = self.known.entry(write.cell.to_owned()).or_default();
+        if !has_time && known.is_full(write.cell, now, batch) {
+            let most = remembered::MOST_EXECUTED;
+            return Err((
+                "full",
+                format!("this cell has executed {most} commands within a day: use UUIDs of version 7 as ids"),
             ));
         }
         Ok(())
@@ -187,8 +227,9 @@ impl Commands {
         batch: &mut Batch,
     ) -> Vec<Named> {
         let known = self.known.entry(cell.to_owned()).or_default();
-        let (at, sent) = known.get(id).map_or((0, 0), |entry| (entry.at, entry.sent));
-        let entry = Entry { at, sent, outcome, detail, by: String::new() };
+        let (at, sent, number) =
+            known.get(id).map_or((0, 0, 0), |entry| (entry.at, entry.sent, entry.number));
+        let entry = Entry { at, sent, outcome, detail, by: String::new(), number };
         let report = entry.named(id);
         known.keep(cell, id, entry, at, self.max_age, batch);
         report
@@ -208,6 +249,20 @@ impl Commands {
     /// What became of a command.
     pub fn entry(&self, cell: &str, id: &str) -> Option<&Entry> {
         self.known.get(cell)?.get(id)
+    }
+
+    /// The pages of the ledger.
+    pub fn pages(&self) -> RangeInclusive<u64> {
+        self.ledger.pages()
+    }
+
+    /// The commands on a page of the ledger that are remembered.
+    pub fn page(&self, page: u64) -> Vec<Told> {
+        let told = |(cell, id): &(String, String)| {
+            let entry = self.entry(cell, id).filter(|entry| entry.is_in_ledger())?.clone();
+            Some(Told { cell: cell.clone(), id: id.clone(), entry })
+        };
+        self.ledger.page(page).filter_map(told).collect()
     }
 
     /// The time of the latest command that was given, here or by another bridge, as far as is known.
@@ -254,10 +309,19 @@ impl Commands {
         for (cell, known) in &mut self.known {
             known.forget(cell, now, self.max_age, batch);
         }
+        let known = &self.known;
+        self.ledger.retain(|cell, id| {
+            known.get(cell).and_then(|known| known.get(id)).is_some_and(Entry::is_in_ledger)
+        });
     }
 }
 
 impl Entry {
+    /// Whether this bridge has accepted the command, and shares its cell.
+    pub fn is_in_ledger(&self) -> bool {
+        self.number > 0 && self.by.is_empty()
+    }
+
     fn named(&self, id: &str) -> Vec<Named> {
         let detail = text(self.detail.as_str());
         vec![(COMMAND, text(id)), (OUTCOME, text(self.outcome.name())), (DETAIL, detail)]
@@ -274,7 +338,7 @@ fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
         return Err(format!("the metric {name} cannot be written: write {REQUEST}"));
     }
     let Some(Value::String(text)) = &metric.value else { return Err(format!("{REQUEST} must be a string")) };
-    let mut order: Map<String, Json> =
+    let Order(mut order) =
         serde_json::from_str(text).map_err(|error| format!("{REQUEST} is not a JSON object: {error}"))?;
     let id = match order.remove("id") {
         Some(Json::String(id)) if (1..=LONGEST_ID).contains(&id.len()) && !id.contains(char::is_control) => {

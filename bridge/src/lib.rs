@@ -18,6 +18,7 @@ pub mod http;
 pub mod hub;
 pub mod latest;
 pub mod lease;
+pub mod ledger;
 pub mod links;
 pub mod metric;
 pub mod node;

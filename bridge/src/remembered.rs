@@ -1,6 +1,8 @@
 //! The commands of one cell that are remembered, so that none is executed twice and none that was refused is executed later.
 //!
-//! There is room for some thousands. What makes room leaves a mark: a command that is not later than what was forgotten is refused.
+//! An id that is a UUID of version 7 has a time in it, which is the same however the command is sent again. So such commands, and refused
+//! ones, make room for others and leave a mark: a command that is not later is refused. Every other id of an executed command is
+//! remembered for [`KEPT`] at least.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -9,7 +11,10 @@ use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 use super::report::Outcome;
-use crate::store::{Batch, Store};
+use crate::store::Batch;
+
+/// Names of the store and their values.
+pub type Names = Vec<(String, String)>;
 
 /// In the store, before CELL/ID.
 const PREFIX: &str = "command/";
@@ -17,13 +22,18 @@ const PREFIX: &str = "command/";
 const FORGOTTEN: &str = "forgotten/";
 /// How long an outcome can be asked for.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
-/// How many are remembered.
+/// How many are remembered: of those that make room for others, and of the others beyond [`KEPT`].
 pub const MOST: usize = 20_000;
+/// The maximum number of executed commands of [`KEPT`] whose ids have no time.
+pub const MOST_EXECUTED: usize = 100_000;
 
 /// The commands of a cell.
 #[derive(Debug, Default)]
 pub struct Remembered {
+    /// Refused commands, and those whose ids have a time.
     entries: HashMap<String, Entry>,
+    /// Executed commands whose ids have no time.
+    executed: HashMap<String, Entry>,
     forgotten: Forgotten,
 }
 
@@ -32,7 +42,7 @@ pub struct Remembered {
 pub struct Entry {
     /// When it was received.
     pub at: u64,
-    /// Its own time.
+    /// The time in its id, or that of the message.
     #[serde(default)]
     pub sent: u64,
     /// What became of it.
@@ -42,6 +52,26 @@ pub struct Entry {
     /// The bridge that it was given to, if that is another one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub by: String,
+    /// The number in the ledger of the bridge that has accepted the command; 0 for a command that is in no ledger.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub number: u64,
+}
+
+fn is_zero(number: &u64) -> bool {
+    *number == 0
+}
+
+/// Returns the time in an id, in milliseconds since 1970 UTC, if the id is a UUID of version 7 (RFC 9562, section 5.7).
+pub fn time_of(id: &str) -> Option<u64> {
+    let is_uuid = id.len() == 36
+        && id.bytes().enumerate().all(|(at, byte)| match at {
+            8 | 13 | 18 | 23 => byte == b'-',
+            14 => byte == b'7',
+            19 => matches!(byte, b'8' | b'9' | b'a' | b'b' | b'A' | b'B'),
+            _ => byte.is_ascii_hexdigit(),
+        });
+    let digits = is_uuid.then(|| Some(format!("{}{}", id.get(..8)?, id.get(9..13)?)))??;
+    u64::from_str_radix(&digits, 16).ok()
 }
 
 /// What is not remembered one by one.
@@ -58,15 +88,15 @@ impl Remembered {
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn open(store: &Store) -> Result<HashMap<String, Self>> {
+    pub fn open(names: impl Fn(&str) -> Result<Names>) -> Result<HashMap<String, Self>> {
         let mut cells: HashMap<String, Self> = HashMap::new();
-        for (name, value) in store.names(PREFIX)? {
+        for (name, value) in names(PREFIX)? {
             let entry = serde_json::from_str(&value).with_context(|| format!("{name} in the store"))?;
             if let Some((cell, id)) = name.strip_prefix(PREFIX).and_then(|key| key.split_once('/')) {
-                cells.entry(cell.to_owned()).or_default().entries.insert(id.to_owned(), entry);
+                cells.entry(cell.to_owned()).or_default().of(id, &entry).0.insert(id.to_owned(), entry);
             }
         }
-        for (name, value) in store.names(FORGOTTEN)? {
+        for (name, value) in names(FORGOTTEN)? {
             let cell = name.strip_prefix(FORGOTTEN).unwrap_or_default().to_owned();
             cells.entry(cell).or_default().forgotten =
                 serde_json::from_str(&value).with_context(|| format!("{name} in the store"))?;
@@ -76,20 +106,33 @@ impl Remembered {
 
     /// The command of an id.
     pub fn get(&self, id: &str) -> Option<&Entry> {
-        self.entries.get(id)
+        self.executed.get(id).or_else(|| self.entries.get(id))
+    }
+
+    /// Every command.
+    pub fn iter(&self) -> impl Iterator<Item = (&String, &Entry)> {
+        self.entries.iter().chain(&self.executed)
+    }
+
+    /// The map of an entry, and the other one.
+    fn of(&mut self, id: &str, entry: &Entry) -> (&mut HashMap<String, Entry>, &mut HashMap<String, Entry>) {
+        match entry.outcome != Outcome::Refused && time_of(id).is_none() {
+            true => (&mut self.executed, &mut self.entries),
+            false => (&mut self.entries, &mut self.executed),
+        }
     }
 
     /// Those that have no outcome: this bridge's, or those of others.
     pub fn unfinished(&mut self, is_own: bool) -> impl Iterator<Item = (&String, &mut Entry)> {
         let is_wanted =
             move |entry: &Entry| entry.outcome == Outcome::Accepted && entry.by.is_empty() == is_own;
-        self.entries.iter_mut().filter(move |(_, entry)| is_wanted(entry))
+        self.entries.iter_mut().chain(&mut self.executed).filter(move |(_, entry)| is_wanted(entry))
     }
 
-    /// The time of the latest that was not refused.
+    /// The time of the latest that was not refused, or was forgotten.
     pub fn latest(&self) -> u64 {
-        let given = self.entries.values().filter(|entry| entry.outcome != Outcome::Refused);
-        given.map(|entry| entry.sent).max().unwrap_or_default()
+        let given = self.iter().filter(|(_, entry)| entry.outcome != Outcome::Refused);
+        given.map(|(_, entry)| entry.sent).chain([self.forgotten.until]).max().unwrap_or_default()
     }
 
     /// Commands until this time may have been given without being known here: what is not known and not later is refused.
@@ -116,11 +159,21 @@ impl Remembered {
 
     /// Remembers a command, or its outcome.
     pub fn keep(&mut self, cell: &str, id: &str, entry: Entry, now: u64, max_age: u64, batch: &mut Batch) {
-        if self.entries.len() >= MOST && !self.entries.contains_key(id) {
+        put(batch, cell, id, Some(&entry));
+        let (entries, others) = self.of(id, &entry);
+        others.remove(id);
+        entries.insert(id.to_owned(), entry);
+        if self.entries.len() > MOST {
             self.make_room(cell, now.saturating_add(max_age), batch);
         }
-        put(batch, cell, id, Some(&entry));
-        self.entries.insert(id.to_owned(), entry);
+    }
+
+    /// Whether a further command whose id has no time would have to be forgotten within [`KEPT`].
+    pub fn is_full(&mut self, cell: &str, now: u64, batch: &mut Batch) -> bool {
+        self.executed.len() >= MOST_EXECUTED && {
+            self.forget_executed(cell, now, batch);
+            self.executed.len() >= MOST_EXECUTED
+        }
     }
 
     /// Forgets the oldest, or those that were refused as later than `latest` where they are the most.
@@ -164,6 +217,22 @@ impl Remembered {
         if *forgotten != before {
             self.mark(cell, batch);
         }
+        self.forget_executed(cell, now, batch);
+    }
+
+    /// Forgets executed commands that are older than [`KEPT`], the oldest first, until [`MOST`] are left.
+    fn forget_executed(&mut self, cell: &str, now: u64, batch: &mut Batch) {
+        let kept = u64::try_from(KEPT.as_millis()).unwrap_or(u64::MAX);
+        let is_over =
+            |entry: &Entry| now > entry.at.saturating_add(kept) && entry.outcome != Outcome::Accepted;
+        let old = self.executed.iter().filter(|(_, entry)| is_over(entry));
+        let mut old: Vec<_> = old.map(|(id, entry)| (entry.at, id.clone())).collect();
+        old.sort_unstable();
+        old.truncate(self.executed.len().saturating_sub(MOST));
+        for (_, id) in old {
+            put(batch, cell, &id, None);
+            self.executed.remove(&id);
+        }
     }
 
     fn mark(&self, cell: &str, batch: &mut Batch) {
@@ -185,7 +254,14 @@ mod tests {
     const AGE: u64 = 30_000;
 
     fn refused(sent: u64) -> Entry {
-        Entry { at: 1_000_000, sent, outcome: Outcome::Refused, detail: String::new(), by: String::new() }
+        Entry {
+            at: 1_000_000,
+            sent,
+            outcome: Outcome::Refused,
+            detail: String::new(),
+            by: String::new(),
+            number: 0,
+        }
     }
 
     #[test]
@@ -193,7 +269,7 @@ mod tests {
         let (mut cell, mut batch) = (Remembered::default(), Batch::default());
         let begun = Entry { outcome: Outcome::Accepted, ..refused(1) };
         cell.keep("c", "begun", begun.clone(), 1_000_000, AGE, &mut batch);
-        for number in 0..u64::try_from(MOST).unwrap() {
+        for number in 0..=u64::try_from(MOST).unwrap() {
             cell.keep("c", &number.to_string(), refused(1_000_000 + number), 1_000_000, AGE, &mut batch);
         }
         assert!(cell.entries.len() <= MOST);
@@ -216,12 +292,12 @@ mod tests {
         assert!(cell.get("now").is_some() && cell.get("0").is_none());
         assert_eq!((cell.bars(1_000_001), cell.bars(future - 1)), (None, None));
         let why =
-            "too many commands dated 9000000 to 9019998 were refused as too early; its timestamp is 9000007";
+            "too many commands dated 9000000 to 9019999 were refused as too early; its timestamp is 9000007";
         assert_eq!(cell.bars(future + 7), Some(why.into()));
         // Until they can no more be accepted.
-        cell.forget("c", future + 19_998 + AGE, AGE, &mut batch);
-        assert!(cell.bars(future + 7).is_some());
         cell.forget("c", future + 19_999 + AGE, AGE, &mut batch);
+        assert!(cell.bars(future + 7).is_some());
+        cell.forget("c", future + 20_000 + AGE, AGE, &mut batch);
         assert!(cell.bars(future + 7).is_none());
     }
 

@@ -1,6 +1,9 @@
 //! What the threads of the bridge say to one another.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
+
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value as Json};
 
 use super::metric::Named;
@@ -51,6 +54,35 @@ pub struct Command {
     pub order: Map<String, Json>,
     /// Later it is not begun; in milliseconds since 1970 UTC.
     pub until: u64,
+}
+
+/// A JSON object in which no key is given twice.
+#[derive(Debug)]
+pub struct Order(pub Map<String, Json>);
+
+impl<'de> Deserialize<'de> for Order {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Keys;
+        impl<'de> Visitor<'de> for Keys {
+            type Value = Order;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a JSON object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut given: A) -> Result<Order, A::Error> {
+                let mut order = Map::new();
+                while let Some((key, value)) = given.next_entry::<String, Json>()? {
+                    if order.contains_key(&key) {
+                        return Err(A::Error::custom(format!("{key:?} is given twice")));
+                    }
+                    order.insert(key, value);
+                }
+                Ok(Order(order))
+            }
+        }
+        deserializer.deserialize_map(Keys)
+    }
 }
 
 /// What became of a command.

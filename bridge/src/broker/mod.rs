@@ -185,15 +185,31 @@ impl Session {
 
     /// Publishes a message: with QoS 0, or with QoS 1. What has a token is reported. False when there is no room yet.
     pub fn publish(&self, topic: &str, payload: Vec<u8>, acknowledged: bool, token: Option<u64>) -> bool {
+        self.send(topic, payload, acknowledged, token, false)
+    }
+
+    /// Publishes a message that the broker stores, with QoS 1; an empty one removes it. False when there is no room yet.
+    pub fn store(&self, topic: &str, payload: Vec<u8>) -> bool {
+        self.send(topic, payload, true, None, true)
+    }
+
+    fn send(
+        &self,
+        topic: &str,
+        payload: Vec<u8>,
+        acknowledged: bool,
+        token: Option<u64>,
+        retain: bool,
+    ) -> bool {
         let qos = if acknowledged { QoS::AtLeastOnce } else { QoS::AtMostOnce };
         // The connection's thread takes the tokens in the order of its publications: that is the order of these calls.
         let mut sent = lock(&self.sent);
         sent.push_back(token);
         let is_taken = match &self.client {
-            Client::Five(client) => client.try_publish(topic, qos, false, payload).is_ok(),
+            Client::Five(client) => client.try_publish(topic, qos, retain, payload).is_ok(),
             Client::Three(client) => {
                 let qos = if acknowledged { rumqttc::QoS::AtLeastOnce } else { rumqttc::QoS::AtMostOnce };
-                client.try_publish(topic, qos, false, payload).is_ok()
+                client.try_publish(topic, qos, retain, payload).is_ok()
             }
         };
         if !is_taken {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::payload::{Kind, Metric};
+use crate::store::Store;
 
 fn write(text: &str, at: u64) -> Payload {
     let metric = Metric::new(REQUEST, Kind::String, at, Some(Value::String(text.into())));
@@ -9,7 +10,7 @@ fn write(text: &str, at: u64) -> Payload {
 const RATE: Rate = Rate { per_second: 10.0, burst: 100 };
 
 fn to<'a>(cell: &'a str, payload: &'a Payload) -> Write<'a> {
-    Write { cell, is_allowed: true, payload, unfit: None }
+    Write { cell, is_allowed: true, payload, unfit: None, is_shared: false, unread: None }
 }
 
 fn outcome(decision: &Decision) -> (&'static str, String) {
@@ -34,7 +35,8 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
     let path = folder.path().join("store");
     let age = Duration::from_secs(30);
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-    let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, unknown) =
+        Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     assert!(unknown.is_empty());
     let request = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, 1_000_000);
     let decision = commands.decide(to("cell", &request), 1_000_900, &mut batch);
@@ -51,7 +53,8 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
 
     // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-    let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, unknown) =
+        Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     let why = "a unknown: the bridge ended before the outcome";
     let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
     assert_eq!((cell.as_str(), outcome(&Decision::Report(report.clone())).1), ("cell", why.into()));
@@ -60,16 +63,77 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
         assert_eq!(outcome(&decision), ("report", outcome_then.into()));
     }
     store.write(&batch, &|_| Vec::new()).unwrap();
-    // A day later it is forgotten, and too old to be obeyed.
+    // A day later it is still known, also if it is sent with another time.
     let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
     commands.forget(later, &mut batch);
-    assert_eq!(batch.names.len(), 4);
-    let decision = commands.decide(to("cell", &request), later, &mut batch);
-    let (kind, text) = outcome(&decision);
-    assert!(
-        kind == "late" && text.starts_with("a refused: timestamp 1000000 is more than 30 s before"),
-        "{text}"
-    );
+    assert_eq!(batch.names.len(), 0);
+    let again = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, later);
+    assert_eq!(outcome(&commands.decide(to("cell", &again), later, &mut batch)), ("report", why.into()));
+}
+
+#[test]
+fn an_id_with_a_time_is_forgotten_after_a_day_and_then_too_old() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&folder.path().join("store"), 1 << 16).unwrap();
+    let (age, mut batch) = (Duration::from_secs(30), Batch::default());
+    let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
+    // The time of the message is another one each time, and no matter.
+    let id = "00000000-03e8-7123-8abc-0123456789ab";
+    let order = |at| write(&format!(r#"{{"id":"{id}"}}"#), at);
+    let decision = commands.decide(to("c", &order(9_000_000)), 30_900, &mut batch);
+    let Decision::Give(command, _) = &decision else { panic!("{decision:?}") };
+    assert_eq!(command.until, 31_000);
+    commands.finish("c", id, Outcome::Done, String::new(), &mut batch);
+    let later = 30_900 + 86_400_001;
+    commands.forget(later - 1, &mut batch);
+    let again = commands.decide(to("c", &order(later)), later, &mut batch);
+    assert_eq!(outcome(&again), ("report", format!("{id} done: ")));
+    commands.forget(later, &mut batch);
+    let (kind, text) = outcome(&commands.decide(to("c", &order(later)), later, &mut batch));
+    let why = format!("{id} refused: timestamp 1000 is more than 30 s before");
+    assert!(kind == "late" && text.starts_with(&why), "{text}");
+    // With a clock that was wrong for a while, too.
+    let (again, why) =
+        (order(30_900), "its timestamp 1000 is not after 1000, up to which commands are forgotten");
+    let other = Write { cell: "d", ..to("d", &again) };
+    commands.decide(other, 30_900, &mut batch);
+    commands.finish("d", id, Outcome::Done, String::new(), &mut batch);
+    commands.forget(later, &mut batch);
+    let (kind, text) = outcome(&commands.decide(other, 30_900, &mut batch));
+    assert!(kind == "forgotten" && text.contains(why), "{text}");
+}
+
+#[test]
+fn no_number_of_other_ids_makes_an_executed_one_new() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&folder.path().join("store"), 1 << 16).unwrap();
+    let (age, rate) = (Duration::from_secs(30), Rate { per_second: 1e9, burst: u32::MAX });
+    let (mut commands, _) =
+        Commands::open(|prefix| store.names(prefix), age, rate, &mut Batch::default()).unwrap();
+    let mut decide = |id: &str, now, is_allowed| {
+        let (mut batch, order) = (Batch::default(), write(&format!(r#"{{"id":"{id}"}}"#), now));
+        let decision = commands.decide(Write { is_allowed, ..to("c", &order) }, now, &mut batch);
+        if matches!(decision, Decision::Give(..)) {
+            commands.finish("c", id, Outcome::Done, String::new(), &mut batch);
+        }
+        outcome(&decision).0
+    };
+    let (most, day) = (remembered::MOST_EXECUTED, 86_400_000);
+    assert_eq!(decide("first", 1_000_000, true), "give");
+    for number in 1..most {
+        assert_eq!(decide(&format!("refused {number}"), 1_000_000, false), "not_allowed");
+        assert_eq!(decide(&number.to_string(), 1_000_001, true), "give");
+    }
+    // A day has room for no more of them, but for those that have a time.
+    assert_eq!(decide("first", 1_000_500, true), "report");
+    assert_eq!(decide("further", 1_000_500, true), "full");
+    assert_eq!(decide("00000000-03e8-7123-8abc-0123456789ab", 30_000, true), "forgotten");
+    assert_eq!(decide("00000010-03e8-7123-8abc-0123456789ab", 1_049_576, true), "give");
+    // Then the oldest make room.
+    assert_eq!(decide("another", 1_000_000 + day, true), "full");
+    assert_eq!(decide("next", 1_000_002 + day, true), "give");
+    assert_eq!(decide("first", 1_000_003 + day, true), "give");
+    assert_eq!(decide(&(most - 1).to_string(), 1_000_003 + day, true), "report");
 }
 
 #[test]
@@ -79,20 +143,21 @@ fn a_clock_that_was_wrong_for_a_while_makes_no_command_new() {
     let path = folder.path().join("store");
     let age = Duration::from_secs(30);
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     let request = write(r#"{"id":"a"}"#, 1_000_000);
     assert_eq!(outcome(&commands.decide(to("c", &request), 1_000_000, &mut batch)).0, "give");
     commands.finish("c", "a", Outcome::Done, String::new(), &mut batch);
     // Two days too late, and right again.
     commands.forget(1_000_000 + 2 * DAY, &mut batch);
     store.write(&batch, &|_| Vec::new()).unwrap();
-    let why = "a refused: its timestamp 1000000 is not after 1000000, up to which commands are forgotten: a flood, a wrong clock, or another bridge had the cell";
-    let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
-    assert_eq!(outcome(&again), ("forgotten", why.into()));
+    let again = write(r#"{"id":"a"}"#, 1_000_400);
+    assert_eq!(
+        outcome(&commands.decide(to("c", &again), 1_000_500, &mut batch)),
+        ("report", "a done: ".into())
+    );
     drop(commands);
-    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
-    let again = commands.decide(to("c", &request), 1_000_500, &mut batch);
-    assert_eq!(outcome(&again), ("forgotten", why.into()));
+    let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
+    assert_eq!(outcome(&commands.decide(to("c", &again), 1_000_500, &mut batch)).0, "report");
     let next = write(r#"{"id":"b"}"#, 1_000_001);
     assert_eq!(outcome(&commands.decide(to("c", &next), 1_000_500, &mut batch)).0, "give");
 }
@@ -101,7 +166,8 @@ fn a_clock_that_was_wrong_for_a_while_makes_no_command_new() {
 fn what_is_no_command_is_refused_with_advice() {
     let folder = tempfile::tempdir().unwrap();
     let (store, mut batch) = (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
-    let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), RATE, &mut batch).unwrap();
+    let (mut commands, _) =
+        Commands::open(|prefix| store.names(prefix), Duration::from_secs(30), RATE, &mut batch).unwrap();
     let mut decide = |payload: &Payload, is_allowed| {
         let write = Write { is_allowed, ..to("c", payload) };
         let (kind, text) = outcome(&commands.decide(write, 100_000, &mut batch));
@@ -113,6 +179,8 @@ fn what_is_no_command_is_refused_with_advice() {
     assert!(
         decide(&write("[]", 100_000), true).starts_with("strange Command/Request is not a JSON object: ")
     );
+    let twice = r#"strange Command/Request is not a JSON object: "id" is given twice at line 1 column 25"#;
+    assert_eq!(decide(&write(r#"{"id":"a","x":1,"id":"b"}"#, 100_000), true), twice);
     assert_eq!(decide(&Payload::default(), true), "strange write only the metric Command/Request");
     let mut none = write(r#"{"id":"none"}"#, 0);
     (none.metrics[0].timestamp, none.timestamp) = (None, None);
@@ -137,7 +205,7 @@ fn what_was_refused_is_refused_for_good_also_by_the_next_process() {
     let path = folder.path().join("store");
     let age = Duration::from_secs(30);
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     let early = write(r#"{"id":"early"}"#, 200_000);
     let (kind, why) = outcome(&commands.decide(to("c", &early), 100_000, &mut batch));
     assert_eq!(kind, "early");
@@ -154,7 +222,8 @@ fn what_was_refused_is_refused_for_good_also_by_the_next_process() {
     let again = commands.decide(to("c", &early), 200_000, &mut batch);
     assert_eq!(outcome(&again), ("report", why.clone()));
     store.write(&batch, &|_| Vec::new()).unwrap();
-    let (mut commands, unknown) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, unknown) =
+        Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     assert!(unknown.is_empty());
     assert_eq!(outcome(&commands.decide(to("c", &early), 200_000, &mut batch)), ("report", why));
     assert_eq!(outcome(&commands.decide(to("c", &long), 100_000, &mut batch)).0, "report");
@@ -165,7 +234,8 @@ fn a_flood_of_one_cell_is_refused_and_the_others_are_not() {
     let folder = tempfile::tempdir().unwrap();
     let (store, mut batch) = (Store::open(&folder.path().join("store"), 1 << 16).unwrap(), Batch::default());
     let rate = Rate { per_second: 2.0, burst: 5 };
-    let (mut commands, _) = Commands::open(&store, Duration::from_secs(30), rate, &mut batch).unwrap();
+    let (mut commands, _) =
+        Commands::open(|prefix| store.names(prefix), Duration::from_secs(30), rate, &mut batch).unwrap();
     let mut kinds = |cell: &str, ids: core::ops::Range<u32>, now| {
         let given = ids.filter(|id| {
             let payload = write(&format!(r#"{{"id":"{id}"}}"#), now);
@@ -186,10 +256,16 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
     let folder = tempfile::tempdir().unwrap();
     let (path, age) = (folder.path().join("store"), Duration::from_secs(30));
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
-    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     let order = |id: &str, at| write(&format!(r#"{{"id":"{id}"}}"#), at);
-    let by =
-        |outcome, sent| Entry { at: 1_000_000, sent, outcome, detail: String::new(), by: "other".into() };
+    let by = |outcome, sent| Entry {
+        at: 1_000_000,
+        sent,
+        outcome,
+        detail: String::new(),
+        by: "other".into(),
+        number: 0,
+    };
     let (now, mut hear) = (1_000_000, |commands: &mut Commands, id: &str, entry| {
         commands.hear("c", id, entry, 1_000_000, &mut batch);
     });
@@ -201,8 +277,8 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
     assert_eq!(commands.latest(), now + 1);
     // One that was refused here, because the cell is there, and was given there; and one that was given here, and refused there.
     let mut batch = Batch::default();
-    let elsewhere =
-        Write { cell: "c", is_allowed: true, payload: &order("both", now), unfit: Some("not here") };
+    let both = order("both", now);
+    let elsewhere = Write { unfit: Some("not here"), ..to("c", &both) };
     assert_eq!(outcome(&commands.decide(elsewhere, now, &mut batch)).0, "unfit");
     commands.hear("c", "both", by(Outcome::Accepted, now), now, &mut batch);
     assert_eq!(outcome(&commands.decide(to("c", &order("own", now)), now, &mut batch)).0, "give");
@@ -226,11 +302,12 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
     drop(commands);
     // This bridge's own are unknown when it has ended, and not what another one has.
     let mut batch = Batch::default();
-    let (mut commands, _) = Commands::open(&store, age, RATE, &mut batch).unwrap();
+    let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     commands.hear("c", "theirs", by(Outcome::Accepted, now), now, &mut batch);
     store.write(&batch, &|_| Vec::new()).unwrap();
     drop(commands);
-    let (commands, unknown) = Commands::open(&store, age, RATE, &mut Batch::default()).unwrap();
+    let (commands, unknown) =
+        Commands::open(|prefix| store.names(prefix), age, RATE, &mut Batch::default()).unwrap();
     assert_eq!(unknown, []);
     assert_eq!(commands.entry("c", "theirs").unwrap().outcome, Outcome::Accepted);
 }

@@ -43,7 +43,7 @@ use super::site::{Broker, ShareSettings, Site};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
 use cellwire_io::interrupt;
-use sharing::Told;
+use sharing::News;
 
 /// How many reports wait for the hub.
 const ROOM: usize = 10_000;
@@ -105,7 +105,7 @@ struct Turn {
     batch: Batch,
     give: Vec<(usize, Command)>,
     /// Commands of shared cells, of which others are to know.
-    tell: Vec<Told>,
+    tell: Vec<News>,
 }
 
 impl<'a> Hub<'a> {
@@ -149,12 +149,14 @@ impl<'a> Hub<'a> {
             }
         };
         let rate = Rate { per_second: site.commands.rate, burst: site.commands.burst };
-        let (commands, unknown) = Commands::open(&store, site.commands.max_age, rate, &mut turn.batch)?;
+        let names = |prefix: &str| store.names(prefix);
+        let (commands, unknown) = Commands::open(names, site.commands.max_age, rate, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
         let uplink = Uplink::new(&site.broker, site.share.is_some(), bd_seq, sender.clone())?;
-        let share =
-            |with: &ShareSettings| Share::new(&site.broker.node, &with.bridges, site.commands.max_age);
+        let share = |with: &ShareSettings| {
+            Share::new(&site.broker.node, &identity, &with.bridges, site.commands.max_age)
+        };
         let share = site.share.as_ref().map(share);
         let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {
@@ -351,6 +353,7 @@ impl<'a> Hub<'a> {
     fn broker(&mut self, event: Event, turn: &mut Turn) {
         match event {
             Event::None => {}
+            Event::Opened => self.share.iter_mut().for_each(Share::opened),
             Event::Connected => {
                 let ungiven = self.share.as_mut().map(|share| share.connected(now(), metric::now()));
                 self.not_given(ungiven.unwrap_or_default(), turn);
@@ -367,7 +370,7 @@ impl<'a> Hub<'a> {
             }
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
-            Event::Share { from, payload } => self.heard(&from, &payload, turn),
+            Event::Share { from, is_retained, payload } => self.heard(&from, &payload, is_retained, turn),
             Event::Strange(why) => self.strange(why),
             Event::Write { device, payload, unfit } => self.command(&device, payload, unfit, turn),
         }
@@ -424,7 +427,15 @@ impl<'a> Hub<'a> {
         }
         let now = metric::now();
         let (is_allowed, cell_is_shared) = (cell.takes_commands, cell.is_shared);
-        let write = Write { cell: device, is_allowed, payload: &payload, unfit: unfit.as_deref() };
+        let unread = self.share.as_ref().filter(|_| cell_is_shared).and_then(Share::unread);
+        let write = Write {
+            cell: device,
+            is_allowed,
+            payload: &payload,
+            unfit: unfit.as_deref(),
+            is_shared: cell_is_shared,
+            unread: unread.as_deref(),
+        };
         match self.commands.decide(write, now, &mut turn.batch) {
             Decision::Give(command, named) => {
                 (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));

@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::{Hub, Turn, text_of};
 use crate::cell::{Cell, Next};
+use crate::commands::Told;
 use crate::health::Shared;
 use crate::links;
 use crate::metric::{self, COMMAND, Named};
@@ -16,7 +17,7 @@ use crate::report::{Command, Outcome};
 use crate::share::Heard;
 
 /// A command of the cell of this place of which the others are to know, before it is given if it is to be.
-pub(super) type Told = (usize, String, Option<Command>);
+pub(super) type News = (usize, String, Option<Command>);
 
 impl Hub<'_> {
     /// Lets go what is another bridge's, and takes what is this one's.
@@ -53,18 +54,18 @@ impl Hub<'_> {
     }
 
     /// Says what there is to say to the bridges that share cells. What it says of commands is on the disk.
-    pub(super) fn say(&mut self, told: Vec<Told>) {
+    pub(super) fn say(&mut self, news: Vec<News>) {
         let Some(share) = &mut self.share else { return };
-        for (place, id, command) in told {
+        for (place, id, command) in news {
             let Some(cell) = self.cells.get(place).filter(|cell| cell.is_shared) else { continue };
             if let Some(entry) = self.commands.entry(&cell.name, &id) {
-                share.tell(&cell.name, &id, entry.clone(), command.map(|command| (place, command)));
+                share.tell(&cell.name, &id, entry, command.map(|command| (place, command)));
             }
         }
         let shared = self.cells.iter().filter(|cell| cell.is_shared && !cell.is_gone());
         let cells: BTreeMap<_, _> =
             shared.map(|cell| (cell.name.clone(), cell.thread.is_some() && !share.has_ended())).collect();
-        share.say(now(), cells, self.commands.latest(), |message| self.uplink.say(message));
+        share.say(now(), cells, &self.commands, |below, message| self.uplink.say(below, message));
     }
 
     /// How many shared cells are where.
@@ -81,19 +82,22 @@ impl Hub<'_> {
     }
 
     /// A bridge has said something.
-    pub(super) fn heard(&mut self, from: &str, payload: &[u8], turn: &mut Turn) {
-        match self.share.as_mut().and_then(|share| share.hear(from, payload, now())) {
-            Some(Heard::Give(commands)) => {
-                for (place, command) in commands {
+    pub(super) fn heard(&mut self, from: &str, payload: &[u8], is_retained: bool, turn: &mut Turn) {
+        match self.share.as_mut().and_then(|share| share.hear(from, payload, is_retained, now())) {
+            Some(Heard::Back { give, lost }) => {
+                self.not_given(lost, turn);
+                for (place, command) in give {
                     match self.cells.get(place).is_some_and(Cell::is_here) {
                         true => turn.give.push((place, command)),
                         false => self.not_given(vec![(place, command)], turn),
                     }
                 }
             }
-            Some(Heard::Command { cell, .. }) if !self.places.contains_key(&cell) => {}
-            Some(Heard::Command { cell, id, entry }) => {
-                self.commands.hear(&cell, &id, entry, metric::now(), &mut turn.batch);
+            // Also those of cells that are not in the site file: a reload may add them.
+            Some(Heard::Commands(commands)) => {
+                for Told { cell, id, entry } in commands {
+                    self.commands.hear(&cell, &id, entry, metric::now(), &mut turn.batch);
+                }
             }
             Some(Heard::Strange(why)) => self.strange(why),
             None => {}

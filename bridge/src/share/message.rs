@@ -1,12 +1,12 @@
-//! What bridges that share cells say to one another: JSON, on a topic of each.
+//! The messages of bridges that share cells: JSON, on topics of each bridge.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::remembered::Entry;
+use crate::commands::Told;
 
-/// What a bridge says.
+/// A message of a bridge.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Message {
     pub term: String,
@@ -18,19 +18,25 @@ pub(super) struct Message {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum What {
-    /// That it lives.
+    /// The bridge runs.
     Alive(Alive),
-    /// What became of a command.
-    Command { cell: String, id: String, entry: Entry },
+    /// The outcome of a command that is not in the ledger of this bridge.
+    Command(Told),
+    /// A page of the ledger, which the broker stores.
+    Page(Page),
 }
 
-/// What a bridge that lives says of itself.
+/// The state of a bridge that runs.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Alive {
+    /// The identity of its store.
+    pub store: String,
     /// The cells that it offers to have, and whether it has them.
     pub cells: BTreeMap<String, bool>,
     /// The others that it has heard, and the terms that they had then.
     pub knows: BTreeMap<String, String>,
+    /// The others that it has heard and whose ledgers it has not read: they publish them again.
+    pub lacks: BTreeSet<String>,
     /// The time of the latest command that it knows to have been given, in milliseconds since 1970 UTC.
     pub until: u64,
     /// It has no cell, and takes none before it says another term.
@@ -40,6 +46,20 @@ pub(super) struct Alive {
 impl Alive {
     /// Whether the other bridges would do the same if they heard this in place of the other.
     pub(super) fn says_the_same(&self, other: &Self) -> bool {
-        (&self.cells, &self.knows, self.ends) == (&other.cells, &other.knows, other.ends)
+        (&self.store, &self.cells, &self.knows, &self.lacks, self.ends)
+            == (&other.store, &other.cells, &other.knows, &other.lacks, other.ends)
     }
+}
+
+/// A page of a ledger.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Page {
+    /// The number of the page.
+    pub page: u64,
+    /// The number of the first page, if this page is the last one.
+    pub first: Option<u64>,
+    /// The time of the latest command that the bridge knows to have been given, in milliseconds since 1970 UTC.
+    pub until: u64,
+    /// The commands on it.
+    pub commands: Vec<Told>,
 }

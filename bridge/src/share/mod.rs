@@ -3,19 +3,30 @@
 //! Each bridge says every 1.5 s on a topic of its own which cells it offers and has, and which others it knows. What it has said comes
 //! back to it: so the broker has it, and everybody who is connected has it before whatever the broker takes later. Its cells are its
 //! own for [`LEASE`] from then that it said it. A bridge that was not heard for 16 s has none any more.
+//!
+//! A command is on a page of its bridge's ledger, which the broker stores, before the cell has it. A bridge gives a command whose id has no
+//! time only after it has read the ledgers of the others.
 
 mod message;
 #[cfg(test)]
+mod model;
+mod reading;
+#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod world;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::commands::{Commands, Told};
 use super::lease::Lease;
+use super::ledger::page_of;
 use super::remembered::Entry;
 use super::report::Command;
-use message::{Alive, Message, What};
+use message::{Alive, Message, Page, What};
+use reading::Reading;
 
 /// How often a bridge announces itself.
 const EVERY: Duration = Duration::from_millis(1500);
@@ -26,11 +37,16 @@ const MARGIN: Duration = Duration::from_secs(4);
 /// A bridge that was not heard for this long has no cell. Its lease, and that of the one who judges: what came back to that one last was
 /// said so long ago at the most, and what the broker has had since then may not have come yet.
 const SILENT: Duration = Duration::from_secs(2 * LEASE.as_secs() + MARGIN.as_secs());
+/// The shortest interval at which the whole ledger is published again for a bridge that lacks it.
+const AGAIN: Duration = Duration::from_secs(5);
+/// The last level of the topic of a ledger's last page.
+const LAST_PAGE: &str = "last";
 
 /// What a bridge knows of those that it shares cells with.
 #[derive(Debug)]
 pub struct Share {
     node: String,
+    store: String,
     lease: Arc<Lease>,
     peers: BTreeMap<String, Peer>,
     /// Another one each time that it has lost its lease, or offers other cells: who knows it has heard what was said with it.
@@ -47,9 +63,19 @@ pub struct Share {
     /// What was said last of itself, and when on this connection.
     said: Option<Alive>,
     said_at: Option<Duration>,
-    news: VecDeque<News>,
+    /// Outcomes of commands that are not in the ledger.
+    news: VecDeque<Told>,
+    /// Pages of the ledger to publish, and the first and the last page when it was published; without them, all of it is to be.
+    pages: BTreeSet<u64>,
+    bounds: Option<(u64, u64)>,
+    all_at: Option<Duration>,
+    /// Commands whose page is to be published.
+    unsaid: Vec<(u64, usize, Command)>,
     /// Commands that are given when the message of this number has come back.
     waiting: VecDeque<(u64, usize, Command)>,
+    /// When the last message came back.
+    back_at: Option<Duration>,
+    reading: Reading,
     ends: bool,
 }
 
@@ -63,41 +89,30 @@ struct Peer {
     until: u64,
 }
 
-/// What the others are to know of a command.
-#[derive(Debug)]
-struct News {
-    cell: String,
-    id: String,
-    entry: Entry,
-    /// The command is given to the cell of this place when they do.
-    give: Option<(usize, Command)>,
-}
-
 /// What was heard.
 #[derive(Debug, PartialEq)]
 pub enum Heard {
-    /// These commands are known to whoever listens: they are to be given.
-    Give(Vec<(usize, Command)>),
-    /// What became of another bridge's command.
-    Command {
-        /// The cell.
-        cell: String,
-        /// The command.
-        id: String,
-        /// What became of it, and whose it is.
-        entry: Entry,
+    /// A message has come back.
+    Back {
+        /// The commands on the page: every connected bridge has them, and they are to be given.
+        give: Vec<(usize, Command)>,
+        /// The commands on earlier pages that did not come back: they are not to be given.
+        lost: Vec<(usize, Command)>,
     },
+    /// The outcomes of commands that other bridges have accepted or refused.
+    Commands(Vec<Told>),
     /// Nothing that is understood, and why.
     Strange(String),
 }
 
 impl Share {
     /// One that has no cell yet.
-    pub fn new(node: &str, bridges: &[String], max_age: Duration) -> Self {
+    pub fn new(node: &str, store: &str, bridges: &[String], max_age: Duration) -> Self {
         let others = bridges.iter().filter(|name| *name != node);
         Self {
             ahead: u64::try_from(max_age.as_millis()).unwrap_or(u64::MAX),
             node: node.into(),
+            store: store.into(),
             lease: Arc::default(),
             peers: others.map(|name| (name.clone(), Peer::default())).collect(),
             term: term(),
@@ -109,7 +124,13 @@ impl Share {
             said: None,
             said_at: None,
             news: VecDeque::new(),
+            pages: BTreeSet::new(),
+            bounds: None,
+            all_at: None,
+            unsaid: Vec::new(),
             waiting: VecDeque::new(),
+            back_at: None,
+            reading: Reading::default(),
             ends: false,
         }
     }
@@ -119,12 +140,24 @@ impl Share {
         Arc::clone(&self.lease)
     }
 
+    /// There is another connection. Pages that the broker has stored may come before [`connected`](Self::connected).
+    pub fn opened(&mut self) {
+        let was_dead = |peer: &Peer| self.back_at.is_some_and(|at| self.lives(peer, at) == Some(false));
+        let dead: BTreeSet<String> =
+            self.peers.iter().filter(|(_, peer)| was_dead(peer)).map(|(name, _)| name.clone()).collect();
+        self.reading.opened(|node| dead.contains(node));
+    }
+
     /// From now on everything is heard; `today` is in milliseconds since 1970 UTC. The commands of which it is not known whether anybody
     /// has heard: they are not to be given.
     pub fn connected(&mut self, now: Duration, today: u64) -> Vec<(usize, Command)> {
+        // A bridge that was dead when the last message came back, and runs again, takes nothing for as long from then on.
+        if self.back_at.is_none_or(|at| now.saturating_sub(at) >= SILENT) {
+            self.reading.forget(|_| true);
+        }
         self.peers.values_mut().for_each(|peer| *peer = Peer::default());
         self.sent.clear();
-        (self.since, self.said_at) = (Some((now, today)), None);
+        (self.since, self.said_at, self.bounds) = (Some((now, today)), None, None);
         self.waiting.drain(..).map(|(_, place, command)| (place, command)).collect()
     }
 
@@ -135,8 +168,8 @@ impl Share {
         }
         (self.held, self.term) = (false, term());
         self.sent.clear();
-        let unsaid = self.news.iter_mut().filter_map(|news| news.give.take());
-        Some(unsaid.chain(self.waiting.drain(..).map(|(_, place, command)| (place, command))).collect())
+        let lost = self.unsaid.drain(..).chain(self.waiting.drain(..));
+        Some(lost.map(|(_, place, command)| (place, command)).collect())
     }
 
     /// It has let every cell go and takes none.
@@ -149,33 +182,49 @@ impl Share {
         self.ends
     }
 
-    /// A message of this bridge, or of another.
-    pub fn hear(&mut self, from: &str, payload: &[u8], now: Duration) -> Option<Heard> {
+    /// A message of this bridge, or of another: `from` is the topic after `cellwire/GROUP/`. The broker has stored it, if it is retained.
+    pub fn hear(&mut self, from: &str, payload: &[u8], is_retained: bool, now: Duration) -> Option<Heard> {
+        let (from, page_of) = from.split_once('/').map_or((from, None), |(node, page)| (node, Some(page)));
+        let store = page_of.and_then(|page| page.split('/').next());
+        let is_own = from == self.node && store.is_none_or(|store| store == self.store);
+        // A page was removed, or the broker returns what this bridge has said on an earlier connection.
+        if payload.is_empty() || is_retained && (is_own || store.is_none()) {
+            return None;
+        }
         let message: Message = match serde_json::from_slice(payload) {
             Ok(message) => message,
             Err(error) => {
                 return Some(Heard::Strange(format!("message of {from} about shared cells: {error}")));
             }
         };
-        if from == self.node {
+        if is_own {
             return self.came_back(message.number, now);
         }
-        let Some(peer) = self.peers.get_mut(from) else {
+        let peer = self.peers.get_mut(from);
+        if peer.is_none() && from != self.node {
             return Some(Heard::Strange(format!(
                 "{from} shares cells of this group but is not in share.bridges: list every bridge in every site file"
             )));
-        };
+        }
         match message.what {
+            What::Page(page) => {
+                self.reading.read(from, store.unwrap_or_default(), &page);
+                Some(Heard::Commands(page.commands.into_iter().map(|told| by(from, told)).collect()))
+            }
+            What::Command(told) => Some(Heard::Commands(vec![by(from, told)])),
             What::Alive(alive) => {
+                let peer = peer?;
                 if peer.heard.replace(now).is_none() {
                     peer.until = alive.until;
+                    self.reading.forget(|node| node == from);
+                }
+                if alive.lacks.contains(&self.node)
+                    && self.all_at.is_none_or(|at| now.saturating_sub(at) >= AGAIN)
+                {
+                    self.bounds = None;
                 }
                 (peer.term, peer.alive) = (message.term, alive);
                 None
-            }
-            What::Command { cell, id, entry } => {
-                let entry = Entry { by: from.into(), ..entry };
-                Some(Heard::Command { cell, id, entry })
             }
         }
     }
@@ -187,11 +236,33 @@ impl Share {
         let place = self.sent.iter().position(|(sent, _)| *sent == number)?;
         let (_, at) = self.sent.drain(..=place).next_back()?;
         self.lease.renew(at + LEASE);
+        self.back_at = Some(now);
         // What was said too long ago is no lease.
         self.held |= self.lease.holds_at(now);
         let known = self.waiting.iter().take_while(|(waits, ..)| *waits <= number).count();
-        let give: Vec<_> = self.waiting.drain(..known).map(|(_, place, command)| (place, command)).collect();
-        (!give.is_empty()).then_some(Heard::Give(give))
+        let (mut give, mut lost) = (Vec::new(), Vec::new());
+        for (waits, place, command) in self.waiting.drain(..known) {
+            if waits == number { &mut give } else { &mut lost }.push((place, command));
+        }
+        (!give.is_empty() || !lost.is_empty()).then_some(Heard::Back { give, lost })
+    }
+
+    /// Whether every id that another bridge has executed is known here.
+    fn is_read(&self, name: &str, peer: &Peer) -> bool {
+        self.reading.is_read(name, peer.heard.map(|_| &*peer.alive.store))
+    }
+
+    /// The reason to refuse ids without a time, if there is one.
+    pub fn unread(&self) -> Option<String> {
+        let mut unread = self.peers.iter().filter(|(name, peer)| !self.is_read(name, peer));
+        let (name, advice) = match unread.next() {
+            Some((name, _)) => (name, "start that bridge, or use UUIDs of version 7 as ids"),
+            None if self.reading.has_gap(&self.node) => {
+                (&self.node, "use UUIDs of version 7 as ids, or send the command again with another id")
+            }
+            None => return None,
+        };
+        Some(format!("the ids that {name} has executed are not all known: {advice}"))
     }
 
     /// Whether a bridge lives; nothing as long as that is not known.
@@ -215,14 +286,19 @@ impl Share {
                 let knows_this = peer.alive.knows.get(&self.node) == Some(&self.term);
                 let comes_after =
                     peer.alive.cells.get(cell).is_none_or(|has| !has && self.is_before(name, cell));
-                if !knows_this || !comes_after {
+                if !knows_this || !comes_after || !self.is_read(name, peer) {
                     return None;
                 }
             }
-            until =
-                until.max(if peer.heard.is_some() { peer.until } else { today.saturating_add(self.ahead) });
+            // A command of another bridge is dated so far ahead of its clock, and its clock may be so far ahead of this one.
+            let unheard = today.saturating_add(2 * self.ahead);
+            until = until.max(match peer.heard {
+                Some(_) => peer.until,
+                None if self.is_read(name, peer) => self.reading.until(name),
+                None => unheard,
+            });
         }
-        Some(until)
+        Some(until.max(self.reading.until(&self.node)))
     }
 
     /// Whether a cell that this bridge has is another's by rank, which lives.
@@ -246,52 +322,119 @@ impl Share {
         self.peers.iter().find(|(_, peer)| has(peer)).map(|(name, _)| &**name)
     }
 
-    /// What became of a command, for the others. With a place it is to be given to the cell there when they know of it.
-    pub fn tell(&mut self, cell: &str, id: &str, entry: Entry, give: Option<(usize, Command)>) {
-        self.news.push_back(News { cell: cell.into(), id: id.into(), entry, give });
+    /// The outcome of a command, for the others. With a place it is to be given to the cell there when they know of it.
+    pub fn tell(&mut self, cell: &str, id: &str, entry: &Entry, give: Option<(usize, Command)>) {
+        if entry.is_in_ledger() {
+            let page = page_of(entry.number);
+            self.pages.insert(page);
+            self.unsaid.extend(give.map(|(place, command)| (page, place, command)));
+        } else {
+            self.news.push_back(Told { cell: cell.into(), id: id.into(), entry: entry.clone() });
+        }
     }
 
-    /// Says what is to be said: what became of commands, and then, when that is due, which cells are offered, and whether this bridge
-    /// has them, and the time of the latest command that it knows.
+    /// Publishes what is to be said, by the topic after that of this bridge: outcomes of commands, pages of the ledger, and then, when that
+    /// is due, which cells are offered, and whether this bridge has them, and the time of the latest command that it knows.
     pub fn say(
         &mut self,
         now: Duration,
         cells: BTreeMap<String, bool>,
-        until: u64,
-        mut publish: impl FnMut(Vec<u8>) -> bool,
+        commands: &Commands,
+        mut publish: impl FnMut(&str, Vec<u8>) -> bool,
     ) {
         if self.since.is_none() {
             return;
         }
-        while let Some(News { cell, id, entry, give }) = self.news.pop_front() {
-            let what = What::Command { cell: cell.clone(), id: id.clone(), entry: entry.clone() };
-            if !self.publish(now, what, &mut publish) {
-                return self.news.push_front(News { cell, id, entry, give });
+        while let Some(told) = self.news.pop_front() {
+            if !self.publish(now, "", What::Command(told.clone()), &mut publish) {
+                return self.news.push_front(told);
             }
-            self.waiting.extend(give.map(|(place, command)| (self.number, place, command)));
+        }
+        if !self.say_pages(now, commands, &mut publish) {
+            return;
         }
         if self.said.as_ref().is_some_and(|said| !said.cells.keys().eq(cells.keys())) {
             self.term = term();
         }
         let lives = |(_, peer): &(&String, &Peer)| self.lives(peer, now) == Some(true);
         let knows = self.peers.iter().filter(lives).map(|(name, peer)| (name.clone(), peer.term.clone()));
-        let alive = Alive { cells, knows: knows.collect(), until, ends: self.ends };
+        let lacks = self.peers.iter().filter(lives).filter(|(name, peer)| !self.is_read(name, peer));
+        let alive = Alive {
+            store: self.store.clone(),
+            cells,
+            knows: knows.collect(),
+            lacks: lacks.map(|(name, _)| name.clone()).collect(),
+            until: commands.latest(),
+            ends: self.ends,
+        };
         let is_due = self.said_at.is_none_or(|at| now.saturating_sub(at) >= EVERY);
         let is_news = self.said.as_ref().is_none_or(|said| !said.says_the_same(&alive));
-        if (is_due || is_news) && self.publish(now, What::Alive(alive.clone()), &mut publish) {
+        if (is_due || is_news) && self.publish(now, "", What::Alive(alive.clone()), &mut publish) {
             (self.said, self.said_at) = (Some(alive), Some(now));
         }
     }
 
-    fn publish(&mut self, now: Duration, what: What, publish: &mut impl FnMut(Vec<u8>) -> bool) -> bool {
+    /// Publishes the pages that have changed, the last one last. Returns false if there is not enough room for all of them.
+    fn say_pages(
+        &mut self,
+        now: Duration,
+        commands: &Commands,
+        publish: &mut impl FnMut(&str, Vec<u8>) -> bool,
+    ) -> bool {
+        let (first, last) = commands.pages().into_inner();
+        match self.bounds.replace((first, last)) {
+            None => {
+                self.all_at = Some(now);
+                self.pages.extend(first..=last);
+            }
+            Some(before) if before == (first, last) => {}
+            // Pages before the first one are removed, and the page that was the last one has another topic now.
+            Some((before, last_before)) => self.pages.extend((before..first).chain(last_before..=last)),
+        }
+        while let Some(&page) = self.pages.first() {
+            let topic = match page == last {
+                true => format!("/{}/{LAST_PAGE}", self.store),
+                false => format!("/{}/{page}", self.store),
+            };
+            let is_said = if page < first {
+                publish(&topic, Vec::new())
+            } else {
+                let first = (page == last).then_some(first);
+                let (until, commands) = (commands.latest(), commands.page(page));
+                self.publish(now, &topic, What::Page(Page { page, first, until, commands }), publish)
+            };
+            if !is_said {
+                return false;
+            }
+            self.pages.pop_first();
+            let (said, unsaid) =
+                core::mem::take(&mut self.unsaid).into_iter().partition(|(on, ..)| *on == page);
+            self.unsaid = unsaid;
+            let said: Vec<(u64, usize, Command)> = said;
+            self.waiting.extend(said.into_iter().map(|(_, place, command)| (self.number, place, command)));
+        }
+        true
+    }
+
+    fn publish(
+        &mut self,
+        now: Duration,
+        topic: &str,
+        what: What,
+        publish: &mut impl FnMut(&str, Vec<u8>) -> bool,
+    ) -> bool {
         let message = Message { term: self.term.clone(), number: self.number + 1, what };
-        let is_said = publish(serde_json::to_vec(&message).unwrap_or_default());
+        let is_said = publish(topic, serde_json::to_vec(&message).unwrap_or_default());
         if is_said {
             self.number += 1;
             self.sent.push_back((self.number, now));
         }
         is_said
     }
+}
+
+fn by(node: &str, told: Told) -> Told {
+    Told { entry: Entry { by: node.into(), ..told.entry }, ..told }
 }
 
 fn term() -> String {

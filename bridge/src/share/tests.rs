@@ -1,259 +1,38 @@
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use fastrand::Rng;
 
+use super::world::{CELLS, NAMES, STEP, World, milliseconds};
 use super::{Heard, LEASE, SILENT, Share};
+use crate::bucket::Rate;
+use crate::commands::{Commands, Told};
 use crate::remembered::Entry;
 use crate::report::{Command, Outcome};
-
-const STEP: Duration = Duration::from_millis(50);
-const NAMES: [&str; 3] = ["bridge-1", "bridge-2", "bridge-3"];
-const CELLS: [&str; 6] = ["handling", "painter", "cutter", "assembly", "arm", "ball"];
-/// How long a thread may go on with what it has begun, at the most.
-const THREAD: Duration = Duration::from_secs(2);
-
-fn milliseconds(count: u64) -> Duration {
-    Duration::from_millis(count)
-}
-
-/// Who has said something, and what.
-type Said = (usize, Vec<u8>);
-
-/// A bridge with its threads, and its connection to the broker.
-struct Bridge {
-    share: Share,
-    /// The cells that it has, and when the thread of one that it lets go ends.
-    cells: BTreeMap<usize, Option<Duration>>,
-    is_connected: bool,
-    /// What is on its way to the broker and back, and when it arrives; nothing to go by is a subscription.
-    up: VecDeque<(Duration, Option<Vec<u8>>)>,
-    down: VecDeque<(Duration, Option<Said>)>,
-    /// Its process or its network is stopped until then.
-    frozen: Duration,
-    jam: Duration,
-    dead_until: Option<Duration>,
-}
-
-impl Bridge {
-    fn new(name: &str) -> Self {
-        let names = NAMES.map(str::to_owned);
-        Self {
-            share: Share::new(name, &names, Duration::from_secs(30)),
-            cells: BTreeMap::new(),
-            is_connected: false,
-            up: VecDeque::new(),
-            down: VecDeque::new(),
-            frozen: Duration::ZERO,
-            jam: Duration::ZERO,
-            dead_until: None,
-        }
-    }
-
-    fn later<T>(queue: &VecDeque<(Duration, T)>, at: Duration) -> Duration {
-        queue.back().map_or(at, |(last, _)| at.max(*last))
-    }
-
-    /// The connection is gone; what was on its way to the broker may arrive all the same.
-    fn cut(&mut self, rng: &mut Rng) {
-        self.is_connected = false;
-        self.down.clear();
-        let keep = rng.usize(..=self.up.len());
-        self.up.truncate(keep);
-        self.up.retain(|(_, what)| what.is_some());
-    }
-}
-
-struct World {
-    rng: Rng,
-    now: Duration,
-    bridges: Vec<Bridge>,
-    /// Who has had each cell last, and until when it may have moved its device.
-    moved: BTreeMap<usize, (usize, Duration)>,
-    takes: usize,
-}
-
-impl World {
-    fn new(seed: u64) -> Self {
-        let bridges = NAMES.iter().map(|name| Bridge::new(name)).collect();
-        Self { rng: Rng::with_seed(seed), now: milliseconds(1000), bridges, moved: BTreeMap::new(), takes: 0 }
-    }
-
-    fn moves(&mut self, bridge: usize, cell: usize, until: Duration) {
-        let (last, busy) = self.moved.insert(cell, (bridge, until)).unwrap_or((bridge, Duration::ZERO));
-        assert!(
-            last == bridge || busy <= self.now,
-            "{} and {} have {} at {:?}",
-            NAMES[last],
-            NAMES[bridge],
-            CELLS[cell],
-            self.now
-        );
-    }
-
-    fn step(&mut self, is_broker_there: bool) {
-        self.now += STEP;
-        let now = self.now;
-        // The broker takes what has arrived, in some order of the connections, and hands it to whoever is subscribed at once.
-        for at in 0..self.bridges.len() {
-            while let Some((arrives, what)) = self.bridges[at].up.front() {
-                if *arrives > now || !is_broker_there {
-                    break;
-                }
-                let what = what.clone();
-                self.bridges[at].up.pop_front();
-                for (to, bridge) in self.bridges.iter_mut().enumerate() {
-                    let delay = now.max(bridge.jam) + milliseconds(self.rng.u64(0..120));
-                    let arrives = Bridge::later(&bridge.down, delay);
-                    match &what {
-                        None if to == at => bridge.down.push_back((arrives, None)),
-                        Some(message) if bridge.is_connected => {
-                            bridge.down.push_back((arrives, Some((at, message.clone()))));
-                        }
-                        _ => {}
-                    }
-                }
-            }
-        }
-        for at in 0..self.bridges.len() {
-            self.bridge(at, is_broker_there);
-        }
-    }
-
-    fn bridge(&mut self, at: usize, is_broker_there: bool) {
-        let now = self.now;
-        // The threads of its cells go on while the hub is stopped, as long as the lease lasts. Who is told to end begins nothing.
-        let cells = self.bridges[at].cells.iter().filter(|(_, ends)| ends.is_none());
-        let cells: Vec<usize> = cells.map(|(cell, _)| *cell).collect();
-        if self.bridges[at].share.lease.holds_at(now) {
-            cells.iter().for_each(|cell| self.moves(at, *cell, now + THREAD));
-        }
-        let bridge = &mut self.bridges[at];
-        if bridge.dead_until.take_if(|until| *until <= now).is_some() {
-            let jam = bridge.jam;
-            *bridge = Bridge { jam, ..Bridge::new(NAMES[at]) };
-        }
-        if bridge.dead_until.is_some() || bridge.frozen > now {
-            return;
-        }
-        if !bridge.is_connected && is_broker_there && bridge.jam <= now && self.rng.u8(..20) == 0 {
-            bridge.is_connected = true;
-            bridge.down.clear();
-            let arrives = Bridge::later(&bridge.up, now + milliseconds(30));
-            bridge.up.push_back((arrives, None));
-        }
-        while bridge.down.front().is_some_and(|(arrives, _)| *arrives <= now) {
-            match bridge.down.pop_front().unwrap().1 {
-                None => drop(bridge.share.connected(now, 1_000_000)),
-                Some((from, message)) => {
-                    let heard = bridge.share.hear(NAMES[from], &message, now);
-                    assert!(!matches!(heard, Some(Heard::Strange(_))), "{heard:?}");
-                }
-            }
-        }
-        // As the hub does.
-        let lapsed = bridge.share.lapsed(now).is_some();
-        let mut takes = Vec::new();
-        for (cell, name) in CELLS.iter().enumerate() {
-            match bridge.cells.get_mut(&cell) {
-                Some(ends) => {
-                    let must_give = bridge.share.must_give(name, now);
-                    if (lapsed || must_give) && ends.is_none() {
-                        *ends = Some(now + milliseconds(self.rng.u64(0..2000)));
-                    }
-                }
-                None => takes.extend(bridge.share.may_take(name, now).map(|_| cell)),
-            }
-        }
-        // A thread that has ended does nothing more.
-        bridge.cells.retain(|cell, ends| {
-            let is_over = ends.is_some_and(|ends| ends <= now);
-            if let Some((last, busy)) = self.moved.get_mut(cell).filter(|_| is_over)
-                && *last == at
-            {
-                *busy = now;
-            }
-            !is_over
-        });
-        for cell in &takes {
-            bridge.cells.insert(*cell, None);
-        }
-        let offered = CELLS.iter().enumerate();
-        let offered =
-            offered.map(|(cell, name)| ((*name).to_owned(), bridge.cells.contains_key(&cell))).collect();
-        let (up, jam, is_connected) = (&mut bridge.up, bridge.jam, bridge.is_connected);
-        let delay = self.rng.u64(0..120);
-        bridge.share.say(now, offered, 7, |message| {
-            let arrives = Bridge::later(up, now.max(jam) + milliseconds(delay));
-            is_connected && {
-                up.push_back((arrives, Some(message)));
-                true
-            }
-        });
-        self.takes += takes.len();
-        for cell in takes {
-            self.moves(at, cell, now + THREAD);
-        }
-    }
-
-    /// The process is gone, and its threads with it.
-    fn kill(&mut self, at: usize, until: Duration) {
-        let bridge = &mut self.bridges[at];
-        bridge.cut(&mut self.rng);
-        bridge.dead_until = Some(until);
-        for cell in core::mem::take(&mut bridge.cells).into_keys() {
-            if let Some((last, busy)) = self.moved.get_mut(&cell)
-                && *last == at
-            {
-                *busy = self.now;
-            }
-        }
-    }
-
-    fn fault(&mut self) {
-        let at = self.rng.usize(..self.bridges.len());
-        let time = self.now + milliseconds(self.rng.u64(0..25_000));
-        let bridge = &mut self.bridges[at];
-        match self.rng.u8(..4) {
-            0 => bridge.cut(&mut self.rng),
-            // Nothing arrives, and then everything does.
-            1 => {
-                bridge.jam = time;
-                for (arrives, _) in &mut bridge.up {
-                    *arrives = (*arrives).max(time);
-                }
-                for (arrives, _) in &mut bridge.down {
-                    *arrives = (*arrives).max(time);
-                }
-            }
-            2 => bridge.frozen = time,
-            _ => self.kill(at, time),
-        }
-    }
-
-    fn owners(&self, cell: usize) -> Vec<&str> {
-        let has = |bridge: &&Bridge| bridge.cells.get(&cell) == Some(&None);
-        let of =
-            |bridge: &Bridge| NAMES[self.bridges.iter().position(|it| core::ptr::eq(it, bridge)).unwrap()];
-        self.bridges.iter().filter(has).map(of).collect()
-    }
-}
+use crate::store::Batch;
 
 #[test]
-fn no_two_bridges_have_a_cell_whatever_fails_and_one_has_it_soon_after() {
-    for seed in 0..25 {
-        let mut world = World::new(seed);
+fn no_two_bridges_have_a_cell_and_no_id_is_executed_twice_whatever_fails() {
+    for seed in 0..16 {
+        // The broker loses what it has stored, or the bridges lose their stores.
+        let loses_stores = seed % 2 == 1;
+        let mut world = World::new(seed, loses_stores);
         for round in 0..20 {
             let outage = (round % 5 == 4).then(|| world.now + milliseconds(world.rng.u64(500..20_000)));
             if outage.is_some() {
-                // The broker restarts without its memory.
                 world.bridges.iter_mut().for_each(|bridge| bridge.cut(&mut Rng::with_seed(round)));
-                world.bridges.iter_mut().for_each(|bridge| bridge.up.clear());
+                if !loses_stores {
+                    world.stored.clear();
+                }
             } else {
                 world.fault();
             }
             for _ in 0..world.rng.u32(20..400) {
                 world.step(outage.is_none_or(|until| until <= world.now));
+                if world.rng.u8(..10) == 0 {
+                    let is_new = world.rng.u8(..4) == 0;
+                    world.send(is_new);
+                }
             }
         }
         // Every fault is over.
@@ -269,12 +48,67 @@ fn no_two_bridges_have_a_cell_whatever_fails_and_one_has_it_soon_after() {
             assert_eq!(world.owners(cell), [*first], "seed {seed}: {name}");
         }
         assert!(world.takes > 2 * CELLS.len(), "nothing was taken over");
+        // New commands are executed, with a time in their ids and without one.
+        let before = world.unexecuted();
+        for _ in 0..200 {
+            world.send(true);
+            (0..20).for_each(|_| world.step(true));
+        }
+        let executed = 200 - (world.unexecuted() - before);
+        assert!(
+            (100..200).contains(&executed),
+            "seed {seed}: {executed} of 200, to two of three bridges each"
+        );
+        for _ in 0..400 {
+            world.send(false);
+            world.step(true);
+        }
+        let twice: Vec<_> = world.executed.iter().filter(|(_, times)| **times > 1).collect();
+        assert!(twice.is_empty(), "seed {seed}: {twice:?}");
+    }
+}
+
+#[test]
+fn an_id_that_a_dead_bridge_has_executed_is_executed_by_no_other() {
+    for seed in 0..4 {
+        let (mut world, day) = (World::new(seed, false), Duration::from_secs(86_400));
+        let run = |world: &mut World, seconds: u64| {
+            let end = world.now + Duration::from_secs(seconds);
+            while world.now < end {
+                world.step(true);
+                if world.rng.u8(..5) == 0 {
+                    world.send(false);
+                }
+            }
+        };
+        run(&mut world, 8);
+        for round in 0..16 {
+            // One bridge runs alone, executes commands, and dies. The broker may lose what it has stored.
+            let alone = world.rng.usize(..NAMES.len());
+            let until = world.now + day;
+            (0..NAMES.len()).for_each(|at| world.kill(at, until));
+            if round % 8 == 5 {
+                world.stored.clear();
+            }
+            world.bridges[alone].dead_until = Some(world.now);
+            run(&mut world, 30);
+            assert!((0..CELLS.len()).all(|cell| world.owners(cell) == [NAMES[alone]]));
+            for _ in 0..10 {
+                world.send(true);
+                run(&mut world, 1);
+            }
+        }
+        let twice: Vec<_> = world.executed.iter().filter(|(_, times)| **times > 1).collect();
+        assert!(twice.is_empty(), "seed {seed}: {twice:?}");
+        let is_plain = |id: &str| id.starts_with("plain");
+        let plain = world.executed.keys().filter(|(_, id)| is_plain(id)).count();
+        assert!(plain > 10, "seed {seed}: {plain} without a time were executed");
     }
 }
 
 #[test]
 fn the_cells_of_a_bridge_that_dies_are_taken_within_half_a_minute_and_given_back() {
-    let mut world = World::new(3);
+    let mut world = World::new(3, false);
     let run = |world: &mut World, seconds: u64| {
         let end = world.now + Duration::from_secs(seconds);
         while world.now < end {
@@ -295,79 +129,183 @@ fn the_cells_of_a_bridge_that_dies_are_taken_within_half_a_minute_and_given_back
     assert_eq!((0..CELLS.len()).map(|cell| world.owners(cell)[0]).collect::<Vec<_>>(), before);
 }
 
-#[test]
-fn a_command_is_given_when_it_has_come_back_and_not_when_the_connection_is_another() {
-    let mut share = Share::new("a", &["a".into(), "b".into()], Duration::from_secs(30));
-    let entry =
-        Entry { at: 5, sent: 4, outcome: Outcome::Accepted, detail: String::new(), by: String::new() };
-    let command = Command { id: "x".into(), order: serde_json::Map::new(), until: 9 };
-    let (now, mut said) = (milliseconds(1000), Vec::new());
-    let mut say = |share: &mut Share, now| {
-        said.clear();
-        share.say(now, BTreeMap::new(), 4, |message| {
-            said.push(message);
-            true
-        });
-        said.clone()
-    };
-    assert_eq!(share.connected(now, 100), []);
-    share.tell("f", "x", entry.clone(), Some((3, command.clone())));
-    let messages = say(&mut share, now);
-    assert_eq!((messages.len(), share.lease.holds_at(now)), (2, false), "the command, and that it lives");
-    assert_eq!(share.hear("a", &messages[0], now), Some(Heard::Give(vec![(3, command.clone())])));
-    assert!(share.lease.holds_at(now + LEASE - STEP) && !share.lease.holds_at(now + LEASE));
-    assert_eq!(share.hear("a", &messages[0], now), None, "once");
-    // The other one hears whose it is.
-    let mut other = Share::new("b", &["a".into(), "b".into()], Duration::from_secs(30));
-    other.connected(now, 100);
-    let by = Entry { by: "a".into(), ..entry.clone() };
-    let heard = Heard::Command { cell: "f".into(), id: "x".into(), entry: by };
-    assert_eq!(other.hear("a", &messages[0], now), Some(heard));
+const MAX_AGE: Duration = Duration::from_secs(30);
 
-    share.tell("f", "y", entry, Some((3, command.clone())));
-    let messages = say(&mut share, now + STEP);
-    assert_eq!(share.connected(now + STEP, 100), [(3, command)]);
-    assert_eq!(share.hear("a", &messages[0], now + STEP), None, "of an earlier connection");
+fn share(node: &str) -> Share {
+    Share::new(node, &format!("store-{node}"), &["a".into(), "b".into()], MAX_AGE)
+}
+
+/// Nothing is remembered but a command of another bridge, at this time.
+fn commands(until: u64) -> Commands {
+    let (rate, mut batch) = (Rate { per_second: 10.0, burst: 10 }, Batch::default());
+    let (mut commands, _) = Commands::open(|_| Ok(Vec::new()), MAX_AGE, rate, &mut batch).unwrap();
+    commands.hear("f", "other", Entry { by: "c".into(), ..entry(until, 0) }, until, &mut batch);
+    commands
+}
+
+fn entry(sent: u64, number: u64) -> Entry {
+    Entry { at: 5, sent, outcome: Outcome::Accepted, detail: String::new(), by: String::new(), number }
+}
+
+/// What it says, with the topics.
+fn said(share: &mut Share, has: bool, commands: &Commands, now: Duration) -> Vec<(String, Vec<u8>)> {
+    let (node, mut said) = (share.node.clone(), Vec::new());
+    share.say(now, BTreeMap::from([("f".to_owned(), has)]), commands, |below, message| {
+        said.push((format!("{node}{below}"), message));
+        true
+    });
+    said
+}
+
+#[test]
+fn a_command_is_given_when_its_page_has_come_back_and_not_when_the_connection_is_another() {
+    let (mut a, now) = (share("a"), milliseconds(1000));
+    let command = |id: &str| Command { id: id.into(), order: serde_json::Map::new(), until: 9 };
+    let accepted = |last: &str| {
+        let known = |prefix: &str| {
+            let known = [("x", 1), ("y", 2), ("z", 63)].into_iter().filter(|(known, _)| *known <= last);
+            let value = |number| serde_json::to_string(&entry(4, number)).unwrap();
+            let names = known.map(|(id, number)| (format!("command/f/{id}"), value(number)));
+            Ok(if prefix == "command/" { names.collect() } else { Vec::new() })
+        };
+        let rate = Rate { per_second: 10.0, burst: 10 };
+        Commands::open(known, MAX_AGE, rate, &mut Batch::default()).unwrap().0
+    };
+    let tell = |share: &mut Share, commands: &Commands, id: &str| {
+        share.tell("f", id, commands.entry("f", id).unwrap(), Some((3, command(id))));
+    };
+    assert_eq!(a.connected(now, 100), []);
+    let x = accepted("x");
+    tell(&mut a, &x, "x");
+    let first = said(&mut a, true, &x, now);
+    let topics: Vec<&str> = first.iter().map(|(topic, _)| topic.as_str()).collect();
+    assert_eq!(
+        (topics, a.lease.holds_at(now)),
+        (vec!["a/store-a/last", "a"], false),
+        "the page, and that it runs"
+    );
+    // The broker returns it to the next process, or to this one on the next connection: that is not its way back.
+    assert_eq!(a.hear(&first[0].0, &first[0].1, true, now), None);
+    let back = Heard::Back { give: vec![(3, command("x"))], lost: vec![] };
+    assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), Some(back));
+    assert!(a.lease.holds_at(now + LEASE - STEP) && !a.lease.holds_at(now + LEASE));
+    assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), None, "once");
+    // The other one hears whose it is, from the broker or when it is said.
+    for is_stored in [false, true] {
+        let mut b = share("b");
+        b.connected(now, 100);
+        assert!(
+            b.unread()
+                .unwrap()
+                .starts_with("the ids that a has executed are not all known: start that bridge")
+        );
+        let by = |told: &Told| Told { entry: Entry { by: "a".into(), ..told.entry.clone() }, ..told.clone() };
+        let heard = Heard::Commands(x.page(0).iter().map(by).collect());
+        assert_eq!(b.hear(&first[0].0, &first[0].1, is_stored, now), Some(heard));
+        assert_eq!(b.unread(), None);
+    }
+
+    // A page does not come back, and a later message does.
+    let (y, z) = (accepted("y"), accepted("z"));
+    tell(&mut a, &y, "y");
+    let second = said(&mut a, true, &y, now + 2 * STEP);
+    tell(&mut a, &z, "z");
+    let third = said(&mut a, true, &z, now + 2 * STEP);
+    // The first page is full: it has another topic now.
+    let topics: Vec<&str> = second.iter().chain(&third).map(|(topic, _)| topic.as_str()).collect();
+    assert_eq!(topics, ["a/store-a/last", "a/store-a/0", "a/store-a/last"]);
+    let back = Heard::Back { give: vec![(3, command("z"))], lost: vec![(3, command("y"))] };
+    assert_eq!(a.hear(&third[0].0, &third[0].1, false, now + 2 * STEP), Some(back));
+
+    tell(&mut a, &z, "z");
+    let messages = said(&mut a, true, &z, now + STEP);
+    a.opened();
+    assert_eq!(a.connected(now + STEP, 100), [(3, command("z"))]);
+    assert_eq!(a.hear(&messages[0].0, &messages[0].1, false, now + STEP), None, "of an earlier connection");
 }
 
 #[test]
 fn who_has_not_heard_a_bridge_knows_nothing_of_commands_before() {
-    let (mut a, mut b) = (
-        Share::new("a", &["a".into(), "b".into()], Duration::from_secs(30)),
-        Share::new("b", &["a".into(), "b".into()], Duration::from_secs(30)),
-    );
-    let cells = |has| BTreeMap::from([("f".to_owned(), has)]);
-    let exchange = |from: &mut Share, name: &str, to: &mut Share, has, until, now| {
-        let mut said = Vec::new();
-        from.say(now, cells(has), until, |message| {
-            said.push(message);
-            true
-        });
-        for message in said {
-            assert_eq!((from.hear(name, &message, now), to.hear(name, &message, now)), (None, None));
+    let (mut a, mut b) = (share("a"), share("b"));
+    let exchange = |from: &mut Share, to: &mut Share, has, until, now| {
+        for (topic, message) in said(from, has, &commands(until), now) {
+            from.hear(&topic, &message, false, now);
+            assert!(!matches!(to.hear(&topic, &message, false, now), Some(Heard::Strange(_))));
         }
     };
     let start = milliseconds(1000);
     a.connected(start, 500_000);
     b.connected(start, 500_000);
-    exchange(&mut a, "a", &mut b, false, 0, start);
+    exchange(&mut a, &mut b, false, 0, start);
     assert_eq!((a.may_take("f", start), b.may_take("f", start)), (None, None));
-    // Nobody was heard: after a while it is alone, and commands that another may have had are barred.
+    // Nobody was heard: after a while it is alone, and commands that another may have had are barred: dated ahead of a clock that is ahead.
     let mut now = start;
     while a.may_take("f", now).is_none() {
         now += milliseconds(500);
-        exchange(&mut a, "a", &mut Share::new("x", &["a".into()], LEASE), false, 0, now);
+        exchange(&mut a, &mut share("b"), false, 0, now);
     }
-    assert_eq!((now - start, a.may_take("f", now)), (SILENT, Some(530_000)));
+    assert_eq!((now - start, a.may_take("f", now)), (SILENT, Some(560_000)));
+    // The broker has its ledger.
+    let mut earlier = share("b");
+    earlier.connected(now, 500_000);
+    let ledger = said(&mut earlier, false, &commands(430_000), now).remove(0);
+    a.hear(&ledger.0, &ledger.1, true, now);
+    assert_eq!((a.unread(), a.may_take("f", now)), (None, Some(430_000)));
     // Another one was heard, with the latest command that it knows. It may take the cell until it has heard this one.
     let mut now = now + milliseconds(500);
-    exchange(&mut b, "b", &mut a, false, 450_000, now);
+    exchange(&mut b, &mut a, false, 450_000, now);
     assert_eq!(a.may_take("f", now), None);
-    exchange(&mut b, "b", &mut a, true, 455_000, now);
+    exchange(&mut b, &mut a, true, 455_000, now);
     assert_eq!((a.may_take("f", now), a.owner("f", now)), (None, Some("b")));
     now += milliseconds(1500);
-    exchange(&mut a, "a", &mut b, false, 0, now);
+    exchange(&mut a, &mut b, false, 0, now);
     assert!(b.must_give("f", now) && !a.must_give("f", now));
-    exchange(&mut b, "b", &mut a, false, 460_000, now);
+    exchange(&mut b, &mut a, false, 460_000, now);
     assert_eq!((a.may_take("f", now), b.may_take("f", now)), (Some(450_000), None));
+}
+
+#[test]
+fn a_ledger_that_was_not_read_is_requested_and_published_again() {
+    let (mut a, mut b, now) = (share("a"), share("b"), milliseconds(1000));
+    a.connected(now, 500_000);
+    b.connected(now, 500_000);
+    let pages = |said: &[(String, Vec<u8>)]| said.iter().filter(|(topic, _)| topic.contains('/')).count();
+    // The page of b is lost.
+    let from_b = said(&mut b, false, &commands(0), now);
+    assert_eq!((pages(&from_b), from_b.len()), (1, 2));
+    a.hear(&from_b[1].0, &from_b[1].1, false, now);
+    let from_a = said(&mut a, false, &commands(0), now);
+    let later = now + Duration::from_secs(5);
+    for (now, count) in [(now, 0), (later, 1), (later, 0)] {
+        from_a.iter().for_each(|(topic, message)| drop(b.hear(topic, message, false, now)));
+        let again = said(&mut b, false, &commands(0), now);
+        assert_eq!(pages(&again), count, "{now:?}");
+        again.iter().for_each(|(topic, message)| drop(a.hear(topic, message, false, now)));
+    }
+    assert_eq!(a.unread(), None);
+}
+
+#[test]
+fn the_ledger_of_a_bridge_that_is_dead_is_the_same_after_a_short_time_without_a_connection() {
+    let mut is_read = Vec::new();
+    for (dead, away) in [(true, SILENT - STEP), (true, SILENT), (false, STEP)] {
+        let (mut a, mut b, mut now) = (share("a"), share("b"), milliseconds(1000));
+        a.connected(now, 500_000);
+        b.connected(now, 500_000);
+        for (topic, message) in said(&mut b, false, &commands(0), now) {
+            a.hear(&topic, &message, false, now);
+        }
+        let end = if dead { now + SILENT } else { now + STEP };
+        while now < end {
+            now += STEP;
+            for (topic, message) in said(&mut a, false, &commands(0), now) {
+                a.hear(&topic, &message, false, now);
+            }
+        }
+        assert_eq!(a.unread(), None);
+        a.opened();
+        a.connected(now + away, 500_000);
+        is_read.push(a.unread().is_none());
+    }
+    assert_eq!(is_read, [true, false, false]);
 }

@@ -7,7 +7,9 @@ use crate::payload::Payload;
 pub enum Event {
     /// Nothing.
     None,
-    /// The broker has accepted connection and subscriptions.
+    /// The broker has accepted the connection.
+    Opened,
+    /// The broker has accepted the subscriptions.
     Connected,
     /// The connection is over, and why.
     Lost(String),
@@ -33,8 +35,10 @@ pub enum Event {
     },
     /// What a bridge says of shared cells, also this one.
     Share {
-        /// The bridge.
+        /// The topic after `cellwire/GROUP/`.
         from: String,
+        /// Whether the broker has stored it.
+        is_retained: bool,
         /// What it says.
         payload: Vec<u8>,
     },

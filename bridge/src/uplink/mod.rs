@@ -221,12 +221,13 @@ impl Uplink {
                 self.longest = longest.map_or(usize::MAX, |longest| longest as usize);
                 self.reconnect.accepted(Instant::now());
                 let state = self.host.iter().map(|host| Node::state_of(host));
-                let more: Vec<String> =
-                    state.chain(self.share.iter().map(|share| format!("{share}+"))).collect();
+                let share =
+                    self.share.iter().flat_map(|share| [format!("{share}+"), format!("{share}+/+/+")]);
+                let more: Vec<String> = state.chain(share).collect();
                 if let Phase::Opening { session, .. } = &self.phase {
                     session.subscribe(&self.node.subscriptions(), &more);
                 }
-                Event::None
+                Event::Opened
             }
             Happened::Subscribed => {
                 let until = (self.brokers.len() > 1).then(|| Instant::now() + PATIENCE);
@@ -238,9 +239,7 @@ impl Uplink {
             }
             Happened::Message { topic, payload, is_retained } => {
                 if let Some(from) = self.share.as_ref().and_then(|share| topic.strip_prefix(share)) {
-                    // Nobody says this to be kept: what was says nothing of now.
-                    let from = from.to_owned();
-                    return if is_retained { Event::None } else { Event::Share { from, payload } };
+                    return Event::Share { from: from.to_owned(), is_retained, payload };
                 }
                 self.received(self.node.receive(&topic, &payload, is_retained))
             }
@@ -373,14 +372,19 @@ impl Uplink {
         };
     }
 
-    /// Says something to the bridges that share cells. False where it cannot, now.
-    pub fn say(&self, message: Vec<u8>) -> bool {
+    /// Publishes a message to the bridges that share cells; the broker stores it if it has a topic below that of this bridge. Returns
+    /// false if it cannot, now.
+    pub fn say(&self, below: &str, message: Vec<u8>) -> bool {
         let (Phase::Waiting { session, .. } | Phase::Online { session }, Some(share)) =
             (&self.phase, &self.share)
         else {
             return false;
         };
-        session.publish(&format!("{share}{}", self.name), message, true, None)
+        let topic = format!("{share}{}{below}", self.name);
+        match below.is_empty() {
+            true => session.publish(&topic, message, true, None),
+            false => session.store(&topic, message),
+        }
     }
 
     /// All births are repeated.

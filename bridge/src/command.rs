@@ -12,8 +12,8 @@ use serde_json::json;
 
 use crate::compact::Words;
 use crate::site::StoreSettings;
-use crate::store::{Busy, Store};
-use crate::{Health, Hub, Site, http, links, signals};
+use crate::store::{self, Busy, Store};
+use crate::{Health, Hub, Site, http, hub, links, signals};
 use cellwire_io::interrupt;
 use cellwire_io::manual::{self, Shell};
 use cellwire_io::output::{self, log, remark};
@@ -106,7 +106,8 @@ fn run(file: &Path, check: bool) -> Result<()> {
 /// What a start would do with the store, if there is one; a damaged one is an error.
 fn check_store(site: &Site) -> Result<()> {
     let StoreSettings { file, bytes: most } = &site.store;
-    if !file.exists() {
+    let records = store::beside(file);
+    if !file.exists() && !records.exists() {
         return Ok(());
     }
     let mut store = match Store::open(file, *most) {
@@ -118,7 +119,9 @@ fn check_store(site: &Site) -> Result<()> {
         }
         Err(error) => return Err(error),
     };
+    store.belong_to(&format!("{}/{}", site.broker.group, site.broker.node))?;
     let words = Words::open(&store)?;
+    hub::check(&mut store, &words)?;
     let (mut orphans, count, mut next) = (BTreeMap::<String, u64>::new(), store.len(), 0);
     let mut see = |cell: String| {
         if !site.cell.contains_key(&cell) {

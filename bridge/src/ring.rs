@@ -304,6 +304,19 @@ impl Ring {
         (dropped, has_to_be_kept)
     }
 
+    /// Makes the file long enough for this many bytes, by multiples of `extent`. Returns its length if it has changed.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn extend(&self, bytes: u64, extent: u64) -> io::Result<Option<u64>> {
+        if self.at + bytes <= self.file.metadata()?.len() {
+            return Ok(None);
+        }
+        let length = (self.at + bytes).next_multiple_of(extent).min(self.most.max(self.at + bytes));
+        self.file.set_len(length)?;
+        Ok(Some(length))
+    }
+
     /// Writes frames of [`frames`](Self::frames) where there is room: for another process they are there from now on, on the disk after
     /// [`sync`](Self::sync).
     ///

@@ -122,6 +122,7 @@ impl<'a> Hub<'a> {
     ) -> Result<Self> {
         let mut store = Store::open(&site.store.file, site.store.bytes)?;
         let mut turn = Turn::default();
+        store.belong_to(&format!("{}/{}", site.broker.group, site.broker.node))?;
         let mut words = Words::open(&store)?;
         for (name, client) in site.cell.keys().zip(&clients) {
             words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
@@ -472,6 +473,17 @@ impl<'a> Hub<'a> {
 
 /// The text of a metric.
 fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
+/// Reads everything in the store that a start would read.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn check(store: &mut Store, words: &Words) -> Result<()> {
+    records::numbers_of(store, words)?;
+    let rate = Rate { per_second: 1.0, burst: 1 };
+    Commands::open(|prefix| store.names(prefix), Duration::ZERO, rate, &mut Batch::default())?;
+    power::is_lost(store, &mut Batch::default()).map(drop)
+}
+
     named.iter().find_map(|(found, value)| match value {
         Value::String(text) if *found == name => Some(text.as_str()),
         _ => None,

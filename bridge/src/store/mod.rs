@@ -23,13 +23,19 @@ const FORMAT_NAME: &str = "format";
 const FORMAT: &str = "3";
 /// The name of what is known of the ring.
 const RING: &str = "ring";
+/// The name of the length of the ring's file.
+const LENGTH: &str = "length";
+/// The name of the bridge that the store belongs to.
+const OWNER: &str = "owner";
 
 /// What the database is read through, in bytes.
 const CACHE: usize = 16 << 20;
+/// The ring's file grows by so many bytes at once.
+const EXTENT: u64 = 256 << 10;
 /// How many bytes of the ring may be of no use before they are written over.
 const WASTE: u64 = 1 << 20;
 
-const ADVICE: &str = "move it and its .records file away to start with an empty store: the waiting records are lost, and a command that is sent again within commands.max_age is executed again";
+const ADVICE: &str = "move it and its .records file away to start with an empty store: the waiting records are lost, and a command that is sent again is executed again";
 
 /// Names and values.
 pub type Names = Vec<(String, Option<String>)>;
@@ -92,6 +98,10 @@ impl Store {
     #[allow(clippy::result_large_err, reason = "it is returned once")]
     fn open_until(path: &Path, most: u64, cut: Option<u64>) -> Result<Self> {
         let what = format!("the store {}", path.display());
+        let records = beside(path);
+        if records.exists() && !path.exists() {
+            bail!("{what} is missing, but {} is not: restore the store, or {ADVICE}", records.display());
+        }
         let database = match catch(|| open(path)) {
             Some(Ok(database)) => database,
             Some(Err(redb::Error::DatabaseAlreadyOpen)) => return Err(Busy(what).into()),
@@ -105,7 +115,6 @@ impl Store {
                 "{what} has format {format}, and this bridge reads format {FORMAT}: use the bridge that wrote it, or {ADVICE}"
             );
         }
-        let records = beside(path);
         // The names were removed, and the outcomes of commands with them.
         let has_records = std::fs::metadata(&records).is_ok_and(|records| records.len() > 0);
         let known = match get(&database, RING)? {
@@ -118,6 +127,12 @@ impl Store {
             }
             None => None,
         };
+        let length = get(&database, LENGTH)?.map_or(Ok(0), |text| text.parse());
+        let length: u64 = length.with_context(|| format!("{what} is damaged: {ADVICE}"))?;
+        let found = std::fs::metadata(&records).map_or(0, |records| records.len());
+        if found < length || known.is_some() && !records.exists() {
+            bail!("{what} is damaged: {} has {found} bytes of {length}: {ADVICE}", records.display());
+        }
         let new = Known { seed: fastrand::u64(..), ..Known::default() };
         let ring = private(&records).and_then(|file| Ring::open(file, known.unwrap_or(new), most, cut));
         let mut ring = match ring {
@@ -211,6 +226,10 @@ impl Store {
             commit(database, ring, more(Kept::Before))?;
             written.kept = Some(Kept::Before);
         }
+        let bytes = frames.iter().map(|frame| frame.len() as u64).sum();
+        if let Some(length) = ring.extend(bytes, EXTENT.min(most))? {
+            put(database, vec![(LENGTH.into(), Some(length.to_string()))])?;
+        }
         ring.write(&frames, append.len())?;
         if is_bound {
             commit(database, ring, more(Kept::Now).into_iter().chain(batch.names.iter().cloned()).collect())?;
@@ -244,6 +263,19 @@ impl Store {
         let path = self.path.clone();
         let seen = self.both()?.1.each(see);
         seen.with_context(|| format!("the records of the store {}", path.display()))
+    }
+
+    /// Makes the store that of a bridge, unless it is another one's.
+    ///
+    /// # Errors
+    /// When it is another one's, or cannot be read or written.
+    pub fn belong_to(&mut self, owner: &str) -> Result<()> {
+        let what = format!("the store {}", self.path.display());
+        match self.get(OWNER)? {
+            Some(found) if found == owner => Ok(()),
+            Some(found) => bail!("{what} is that of the bridge {found}, and this is {owner}: {ADVICE}"),
+            None => put(self.both()?.0, vec![(OWNER.into(), Some(owner.to_owned()))]).with_context(|| what),
+        }
     }
 
     /// The value of a name.
@@ -284,9 +316,18 @@ impl fmt::Display for Busy {
 impl std::error::Error for Busy {}
 
 /// Keeps names, and what is known of the ring: what was written to it before is on the disk then.
-fn commit(database: &Database, ring: &mut Ring, changed: Names) -> Result<()> {
+fn commit(database: &Database, ring: &mut Ring, mut changed: Names) -> Result<()> {
     ring.sync()?;
     let known = ring.known();
+    let Known { seed, first, end, next } = known;
+    changed.push((RING.into(), Some(format!("{seed} {first} {end} {next}"))));
+    put(database, changed)?;
+    ring.set_known(known);
+    Ok(())
+}
+
+/// Keeps names.
+fn put(database: &Database, changed: Names) -> Result<()> {
     let transaction = begin(database)?;
     {
         let mut names = transaction.open_table(NAMES)?;
@@ -296,11 +337,8 @@ fn commit(database: &Database, ring: &mut Ring, changed: Names) -> Result<()> {
                 None => names.remove(name.as_str())?,
             };
         }
-        let Known { seed, first, end, next } = known;
-        names.insert(RING, format!("{seed} {first} {end} {next}").as_str())?;
     }
     transaction.commit()?;
-    ring.set_known(known);
     Ok(())
 }
 
@@ -324,8 +362,8 @@ fn get(database: &Database, name: &str) -> Result<Option<String>> {
     Ok(names.get(name)?.map(|value| value.value().to_owned()))
 }
 
-/// The file of the records.
-fn beside(path: &Path) -> PathBuf {
+/// The file of the records of a store.
+pub fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".records");
     name.into()

@@ -189,7 +189,7 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     std::fs::write(beside(&path), bytes).unwrap();
     assert!(fault(&path).contains("store.records: its frame 1 is damaged or missing"), "{}", fault(&path));
     std::fs::remove_file(beside(&path)).unwrap();
-    assert!(fault(&path).contains("store.records: its frame 0 is damaged or missing"), "{}", fault(&path));
+    assert!(fault(&path).contains("store.records has 0 bytes of 65536"), "{}", fault(&path));
     std::fs::write(beside(&path), &good).unwrap();
     assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()).len(), 4);
 }
@@ -204,10 +204,11 @@ fn records_without_their_store_are_an_error() {
     drop(store);
     let good = std::fs::read(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
-    for _ in 0..2 {
+    for state in ["missing", "empty"] {
         let error = fault(&path);
-        assert!(error.starts_with(&format!("the store {} is empty, but ", path.display())), "{error}");
+        assert!(error.starts_with(&format!("the store {} is {state}, but ", path.display())), "{error}");
         assert!(error.contains("is executed again"), "{error}");
+        std::fs::write(&path, "").unwrap();
     }
     std::fs::write(&path, good).unwrap();
     assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a")]));
@@ -339,4 +340,43 @@ fn a_changed_outcome_is_an_error_or_changes_nothing() {
         }
     }
     assert!(places > 20 && damaged > 10, "{damaged} of {places}");
+}
+
+#[test]
+fn a_file_without_the_other_or_cut_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    write(&mut store, &append(&["a", "b"]));
+    drop(store);
+    let (database, records) = (std::fs::read(&path).unwrap(), std::fs::read(beside(&path)).unwrap());
+    std::fs::remove_file(&path).unwrap();
+    let why = fault(&path);
+    assert!(why.contains("is missing, but ") && why.contains("store.records is not"), "{why}");
+    assert!(!path.exists(), "nothing is made");
+    std::fs::write(&path, &database).unwrap();
+    std::fs::remove_file(beside(&path)).unwrap();
+    let why = fault(&path);
+    assert!(why.contains("is damaged: ") && why.contains("store.records has 0 bytes of 65536: "), "{why}");
+    // What is cut off is noticed, also if nothing was kept of it: record numbers would be used again.
+    for length in [0, 40, records.len() - 1] {
+        std::fs::write(&path, &database).unwrap();
+        std::fs::write(beside(&path), &records[..length]).unwrap();
+        let why = fault(&path);
+        assert!(why.contains(&format!("store.records has {length} bytes of 65536: ")), "{why}");
+    }
+    std::fs::write(beside(&path), &records).unwrap();
+    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a"), (1, "b")]));
+}
+
+#[test]
+fn a_store_is_that_of_one_bridge() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    store.belong_to("g/b1").unwrap();
+    store.belong_to("g/b1").unwrap();
+    drop(store);
+    let why = format!("{:#}", Store::open(&path, MOST).unwrap().belong_to("g/b2").err().unwrap());
+    assert!(why.contains("is that of the bridge g/b1, and this is g/b2: move it and its .records"), "{why}");
 }

@@ -95,6 +95,13 @@ pub enum Happened {
         /// It is retained, or its sender has asked for that.
         is_retained: bool,
     },
+    /// A message was dropped because it is longer than 16 MiB.
+    Skipped {
+        /// Its topic.
+        topic: String,
+        /// Its length in bytes.
+        length: usize,
+    },
     /// The broker has this message; with QoS 0, the socket has.
     Published(u64),
     /// The broker does not take a message.

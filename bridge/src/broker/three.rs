@@ -12,11 +12,15 @@ use super::{
     Happened, IN_FLIGHT, LONGEST, Options, Password, ROOM, certificate_advice, hand_over, transport,
 };
 
+/// The longest packet of the protocol, in bytes.
+const LONGEST_OF_MQTT: usize = 268_435_460;
+
 pub(super) fn open(options: &Options) -> (AsyncClient, EventLoop) {
     let mut mqtt = MqttOptions::new(&options.client, options.place(), options.port);
     mqtt.set_clean_session(true);
     mqtt.set_keep_alive(options.keep_alive);
-    mqtt.set_max_packet_size(LONGEST as usize, LONGEST as usize);
+    // This version cannot announce a limit, and a longer packet would end each connection. So each is read, and a long one is dropped.
+    mqtt.set_max_packet_size(LONGEST_OF_MQTT, LONGEST as usize);
     mqtt.set_inflight(IN_FLIGHT);
     let (topic, message) = options.will.clone();
     mqtt.set_last_will(LastWill::new(topic, message, QoS::AtLeastOnce, false));
@@ -55,6 +59,9 @@ pub(super) async fn run(
                     true => break "the broker refuses a subscription".into(),
                 }
             }
+            Event::Incoming(Incoming::Publish(message)) if message.payload.len() > LONGEST as usize => {
+                report(Happened::Skipped { topic: message.topic, length: message.payload.len() });
+            }
             Event::Incoming(Incoming::Publish(message)) => report(Happened::Message {
                 topic: message.topic,
                 payload: message.payload.to_vec(),
@@ -88,5 +95,50 @@ fn explain(error: &ConnectionError) -> String {
             "the broker does not answer".into()
         }
         error => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read as _, Write as _};
+    use std::net::TcpListener;
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use super::super::{Session, Version};
+    use super::*;
+
+    #[test]
+    fn a_message_longer_than_16_mib_is_dropped_and_the_next_one_is_read() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let options = Options {
+            host: "127.0.0.1".into(),
+            port: listener.local_addr().unwrap().port(),
+            url: None,
+            client: "c".into(),
+            login: None,
+            tls: None,
+            version: Version::Three,
+            keep_alive: Duration::from_secs(15),
+            will: ("w".into(), Vec::new()),
+        };
+        let (sender, happened) = channel();
+        let _session = Session::open(&options, move |it| drop(sender.send(it))).unwrap();
+        let (mut peer, _) = listener.accept().unwrap();
+        peer.read_exact(&mut [0; 20]).unwrap();
+        peer.write_all(&[0x20, 2, 0, 0]).unwrap();
+        // PUBLISH with QoS 0 and the topic `t`; its length is a number of base 128.
+        let length = (17_usize << 20) + 3;
+        let digits = [length | 0x80, length >> 7 | 0x80, length >> 14 | 0x80, length >> 21];
+        peer.write_all(&[0x30]).unwrap();
+        peer.write_all(&digits.map(|digit| digit.to_le_bytes()[0])).unwrap();
+        peer.write_all(&[0, 1, b't']).unwrap();
+        peer.write_all(&vec![0; 17 << 20]).unwrap();
+        peer.write_all(&[0x30, 5, 0, 1, b't', b'o', b'k']).unwrap();
+        let mut next = || happened.recv_timeout(Duration::from_secs(60)).unwrap();
+        assert_eq!(next(), Happened::Connected(None));
+        assert_eq!(next(), Happened::Skipped { topic: "t".into(), length: 17 << 20 });
+        let message = Happened::Message { topic: "t".into(), payload: b"ok".to_vec(), is_retained: false };
+        assert_eq!(next(), message);
     }
 }

@@ -243,6 +243,9 @@ impl Uplink {
                 }
                 self.received(self.node.receive(&topic, &payload, is_retained))
             }
+            Happened::Skipped { topic, length } => Event::Strange(format!(
+                "{topic}: dropped a message of {length} bytes: delete it at the broker"
+            )),
             Happened::Published(key) => self.published(key, batch),
             Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
             Happened::NotTaken(why) => {

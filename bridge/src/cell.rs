@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::mpsc::Sender;
 use std::thread::JoinHandle;
 
@@ -40,6 +40,8 @@ pub struct Cell {
     pub kept: u64,
     /// The time of its last record.
     pub last_at: u64,
+    /// What has failed while the device did not answer.
+    pub failures: Arc<AtomicU64>,
     /// Whether the site file allows commands to it.
     pub takes_commands: bool,
     /// Whether it may be another bridge's.

@@ -55,8 +55,12 @@ pub struct End {
     current: Option<String>,
     /// When it was noticed first that the thread is to end.
     stopped_at: Option<Instant>,
-    /// Why it has not answered since it did.
+    /// Whether the device answers.
+    is_alive: bool,
+    /// The reasons that were reported since it answered last.
     reported: HashSet<String>,
+    /// What has failed while it did not answer.
+    failures: Arc<AtomicU64>,
 }
 
 impl End {
@@ -67,8 +71,20 @@ impl End {
         commands: Receiver<Command>,
         stop: Stop,
         dropped: Arc<AtomicU64>,
+        failures: Arc<AtomicU64>,
     ) -> Self {
-        Self { cell, hub, commands, stop, dropped, current: None, stopped_at: None, reported: HashSet::new() }
+        Self {
+            cell,
+            hub,
+            commands,
+            stop,
+            dropped,
+            current: None,
+            stopped_at: None,
+            is_alive: false,
+            reported: HashSet::new(),
+            failures,
+        }
     }
 
     /// Whether the bridge ends, or the cell is not its own any more.
@@ -86,18 +102,33 @@ impl End {
         self.current.is_none() || self.stop.is_lost() || since.elapsed() >= LAST
     }
 
-    /// Reports values. The link never waits: reports without room are dropped and counted.
+    /// Reports values of a device that answers. The link never waits: reports without room are dropped and counted.
     pub fn values(&self, values: Vec<Named>) {
+        if self.is_alive {
+            self.report(values);
+        }
+    }
+
+    fn report(&self, values: Vec<Named>) {
         let report = Report { at: metric::now(), what: What::Values(values) };
         if let Err(TrySendError::Full(_)) = self.hub.try_send(Input::Cell(self.cell, report)) {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Reports an event, as an object of JSON.
-    pub fn event(&self, event: &impl Serialize) {
+    /// Reports an event, as an object of JSON. While the device does not answer, it is counted, and reported once.
+    pub fn event(&mut self, event: &impl Serialize) {
         let text = serde_json::to_string(event).unwrap_or_default();
-        self.values(vec![(EVENT, Value::String(text))]);
+        if self.is_alive || self.is_news(&text) {
+            self.report(vec![(EVENT, Value::String(text))]);
+        }
+    }
+
+    /// Counts a failure. Returns whether this reason was not reported since the device answered last.
+    fn is_news(&mut self, why: &str) -> bool {
+        self.failures.fetch_add(1, Ordering::Relaxed);
+        // A device that gives another reason each time does not make all of them remembered.
+        self.reported.len() < REASONS && self.reported.insert(why.to_owned())
     }
 
     /// Reports that what the device reports cannot be, with an event that says why: its metrics have no values until it reports others.
@@ -108,13 +139,14 @@ impl End {
     /// The device answers.
     pub fn connected(&mut self, place: &str) {
         self.reported.clear();
+        self.is_alive = true;
         self.link(true, &serde_json::json!({"event": "connected", "place": place}));
     }
 
     /// The device does not answer, and why: once for each reason.
     pub fn disconnected(&mut self, why: &str) {
-        // A device that says something else each time is no reason to remember all of it.
-        if self.reported.len() < REASONS && self.reported.insert(why.to_owned()) {
+        self.is_alive = false;
+        if self.is_news(why) {
             self.link(false, &serde_json::json!({"event": "disconnected", "why": why}));
         }
     }
@@ -183,7 +215,7 @@ mod tests {
     #[test]
     fn a_command_that_has_waited_too_long_is_not_begun() {
         let ((hub, reports), (commands, inbox)) = (sync_channel(9), channel());
-        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default());
+        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default(), Arc::default());
         let now = metric::now();
         for (id, until) in [("first", now + 60_000), ("late", now - 1), ("next", now + 60_000)] {
             commands.send(Command { id: id.into(), order: serde_json::Map::new(), until }).unwrap();
@@ -205,5 +237,23 @@ mod tests {
             [("first", Outcome::Done, ""), ("late", Outcome::Refused, why), ("next", Outcome::Done, "")]
                 .map(|(id, outcome, detail)| (id.to_owned(), outcome, detail.to_owned()))
         );
+    }
+
+    #[test]
+    fn what_fails_before_the_device_answers_is_counted_and_reported_once() {
+        let ((hub, reports), (_commands, inbox), failures) = (sync_channel(9), channel(), Arc::default());
+        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default(), Arc::clone(&failures));
+        let mut attempt = |answers: bool| {
+            if answers {
+                end.connected("x");
+            }
+            end.values(vec![("v", Value::Boolean(true))]);
+            end.event(&"failed");
+            end.disconnected("closed");
+            (reports.try_iter().count(), failures.load(Ordering::Relaxed))
+        };
+        assert_eq!([attempt(false), attempt(false), attempt(true)], [(2, 2), (0, 4), (4, 5)]);
+        // It has answered: its reasons are news again.
+        assert_eq!([attempt(false), attempt(false)], [(1, 7), (0, 9)]);
     }
 }

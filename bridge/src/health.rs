@@ -100,6 +100,8 @@ pub struct CellHealth {
     pub refusals: Vec<(&'static str, u64)>,
     /// Its records that wait because the broker refuses its topic.
     pub held: usize,
+    /// What has failed while its device did not answer.
+    pub failures: u64,
 }
 
 impl Health {
@@ -265,6 +267,13 @@ impl Figures {
             "1 while the cell's link is connected.",
             &links.collect::<Vec<_>>(),
         );
+        let failures = self.cells.iter().map(|cell| (label(cell), number(cell.failures)));
+        family(
+            "link_failures_total",
+            "counter",
+            "Failures while the cell's device did not answer.",
+            &failures.collect::<Vec<_>>(),
+        );
         let numbers = self.cells.iter().map(|cell| (label(cell), number(cell.number)));
         family(
             "record_number",
@@ -312,6 +321,7 @@ mod tests {
             commands_left: 2.5,
             refusals: vec![("rate", 4)],
             held: 2,
+            failures: 3,
         }];
         let shared = Some(Shared { here: 5, elsewhere: 6, nobody: 7 });
         health.set(Figures { is_online: true, stored: 3, cells, shared, ..Figures::default() });
@@ -333,6 +343,7 @@ mod tests {
             "cellwire_bridge_commands_left{cell=\"a \\\"b\\\\\"} 2.5",
             "cellwire_bridge_commands_refused_total{cell=\"a \\\"b\\\\\",why=\"rate\"} 4",
             "cellwire_bridge_shared_cells{where=\"nobody\"} 7",
+            "cellwire_bridge_link_failures_total{cell=\"a \\\"b\\\\\"} 3",
             "cellwire_bridge_held_records{cell=\"a \\\"b\\\\\"} 2",
         ] {
             assert!(text.lines().any(|found| found == line), "{line} in\n{text}");

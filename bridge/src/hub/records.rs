@@ -130,6 +130,7 @@ impl Hub<'_> {
             last_at: cell.last_at,
             number: cell.number,
             held: self.uplink.held(place),
+            failures: cell.failures.load(Ordering::Relaxed),
         });
         self.figures.dropped_busy = self.busy.load(Ordering::Relaxed);
         let waits = self.uplink.waits_for().map(|host| format!("waits for the host application {host}"));

@@ -46,7 +46,9 @@ impl Hub<'_> {
         let stop = Arc::new(AtomicBool::new(false));
         let lease = self.share.as_ref().filter(|_| settings.shared).map(Share::lease);
         let until = Stop { flag: Arc::clone(&stop), lease };
-        let end = End::new(place, self.sender.clone(), inbox, until, Arc::clone(&self.busy));
+        let failures = before.map_or_else(Arc::default, |cell| Arc::clone(&cell.failures));
+        let (busy, counted) = (Arc::clone(&self.busy), Arc::clone(&failures));
+        let end = End::new(place, self.sender.clone(), inbox, until, busy, counted);
         let mut cell = Cell {
             name: name.to_owned(),
             link: settings.link.clone(),
@@ -108,6 +110,7 @@ impl Hub<'_> {
                 &mut turn.batch,
             ) {
                 self.is_unknown(place, report, turn);
+            failures,
             }
             if let Next::Another(next) = next {
                 let (settings, client) = *next;

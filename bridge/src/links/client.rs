@@ -145,8 +145,10 @@ fn run<A: Adapter>(mut adapter: A, mut session: A::Session, device: &Device, mut
                     end.event(&json!({"event": "slow_adapter", "why": advice}));
                 }
                 session.handle_connected(now());
-                wait = FIRST_WAIT;
-                let why = connection(&mut adapter, &mut session, Driver::new(port), device, &mut end);
+                let (has_answered, why) =
+                    connection(&mut adapter, &mut session, Driver::new(port), device, &mut end);
+                // A device that accepts connections and does not answer is tried less and less often.
+                wait = if has_answered { FIRST_WAIT } else { wait };
                 session.handle_disconnected(now());
                 while let Some(event) = session.poll_event() {
                     let _ = adapter.event(&mut session, event, &mut end);
@@ -165,15 +167,15 @@ fn run<A: Adapter>(mut adapter: A, mut session: A::Session, device: &Device, mut
     }
 }
 
-/// Until the connection ends; why. The device is alive from its first answer on.
+/// Until the connection ends: whether the device has answered on it, and why it ended. The device is alive from its first answer on.
 fn connection<A: Adapter>(
     adapter: &mut A,
     session: &mut A::Session,
     mut driver: Driver<AnyPort>,
     Device { place, silence, .. }: &Device,
     end: &mut End,
-) -> String {
-    let (mut heard, mut is_alive) = (now(), silence.time.is_zero());
+) -> (bool, String) {
+    let (mut heard, mut is_alive, mut has_answered) = (now(), silence.time.is_zero(), false);
     if is_alive {
         end.connected(place);
     }
@@ -181,7 +183,7 @@ fn connection<A: Adapter>(
         if !silence.time.is_zero() && now().saturating_sub(heard) > silence.time {
             let why = format!("the device has not answered for {}", humantime::format_duration(silence.time));
             if silence.is_asked {
-                return why;
+                return (has_answered, why);
             }
             is_alive = false;
             end.disconnected(&why);
@@ -200,7 +202,7 @@ fn connection<A: Adapter>(
         let wait = adapter.step(session, end).unwrap_or(GLANCE).min(GLANCE);
         let turn = driver.turn(session, Some(wait), |session, event| {
             if A::is_answer(&event) {
-                heard = now();
+                (heard, has_answered) = (now(), true);
                 if !core::mem::replace(&mut is_alive, true) {
                     end.connected(place);
                 }
@@ -210,13 +212,14 @@ fn connection<A: Adapter>(
                 Err(why) => ControlFlow::Break(why),
             }
         });
-        match turn {
-            Ok(ControlFlow::Continue(())) => {}
-            Ok(ControlFlow::Break(Ended::ByHandler(why))) => return why,
-            Ok(ControlFlow::Break(Ended::ByPeer)) => return "the device closed the connection".into(),
-            Ok(ControlFlow::Break(Ended::Stalled)) => return "the device does not read".into(),
-            Err(error) => return error.to_string(),
-        }
+        let why = match turn {
+            Ok(ControlFlow::Continue(())) => continue,
+            Ok(ControlFlow::Break(Ended::ByHandler(why))) => why,
+            Ok(ControlFlow::Break(Ended::ByPeer)) => "the device closed the connection".into(),
+            Ok(ControlFlow::Break(Ended::Stalled)) => "the device does not read".into(),
+            Err(error) => error.to_string(),
+        };
+        return (has_answered, why);
     }
-    "the bridge ends".into()
+    (has_answered, "the bridge ends".into())
 }

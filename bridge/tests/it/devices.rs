@@ -6,14 +6,14 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use cellwire_bridge::payload::{Metric, Payload};
 use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
 use crate::broker::{Broker, Message, Peer};
 use crate::tool::Running;
-use crate::{ball, bridge, simulated};
+use crate::{ball, bridge, figure, simulated, until};
 
 /// The next message of a kind, such as DBIRTH.
 fn next(peer: &mut Peer, kind: &str) -> Message {
@@ -182,6 +182,42 @@ fn telemetry_that_cannot_be_is_null_with_a_quality_and_an_event() {
 }
 
 /// A server that loses everything in the first 200 ms of each connection: without the pause the cell is never alive.
+#[test]
+fn a_device_that_closes_each_connection_is_tried_less_and_less_often_and_dies_once() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let place = listener.local_addr().unwrap();
+    let connections = Arc::new(AtomicU8::new(0));
+    let counted = Arc::clone(&connections);
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            drop(stream);
+            counted.fetch_add(1, Ordering::Relaxed);
+        }
+    });
+    let (folder, broker) = (tempfile::tempdir().unwrap(), Broker::new());
+    let site = format!(
+        "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
+         [health]\nlisten = \"127.0.0.1:0\"\n\
+         [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nsettings = {{ poll = \"50ms\" }}\n",
+        broker.address()
+    );
+    let file = folder.path().join("site.toml");
+    std::fs::write(&file, site).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+    command.args(["--config"]).arg(file).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let begun = Instant::now();
+    let mut bridge = Running::start(command);
+    let mut peer = broker.accept(&[]);
+    until("five connections", || connections.load(Ordering::Relaxed) >= 5);
+    assert!(begun.elapsed() >= Duration::from_millis(250 + 500 + 1000 + 2000), "{:?}", begun.elapsed());
+    until("their failures", || figure(&bridge, "link_failures_total{cell=\"robot\"}") >= 5);
+    // Its reasons, once each.
+    let records = figure(&bridge, "record_number{cell=\"robot\"}");
+    assert!((1..=3).contains(&records), "{records} records");
+    next(&mut peer, "/DDEATH/");
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
 #[test]
 fn a_cell_sends_its_first_byte_after_the_pause_of_a_connection() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -76,6 +76,7 @@ pub struct Hub<'a> {
     site: Site,
     /// The site file is to be reloaded.
     reload: Arc<AtomicBool>,
+    reading: Option<reload::Reading>,
     store: Store,
     words: Words,
     uplink: Uplink,
@@ -121,8 +122,8 @@ impl<'a> Hub<'a> {
         log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
         let mut store = Store::open(&site.store.file, site.store.bytes)?;
-        let mut turn = Turn::default();
         store.belong_to(&format!("{}/{}", site.broker.group, site.broker.node))?;
+        let mut turn = Turn::default();
         let mut words = Words::open(&store)?;
         for (name, client) in site.cell.keys().zip(&clients) {
             words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
@@ -168,6 +169,7 @@ impl<'a> Hub<'a> {
             sender,
             site,
             reload,
+            reading: None,
             store,
             words,
             uplink,
@@ -471,8 +473,6 @@ impl<'a> Hub<'a> {
     }
 }
 
-/// The text of a metric.
-fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
 /// Reads everything in the store that a start would read.
 ///
 /// # Errors
@@ -484,6 +484,8 @@ pub fn check(store: &mut Store, words: &Words) -> Result<()> {
     power::is_lost(store, &mut Batch::default()).map(drop)
 }
 
+/// The text of a metric.
+fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
     named.iter().find_map(|(found, value)| match value {
         Value::String(text) if *found == name => Some(text.as_str()),
         _ => None,

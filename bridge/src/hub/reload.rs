@@ -1,11 +1,13 @@
 //! Start and end of cells: at the start, and when the site file is reloaded.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::json;
 
 use super::{Hub, Turn};
@@ -17,6 +19,52 @@ use crate::payload::Value;
 use crate::share::Share;
 use crate::site::{self, Site};
 use crate::uplink;
+
+/// A site file may have so many bytes.
+const MOST: u64 = 1 << 20;
+/// A site file is read within this time.
+const LIMIT: Duration = Duration::from_secs(10);
+
+/// A site file that is read by a thread of its own: a network folder may never answer.
+#[derive(Debug)]
+pub(super) struct Reading {
+    since: Instant,
+    site: Receiver<Result<(Site, Vec<Client>)>>,
+}
+
+impl Reading {
+    fn begin(path: &Path) -> Self {
+        let ((sender, site), path) = (channel(), path.to_owned());
+        let read = move || {
+            // A bridge that has ended, or waits no longer, takes nothing.
+            let _ = sender.send(read(&path));
+        };
+        // Without a thread the channel is closed.
+        let _ = thread::Builder::new().name("site".into()).spawn(read);
+        Self { since: Instant::now(), site }
+    }
+
+    fn result(&self) -> Option<Result<(Site, Vec<Client>)>> {
+        match self.site.try_recv() {
+            Ok(read) => Some(read),
+            Err(TryRecvError::Disconnected) => Some(Err(anyhow!("the system has no thread to read it"))),
+            Err(TryRecvError::Empty) if self.since.elapsed() >= LIMIT => {
+                Some(Err(anyhow!("the site file could not be read within {} s", LIMIT.as_secs())))
+            }
+            Err(TryRecvError::Empty) => None,
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<(Site, Vec<Client>)> {
+    let found = path.metadata().with_context(|| path.display().to_string())?;
+    ensure!(found.is_file(), "{} is not a regular file", path.display());
+    let length = found.len();
+    ensure!(length <= MOST, "{} has {length} bytes, the maximum is {MOST}", path.display());
+    let site = Site::read(path)?;
+    let clients = links::clients(&site)?;
+    Ok((site, clients))
+}
 
 impl Hub<'_> {
     /// Begins a cell: in its place, if it had one before. One that bridges share is not begun before it is this one's.
@@ -62,6 +110,7 @@ impl Hub<'_> {
             written: before.map_or(number, |cell| cell.written),
             kept: before.map_or(0, |cell| cell.kept),
             last_at: before.map_or(0, |cell| cell.last_at),
+            failures,
             takes_commands: settings.commands,
             is_shared: settings.shared,
             bands: client.bands.clone(),
@@ -91,12 +140,16 @@ impl Hub<'_> {
     /// Reloads the site file if requested, and starts cells in places that are [over](Self::over): everything that their
     /// threads have reported was taken.
     pub(super) fn renew(&mut self, over: Vec<usize>, turn: &mut Turn) -> Result<()> {
-        if self.reload.swap(false, Ordering::Relaxed)
-            && let Err(error) = self.reload(turn)
-        {
-            (self.log)(
-                json!({"site": "refused", "why": format!("{error:#}"), "advice": "nothing was changed"}),
-            );
+        if self.reading.is_none() && self.reload.swap(false, Ordering::Relaxed) {
+            self.reading = Some(Reading::begin(self.site.path()));
+        }
+        if let Some(read) = self.reading.as_ref().and_then(Reading::result) {
+            self.reading = None;
+            if let Err(error) = read.and_then(|(site, clients)| self.reload(site, clients, turn)) {
+                (self.log)(
+                    json!({"site": "refused", "why": format!("{error:#}"), "advice": "nothing was changed"}),
+                );
+            }
         }
         for place in over {
             let Some(cell) = self.cells.get_mut(place) else { continue };
@@ -110,7 +163,6 @@ impl Hub<'_> {
                 &mut turn.batch,
             ) {
                 self.is_unknown(place, report, turn);
-            failures,
             }
             if let Next::Another(next) = next {
                 let (settings, client) = *next;
@@ -121,9 +173,7 @@ impl Hub<'_> {
     }
 
     /// What differs is begun and ended; the other cells do not notice. Only a file that is right as a whole changes anything.
-    fn reload(&mut self, turn: &mut Turn) -> Result<()> {
-        let site = Site::read(self.site.path())?;
-        let clients = links::clients(&site)?;
+    fn reload(&mut self, site: Site, clients: Vec<Client>, turn: &mut Turn) -> Result<()> {
         if let Some(table) = self.site.differs(&site) {
             return Err(site.located(table, anyhow!("[{table}] differs: it is only read at the start")));
         }

@@ -69,6 +69,18 @@ fn cells_come_and_go_without_touching_the_others() {
     hang_up(&bridge);
     let line = bridge.line("\"site\":\"refused\"");
     assert!(line.contains("[broker] differs: it is only read at the start"), "{line}");
+    // Neither does one that cannot be read at once, or never ends.
+    let file = folder.path().join("site.toml");
+    write(folder.path(), &format!("{head}{both}{}", "#".repeat(1 << 20)));
+    hang_up(&bridge);
+    let line = bridge.line("\"site\":\"refused\"");
+    assert!(line.contains(" bytes, the maximum is 1048576"), "{line}");
+    std::fs::remove_file(&file).unwrap();
+    assert!(Command::new("mkfifo").arg(&file).status().unwrap().success());
+    hang_up(&bridge);
+    let line = bridge.line("\"site\":\"refused\"");
+    assert!(line.contains("site.toml is not a regular file"), "{line}");
+    std::fs::remove_file(&file).unwrap();
     until("the same cells", || figure(&bridge, "link_connected{cell=\"goes\"}") == 1);
 
     write(folder.path(), &format!("{head}{both}"));

@@ -57,6 +57,8 @@ pub struct End {
     stopped_at: Option<Instant>,
     /// Whether the device answers.
     is_alive: bool,
+    /// Whether there is a record since it answered last that it does not.
+    is_recorded: bool,
     /// The reasons that were reported since it answered last.
     reported: HashSet<String>,
     /// What has failed while it did not answer.
@@ -82,6 +84,7 @@ impl End {
             current: None,
             stopped_at: None,
             is_alive: false,
+            is_recorded: false,
             reported: HashSet::new(),
             failures,
         }
@@ -116,11 +119,18 @@ impl End {
         }
     }
 
-    /// Reports an event, as an object of JSON. While the device does not answer, it is counted, and reported once.
+    /// Whether the device answers.
+    pub fn is_alive(&self) -> bool {
+        self.is_alive
+    }
+
+    /// Reports an event, as an object of JSON. While the device does not answer, it is counted, and logged once.
     pub fn event(&mut self, event: &impl Serialize) {
         let text = serde_json::to_string(event).unwrap_or_default();
-        if self.is_alive || self.is_news(&text) {
+        if self.is_alive {
             self.report(vec![(EVENT, Value::String(text))]);
+        } else if self.is_news(&text) {
+            self.send(What::Failed(text));
         }
     }
 
@@ -139,15 +149,19 @@ impl End {
     /// The device answers.
     pub fn connected(&mut self, place: &str) {
         self.reported.clear();
-        self.is_alive = true;
+        (self.is_alive, self.is_recorded) = (true, false);
         self.link(true, &serde_json::json!({"event": "connected", "place": place}));
     }
 
-    /// The device does not answer, and why: once for each reason.
+    /// The device does not answer, and why: one record, and a line of the log for each reason.
     pub fn disconnected(&mut self, why: &str) {
         self.is_alive = false;
         if self.is_news(why) {
-            self.link(false, &serde_json::json!({"event": "disconnected", "why": why}));
+            let event = serde_json::json!({"event": "disconnected", "why": why});
+            match core::mem::replace(&mut self.is_recorded, true) {
+                false => self.link(false, &event),
+                true => self.send(What::Failed(event.to_string())),
+            }
         }
     }
 

@@ -32,6 +32,8 @@ pub struct Report {
 pub enum What {
     /// Values of its metrics.
     Values(Vec<Named>),
+    /// The event of a device that does not answer, as an object of JSON: it is no record.
+    Failed(String),
     /// What the device reports cannot be: its own metrics have no values.
     Bad(Vec<Named>),
     /// What became of a command, and why.

@@ -135,7 +135,7 @@ mod tests {
         peer.write_all(&[0, 1, b't']).unwrap();
         peer.write_all(&vec![0; 17 << 20]).unwrap();
         peer.write_all(&[0x30, 5, 0, 1, b't', b'o', b'k']).unwrap();
-        let mut next = || happened.recv_timeout(Duration::from_secs(60)).unwrap();
+        let next = || happened.recv_timeout(Duration::from_secs(60)).unwrap();
         assert_eq!(next(), Happened::Connected(None));
         assert_eq!(next(), Happened::Skipped { topic: "t".into(), length: 17 << 20 });
         let message = Happened::Message { topic: "t".into(), payload: b"ok".to_vec(), is_retained: false };

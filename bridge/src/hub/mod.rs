@@ -43,6 +43,7 @@ use super::site::{Broker, ShareSettings, Site};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::store::{Batch, Store};
 use cellwire_io::interrupt;
+pub use records::check;
 use sharing::News;
 
 /// How many reports wait for the hub.
@@ -329,6 +330,14 @@ impl<'a> Hub<'a> {
                 }
                 self.record_with(place, at, named, quality, &mut turn.batch);
             }
+            Input::Cell(place, Report { what: What::Failed(event), .. }) => {
+                let Some(cell) = self.cells.get_mut(place) else { return };
+                let event: Json = serde_json::from_str(&event).unwrap_or_default();
+                if let Some(why) = event.get("why").and_then(Json::as_str) {
+                    why.clone_into(&mut cell.why);
+                }
+                (self.log)(json!({"cell": cell.name, "link": event}));
+            }
             Input::Cell(place, Report { at, what: What::Bad(named) }) => {
                 if let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get(place), named.first())
                 {
@@ -471,17 +480,6 @@ impl<'a> Hub<'a> {
             }
         }
     }
-}
-
-/// Reads everything in the store that a start would read.
-///
-/// # Errors
-/// When the store cannot be read.
-pub fn check(store: &mut Store, words: &Words) -> Result<()> {
-    records::numbers_of(store, words)?;
-    let rate = Rate { per_second: 1.0, burst: 1 };
-    Commands::open(|prefix| store.names(prefix), Duration::ZERO, rate, &mut Batch::default())?;
-    power::is_lost(store, &mut Batch::default()).map(drop)
 }
 
 /// The text of a metric.

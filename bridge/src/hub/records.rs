@@ -8,8 +8,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result};
 use serde_json::json;
 
-use super::Hub;
+use super::{Hub, power};
+use crate::bucket::Rate;
 use crate::cell::{Cell, in_order};
+use crate::commands::Commands;
 use crate::compact::{Record, Words};
 use crate::health::{BrokerHealth, CellHealth, Figures};
 use crate::metric::{self, NUMBER, Named};
@@ -149,6 +151,17 @@ impl Hub<'_> {
             ..self.figures
         });
     }
+}
+
+/// Reads everything in the store that a start would read.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn check(store: &mut Store, words: &Words) -> Result<()> {
+    numbers_of(store, words)?;
+    let rate = Rate { per_second: 1.0, burst: 1 };
+    Commands::open(|prefix| store.names(prefix), Duration::ZERO, rate, &mut Batch::default())?;
+    power::is_lost(store, &mut Batch::default()).map(drop)
 }
 
 /// The number of each cell's last record: what is kept of them, and what was written since.

@@ -99,7 +99,8 @@ impl Adapter for Laser {
 
     fn is_answer(event: &HostEvent) -> bool {
         match event {
-            HostEvent::Answer { .. } | HostEvent::Refused { .. } | HostEvent::Unasked { .. } => true,
+            HostEvent::Answer { .. } | HostEvent::Refused { .. } => true,
+            // An answer to an earlier connection's query says nothing about this one: the device may still not take its query.
             HostEvent::Done { unanswered, .. } => *unanswered == 0,
             _ => false,
         }
@@ -157,6 +158,10 @@ impl Adapter for Laser {
                 host.resume();
                 (first, Outcome::Unknown, format!("{reason:?}"))
             }
+            // The query of this connection waits for the longest execution; the next connection's is answered at once.
+            HostEvent::Unasked { .. } if !end.is_alive() => {
+                return Err("an answer to a query of an earlier connection".into());
+            }
             HostEvent::Unasked { word } => {
                 end.event(&json!({"event": "unasked", "word": word}));
                 return Ok(());
@@ -213,5 +218,31 @@ impl Order {
             }
         }
         first.ok_or_else(|| "there are no instructions".into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::mpsc::{channel, sync_channel};
+
+    use super::*;
+    use crate::end::Stop;
+
+    #[test]
+    fn an_answer_to_an_earlier_query_is_no_sign_of_life_and_ends_the_connection_of_a_dead_device() {
+        let settings = Settings::default();
+        let mut host = Host::new(settings.session).unwrap();
+        let mut laser = Laser { settings, next: Duration::ZERO, order: None, running: None };
+        let ((hub, reports), (_commands, inbox)) = (sync_channel(9), channel());
+        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default(), Arc::default());
+        let unasked = || HostEvent::Unasked { word: STATUS };
+        assert!(!Laser::is_answer(&unasked()));
+        let why = "an answer to a query of an earlier connection";
+        assert_eq!(laser.event(&mut host, unasked(), &mut end), Err(why.into()));
+        assert_eq!(reports.try_iter().count(), 0);
+        end.connected("x");
+        assert_eq!(laser.event(&mut host, unasked(), &mut end), Ok(()));
+        assert_eq!(reports.try_iter().count(), 2);
     }
 }

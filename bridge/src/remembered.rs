@@ -2,7 +2,7 @@
 //!
 //! An id that is a UUID of version 7 has a time in it, which is the same however the command is sent again. So such commands, and refused
 //! ones, make room for others and leave a mark: a command that is not later is refused. Every other id of an executed command is
-//! remembered for [`KEPT`] at least.
+//! remembered for a day at least.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -22,9 +22,9 @@ const PREFIX: &str = "command/";
 const FORGOTTEN: &str = "forgotten/";
 /// How long an outcome can be asked for.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
-/// How many are remembered: of those that make room for others, and of the others beyond [`KEPT`].
+/// How many are remembered: of those that make room for others, and of the others that are older than a day.
 pub const MOST: usize = 20_000;
-/// The maximum number of executed commands of [`KEPT`] whose ids have no time.
+/// The maximum number of executed commands of a day whose ids have no time.
 pub const MOST_EXECUTED: usize = 100_000;
 
 /// The commands of a cell.
@@ -168,7 +168,7 @@ impl Remembered {
         }
     }
 
-    /// Whether a further command whose id has no time would have to be forgotten within [`KEPT`].
+    /// Whether a further command whose id has no time would have to be forgotten within a day.
     pub fn is_full(&mut self, cell: &str, now: u64, batch: &mut Batch) -> bool {
         self.executed.len() >= MOST_EXECUTED && {
             self.forget_executed(cell, now, batch);
@@ -220,7 +220,7 @@ impl Remembered {
         self.forget_executed(cell, now, batch);
     }
 
-    /// Forgets executed commands that are older than [`KEPT`], the oldest first, until [`MOST`] are left.
+    /// Forgets executed commands that are older than a day, the oldest first, until [`MOST`] are left.
     fn forget_executed(&mut self, cell: &str, now: u64, batch: &mut Batch) {
         let kept = u64::try_from(KEPT.as_millis()).unwrap_or(u64::MAX);
         let is_over =

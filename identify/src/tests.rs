@@ -222,6 +222,66 @@ fn the_lines_of_rust_compile() {
             Charset::Latin1
         }
     }
+    is_rust! { "kawasaki-msg", {"messages": {
+            "job": {"name": "Ty\u{f6}", "header": ["=M", "order"], "fields": ["number", "work"]},
+            "job_request": {"name": "Ask"},
+            "job_ack": {"sent": false}, "pause": {"sent": false}, "order_interrupt": {"sent": false}
+        }, "charset": "latin1"}, Carrier::Unknown,
+        use kawasaki_msg::{Charset, ConfigError, Dialect, Entry, Field, Role};
+        static MESSAGES: [Entry; 8] = [
+            Entry {
+                role: Role::EndAck,
+                name: "LoppuKuittaus",
+                header: &[],
+                fields: &[Field::Ended, Field::Order, Field::Executed],
+            },
+            Entry {
+                role: Role::Filler,
+                name: "Huuhaa",
+                header: &[],
+                fields: &[],
+            },
+            Entry {
+                role: Role::Job,
+                name: "Työ",
+                header: &[Field::Constant("M"), Field::Order],
+                fields: &[Field::Number, Field::Work],
+            },
+            Entry {
+                role: Role::JobRequest,
+                name: "Ask",
+                header: &[],
+                fields: &[Field::Order, Field::Number],
+            },
+            Entry {
+                role: Role::OrderAck,
+                name: "TilausKuittaus",
+                header: &[],
+                fields: &[Field::Order],
+            },
+            Entry {
+                role: Role::OrderEnd,
+                name: "TilausLoppuu",
+                header: &[],
+                fields: &[Field::Order],
+            },
+            Entry {
+                role: Role::OrderStart,
+                name: "TilausAlkaa",
+                header: &[],
+                fields: &[Field::Order, Field::Number],
+            },
+            Entry {
+                role: Role::Status,
+                name: "Tila",
+                header: &[],
+                fields: &[Field::Order, Field::Phase, Field::Queued, Field::Executed, Field::Ended],
+            },
+        ];
+        pub fn dialect() -> Result<Dialect, ConfigError> {
+            Ok(Dialect::new(&MESSAGES)?.with_charset(Charset::Latin1))
+        }
+    }
     is_rust! { "mmacell-proto", {"itr": true}, Carrier::Unknown,
         use mmacell_proto::Dialect;
         pub fn dialect() -> Dialect {

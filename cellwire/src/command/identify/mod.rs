@@ -105,7 +105,7 @@ pub fn run(args: &Args) -> Result<bool> {
     };
     if args.rust {
         let (finding, conversation) = only("print as Rust")?;
-        report::rust(finding, conversation.carrier)?;
+        report::rust(finding, conversation)?;
     }
     for (file, is_draft) in [(&args.write, false), (&args.draft, true)] {
         let Some(file) = file else { continue };

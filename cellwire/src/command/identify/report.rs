@@ -4,12 +4,12 @@ use std::io::{self, Write};
 
 use anyhow::Result;
 use cellwire_identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
-use cellwire_identify::{Decided, Finding, Open};
+use cellwire_identify::{Decided, Finding, Open, draft};
 use cellwire_links::LINKS;
 use cellwire_links::link::Carrier;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::super::encode::hex;
 use super::input::Conversation;
@@ -183,8 +183,14 @@ fn lines(seen: &Seen) -> Vec<String> {
 }
 
 /// A module with a function that returns the crate's configuration.
-pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
+pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()> {
     let mut settings = finding.settings.clone();
+    // The words of a plant are not of the link: they are guessed.
+    let is_own = finding.link.short == "kawasaki" && !(finding.link.open.notes)(&finding.read).is_empty();
+    let drafted = is_own.then(|| draft(finding, &conversation.streams).ok()).flatten();
+    if let Some(drafted) = &drafted {
+        settings.extend(toml::from_str::<Map<String, Value>>(drafted)?);
+    }
     let echo = settings.remove("echo");
     let mut text = format!("//! {}: the options that explain a capture.\n", finding.link.short);
     for option in finding.options.iter().filter(|option| option.name != "echo") {
@@ -195,7 +201,12 @@ pub(super) fn rust(finding: &Finding, carrier: Carrier) -> Result<()> {
             "//! The line returns what one end sends: `echo: true` in the configuration of that end.\n",
         );
     }
-    let module = (finding.link.open.rust)(&settings, carrier)?;
+    if drafted.is_some() {
+        text.push_str(
+            "//! The messages are guesses: --draft FILE writes the same as settings, with what is uncertain, and the fields of a job.\n",
+        );
+    }
+    let module = (finding.link.open.rust)(&settings, conversation.carrier)?;
     let module = if module.is_empty() {
         "// The source leaves no option open: the default configuration."
     } else {

@@ -43,8 +43,13 @@ fn hold(link: &'static Link, side: &str, options: &Map<String, Value>) {
     let mut valid = vectors(link.name);
     valid.retain(|v| v.result == Outcome::Valid && v.options == *options);
     valid.retain(|v| link.side(v.from.as_deref()).unwrap() == side);
-    // After corruption nothing says where a frame begins whose function has no length, or another one than its own.
-    valid.retain(|v| !is_tcp || !v.flags.iter().any(|flag| flag == "other"));
+    // After corruption nothing says where a frame begins whose function has no length, as 8 and 43, or another one than its own.
+    let function = |message: &Option<Value>| message.as_ref()?["function"].as_u64();
+    valid.retain(|v| {
+        let has_none =
+            matches!(function(&v.message), Some(8 | 43)) || v.flags.iter().any(|flag| flag == "other");
+        !is_tcp || !has_none
+    });
     let frames: Vec<_> = valid.into_iter().map(|v| v.bytes).collect();
     if frames.is_empty() {
         return;

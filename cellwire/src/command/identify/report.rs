@@ -6,7 +6,6 @@ use anyhow::Result;
 use cellwire_identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
 use cellwire_identify::{Decided, Finding, Open, draft};
 use cellwire_links::LINKS;
-use cellwire_links::link::Carrier;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde_json::{Map, Value, json};

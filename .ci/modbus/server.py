@@ -157,6 +157,8 @@ def check(name, kind, place, pairs):
     print(f"cellwire modbus against {name}'s server, {kind}: {len(pairs)} requests", flush=True)
 
 
+category = {"function": 43, "category": 1}
+no_objects = category | {"object": 0}, {"unit": 1, **category, "conformity": 0x83, "more": False, "next": 0, "objects": []}
 own_id = {"function": 17}, {"unit": 1, "function": 17, "id": None}
 
 try:
@@ -167,7 +169,7 @@ try:
             echo({"function": 8, "subfunction": 0, "values": [0x1234]}),
             raw(11, [], None),
             own_id,
-            ({"function": 43, "category": 1, "object": 0}, {"unit": 1, "function": 43, "category": 1, "objects": None}),
+            no_objects,
         ]
         pairs = [*common(), *masks(), *exceptions(), *others]
         check("pymodbus", kind, pymodbus(kind), pairs)

@@ -40,7 +40,7 @@ pub struct Cell {
     pub kept: u64,
     /// The time of its last record.
     pub last_at: u64,
-    /// What has failed while the device did not answer.
+    /// The number of failures while the device did not answer.
     pub failures: Arc<AtomicU64>,
     /// Whether the site file allows commands to it.
     pub takes_commands: bool,

@@ -61,7 +61,7 @@ pub struct End {
     is_recorded: bool,
     /// The reasons that were reported since it answered last.
     reported: HashSet<String>,
-    /// What has failed while it did not answer.
+    /// The number of failures while it did not answer.
     failures: Arc<AtomicU64>,
 }
 

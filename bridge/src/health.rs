@@ -100,7 +100,7 @@ pub struct CellHealth {
     pub refusals: Vec<(&'static str, u64)>,
     /// Its records that wait because the broker refuses its topic.
     pub held: usize,
-    /// What has failed while its device did not answer.
+    /// The number of failures while its device did not answer.
     pub failures: u64,
 }
 

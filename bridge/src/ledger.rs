@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 /// The number of commands on a page.
 const PAGE: u64 = 64;
 
-/// Which command has which number. Numbers begin at 1.
+/// Commands by their numbers, which begin at 1.
 #[derive(Debug, Default)]
 pub struct Ledger {
     /// The cell and the id of each.

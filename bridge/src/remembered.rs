@@ -22,7 +22,7 @@ const PREFIX: &str = "command/";
 const FORGOTTEN: &str = "forgotten/";
 /// How long an outcome can be asked for.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
-/// How many are remembered: of those that make room for others, and of the others that are older than a day.
+/// The number that is remembered: of those that make room for others, and of the others that are older than a day.
 pub const MOST: usize = 20_000;
 /// The maximum number of executed commands of a day whose ids have no time.
 pub const MOST_EXECUTED: usize = 100_000;

@@ -17,7 +17,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let (robot, task) = client(ClientConfig::tcp(), Tcp::new(address))?;
     tokio::spawn(task.run());
     loop {
-        // What becomes of it is in the record.
+        // The records have every other outcome.
         if let Err(Error::Closed(closed)) = robot.read_holding_registers(0..10).await {
             return Err(closed.into());
         }

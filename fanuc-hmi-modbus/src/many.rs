@@ -12,7 +12,7 @@ use crate::message::limit;
 pub struct Block {
     /// One for each address.
     pub registers: Vec<u16>,
-    /// When the reply had come, by [`now`](robot_session::now): equal for ranges of one request. Of a range of more than 125 registers, the
+    /// The time of the reply, by [`now`](robot_session::now): equal for ranges of one request. Of a range of more than 125 registers, the
     /// last reply.
     pub at: Duration,
 }

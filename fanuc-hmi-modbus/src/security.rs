@@ -108,7 +108,7 @@ pub struct Access {
     pub function: u8,
     /// The first address; the subfunction of 8, the object of 43; 0 of 17 and of a function without a type.
     pub address: u16,
-    /// How many bits or registers, words of 8, objects of 43; 0 of 17 and of a function without a type.
+    /// The number of bits or registers, words of 8, objects of 43; 0 of 17 and of a function without a type.
     pub quantity: u16,
 }
 

@@ -30,7 +30,7 @@ pub struct ClientArgs {
 }
 
 impl ClientArgs {
-    /// What they ask for; `None` without TLS.
+    /// The TLS that they ask for; `None` without.
     ///
     /// # Errors
     /// A file that cannot be used.
@@ -81,7 +81,7 @@ impl<T: Transport> Transport for Carrier<T> {
     }
 }
 
-/// How a client connects by TLS.
+/// The TLS of a client's connections.
 #[derive(Debug, Clone)]
 pub struct Tls {
     config: Arc<ClientConfig>,
@@ -116,7 +116,7 @@ pub struct ServerArgs {
 }
 
 impl ServerArgs {
-    /// What they ask for; `None` without TLS.
+    /// The TLS that they ask for; `None` without.
     ///
     /// # Errors
     /// A file that cannot be used.

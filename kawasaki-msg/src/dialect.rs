@@ -1,4 +1,4 @@
-//! Which messages there are, as data: what each is called, and what it holds.
+//! The messages of a plant as data: their names and fields.
 //!
 //! The source gives two names, `TilausAlkaa` and `TilausKuittaus`, and says of the others only that they exist. All other
 //! names and the order of their fields are ours; a plant that has its own replaces the table.

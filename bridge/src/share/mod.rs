@@ -73,7 +73,7 @@ pub struct Share {
     unsaid: Vec<(u64, usize, Command)>,
     /// Commands that are given when the message of this number has come back.
     waiting: VecDeque<(u64, usize, Command)>,
-    /// When the last message came back.
+    /// The time at which the last message came back.
     back_at: Option<Duration>,
     reading: Reading,
     ends: bool,

@@ -16,7 +16,7 @@ use crate::store::Batch;
 pub(super) const STEP: Duration = Duration::from_millis(50);
 pub(super) const NAMES: [&str; 3] = ["bridge-1", "bridge-2", "bridge-3"];
 pub(super) const CELLS: [&str; 6] = ["handling", "painter", "cutter", "assembly", "arm", "ball"];
-/// How long a thread may go on with what it has begun, at the most.
+/// The longest time for which a thread may go on with work that it has begun.
 const THREAD: Duration = Duration::from_secs(2);
 const MAX_AGE: Duration = Duration::from_secs(30);
 /// The clocks of the bridges and of the sender are apart by so much at the most, in milliseconds.
@@ -168,11 +168,11 @@ pub(super) struct World {
     pub(super) rng: Rng,
     pub(super) now: Duration,
     pub(super) bridges: Vec<Bridge>,
-    /// What the broker has stored, by topic.
+    /// The messages that the broker has stored, by topic.
     pub(super) stored: BTreeMap<String, Vec<u8>>,
     /// Stores are lost, too.
     loses_stores: bool,
-    /// Who has had each cell last, and until when it may have moved its device.
+    /// The last owner of each cell, and the time until which it may have moved the device.
     moved: BTreeMap<usize, (usize, Duration)>,
     pub(super) takes: usize,
     /// The ids that were sent to each cell, and how often each was executed.
@@ -256,7 +256,7 @@ impl World {
         }
     }
 
-    /// What is stored comes before the answer or after it.
+    /// Stored messages come before the answer or after it.
     fn subscribe(&mut self, at: usize) {
         let stored = self.stored.iter();
         let mut down: Vec<Down> =

@@ -358,7 +358,7 @@ fn a_file_without_the_other_or_cut_is_an_error() {
     std::fs::remove_file(beside(&path)).unwrap();
     let why = fault(&path);
     assert!(why.contains("is damaged: ") && why.contains("store.records has 0 bytes of 65536: "), "{why}");
-    // What is cut off is noticed, also if nothing was kept of it: record numbers would be used again.
+    // A cut file is an error, also if nothing was kept in the part that is gone: record numbers would be used again.
     for length in [0, 40, records.len() - 1] {
         std::fs::write(&path, &database).unwrap();
         std::fs::write(beside(&path), &records[..length]).unwrap();

@@ -32,7 +32,7 @@ pub struct Args {
     /// The role of another client
     #[arg(long, value_name = "ROLE")]
     role: Vec<String>,
-    /// How long they are valid
+    /// The time for which they are valid
     #[arg(long = "for", value_name = "TIME", default_value = "365d", value_parser = time(Duration::from_secs(1)..=LONGEST))]
     valid: Duration,
 }

@@ -28,7 +28,7 @@ pub struct Source {
     pub poll: Duration,
     /// How connections are opened.
     pub dialing: Dialing,
-    /// How they are made secure.
+    /// Their TLS; `None` without.
     pub tls: Option<Tls>,
     /// The session's configuration, of Modbus TCP.
     pub config: ClientConfig,

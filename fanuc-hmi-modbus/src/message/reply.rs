@@ -194,7 +194,7 @@ impl<'a> Reply<'a> {
         let is_same = match (*self, *request) {
             // Another MEI type.
             (Self::Other { .. }, Request::ReadDeviceIdentification { .. }) => false,
-            // What a device says of itself, and a function that only the caller knows.
+            // The device's own words, and a function that only the caller knows.
             (Self::Exception { .. } | Self::Other { .. } | Self::ServerId(_), _) => true,
             (
                 Self::Diagnostics { subfunction, data },

@@ -199,7 +199,7 @@ impl Client {
     /// ```
     ///
     /// # Errors
-    /// Those of the first request that fails: the others are not made. See [`Error`].
+    /// The [`Error`] of the first request that fails: the others are not made.
     pub async fn read_many(&self, ranges: &[impl RangeBounds<u16>], gap: u16) -> Result<Vec<Block>, Error> {
         let ranges: Vec<_> = ranges
             .iter()

@@ -13,7 +13,7 @@ use crate::client::{ClientEvent, Failure, Ticket};
 use crate::message::Reply;
 
 impl Requests {
-    /// Who waits for this request.
+    /// The caller that waits for this request.
     fn take(&mut self, ticket: Ticket) -> Option<Made> {
         let at = self.made.iter().position(|(made, _)| *made == ticket)?;
         Some(self.made.swap_remove(at).1)

@@ -1,4 +1,4 @@
-//! What a device says of itself: functions 8, 17 and 43.
+//! Diagnostics and identification of a device: functions 8, 17 and 43.
 
 use fanuc_hmi_modbus::security::{Access, Guarded};
 use fanuc_hmi_modbus::{
@@ -40,7 +40,7 @@ fn answer(device: &mut Device, request: &Request<'_>) -> PduBuf {
     PduBuf::new(&&out[..length]).unwrap()
 }
 
-/// What is answered: ids, and the first one that did not fit; or the exception.
+/// The answer: ids, and the first one that did not fit; or the exception.
 fn identified(device: &mut Device, category: u8, object: u8) -> Result<(Vec<u8>, u8, Option<u8>), Exception> {
     let request = Request::ReadDeviceIdentification { category, object };
     let pdu = answer(device, &request);

@@ -141,7 +141,7 @@ impl Commands {
     pub const MAX: u8 = 4;
 }
 
-/// What the session has understood, and what its caller requests. Jobs are counted from 0.
+/// Messages that the session has understood, and requests of its caller. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
@@ -236,7 +236,7 @@ pub struct Reaction {
     pub action: Action,
 }
 
-/// What the session is to do. Jobs are counted from 0.
+/// Tasks of the session. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Action {

@@ -90,7 +90,7 @@ fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
     }
 }
 
-/// What is behind the code of function 43.
+/// The bytes behind the code of function 43.
 fn identification(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
     parts.take(1, "MEI type", "FM-97");
     parts.take(1, "/category", "FM-97");

@@ -1,4 +1,4 @@
-//! What is wrong with a handshake or a certificate, and what to do.
+//! Errors of a handshake and of certificates in words, with what to do.
 
 use std::format;
 use std::io;

@@ -25,7 +25,7 @@ pub struct Identity<'a> {
 pub struct FileError {
     /// The file.
     pub file: PathBuf,
-    /// What is wrong with it.
+    /// The reason.
     pub why: String,
 }
 

@@ -182,7 +182,7 @@ impl Transport for Secure {
             return Ok(Sent::Part(0));
         }
         let taken = self.tls.writer().write(bytes)?;
-        // What there is no room for goes out while the next bytes are waited for.
+        // Bytes without room go out while the next bytes are waited for.
         self.flush()?;
         Ok(if taken == bytes.len() { Sent::Buffered } else { Sent::Part(taken) })
     }

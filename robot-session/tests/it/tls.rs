@@ -60,7 +60,7 @@ fn identity([certificate, key]: &[PathBuf; 2]) -> Identity<'_> {
     Identity { certificate, key }
 }
 
-/// What a client and a server say of their connection.
+/// The words of a client and of a server about their connection.
 async fn meet(
     own: &[PathBuf; 2],
     clients: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! What the simulated controller says of itself.
+//! The device identification of the simulated controller.
 
 use core::str::FromStr;
 

@@ -31,7 +31,7 @@ pub struct Fanuc {
     pub word_order: WordOrder,
     /// Implausible telemetry, with times.
     pub faults: TelemetryFaults,
-    /// What it says of itself; without object 0 nothing.
+    /// The objects of its device identification; without object 0 it has none.
     pub identification: Identification,
 }
 

@@ -43,7 +43,7 @@ pub enum PortKind {
         server: String,
         /// Whether RTU frames go through it.
         rtu: bool,
-        /// How it is made secure.
+        /// Its TLS; `None` without.
         tls: Option<Tls>,
     },
     /// A serial port, with RTU.

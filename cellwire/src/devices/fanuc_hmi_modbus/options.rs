@@ -32,7 +32,7 @@ pub struct FanucSettings {
     pub word_order: WordOrder,
     /// Implausible telemetry, with times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
     pub faults: Option<String>,
-    /// What it says of itself: see [`Identification`](cellwire_sim::fanuc::Identification).
+    /// The objects of its device identification: see [`Identification`](cellwire_sim::fanuc::Identification).
     pub identification: Option<String>,
     /// The program that the robot runs.
     pub program: ProgramSettings,

@@ -105,7 +105,8 @@ impl Jobs {
         format!("{:016x}", self.hash)
     }
 
-    /// What is known of them before anything is sent; `packet` is the most bytes of one. A picture fills as much of the board as it can.
+    /// Their number, size and time on the line, with packets of at most `packet` bytes; of lines the place on the board, which a picture fills as far
+    /// as it can.
     pub fn summary(&self, packet: usize, board: drawing::Point) -> Value {
         let packets = self.bytes.div_ceil(packet);
         let seconds = timing::EXCHANGE.as_secs_f64() * f64::from(u32::try_from(packets).unwrap_or(u32::MAX));

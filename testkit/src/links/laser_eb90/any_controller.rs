@@ -81,7 +81,7 @@ pub struct Known {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Job {
     class: Class,
-    /// How often.
+    /// The number of times.
     executed: u8,
     /// Its word has come.
     has_come: bool,
@@ -93,7 +93,7 @@ struct Before {
     /// It was reported as refused, or as done after each of its transmissions was answered.
     refused: bool,
     answered: bool,
-    /// How often.
+    /// The number of times.
     executed: u8,
 }
 

@@ -312,7 +312,7 @@ impl Known {
         }
     }
 
-    /// What else the bytes that were read are to the host, and what its decoder holds of them.
+    /// Everything else that the bytes that were read are to the host, and the part of them that its decoder holds.
     pub(super) fn hold(&mut self, held: Held) {
         self.line = held;
         self.inputs.push(Input::Bytes { partial: held != Held::Nothing });

@@ -41,7 +41,7 @@ impl Wired for AnyHost {
                 return Vec::new();
             }
         };
-        // What is held is given up now.
+        // Held bytes are given up now.
         let held = if session.machine().expires(now) { Held::Nothing } else { known.held };
         held.rest_of(frame)
     }

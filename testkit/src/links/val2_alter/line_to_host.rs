@@ -68,7 +68,7 @@ impl AnyController {
         }
     }
 
-    /// What the host does with the answer that is due.
+    /// The reaction of the host to the answer that is due.
     pub(super) fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool, at_rest: bool) -> Input {
         let Some(answer) = end.transmit(NOW, &self.config) else { return Input::Late };
         let (bare, end_by) = match &end.phase {

@@ -72,7 +72,7 @@ pub(super) enum Held {
 }
 
 impl Held {
-    /// What the decoder holds when noise has come, too.
+    /// The bytes that the decoder holds when noise has come, too.
     pub(super) fn with_noise(self) -> Self {
         if self == Self::Nothing { Self::Noise } else { self }
     }

@@ -28,6 +28,21 @@ fn next(peer: &mut Peer, kind: &str) -> Message {
     }
 }
 
+/// A bridge whose one cell is the FANUC controller at `place`, with more settings of the cell.
+fn robot(folder: &Path, broker: &Broker, place: &str, more: &str) -> Running {
+    let site = format!(
+        "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
+         [health]\nlisten = \"127.0.0.1:0\"\n\
+         [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\n{more}settings = {{ poll = \"50ms\" }}\n",
+        broker.address()
+    );
+    let file = folder.join("site.toml");
+    std::fs::write(&file, site).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+    command.args(["--config"]).arg(file).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    Running::start(command)
+}
+
 fn metric(payload: &Payload, name: &str) -> Metric {
     let found = payload.metrics.iter().find(|metric| metric.name.as_deref() == Some(name));
     found.unwrap_or_else(|| panic!("{name} in {payload:?}")).clone()
@@ -140,16 +155,7 @@ fn telemetry_that_cannot_be_is_null_with_a_quality_and_an_event() {
     let broker = Broker::new();
     let reports = Arc::new(AtomicU8::new(GOOD));
     let place = controller(Arc::clone(&reports));
-    let site = format!(
-        "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
-         [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nsettings = {{ poll = \"50ms\" }}\n",
-        broker.address()
-    );
-    let file = folder.path().join("site.toml");
-    std::fs::write(&file, site).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
-    command.args(["--config"]).arg(file).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut bridge = Running::start(command);
+    let mut bridge = robot(folder.path(), &broker, &place, "");
     let mut peer = broker.accept(&[]);
     let x = "Telemetry/Position/X";
     let good = |peer: &mut Peer| loop {
@@ -195,18 +201,8 @@ fn a_device_that_closes_each_connection_is_tried_less_and_less_often_and_dies_on
         }
     });
     let (folder, broker) = (tempfile::tempdir().unwrap(), Broker::new());
-    let site = format!(
-        "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
-         [health]\nlisten = \"127.0.0.1:0\"\n\
-         [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nsettings = {{ poll = \"50ms\" }}\n",
-        broker.address()
-    );
-    let file = folder.path().join("site.toml");
-    std::fs::write(&file, site).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
-    command.args(["--config"]).arg(file).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let begun = Instant::now();
-    let mut bridge = Running::start(command);
+    let mut bridge = robot(folder.path(), &broker, &place.to_string(), "");
     let mut peer = broker.accept(&[]);
     until("five connections", || connections.load(Ordering::Relaxed) >= 5);
     assert!(begun.elapsed() >= Duration::from_millis(250 + 500 + 1000 + 2000), "{:?}", begun.elapsed());
@@ -247,22 +243,8 @@ fn a_cell_sends_its_first_byte_after_the_pause_of_a_connection() {
     for (pause, is_alive) in [("400ms", true), ("0s", false)] {
         let folder = tempfile::tempdir().unwrap();
         let broker = Broker::new();
-        let site = format!(
-            "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
-             [cell.robot]\nlink = \"fanuc-hmi-modbus\"\naddress = \"{place}\"\nconnect_pause = \"{pause}\"\n\
-             settings = {{ poll = \"50ms\" }}\n",
-            broker.address()
-        );
-        let file = folder.path().join("site.toml");
-        std::fs::write(&file, site).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
-        command
-            .args(["--config"])
-            .arg(file)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        let mut bridge = Running::start(command);
+        let pause = format!("connect_pause = \"{pause}\"\n");
+        let mut bridge = robot(folder.path(), &broker, &place, &pause);
         let _peer = broker.accept(&[]);
         if is_alive {
             // A reply of zeros was read.

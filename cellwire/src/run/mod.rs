@@ -30,6 +30,24 @@ pub const KEYBOARD_WITHIN: Duration = Duration::from_millis(200);
 /// The advice of an event `unanswered`.
 const UNANSWERED: &str = "nobody can answer, since standard input has ended: check the machine, then run the same command with --unknown done, --unknown repeat, or the number of the last that is done";
 
+/// The least and the greatest X and Y of a plan, in mm.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Bounds {
+    least: [f64; 2],
+    most: [f64; 2],
+}
+
+impl Bounds {
+    /// The bounds of these points; `None` without any.
+    pub fn of(points: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
+        points.fold(None, |bounds: Option<Self>, point @ [x, y]| {
+            let Self { least: [left, low], most: [right, high] } =
+                bounds.unwrap_or(Self { least: point, most: point });
+            Some(Self { least: [left.min(x), low.min(y)], most: [right.max(x), high.max(y)] })
+        })
+    }
+}
+
 /// The answer of the command line for parts that an earlier run has left unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {

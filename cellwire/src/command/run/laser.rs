@@ -104,10 +104,9 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     if args.work.dry_run {
         let (frames, time) = program.estimate(&host);
-        let bounds = program.bounds(&mapping).map(|(least, most)| json!({"least": least, "most": most}));
         log(&json!({
             "program": args.file, "instructions": program.instructions.len(), "frames": frames,
-            "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": bounds,
+            "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": program.bounds(&mapping),
             "not_carried": not_carried,
         }))?;
         args.work.tell(&work, earlier.as_ref())?;

@@ -12,6 +12,7 @@ use crate::devices::kawasaki_msg::sheet::Lines;
 use crate::io::drawing::{self, Picture};
 use crate::io::journal::Outcome;
 use crate::io::sheet;
+use crate::run::Bounds;
 use cellwire_io::input;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
@@ -114,22 +115,19 @@ impl Jobs {
             "jobs": self.work.len(), "bytes": self.bytes, "packets": packets,
             "seconds_on_the_line": (seconds * 10.0).round() / 10.0,
         });
-        if let (Some((least, most)), Some(summary)) = (self.bounds(), summary.as_object_mut()) {
-            summary.insert("mm".into(), json!({"least": least, "most": most}));
+        if let (Some(bounds), Some(summary)) = (self.bounds(), summary.as_object_mut()) {
+            summary.insert("mm".into(), json!(bounds));
             summary.insert("board".into(), json!([drawing::mm(board.x), drawing::mm(board.y)]));
         }
         summary
     }
 
     /// The least and the greatest coordinates that are drawn, in millimetres: `None` if the jobs are no lines, or none is drawn.
-    fn bounds(&self) -> Option<([f64; 2], [f64; 2])> {
+    fn bounds(&self) -> Option<Bounds> {
         let lines = Lines::of(&self.layout).ok()?;
         let drawn = self.work.iter().map(|work| lines.line(work)).filter(|line| line.draws);
         let points = drawn.flat_map(|line| [line.from, line.to]);
-        points.map(|point| [point.x, point.y].map(drawing::mm)).fold(None, |bounds, [x, y]| {
-            let ([left, top], [right, bottom]) = bounds.unwrap_or(([x, y], [x, y]));
-            Some(([left.min(x), top.min(y)], [right.max(x), bottom.max(y)]))
-        })
+        Bounds::of(points.map(|point| [point.x, point.y].map(drawing::mm)))
     }
 
     /// Every job as a line of a table: its number, its line in the file, and its fields as they are sent.

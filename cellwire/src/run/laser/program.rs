@@ -12,6 +12,7 @@ use super::{csv, gcode, svg};
 use crate::io::drawing::refuse_dxf;
 use crate::io::journal::Outcome;
 use crate::io::sheet;
+use crate::run::Bounds;
 use cellwire_io::input;
 
 /// The bytes around the floats of an instruction, and of a frame.
@@ -104,14 +105,11 @@ impl Program {
     }
 
     /// The least and the greatest of X and Y, in mm, to a thousandth.
-    pub fn bounds(&self, mapping: &Mapping) -> Option<([f64; 2], [f64; 2])> {
+    pub fn bounds(&self, mapping: &Mapping) -> Option<Bounds> {
         // A negative zero plus zero is zero.
         let shown = |value: f32| (f64::from(value) * 1000.0).round() / 1000.0 + 0.0;
         let points = self.instructions.iter().filter_map(|it| place(it, mapping));
-        points.map(|point| point.map(shown)).fold(None, |bounds, [x, y]| {
-            let ([left, low], [right, high]) = bounds.unwrap_or(([x, y], [x, y]));
-            Some(([left.min(x), low.min(y)], [right.max(x), high.max(y)]))
-        })
+        Bounds::of(points.map(|point| point.map(shown)))
     }
 
     /// Draws the path of the robot, seen from above: lines with the laser off are thin. With outcomes of the instructions, the lines are

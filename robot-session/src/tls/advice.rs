@@ -8,8 +8,8 @@ use std::vec::Vec;
 use rustls::CertificateError as Wrong;
 use rustls::{AlertDescription as Alert, Error, InvalidMessage, PeerIncompatible};
 
-/// The same error with what is wrong and what to do, if it is one of TLS, for programs with a loop of their own over [`rustls`](super::rustls).
-pub fn advised(error: io::Error) -> io::Error {
+/// The same error with advice, if it is one of TLS.
+pub(crate) fn advised(error: io::Error) -> io::Error {
     if error.kind() == io::ErrorKind::UnexpectedEof {
         let closed = "the peer has closed the connection without ending TLS: it may not speak TLS, or refuse our certificate";
         return io::Error::new(error.kind(), closed);

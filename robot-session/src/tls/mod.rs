@@ -15,7 +15,6 @@
 mod advice;
 mod files;
 
-use core::fmt;
 use core::time::Duration;
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
@@ -27,7 +26,7 @@ pub use ::rustls;
 use ::rustls::pki_types::ServerName;
 use ::rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerConnection};
 
-pub use self::advice::advised;
+pub(crate) use self::advice::advised;
 pub use self::files::{FileError, Identity, client, server};
 use crate::{Received, Sent, Transport, Wait, discard_unacknowledged, is_silence};
 
@@ -46,9 +45,10 @@ pub(crate) fn late() -> io::Error {
 
 /// A secure connection over TCP, for the drivers of std. A handshake takes 10 s at most. Its errors say what is wrong with a certificate,
 /// and what to do.
+#[derive(Debug)]
 pub struct Secure {
     stream: TcpStream,
-    tls: Connection,
+    tls: Layer,
 }
 
 impl Secure {
@@ -66,8 +66,7 @@ impl Secure {
     /// # Errors
     /// The handshake has failed.
     pub fn accept(stream: TcpStream, config: Arc<ServerConfig>) -> io::Result<Self> {
-        let tls = ServerConnection::new(config).map_err(io::Error::other)?;
-        Self::shake_hands(stream, tls.into())
+        Self::shake_hands(stream, Layer::accept(config)?.0)
     }
 
     fn shake_hands(mut stream: TcpStream, mut tls: Connection) -> io::Result<Self> {
@@ -87,42 +86,94 @@ impl Secure {
         }
         stream.set_read_timeout(None)?;
         stream.set_write_timeout(None)?;
-        Ok(Self { stream, tls })
+        Ok(Self { stream, tls: Layer(tls) })
     }
 
     /// The state of TLS, with the certificates of the peer.
     pub const fn connection(&self) -> &Connection {
-        &self.tls
+        &self.tls.0
     }
 
     /// Ends TLS, so that the peer does not take the end for a lost connection, and the connection. A peer that reads nothing is not waited for.
     pub fn close(&mut self) {
-        self.tls.send_close_notify();
-        let _ = self.flush();
+        self.tls.end(&mut Now(&mut self.stream));
         let _ = self.stream.shutdown(Shutdown::Both);
     }
+}
 
-    /// Returns bytes that were received and decrypted before.
-    fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<Received> {
-        match self.tls.reader().read(buffer) {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) => Ok(Received::Nothing),
-            Err(error) => Err(advised(error)),
+/// TLS over a stream that does not wait, which belongs to the caller: for a loop of many connections.
+#[derive(Debug)]
+pub struct Layer(Connection);
+
+impl Layer {
+    /// The server's end, before its handshake.
+    ///
+    /// # Errors
+    /// The configuration cannot work.
+    pub fn accept(config: Arc<ServerConfig>) -> io::Result<Self> {
+        let tls = ServerConnection::new(config).map_err(io::Error::other)?;
+        Ok(Self(tls.into()))
+    }
+
+    /// Reads bytes of the peer; 0 at the end.
+    ///
+    /// # Errors
+    /// [`ErrorKind::WouldBlock`] if none has come; the stream's, and those of TLS with advice.
+    pub fn read(&mut self, stream: &mut (impl io::Read + io::Write), buffer: &mut [u8]) -> io::Result<usize> {
+        loop {
+            match self.decrypted(buffer) {
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                read => return read,
+            }
+            self.0.read_tls(stream)?;
+            let processed = self.0.process_new_packets();
+            // The peer gets the reason why it is refused.
+            self.flush(stream)?;
+            processed.map_err(|error| advised(io::Error::new(ErrorKind::InvalidData, error)))?;
         }
     }
 
-    /// Sends what TLS has for the peer, as far as there is room.
-    fn flush(&mut self) -> io::Result<()> {
-        let Self { stream, tls } = self;
-        while tls.wants_write() {
-            match tls.write_tls(&mut Now(stream)) {
-                Ok(_) => {}
+    /// Bytes that were received before.
+    fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.reader().read(buffer).map_err(|error| match error.kind() {
+            ErrorKind::WouldBlock => error,
+            _ => advised(error),
+        })
+    }
+
+    /// Sends as many of `bytes` as there is room for; returns how many.
+    ///
+    /// # Errors
+    /// [`ErrorKind::WouldBlock`] if there is no room; the stream's.
+    pub fn write(&mut self, stream: &mut impl io::Write, bytes: &[u8]) -> io::Result<usize> {
+        self.flush(stream)?;
+        if self.0.wants_write() {
+            return Err(ErrorKind::WouldBlock.into());
+        }
+        let taken = self.0.writer().write(bytes)?;
+        // Bytes without room go out with the next call.
+        self.flush(stream)?;
+        Ok(taken)
+    }
+
+    /// Sends the bytes that TLS has for the peer, as far as there is room.
+    ///
+    /// # Errors
+    /// The stream's.
+    pub fn flush(&mut self, stream: &mut impl io::Write) -> io::Result<()> {
+        while self.0.wants_write() {
+            match self.0.write_tls(stream) {
                 Err(error) if is_silence(&error) => break,
-                Err(error) => return Err(error),
-            }
+                written => written?,
+            };
         }
         Ok(())
+    }
+
+    /// Ends TLS, so that the peer does not take the end for a lost connection. A peer that reads nothing is not waited for.
+    pub fn end(&mut self, stream: &mut impl io::Write) {
+        self.0.send_close_notify();
+        let _ = self.flush(stream);
     }
 }
 
@@ -155,36 +206,34 @@ impl io::Write for Now<'_> {
 
 impl Transport for Secure {
     fn receive(&mut self, buffer: &mut [u8], mut wait: Wait<'_>) -> io::Result<Received> {
-        let decrypted = self.decrypted(buffer)?;
-        if decrypted != Received::Nothing {
-            return Ok(decrypted);
-        }
-        self.flush()?;
-        wait.room |= self.tls.wants_write();
-        if !wait.readable(&self.stream)? {
-            self.flush()?;
-            return Ok(Received::Nothing);
-        }
-        match self.tls.read_tls(&mut Now(&mut self.stream)) {
-            Err(error) if is_silence(&error) => return Ok(Received::Nothing),
-            read => read?,
+        let Self { stream, tls } = self;
+        let read = match tls.decrypted(buffer) {
+            Err(error) if is_silence(&error) => {
+                tls.flush(&mut Now(stream))?;
+                wait.room |= tls.0.wants_write();
+                if !wait.readable(&*stream)? {
+                    tls.flush(&mut Now(stream))?;
+                    return Ok(Received::Nothing);
+                }
+                tls.read(&mut Now(stream), buffer)
+            }
+            read => read,
         };
-        let read = self.tls.process_new_packets();
-        // The peer gets the reason why it is refused.
-        self.flush()?;
-        read.map_err(|error| advised(io::Error::new(ErrorKind::InvalidData, error)))?;
-        self.decrypted(buffer)
+        match read {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Err(error) => Err(error),
+        }
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.flush()?;
-        if self.tls.wants_write() {
-            return Ok(Sent::Part(0));
+        match self.tls.write(&mut Now(&mut self.stream), bytes) {
+            Ok(taken) if taken == bytes.len() => Ok(Sent::Buffered),
+            Ok(taken) => Ok(Sent::Part(taken)),
+            Err(error) if is_silence(&error) => Ok(Sent::Part(0)),
+            Err(error) => Err(error),
         }
-        let taken = self.tls.writer().write(bytes)?;
-        // Bytes without room go out while the next bytes are waited for.
-        self.flush()?;
-        Ok(if taken == bytes.len() { Sent::Buffered } else { Sent::Part(taken) })
     }
 
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {
@@ -200,11 +249,5 @@ impl Transport for Secure {
 impl Drop for Secure {
     fn drop(&mut self) {
         self.close();
-    }
-}
-
-impl fmt::Debug for Secure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Secure").field("stream", &self.stream).finish_non_exhaustive()
     }
 }

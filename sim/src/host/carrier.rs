@@ -4,14 +4,14 @@ use std::io::{self, Read, Write};
 
 use mio::net::TcpStream;
 #[cfg(feature = "tls")]
-use robot_session::tls::{advised, rustls::ServerConnection};
+use robot_session::tls::Layer;
 
 /// A connection that does not block.
 pub(super) struct Carrier {
     pub(super) tcp: TcpStream,
     /// `None`: bytes as they are.
     #[cfg(feature = "tls")]
-    pub(super) tls: Option<Box<ServerConnection>>,
+    pub(super) tls: Option<Box<Layer>>,
 }
 
 impl Carrier {
@@ -27,17 +27,16 @@ impl Carrier {
     pub(super) fn end(&mut self) {
         #[cfg(feature = "tls")]
         if let Some(tls) = &mut self.tls {
-            tls.send_close_notify();
+            tls.end(&mut self.tcp);
         }
-        let _ = self.flush(); // a client that reads nothing is not waited for
     }
 }
 
 impl Read for Carrier {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         #[cfg(feature = "tls")]
-        if self.tls.is_some() {
-            return self.read_secure(buffer);
+        if let Some(tls) = &mut self.tls {
+            return tls.read(&mut self.tcp, buffer);
         }
         self.tcp.read(buffer)
     }
@@ -47,9 +46,7 @@ impl Write for Carrier {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         #[cfg(feature = "tls")]
         if let Some(tls) = &mut self.tls {
-            let taken = tls.writer().write(bytes)?;
-            self.flush()?;
-            return if taken == 0 { Err(io::ErrorKind::WouldBlock.into()) } else { Ok(taken) };
+            return tls.write(&mut self.tcp, bytes);
         }
         self.tcp.write(bytes)
     }
@@ -58,31 +55,8 @@ impl Write for Carrier {
     fn flush(&mut self) -> io::Result<()> {
         #[cfg(feature = "tls")]
         if let Some(tls) = &mut self.tls {
-            while tls.wants_write() {
-                match tls.write_tls(&mut self.tcp) {
-                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                    written => written?,
-                };
-            }
+            return tls.flush(&mut self.tcp);
         }
         Ok(())
-    }
-}
-
-#[cfg(feature = "tls")]
-impl Carrier {
-    fn read_secure(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        loop {
-            let Some(tls) = &mut self.tls else { return Ok(0) };
-            match tls.reader().read(buffer) {
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-                read => return read.map_err(advised),
-            }
-            tls.read_tls(&mut self.tcp)?;
-            let processed = tls.process_new_packets();
-            // The client gets the reason why it is refused.
-            self.flush()?;
-            processed.map_err(|error| advised(io::Error::new(io::ErrorKind::InvalidData, error)))?;
-        }
     }
 }

@@ -227,13 +227,7 @@ where
             }
         };
         #[cfg(feature = "tls")]
-        let tls = match self
-            .server
-            .tls
-            .clone()
-            .map(robot_session::tls::rustls::ServerConnection::new)
-            .transpose()
-        {
+        let tls = match self.server.tls.clone().map(robot_session::tls::Layer::accept).transpose() {
             Ok(tls) => tls.map(Box::new),
             Err(error) => {
                 refuse(&stream);

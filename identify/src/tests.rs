@@ -161,6 +161,8 @@ fn the_lines_of_rust_compile() {
             let link = Link::by_name($link).unwrap();
             let plain = |text: &str| text.split_whitespace().collect::<String>();
             let text = (link.open.rust)(json!($given).as_object().unwrap(), $carrier).unwrap();
+            let text: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("///")).collect();
+            let text = text.join("\n");
             let code = text.split("/*").map(|part| part.split_once("*/").map_or(part, |(_, code)| code));
             assert_eq!(plain(&code.collect::<String>()), plain(concat!($(stringify!($item)),*)), "{}", link.name);
         };
@@ -187,6 +189,31 @@ fn the_lines_of_rust_compile() {
                 checksum_negated: false,
                 checksum_with_flag: false,
                 byte_order: ByteOrder::Little
+            }
+        }
+    }
+    let job = json!([
+        {"name": "type", "kind": "whole", "range": [1, 3]},
+        {"name": "X", "kind": "decimal", "places": 2, "range": [-5.0, 12.5]},
+        {"name": "tool", "kind": "text", "length": [1, 8]},
+    ]);
+    is_rust! { "kawasaki-msg", {"job": job}, Carrier::Unknown,
+        use kawasaki_msg::{Charset, Fields, Fit, Text, Work};
+        pub fn charset() -> Charset {
+            Charset::Ascii
+        }
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub struct Job {
+            pub type_: i32,
+            pub x: i32,
+            pub tool: Text<8>,
+        }
+        impl Work for Job {
+            type Ranges = ();
+            fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Fit {
+                fields.decimal("type", &mut self.type_, 0, 1..=3)?;
+                fields.decimal("X", &mut self.x, 2, -500..=1250)?;
+                fields.text("tool", &mut self.tool, 1..=8)
             }
         }
     }

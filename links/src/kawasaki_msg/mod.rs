@@ -9,6 +9,7 @@ mod options;
 mod parts;
 pub mod plant;
 mod roles;
+mod rust;
 mod shadow;
 
 pub use options::{CodecSettings, pc_settings, robot_settings};

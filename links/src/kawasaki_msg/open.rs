@@ -1,12 +1,10 @@
 //! What the source leaves open of the characters. The names of a plant's messages are its table, no setting of the bytes.
 
-use super::options::CodecSettings;
-use anyhow::Result;
-use kawasaki_msg::{Dialect, Entry};
-use serde_json::{Map, Value};
+use kawasaki_msg::Dialect;
+use serde_json::Value;
 
+use super::rust::rust;
 use crate::link::{Deciding, Open};
-use crate::settings;
 
 pub(super) const OPEN: Open = Open {
     settings: &["charset"],
@@ -22,34 +20,6 @@ pub(super) const OPEN: Open = Open {
     notes,
     ..Open::NOTHING
 };
-
-/// The table of messages, where it is not the default one, and the character set.
-fn rust(given: &Map<String, Value>) -> Result<String> {
-    let plant = settings::read("kawasaki", CodecSettings::default(), given)?.plant;
-    let (dialect, charset) = (plant.dialect()?, plant.charset);
-    let default = Dialect::DEFAULT.entries();
-    if dialect.entries().len() == default.len()
-        && dialect.entries().iter().all(|entry| default.contains(entry))
-    {
-        return Ok(format!(
-            "use kawasaki_msg::Charset;\n\npub fn charset() -> Charset {{\n    Charset::{charset:?}\n}}"
-        ));
-    }
-    let mut text = String::from("use kawasaki_msg::{Charset, ConfigError, Dialect, Entry, Field, Role};\n\n");
-    text.push_str(&format!("static MESSAGES: [Entry; {}] = [\n", dialect.entries().len()));
-    for Entry { role, name, header, fields } in dialect.entries() {
-        let [header, fields] = [header, fields].map(|fields| {
-            fields.iter().map(|field| format!("Field::{field:?}")).collect::<Vec<_>>().join(", ")
-        });
-        text.push_str(&format!(
-            "    Entry {{\n        role: Role::{role:?},\n        name: {name:?},\n        header: &[{header}],\n        fields: &[{fields}],\n    }},\n"
-        ));
-    }
-    text.push_str(&format!(
-        "];\n\npub fn dialect() -> Result<Dialect, ConfigError> {{\n    Ok(Dialect::new(&MESSAGES)?.with_charset(Charset::{charset:?}))\n}}"
-    ));
-    Ok(text)
-}
 
 /// The names that the default table of messages does not have.
 fn notes(messages: &[(&'static str, Value)]) -> Vec<String> {

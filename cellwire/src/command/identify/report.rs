@@ -184,12 +184,9 @@ fn lines(seen: &Seen) -> Vec<String> {
 /// A module with a function that returns the crate's configuration.
 pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()> {
     let mut settings = finding.settings.clone();
-    // The words of a plant are not of the link: they are guessed.
-    let is_own = finding.link.short == "kawasaki" && !(finding.link.open.notes)(&finding.read).is_empty();
-    let drafted = is_own.then(|| draft(finding, &conversation.streams).ok()).flatten();
-    if let Some(drafted) = &drafted {
-        settings.extend(toml::from_str::<Map<String, Value>>(drafted)?);
-    }
+    let drafted = own_plant(finding, conversation)?;
+    let is_own = drafted.is_some();
+    settings.extend(drafted.unwrap_or_default());
     let echo = settings.remove("echo");
     let mut text = format!("//! {}: the options that explain a capture.\n", finding.link.short);
     for option in finding.options.iter().filter(|option| option.name != "echo") {
@@ -200,9 +197,9 @@ pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()>
             "//! The line returns what one end sends: `echo: true` in the configuration of that end.\n",
         );
     }
-    if drafted.is_some() {
+    if is_own {
         text.push_str(
-            "//! The messages are guesses: --draft FILE writes the same as settings, with what is uncertain, and the fields of a job.\n",
+            "//! The plant's messages and its job are guesses: --draft FILE writes them as settings, with what is uncertain.\n",
         );
     }
     let module = (finding.link.open.rust)(&settings, conversation.carrier)?;
@@ -212,6 +209,18 @@ pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()>
         &module
     };
     Ok(writeln!(io::stdout().lock(), "{text}\n{module}")?)
+}
+
+/// The guessed table of messages and job of a plant of its own; none if the names and the job are those that the crate has.
+fn own_plant(finding: &Finding, conversation: &Conversation) -> Result<Option<Map<String, Value>>> {
+    if finding.link.short != "kawasaki" {
+        return Ok(None);
+    }
+    let Ok(drafted) = draft(finding, &conversation.streams) else { return Ok(None) };
+    let drafted: Map<String, Value> = toml::from_str(&drafted)?;
+    let has_own_names = !(finding.link.open.notes)(&finding.read).is_empty();
+    let draws = drafted.get("job").is_none_or(|job| job[0]["name"] == "kind");
+    Ok((has_own_names || !draws).then_some(drafted))
 }
 
 /// One line of JSON.

@@ -10,6 +10,9 @@ const SENTENCES: [&str; 7] = ["why", "hint", "what", "text", "error", "peer", "p
 pub(super) fn line(event: &Value, width: usize) -> String {
     let Value::Object(fields) = event else { return value(event) };
     let mut fields: Map<String, Value> = fields.clone().into_iter().filter(|(_, it)| !it.is_null()).collect();
+    if fields.contains_key("offset") || fields.contains_key("connection") || fields.contains_key("ends") {
+        return said(fields, width);
+    }
     let head = match (fields.shift_remove("event"), fields.shift_remove("ready")) {
         (Some(name), _) => words(&value(&name)),
         (None, Some(device)) => format!("{} is ready", value(&device)),
@@ -33,6 +36,64 @@ pub(super) fn line(event: &Value, width: usize) -> String {
     let separator = if head.ends_with("ready") { "; " } else { ": " };
     if let Some(first) = pieces.first_mut() {
         *first = format!("{head}{separator}{first}");
+    }
+    wrapped(&pieces, width)
+}
+
+/// A line of a conversation: its time or its place, the end that sent it, and the message by its name: `02:31:30.123 robot     Status: 7; 0`.
+fn said(mut fields: Map<String, Value>, width: usize) -> String {
+    let mut take = |name: &str| fields.shift_remove(name);
+    let (time, at, offset) = (take("time"), take("at"), take("offset"));
+    let when = match (&time, at, offset) {
+        // Of `2026-11-30T02:31:30.123456Z`.
+        (Some(time), ..) => time.as_str().and_then(|time| time.get(11..23)).unwrap_or_default().to_owned(),
+        (_, Some(at), _) => format!("{:.3} s", at.as_f64().unwrap_or_default()),
+        (.., offset) => format!("@{}", offset.as_ref().map_or_else(String::new, value)),
+    };
+    let length = take("length");
+    // The ends of a connection are in its first line, and in JSON.
+    drop((take("flow"), take("ends")));
+    let connection =
+        take("connection").filter(|it| *it != 1).map_or_else(String::new, |it| format!(" #{it}"));
+    let from = take("from").map_or_else(String::new, |from| value(&from));
+    let (name, rest) = match (take("message"), take("error"), take("shadow"), take("event")) {
+        (Some(Value::Object(mut message)), ..) => {
+            message.retain(|_, it| it.as_array().is_none_or(|it| !it.is_empty()));
+            let name = match message.iter().next() {
+                Some((first, Value::String(name))) => Some((first.clone(), name.clone())),
+                _ => None,
+            };
+            if let Some((first, _)) = &name {
+                message.shift_remove(first);
+            }
+            (name.map(|(_, name)| name), pairs(&message))
+        }
+        (Some(message), ..) => (None, vec![value(&message)]),
+        (_, Some(error), ..) => {
+            let length = length.filter(|it| *it != 0).map(|it| format!("{it} bytes"));
+            (
+                Some("CORRUPT".into()),
+                [value(&error)].into_iter().chain(length).chain(pairs(&fields)).collect(),
+            )
+        }
+        (.., Some(kind), _) => {
+            let clause =
+                fields.shift_remove("clause").map_or_else(String::new, |it| format!(" {}", value(&it)));
+            let name = format!("{}{clause}", value(&kind).to_uppercase());
+            (Some(name), fields.shift_remove("text").iter().map(value).collect())
+        }
+        (.., Some(event)) => (Some(words(&value(&event))), pairs(&fields)),
+        _ => (None, pairs(&fields)),
+    };
+    // As wide as the longest name of an end.
+    let mut head = format!("{when}{connection} {from:<10}");
+    if let Some(name) = name {
+        head.push_str(&format!(" {name}{}", if rest.is_empty() { "" } else { ":" }));
+    }
+    let mut pieces = rest;
+    match pieces.first_mut() {
+        Some(first) => *first = format!("{head} {first}"),
+        None => pieces.push(head),
     }
     wrapped(&pieces, width)
 }
@@ -168,6 +229,34 @@ mod tests {
             (json!("a text"), "a text"),
         ] {
             assert_eq!(shown(event), expected);
+        }
+    }
+
+    #[test]
+    fn a_line_of_a_conversation_has_its_time_its_sender_and_its_name() {
+        let message = json!({"name": "Tyo", "header": [], "fields": ["50", "1"]});
+        let time = "2026-11-30T02:31:30.123456Z";
+        for (line, expected) in [
+            (
+                json!({"flow": "a > b", "from": "robot", "time": time, "offset": 0, "length": 9, "message": message}),
+                "02:31:30.123 robot      Tyo: fields: 50, 1",
+            ),
+            (
+                json!({"from": "pc", "at": 0.25, "offset": 4, "length": 2, "message": {"ok": true}}),
+                "0.250 s pc         ok: yes",
+            ),
+            (json!({"offset": 4, "length": 2, "message": {"command": "HLT"}}), "@4            HLT"),
+            (
+                json!({"time": time, "connection": 2, "from": "pc", "offset": 0, "length": 7, "error": {"kind": "no_head", "skipped": 7}}),
+                "02:31:30.123 #2 pc         CORRUPT: no head (skipped: 7); 7 bytes",
+            ),
+            (
+                json!({"time": time, "ends": "a > b", "from": "pc", "shadow": "rule", "clause": "KM-40", "text": "it is late"}),
+                "02:31:30.123 pc         RULE KM-40: it is late",
+            ),
+            (json!({"time": time, "connection": 1, "event": "closed"}), "02:31:30.123            closed"),
+        ] {
+            assert_eq!(shown(line), expected);
         }
     }
 

@@ -18,12 +18,14 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let mut order = match last {
         LastOrder::None => robot.start(50, jobs).await?,
         LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
-        LastOrder::Over(kept) => {
-            println!("{} executed by an earlier run: another journal begins again", kept.executed);
+        // It was interrupted: a new order has the rest.
+        LastOrder::Stopped(kept) => robot.go_on(51, kept, jobs).await?,
+        LastOrder::Complete(kept) => {
+            println!("{} executed by an earlier run: another journal begins again", kept.done());
             return Ok(());
         }
         LastOrder::Unknown(kept) => {
-            return Err(format!("check the workpiece after job {}", kept.executed).into());
+            return Err(format!("check the workpiece after job {}", kept.done()).into());
         }
     };
     while let Some(progress) = order.progress().await {

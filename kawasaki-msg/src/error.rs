@@ -262,6 +262,11 @@ pub enum SessionError {
     /// No order can be so far: fewer jobs were sent than are executed, or more are in flight than job numbers can tell apart.
     #[error("an order cannot have {sent} jobs sent and {executed} executed")]
     NotInFlight { executed: u32, sent: u32 },
+    /// The source has fewer jobs than were sent: it is not the list with which the order was begun.
+    #[error(
+        "the list of jobs ends before job {sent}, which was sent: give the list with which the order was begun"
+    )]
+    FewerJobs { sent: u32 },
     /// No job of this number is in the queue: it was never queued, or is reported again.
     #[error("job {number} is not in the queue")]
     NotQueued { number: u16 },

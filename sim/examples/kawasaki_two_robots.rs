@@ -17,9 +17,10 @@ async fn draw(journal: PathBuf, robots: Listen, jobs: Vec<Line>) -> Result<u32> 
     let order = match last {
         LastOrder::None => robot.start(50, jobs).await?,
         LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
-        LastOrder::Over(kept) => return Ok(kept.executed), // before the other robot had drawn its half
+        LastOrder::Stopped(kept) => robot.go_on(51, kept, jobs).await?,
+        LastOrder::Complete(kept) => return Ok(kept.done()), // before the other robot had drawn its half
         LastOrder::Unknown(kept) => {
-            return Err(format!("check the drawing after job {}", kept.executed).into());
+            return Err(format!("check the drawing after job {}", kept.done()).into());
         }
     };
     let outcome = order.await;

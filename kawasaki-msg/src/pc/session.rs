@@ -112,7 +112,8 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     /// and the highest job number has to be the same.
     ///
     /// # Errors
-    /// When there is an order already, `order` is 0, the event queue is full, or more jobs are in flight than numbers can tell apart.
+    /// When there is an order already, `order` is 0, the event queue is full, the source has fewer jobs than were sent, or more jobs are in
+    /// flight than numbers can tell apart.
     pub fn resume(
         &mut self,
         order: u16,
@@ -126,6 +127,9 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         }
         if !self.core.events.has_room(OUTCOMES) {
             return Err(SessionError::TooManyEvents);
+        }
+        if sent.checked_sub(1).is_some_and(|last| matches!(source.job(last), Supply::End)) {
+            return Err(SessionError::FewerJobs { sent });
         }
         let error = match self.core.machine.order.number() {
             0 => SessionError::NotInFlight { executed, sent },

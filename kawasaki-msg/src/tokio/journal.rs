@@ -21,10 +21,14 @@ pub enum LastOrder {
     None,
     /// The program ended before the order: [`Pc::resume`](super::Pc::resume) goes on with it, and no job is executed twice.
     Active(Kept),
-    /// The order is over: its first `executed` jobs are executed, and no others. Started again, they are executed again.
-    Over(Kept),
+    /// The order has ended before its last job: it was interrupted, or a job did not fit. Its first `executed` jobs are executed, and no
+    /// others: [`Pc::go_on`](super::Pc::go_on) begins an order with the rest.
+    Stopped(Kept),
+    /// All its jobs are executed. Started again, they are executed again.
+    Complete(Kept),
     /// The outcome of the jobs from `executed` to `sent` is unknown
-    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece before any of them is sent again.
+    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece: [`Pc::go_on`](super::Pc::go_on) goes on after the
+    /// last job that is seen to be executed.
     Unknown(Kept),
 }
 
@@ -33,12 +37,21 @@ pub enum LastOrder {
 pub struct Kept {
     /// Its number, from 1.
     pub order: u16,
+    /// The place of its first job in the list of jobs: 0, unless it goes on after an order that was stopped. The counts below begin there.
+    pub first: u32,
     /// How many of its jobs are known to be executed, all of them from the first on.
     pub executed: u32,
     /// The first job that was not sent.
     pub sent: u32,
     /// Those that are known to be executed ahead of others, counted from 0.
     pub ahead: Vec<u32>,
+}
+
+impl Kept {
+    /// How many jobs of the list are known to be executed, all of them from its first on: by this order and the stopped ones before it.
+    pub const fn done(&self) -> u32 {
+        self.first.saturating_add(self.executed)
+    }
 }
 
 /// Keeps how far an order is, before the robot can know of it.
@@ -57,7 +70,7 @@ impl Keep for () {
     }
 }
 
-/// A file that keeps it: a line `ORDER EXECUTED SENT [AHEAD …] [over|unknown] *CHECKSUM` for every change, of which the last counts. The
+/// A file that keeps it: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for every change, of which the last counts. The
 /// checksum is the CRC-32 of the line before it, in hex.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
@@ -90,8 +103,8 @@ impl Journal {
     ///
     /// # Errors
     /// The file system's; another program has the journal, also after a second; it holds something else, or a line of it is damaged
-    /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, and
-    /// begin a new order after the last executed job, with another file.
+    /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, remove
+    /// the file, and [go on](super::Pc::go_on) after the last executed job.
     #[allow(clippy::disallowed_methods, reason = "the lock of a file can only be tried again")]
     pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, LastOrder)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
@@ -195,13 +208,14 @@ impl Keep for Journal {
 /// The words of a line of the journal.
 impl fmt::Display for LastOrder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Kept { order, executed, sent, ahead }, end) = match self {
+        let (Kept { order, first, executed, sent, ahead }, end) = match self {
             Self::None => return Ok(()),
             Self::Active(kept) => (kept, ""),
-            Self::Over(kept) => (kept, " over"),
+            Self::Stopped(kept) => (kept, " stopped"),
+            Self::Complete(kept) => (kept, " complete"),
             Self::Unknown(kept) => (kept, " unknown"),
         };
-        write!(f, "{order} {executed} {sent}")?;
+        write!(f, "{order} {first} {executed} {sent}")?;
         ahead.iter().try_for_each(|index| write!(f, " {index}"))?;
         f.write_str(end)
     }
@@ -213,22 +227,24 @@ impl FromStr for LastOrder {
     fn from_str(line: &str) -> io::Result<Self> {
         let wrong = || damaged(line);
         let (numbers, last): (_, fn(Kept) -> Self) = match line.rsplit_once(' ') {
-            Some((numbers, "over")) => (numbers, Self::Over),
+            Some((numbers, "stopped")) => (numbers, Self::Stopped),
+            Some((numbers, "complete")) => (numbers, Self::Complete),
             Some((numbers, "unknown")) => (numbers, Self::Unknown),
             _ => (line, Self::Active),
         };
         let mut words = numbers.split(' ');
         let mut word = || words.next().ok_or_else(wrong);
-        let (order, executed, sent) = (word()?.parse(), word()?.parse(), word()?.parse());
+        let (order, first) = (word()?.parse(), word()?.parse());
+        let (executed, sent) = (word()?.parse(), word()?.parse());
         let ahead = words.map(str::parse).collect();
-        match (order, executed, sent, ahead) {
-            (Ok(order), Ok(executed), Ok(sent), Ok(ahead)) => {
-                let kept = Kept { order, executed, sent, ahead };
+        match (order, first, executed, sent, ahead) {
+            (Ok(order), Ok(first), Ok(executed), Ok(sent), Ok(ahead)) => {
+                let kept = Kept { order, first, executed, sent, ahead };
                 let fits = executed <= sent && kept.ahead.iter().all(|index| *index < sent);
                 match last(kept) {
                     _ if !fits => Err(wrong()),
                     // The robot has none of its jobs.
-                    Self::Over(Kept { sent: 0, .. }) => Ok(Self::None),
+                    Self::Stopped(Kept { first: 0, sent: 0, .. }) => Ok(Self::None),
                     last => Ok(last),
                 }
             }
@@ -239,7 +255,7 @@ impl FromStr for LastOrder {
 
 fn damaged(line: &str) -> io::Error {
     let message = std::format!(
-        "this is not the journal of an order, or it is damaged: {line:?} is not ORDER EXECUTED SENT [AHEAD …] [over|unknown] *CHECKSUM"
+        "this is not the journal of an order, or it is damaged: {line:?} is not ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM"
     );
     io::Error::new(io::ErrorKind::InvalidData, message)
 }

@@ -15,8 +15,11 @@
 //!     LastOrder::None => robot.start(50, jobs).await?,
 //!     // This program was killed in the middle of the order: nothing is executed twice.
 //!     LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
-//!     LastOrder::Over(_) => return Ok(()), // the same jobs again would be executed again
-//!     LastOrder::Unknown(kept) => return Err(format!("check the workpiece after job {}", kept.executed).into()),
+//!     // The order was interrupted: a new one has the rest of the jobs.
+//!     LastOrder::Stopped(kept) => robot.go_on(51, kept, jobs).await?,
+//!     LastOrder::Complete(_) => return Ok(()), // started again, the jobs would be executed again
+//!     // After a look at the workpiece: `go_on` with the count of executed jobs in `kept.executed`.
+//!     LastOrder::Unknown(kept) => return Err(format!("check the workpiece after job {}", kept.done()).into()),
 //! };
 //! while let Some(progress) = order.progress().await {
 //!     println!("{} executed, {} queued", progress.executed, progress.queued);
@@ -145,7 +148,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
     /// # Errors
     /// The task has ended.
     pub async fn start(&self, order: u16, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
-        self.start_from(order, all_of(jobs.into())).await
+        self.start_from(order, all_of(jobs.into(), 0)).await
     }
 
     /// Begins an order whose jobs come from a function: as [`JobSource`](crate::JobSource) says.
@@ -160,13 +163,24 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.begin(Kept { order, ..Kept::default() }, None, Box::new(source)).await
     }
 
-    /// Goes on with an order that an earlier PC has begun, with the same jobs: as [`Pc::resume`](crate::Pc::resume).
+    /// Goes on with an order that an earlier PC has begun, with the same list of jobs: as [`Pc::resume`](crate::Pc::resume).
     ///
     /// # Errors
     /// The task has ended.
     pub async fn resume(&self, begun: Kept, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
-        let ahead = begun.ahead.clone();
-        self.begin(begun, Some(ahead), Box::new(all_of(jobs.into()))).await
+        let (ahead, jobs) = (begun.ahead.clone(), all_of(jobs.into(), begun.first));
+        self.begin(begun, Some(ahead), Box::new(jobs)).await
+    }
+
+    /// Begins an order with the jobs that an earlier one, which was stopped, has left of the same list: those after the first
+    /// [`done`](Kept::done).
+    ///
+    /// # Errors
+    /// The task has ended.
+    pub async fn go_on(&self, order: u16, stopped: Kept, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
+        let first = stopped.done();
+        let kept = Kept { order, first, ..Kept::default() };
+        self.begin(kept, None, Box::new(all_of(jobs.into(), first))).await
     }
 
     /// Begins an order, and waits for its outcome.
@@ -226,10 +240,11 @@ impl<W: Job, K: Keep> Clone for Pc<W, K> {
     }
 }
 
-/// The jobs of a list.
-fn all_of<W: Work>(jobs: Vec<W>) -> impl FnMut(u32) -> Supply<W> {
+/// The jobs of a list from this place on.
+fn all_of<W: Work>(jobs: Vec<W>, first: u32) -> impl FnMut(u32) -> Supply<W> {
     move |index| {
-        let job = usize::try_from(index).ok().and_then(|index| jobs.get(index));
+        let place = first.checked_add(index).and_then(|place| usize::try_from(place).ok());
+        let job = place.and_then(|place| jobs.get(place));
         job.map_or(Supply::End, |job| Supply::Job(*job))
     }
 }

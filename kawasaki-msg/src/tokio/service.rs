@@ -39,6 +39,8 @@ pub struct Orders<W, K> {
     keep: K,
     /// The order that was kept, and how many of its jobs were sent then.
     kept: (u16, u32),
+    /// The place of the order's first job in the caller's list.
+    first: u32,
     active: Option<Active>,
     /// The order that has ended. `None` if nothing of it was sent: the journal stays as it is.
     ended: Option<LastOrder>,
@@ -83,7 +85,22 @@ type Session<W> = LargePc<Source<W>>;
 impl<W, K> Orders<W, K> {
     pub(super) fn new(keep: K) -> Self {
         let (active, ended, commands) = (None, None, VecDeque::new());
-        Self { keep, kept: (0, 0), active, ended, commands, jobs: core::marker::PhantomData }
+        Self { keep, kept: (0, 0), first: 0, active, ended, commands, jobs: core::marker::PhantomData }
+    }
+
+    /// The progress of the order of a session, or its last progress once it has ended.
+    fn progress(&self, session: &Session<W>) -> Kept
+    where
+        W: Work,
+    {
+        let (executed, sent) = (session.executed(), session.sent());
+        Kept {
+            order: session.order().unwrap_or(0),
+            first: self.first,
+            executed,
+            sent,
+            ahead: (executed..sent).filter(|index| session.is_executed(*index)).collect(),
+        }
     }
 
     /// The order has an outcome. If it is not awaited, it is an event.
@@ -108,7 +125,10 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
                     Some(ahead) => session.resume(kept.order, source, kept.executed, kept.sent, ahead),
                 };
                 match begun {
-                    Ok(()) => (self.active, self.ended) = (Some(Active { known, reply, unfit: None }), None),
+                    Ok(()) => {
+                        (self.active, self.ended) = (Some(Active { known, reply, unfit: None }), None);
+                        self.first = kept.first;
+                    }
                     Err(error) => drop(reply.send(Err(error.into()))),
                 }
             }
@@ -138,11 +158,12 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
                 }
             }
             PcEvent::OrderOver { order, executed, complete } => {
-                self.ended = Some(LastOrder::Over(Kept { order, ..Kept::of(session) }));
+                let ended = if complete { LastOrder::Complete } else { LastOrder::Stopped };
+                self.ended = Some(ended(Kept { order, ..self.progress(session) }));
                 self.end(|unfit| Ok(Over { executed, complete, unfit }));
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
-                self.ended = Some(LastOrder::Unknown(Kept { order, ..Kept::of(session) }));
+                self.ended = Some(LastOrder::Unknown(Kept { order, ..self.progress(session) }));
                 self.end(|_| Err(Error::OutcomeUnknown { executed, sent }));
             }
             PcEvent::OrderRefused { active, given_up: true, .. } => {
@@ -163,7 +184,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
         let now = (session.order().unwrap_or(0), session.sent());
         let last = match session.order() {
             _ if self.kept == now => return Ok(()),
-            Some(_) => Some(LastOrder::Active(Kept::of(session))),
+            Some(_) => Some(LastOrder::Active(self.progress(session))),
             // The event that ends the order is still in the session.
             None if self.active.is_some() => return Ok(()),
             None => self.ended.clone(),
@@ -187,7 +208,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
         for reply in core::mem::take(&mut self.commands) {
             let _ = reply.send(Err(Error::NotConnected(Arc::clone(why))));
         }
-        let kept = Kept::of(session);
+        let kept = self.progress(session);
         let Kept { order, executed, sent, .. } = kept;
         let why = Arc::clone(why);
         if session.forget() {
@@ -206,19 +227,6 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
             Call::Start(Begun { reply, .. }) => drop(reply.send(Err(error))),
             Call::End(reply) | Call::Interrupt(reply) => drop(reply.send(Err(error))),
             Call::Command { reply, .. } => drop(reply.send(Err(error))),
-        }
-    }
-}
-
-impl Kept {
-    /// The progress of the order of a session, or its last progress once it has ended.
-    fn of<W: Work>(session: &Session<W>) -> Self {
-        let (executed, sent) = (session.executed(), session.sent());
-        Self {
-            order: session.order().unwrap_or(0),
-            executed,
-            sent,
-            ahead: (executed..sent).filter(|index| session.is_executed(*index)).collect(),
         }
     }
 }

@@ -95,7 +95,7 @@ async fn an_order_whose_robot_is_gone_is_given_up_and_can_be_resumed() {
     drop(robot);
     let (outcome, time) = timed(order).await;
     let Err(Error::GivenUp { kept, .. }) = outcome else { panic!("{outcome:?}") };
-    assert_eq!(kept, Kept { order: 50, executed: 1, sent: 5, ahead: vec![] });
+    assert_eq!(kept, Kept { order: 50, first: 0, executed: 1, sent: 5, ahead: vec![] });
     assert!((GIVE_UP_AFTER..GIVE_UP_AFTER + S).contains(&time), "{time:?}");
     let mut unknown = false;
     while let Ok(event) = events.try_recv() {

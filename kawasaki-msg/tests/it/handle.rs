@@ -96,9 +96,8 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
         let order = match last {
             LastOrder::Active(kept) => pc.resume(kept, jobs(600)).await.unwrap(),
             // Killed before the robot had begun, the last time too.
-            LastOrder::None | LastOrder::Over(Kept { executed: 0, .. }) => {
-                pc.start(7, jobs(600)).await.unwrap()
-            }
+            LastOrder::None => pc.start(7, jobs(600)).await.unwrap(),
+            LastOrder::Stopped(kept) => pc.go_on(7, kept, jobs(600)).await.unwrap(),
             other => panic!("{other:?}"),
         };
         runs += 1;
@@ -121,8 +120,8 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     assert!(runs > 3, "{runs}");
     assert_eq!(over, Over { executed: 600, complete: true, unfit: None });
     assert_eq!(executed(working.unwrap()), jobs(600));
-    let over = Kept { order: 7, executed: 600, sent: 600, ahead: vec![] };
-    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Over(over));
+    let over = Kept { order: 7, first: 0, executed: 600, sent: 600, ahead: vec![] };
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(over));
 }
 
 /// What is not kept, because the disk is full or does not answer, does not reach the robot.
@@ -189,16 +188,19 @@ fn line(text: &str) -> String {
 fn a_journal_counts_to_its_last_whole_line() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
-    fs::write(&path, line("7 0 5") + &line("7 3 12 5 6") + "7 9").unwrap();
+    fs::write(&path, line("7 0 0 5") + &line("7 0 3 12 5 6") + "7 0 9").unwrap();
     let (journal, last) = Journal::open(&path).unwrap();
-    assert_eq!(last, LastOrder::Active(Kept { order: 7, executed: 3, sent: 12, ahead: vec![5, 6] }));
+    assert_eq!(
+        last,
+        LastOrder::Active(Kept { order: 7, first: 0, executed: 3, sent: 12, ahead: vec![5, 6] })
+    );
     assert!(Journal::open(&path).is_err(), "one program has it");
     drop(journal);
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     for sent in 0..200_000 {
         let (mut journal, last) = Journal::open(&path).unwrap();
         assert!(matches!(last, LastOrder::Active(_)));
-        let mut kept = Kept { order: 7, executed: 3, sent: sent + 3, ahead: Vec::new() };
+        let mut kept = Kept { order: 7, first: 0, executed: 3, sent: sent + 3, ahead: Vec::new() };
         let until = if sent == 0 { 3 } else { 1 };
         for _ in 0..until {
             block_on.block_on(journal.keep(&LastOrder::Active(kept.clone()))).unwrap();
@@ -221,11 +223,12 @@ fn a_journal_says_how_its_last_order_has_ended() {
     let path = folder.path().join("journal");
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::None);
-    let kept = || Kept { order: 7, executed: 3, sent: 6, ahead: vec![4] };
+    let kept = || Kept { order: 7, first: 2, executed: 3, sent: 6, ahead: vec![4] };
     for (text, last) in [
-        ("7 3 6 4", LastOrder::Active(kept())),
-        ("7 3 6 4 over", LastOrder::Over(kept())),
-        ("7 3 6 4 unknown", LastOrder::Unknown(kept())),
+        ("7 2 3 6 4", LastOrder::Active(kept())),
+        ("7 2 3 6 4 stopped", LastOrder::Stopped(kept())),
+        ("7 2 3 6 4 complete", LastOrder::Complete(kept())),
+        ("7 2 3 6 4 unknown", LastOrder::Unknown(kept())),
     ] {
         let (mut journal, _) = Journal::open(&path).unwrap();
         block_on.block_on(journal.keep(&last)).unwrap();
@@ -233,8 +236,15 @@ fn a_journal_says_how_its_last_order_has_ended() {
         assert!(fs::read_to_string(&path).unwrap().ends_with(&line(text)));
         assert_eq!(Journal::open(&path).unwrap().1, last);
     }
-    fs::write(&path, line("7 0 0 over")).unwrap();
+    fs::write(&path, line("7 0 0 0 stopped")).unwrap();
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::None, "none of its jobs was sent");
+    fs::write(&path, line("8 3 0 0 stopped")).unwrap();
+    let rest = Kept { order: 8, first: 3, ..Kept::default() };
+    assert_eq!(
+        Journal::open(&path).unwrap().1,
+        LastOrder::Stopped(rest),
+        "the order before it has executed three"
+    );
 }
 
 /// A digit of the last line that is another one would be believed: jobs would be lost or repeated.
@@ -245,12 +255,12 @@ fn a_changed_digit_in_a_journal_is_damage() {
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     let (mut journal, _) = Journal::open(&path).unwrap();
     for sent in [5, 17] {
-        let last = LastOrder::Active(Kept { order: 7, executed: 3, sent, ahead: vec![4] });
+        let last = LastOrder::Active(Kept { order: 7, first: 0, executed: 3, sent, ahead: vec![4] });
         block_on.block_on(journal.keep(&last)).unwrap();
     }
     drop(journal);
     let text = fs::read(&path).unwrap();
-    let last = text.len() - "7 3 17 4 *12345678\n".len();
+    let last = text.len() - "7 0 3 17 4 *12345678\n".len();
     for at in last..text.len() - 1 {
         let mut changed = text.clone();
         changed[at] ^= 1;
@@ -259,17 +269,17 @@ fn a_changed_digit_in_a_journal_is_damage() {
         assert_eq!(error.kind(), io::ErrorKind::InvalidData, "byte {at}");
     }
     // Nor is a line without its checksum.
-    for line in ["7 3 18 4\n", "7 3 2 *00000000\n"] {
+    for line in ["7 0 3 18 4\n", "7 0 3 2 *00000000\n"] {
         fs::write(&path, [&text, line.as_bytes()].concat()).unwrap();
         assert!(Journal::open(&path).is_err(), "{line}");
     }
-    for impossible in ["7 3 2", "7 1 5 9"] {
+    for impossible in ["7 0 3 2", "7 0 1 5 9"] {
         fs::write(&path, line(impossible)).unwrap();
         assert!(Journal::open(&path).is_err(), "{impossible}");
     }
     fs::write(&path, &text).unwrap();
     assert_eq!(
         Journal::open(&path).unwrap().1,
-        LastOrder::Active(Kept { order: 7, executed: 3, sent: 17, ahead: vec![4] })
+        LastOrder::Active(Kept { order: 7, first: 0, executed: 3, sent: 17, ahead: vec![4] })
     );
 }

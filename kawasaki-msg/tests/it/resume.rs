@@ -174,10 +174,14 @@ fn what_no_order_can_be_is_refused() {
     let mut resume = |order, executed, sent| pc.resume(order, &picture[..], executed, sent, []);
     assert_eq!(resume(0, 1, 2), Err(SessionError::OrderZero));
     assert_eq!(resume(50, 3, 2), Err(SessionError::NotInFlight { executed: 3, sent: 2 }));
+    assert_eq!(resume(50, 0, 4), Err(SessionError::FewerJobs { sent: 4 }), "the order would seem complete");
+    let endless = |_| kawasaki_msg::Supply::Job(picture[0]);
+    let mut pc: Pc<_> = Pc::new(PcConfig::TCP).unwrap();
+    let mut resume = |order, executed, sent| pc.resume(order, endless, executed, sent, []);
     assert_eq!(resume(50, 0, 9999), Err(SessionError::NotInFlight { executed: 0, sent: 9999 }));
     assert_eq!(resume(50, 1, 9999), Ok(()));
     assert_eq!(resume(51, 1, 2), Err(SessionError::OrderActive { active: 50 }));
-    assert_eq!(pc.start(51, &picture[..]), Err(SessionError::OrderActive { active: 50 }));
+    assert_eq!(pc.start(51, endless), Err(SessionError::OrderActive { active: 50 }));
 }
 
 /// The machine is as that of a PC whose connection was lost: the model has explored all that follows.

@@ -114,7 +114,7 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     kill(task).await;
     drop(order);
     let (journal, last) = Journal::open(&path).unwrap();
-    let kept = Kept { order: 50, executed: 0, sent: 4, ahead: vec![1] };
+    let kept = Kept { order: 50, first: 0, executed: 0, sent: 4, ahead: vec![1] };
     assert_eq!(last, LastOrder::Active(kept.clone()));
 
     let (pc, gate, task) = a_pc(config, journal);
@@ -127,8 +127,8 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     robot.exchange("<TyoKuittaus$4#50$5#><LoppuKuittaus$6#50$0$5#>").await;
     assert_eq!(outcome(order).await.unwrap(), Over { executed: 5, complete: true, unfit: None });
     kill(task).await;
-    let kept = Kept { order: 50, executed: 5, sent: 5, ahead: vec![] };
-    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Over(kept), "what is over is not resumed");
+    let kept = Kept { order: 50, first: 0, executed: 5, sent: 5, ahead: vec![] };
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(kept), "what is over is not resumed");
 }
 
 #[tokio::test]
@@ -137,10 +137,10 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let length = || std::fs::metadata(&path).unwrap().len();
-    // A line of half of it: "50 1 20000", two jobs of 5 digits, the others of 4 digits, each after a blank, the checksum of ten bytes,
-    // and the end of the line.
-    let mut kept = Kept { order: 50, executed: 1, sent: 20_000, ahead: vec![1000; (1 << 19) / 5 - 4] };
-    (kept.ahead[0], kept.ahead[1]) = (10_000, 10_000);
+    // A line of half of it: "50 0 1 20000", jobs of 4 digits, each after a blank, the checksum of ten bytes, and the end of
+    // the line.
+    let mut kept =
+        Kept { order: 50, first: 0, executed: 1, sent: 20_000, ahead: vec![1000; (1 << 19) / 5 - 4] };
     let (mut journal, _) = Journal::open(&path).unwrap();
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     assert_eq!(length(), MOST / 2);
@@ -186,7 +186,7 @@ async fn a_change_whose_future_was_dropped_is_written_once() {
     assert_eq!(Journal::open(&path).unwrap().1, kept(20));
     let text = std::fs::read_to_string(&path).unwrap();
     let lines: Vec<_> = text.lines().map(|line| line.rsplit_once(" *").unwrap().0).collect();
-    assert_eq!(lines, (1..=20).map(|sent| format!("50 0 {sent}")).collect::<Vec<_>>());
+    assert_eq!(lines, (1..=20).map(|sent| format!("50 0 0 {sent}")).collect::<Vec<_>>());
 }
 
 /// A PC in the middle of order 50, three jobs of which were sent.
@@ -238,11 +238,11 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
 async fn a_journal_has_the_outcome_of_its_last_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
-    let kept = |executed, sent| Kept { order: 50, executed, sent, ahead: vec![] };
+    let kept = |executed, sent| Kept { order: 50, first: 0, executed, sent, ahead: vec![] };
     let ends: [(&[&str], LastOrder); 3] = [
         (&[IDLE, STARTED, "<TyoKuittaus$4#50$1#>", IDLE], LastOrder::Unknown(kept(1, 3))),
         (&["<Tila$6#9$2$$$#>", "<TilausKuittaus$1#9#>"], LastOrder::Active(kept(0, 0))),
-        (&[IDLE, STARTED, "<TyoKuittaus$4#50$3#><LoppuKuittaus$6#50$0$3#>"], LastOrder::Over(kept(3, 3))),
+        (&[IDLE, STARTED, "<TyoKuittaus$4#50$3#><LoppuKuittaus$6#50$0$3#>"], LastOrder::Complete(kept(3, 3))),
     ];
     for (packets, expected) in ends {
         std::fs::remove_file(&path).unwrap_or_default();
@@ -354,4 +354,54 @@ async fn both_resets_of_a_robot_reach_its_order() {
     assert!(motion.take().is_none(), "it was discarded");
     robot.reset_order().await.unwrap();
     assert_eq!(robot.reset_order().await, no_order);
+}
+
+/// Its journal has the place in the list, also when the order with the rest is stopped and its program is killed.
+#[tokio::test]
+async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let end = |acks: &str, executed: u32| format!("{acks}<LoppuKuittaus$6#50$0${executed}#>");
+    let (pc, gate, task) = a_pc(PcConfig::TCP, Journal::open(&path).unwrap().0);
+    let mut robot = open(gate);
+    let order = pc.start(50, jobs(5)).await.unwrap();
+    robot.exchange(IDLE).await;
+    robot.exchange(STARTED).await;
+    pc.interrupt().await.unwrap();
+    robot.exchange(&end("<TyoKuittaus$4#50$2#>", 2)).await;
+    assert_eq!(outcome(order).await.unwrap(), Over { executed: 2, complete: false, unfit: None });
+    pc.handle().shutdown().await;
+    task.await.unwrap();
+
+    let (journal, last) = Journal::open(&path).unwrap();
+    let LastOrder::Stopped(kept) = last else { panic!("{last:?}") };
+    assert_eq!((kept.first, kept.executed, kept.done()), (0, 2, 2));
+    let (pc, gate, task) = a_pc(PcConfig::TCP, journal);
+    let mut robot = open(gate);
+    let order = pc.go_on(50, kept, jobs(5)).await.unwrap();
+    robot.exchange(IDLE).await;
+    let packet = robot.exchange(STARTED).await;
+    // Number 1 is the third of the list.
+    assert!(packet.contains("<Tyo$14#50$1$1$2$0$0$0#>"), "{packet}");
+    assert_eq!(packet.matches("<Tyo$").count(), 3);
+    robot.exchange("<TyoKuittaus$4#50$1#><TyoPyynto$4#50$4#>").await;
+    kill(task).await;
+    drop(order);
+
+    let (journal, last) = Journal::open(&path).unwrap();
+    let LastOrder::Active(kept) = last else { panic!("{last:?}") };
+    assert_eq!((kept.first, kept.sent), (2, 3));
+    let (pc, gate, task) = a_pc(PcConfig::TCP, journal);
+    let mut robot = open(gate);
+    let order = pc.resume(kept.clone(), jobs(4)).await.unwrap();
+    let short = outcome(order).await.unwrap_err();
+    assert!(matches!(short, Error::Call(kawasaki_msg::SessionError::FewerJobs { sent: 3 })), "{short}");
+    let order = pc.resume(kept, jobs(5)).await.unwrap();
+    robot.exchange("<Tila$9#50$2$1$2$#>").await;
+    robot.exchange(&end("<TyoKuittaus$4#50$3#>", 3)).await;
+    assert_eq!(outcome(order).await.unwrap(), Over { executed: 3, complete: true, unfit: None });
+    pc.handle().shutdown().await;
+    task.await.unwrap();
+    let last = Journal::open(&path).unwrap().1;
+    assert!(matches!(&last, LastOrder::Complete(kept) if kept.done() == 5), "{last:?}");
 }

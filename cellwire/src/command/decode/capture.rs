@@ -1,5 +1,6 @@
 //! The connections of a capture, each direction decoded separately; with --shadow, both are checked against the specification.
 
+use core::fmt::Write as _;
 use std::collections::HashMap;
 use std::io::Read;
 use std::net::SocketAddr;
@@ -54,6 +55,15 @@ enum Ends {
     Kept(Line),
 }
 
+/// How lines have the time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Clock {
+    /// `"at"`: seconds since the beginning of a trace.
+    Trace,
+    /// `"time"`: that of the packet.
+    Packets,
+}
+
 struct Decoded {
     stream: Stream,
     side: &'static str,
@@ -65,8 +75,9 @@ struct Decoded {
     polls: Option<u64>,
     /// It sends datagrams, each of which is whole.
     is_datagrams: bool,
-    /// It is of a trace: the label of its lines has the time.
-    is_traced: bool,
+    /// The fields of `label` before its time.
+    untimed: String,
+    clock: Clock,
 }
 
 impl<'a> Decoding<'a> {
@@ -139,10 +150,15 @@ impl Directions for Decoding<'_> {
         if let (Some((ends, from)), Piece::Bytes(bytes)) = (decoded.watched, piece) {
             self.see(&ends, &Seen::Bytes { from, bytes })?;
         }
-        if decoded.is_traced {
+        decoded.label.clone_from(&decoded.untimed);
+        match decoded.clock {
             // A quotient of whole numbers is the number that is nearest to the text of the trace.
-            let seconds = self.now.as_micros() as f64 / 1e6;
-            decoded.label = format!("\"from\":{},\"at\":{},", json!(decoded.side), json!(seconds));
+            Clock::Trace => write!(decoded.label, "\"at\":{},", json!(self.now.as_micros() as f64 / 1e6))?,
+            // A dump of bytes has no times.
+            Clock::Packets if self.now.is_zero() => {}
+            Clock::Packets => {
+                write!(decoded.label, "\"time\":\"{}\",", format_rfc3339_micros(UNIX_EPOCH + self.now))?;
+            }
         }
         let mut said = Vec::new();
         decoded.take(self.args, piece, self.out, &mut said)?;
@@ -228,11 +244,11 @@ fn begin(
             }
             (side, format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side)))
         }
-        // Its lines have the time as well: see `take`.
         Flow::Kept(Line::Trace(name), by_keeper) => {
             sender = traced(args, name, by_keeper)?;
             polls = sender.is_none().then_some(0);
-            (sender.map_or_else(|| args.codec.of.link.side(None), Ok)?, String::new())
+            let side = sender.map_or_else(|| args.codec.of.link.side(None), Ok)?;
+            (side, format!("\"from\":{},", json!(side)))
         }
         Flow::Kept(line, by_keeper) => {
             let Some(side) = args.codec.of.link.keeper(wanted, by_keeper)? else { return Ok(None) };
@@ -247,10 +263,11 @@ fn begin(
         label.push_str(&format!("\"connection\":{number},"));
     }
     let is_datagrams = matches!(flow, Flow::Udp(..));
-    let is_traced = matches!(flow, Flow::Kept(Line::Trace(_), _));
+    let clock = if matches!(flow, Flow::Kept(Line::Trace(_), _)) { Clock::Trace } else { Clock::Packets };
     let stream = args.codec.of.stream_of(side, 0)?;
+    let untimed = label.clone();
     Ok(Some((
-        Box::new(Decoded { stream, side, label, watched: None, polls, is_datagrams, is_traced }),
+        Box::new(Decoded { stream, side, label, watched: None, polls, is_datagrams, untimed, clock }),
         sender,
     )))
 }

@@ -13,16 +13,16 @@ use self::hex::HexReader;
 
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
-use cellwire_io::output::{Unwritten, remark};
+use cellwire_io::output::{EventArgs, Unwritten, is_for_people, log, remark};
 use cellwire_links::codec::{Item, Kind, Stream};
 
 /// How much is read and written at once.
 const CHUNK: usize = 64 * 1024;
 
-/// Reads bytes and writes one JSON object per line.
+/// Reads bytes, and prints each message as a line: of JSON, at a terminal as text.
 ///
-/// A line is {"offset":…,"length":…,"message":{…}}, or has "error" in place of "message" where the bytes are corrupt. Every
-/// byte of the input is in exactly one line. Decoding continues after corrupt bytes; the exit status is 1 if there were any.
+/// A line is {"offset":…,"length":…,"message":{…}}, or has "error" in place of "message" where the bytes are corrupt; of a capture
+/// also "flow", "from" and "time" (UTC). Every byte of the input is in exactly one line. Decoding continues after corrupt bytes; the exit status is 1 if there were any.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -34,10 +34,13 @@ pub struct Args {
     /// ("assumption"), with the clause
     #[arg(long)]
     shadow: bool,
+    #[command(flatten)]
+    events: EventArgs,
 }
 
 /// Returns true when there were no corrupt bytes.
 pub fn run(args: &Args) -> Result<bool> {
+    args.events.choose();
     let (format, input) = args.source.open()?;
     let reading = args.source.reading(format);
     ensure!(
@@ -139,11 +142,19 @@ impl Lines {
     }
 
     fn line(&mut self, line: core::fmt::Arguments<'_>) -> Result<()> {
+        if is_for_people() {
+            return log(&serde_json::from_str(&line.to_string())?);
+        }
         Ok(self.out.borrow_mut().write_fmt(line)?)
     }
 
     fn write(&mut self, label: &str, item: Item<'_>) -> Result<()> {
         self.clean &= item.kind == Kind::Message;
+        if is_for_people() {
+            let mut line = Vec::new();
+            item.write_line(label, &mut line)?;
+            return log(&serde_json::from_slice(&line)?);
+        }
         Ok(item.write_line(label, &mut *self.out.borrow_mut())?)
     }
 }

@@ -18,12 +18,12 @@ use super::codec::LinkArgs;
 use crate::io::capture::write::Writer;
 use crate::io::tap::Watch;
 use cellwire_io::interrupt::{Policy, on_interrupt};
-use cellwire_io::output::{self, remark};
+use cellwire_io::output::{self, EventArgs, remark};
 
 /// Shows the messages of both ends of a link: forwards their bytes unchanged, or only listens.
 ///
-/// Prints one JSON object per line: a message with its time and sender, or an error in the bytes with the
-/// clause of the link's specification. The bytes are captured for Wireshark, `decode` and `identify`; the file is valid whenever the
+/// Prints a line for each message, with its time (UTC) and sender, and for each error in the bytes, with the clause of the link's
+/// specification; in a pipe these are lines of JSON. The bytes are captured for Wireshark, `decode` and `identify`; the file is valid whenever the
 /// tap ends.
 ///
 /// Shadow ends follow both ends: a line with "shadow" reports that an end broke a rule ("rule"), was later than the source
@@ -48,6 +48,8 @@ pub struct Args {
     /// Write no capture
     #[arg(long, conflicts_with = "capture")]
     no_capture: bool,
+    #[command(flatten)]
+    events: EventArgs,
 }
 
 const EXAMPLES: &str = "\
@@ -70,6 +72,7 @@ const SILENCE: Duration = Duration::from_millis(100);
 /// Runs until interrupted, or until a port is gone.
 pub fn run(args: &Args) -> Result<bool> {
     let decoding = Decoding::new(&args.of, args.way.baud())?;
+    args.events.choose();
     if args.screen {
         screen::check()?;
     }

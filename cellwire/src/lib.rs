@@ -152,7 +152,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(match () {
                 () if error.is::<modbus::Unknown>() => 8,
                 () if error.is::<Lost>() => 3,
-                () if error.is::<output::Unwritten>() => 4,
+                () if output::is_unwritten(&error) => 4,
                 () if error.is::<Implausible>() => 5,
                 () if error.is::<modbus::Refused>() => 6,
                 () if error.is::<Unwritten>() || error.is::<files::Unwritten>() => 7,

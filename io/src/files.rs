@@ -1,16 +1,17 @@
 //! Files that are written whole or not at all, and files that never take another's place.
 
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
-use std::io::{ErrorKind, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
-/// A file that a command writes while it works, or at its end, could not be written: what that leaves.
+/// A file could not be written: which one, or what that leaves.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Unwritten(pub &'static str);
+pub struct Unwritten(pub Cow<'static, str>);
 
 /// Writes a file, through one beside it that takes its name when it is whole: where that fails, the earlier file is as it was.
 /// What is no regular file, such as a pipe, is written directly.
@@ -18,7 +19,7 @@ pub struct Unwritten(pub &'static str);
 /// # Errors
 /// When there is no room or no right to write there.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    replace(path, bytes).with_context(|| Unwritten(format!("cannot write {}", path.display()).into()))
 }
 
 fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -32,14 +33,17 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     let mut builder = tempfile::Builder::new();
     builder.prefix(".cellwire-");
-    let mut file = match &earlier {
-        Some(earlier) => builder.permissions(earlier.permissions()).tempfile_in(folder)?,
-        None => ordinary(&mut builder).tempfile_in(folder)?,
+    let mut write = || {
+        let mut file = match &earlier {
+            Some(earlier) => builder.permissions(earlier.permissions()).tempfile_in(folder)?,
+            None => ordinary(&mut builder).tempfile_in(folder)?,
+        };
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        Ok(drop(file.persist(&path)?))
     };
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    Ok(())
+    // Of an error only its kind is said: its text names the temporary file.
+    Ok(write().map_err(|error: io::Error| io::Error::from(error.kind()))?)
 }
 
 /// With the rights of a file that any program makes, less the user's mask; elsewhere than on Unix those of its folder.

@@ -1,10 +1,12 @@
 //! The completions of a command line for a shell, and its manual pages.
 
-use std::io::{self, Write as _, stdout};
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Command;
+
+use crate::output::stdout;
 pub use clap_complete::Shell;
 
 /// Prints a shell completion script.

@@ -28,6 +28,38 @@ pub fn is_closed(error: &anyhow::Error) -> bool {
 #[error("cannot write to standard output")]
 pub struct Unwritten;
 
+/// An error of standard output, as one of [`stdout()`] has it.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write to standard output: {0}")]
+struct Refused(io::Error);
+
+/// Returns whether an error is that standard output does not accept what is printed.
+pub fn is_unwritten(error: &anyhow::Error) -> bool {
+    let is_refused = |error: &io::Error| error.get_ref().is_some_and(|inner| inner.is::<Refused>());
+    error.is::<Unwritten>() || error.chain().any(|cause| cause.downcast_ref().is_some_and(is_refused))
+}
+
+/// Standard output for a text or a table: its errors say that it is standard output which does not accept it.
+pub fn stdout() -> impl Write {
+    struct Out(io::Stdout);
+
+    impl Write for Out {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.write(bytes).map_err(refused)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            self.0.flush().map_err(refused)
+        }
+    }
+
+    fn refused(error: io::Error) -> io::Error {
+        io::Error::new(error.kind(), Refused(error))
+    }
+
+    Out(io::stdout())
+}
+
 /// Standard output and error, once writes never wait.
 static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
 

@@ -121,7 +121,11 @@ fn absent(path: &str) -> String {
         [] => "there is no serial port; check the adapter and its driver".to_owned(),
         names => format!("found: {}, see cellwire ports", names.join(", ")),
     };
-    format!(": no such port, {there}")
+    // An IPv4 address or a name with a dot: a port of the network is forgotten more often than a path has one.
+    let is_host = !path.starts_with(['/', '.']) && path.contains('.') && !path.contains(['/', ':']);
+    let hint =
+        if is_host { format!("; for TCP give its port too, such as {path}:502") } else { String::new() };
+    format!(": no such port, {there}{hint}")
 }
 
 /// Everything that arrives within `time`.

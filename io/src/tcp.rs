@@ -34,7 +34,9 @@ pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
         ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
         ErrorKind::PermissionDenied => "ports below 1024 need more privileges; choose a higher one",
         ErrorKind::AddrNotAvailable => "the address is not local; use 127.0.0.1 or 0.0.0.0",
-        ErrorKind::InvalidInput => "give an address and a port, such as 127.0.0.1:9105",
+        _ if address.starts_with(':') || error.kind() == ErrorKind::InvalidInput => {
+            "give an address and a port from 0 to 65535, such as 127.0.0.1:9105, or a port alone"
+        }
         _ => "",
     };
     let context = format!("cannot listen on {address}");

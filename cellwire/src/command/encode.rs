@@ -1,6 +1,6 @@
 //! `cellwire encode`: reads message objects, writes one frame of hex per line.
 
-use std::io::{self, BufRead as _, Write};
+use std::io::{BufRead as _, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::codec::CodecArgs;
 use cellwire_io::input;
-use cellwire_io::output::remark;
+use cellwire_io::output::{remark, stdout};
 
 /// Reads message objects and writes one frame of hex per line.
 ///
@@ -26,7 +26,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<bool> {
     let codec = args.codec.codec()?;
     let input = input::open(args.file.as_deref())?;
-    let mut out = io::stdout().lock();
+    let mut out = stdout();
     let mut all = true;
     for (index, line) in input.lines().enumerate() {
         let line = line.context("cannot read the input")?;

@@ -7,7 +7,7 @@ use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde_json::json;
 
-use cellwire_io::output::{log, remark};
+use cellwire_io::output::{log, remark, stdout};
 use cellwire_io::ports;
 
 /// Lists the serial ports of this machine with their adapters, by the names that other commands take.
@@ -60,5 +60,5 @@ pub fn run(args: &Args) -> Result<bool> {
         table.add_row(row);
     }
     let lines = table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n");
-    Ok(writeln!(std::io::stdout(), "{lines}").map(|()| true)?)
+    Ok(writeln!(stdout(), "{lines}").map(|()| true)?)
 }

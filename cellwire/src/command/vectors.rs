@@ -12,7 +12,7 @@ use cellwire_links::vectors::vectors_in;
 use clap::Subcommand;
 use include_dir::{Dir, include_dir};
 
-use cellwire_io::output::printable;
+use cellwire_io::output::{printable, stdout};
 
 /// The reference vectors.
 #[derive(Debug, clap::Args)]
@@ -84,7 +84,7 @@ fn check_text(name: &str, text: &str) -> Result<bool> {
 fn check_field(path: &Path, name: &str) -> Result<bool> {
     let field = Field::read(path)?;
     let result = field.check();
-    let mut out = std::io::stdout();
+    let mut out = stdout();
     match &result {
         Ok(count) => {
             writeln!(out, "{name}: {count} vectors, streams and stories of {}, 0 disagree", field.link)?
@@ -96,7 +96,7 @@ fn check_field(path: &Path, name: &str) -> Result<bool> {
 
 /// Prints what disagrees, and how much; returns true when nothing does.
 fn report<'a>(name: &str, checked: impl Iterator<Item = (u32, &'a str, Result<()>)>) -> Result<bool> {
-    let (mut all, mut disagree, mut out) = (0, 0, std::io::stdout());
+    let (mut all, mut disagree, mut out) = (0, 0, stdout());
     for (id, comment, result) in checked {
         all += 1;
         if let Err(error) = result {

@@ -18,6 +18,8 @@ use fs4::FileExt;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use cellwire_io::output::counted;
+
 /// The file of the journal of the work that is in a file: beside it.
 pub fn beside(work: &Path) -> PathBuf {
     let mut name = work.file_name().unwrap_or_default().to_owned();
@@ -334,19 +336,23 @@ impl<R: Record> Journal<R> {
             self.sum = checksum(self.sum, text);
             let is_whole = sum == Some(self.sum);
             if number > 1 {
-                ensure!(
-                    is_this,
-                    "it belongs to another {work}: the file has changed, or a setting on which its parts depend. Finish the earlier {work}, or start this one with --again or with another --journal"
-                );
                 let entry =
                     Some(text).filter(|_| is_whole).and_then(|text| serde_json::from_slice(text).ok());
                 let taken = entry.and_then(|entry| self.record.take(&entry));
-                taken.with_context(|| self.damage(work, number))?;
+                // The parts of other work may be more.
+                taken.or((!is_this).then_some(())).with_context(|| self.damage(work, number))?;
             } else {
                 is_this = first(line).with_context(|| self.damage(work, number))? == self.head;
             }
             self.length += length;
         }
+        ensure!(
+            is_this || number <= 1,
+            "it belongs to another {work}, of which it has {} as done: the file has changed, or a setting on which its parts depend. \
+             Finish the earlier {work}, give the rest as a {work} of its own with another --journal, or do every part of this one with \
+             --again, also what is done",
+            counted(self.tally().done, "part")
+        );
         self.is_begun = number > 1;
         Ok(())
     }

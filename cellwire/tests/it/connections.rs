@@ -365,7 +365,7 @@ fn a_device_listens_on_loopback_unless_told() {
     open.line("is open to the network without authentication");
     let (code, _, said) = run(cellwire("simulate fanuc --listen 127.0.0.1"));
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("give an address and a port, such as 127.0.0.1:9105"), "{said}");
+    assert!(said.contains("give an address and a port from 0 to 65535, such as 127.0.0.1:9105"), "{said}");
 }
 
 #[test]

@@ -137,9 +137,9 @@ fn a_reply_that_comes_before_its_request_is_not_its_reply() {
 
 #[test]
 fn each_request_has_its_line_when_the_connection_is_lost() {
-    const LOST: &str = "the connection was lost; the outcome of the request is unknown";
+    const LOST: &str = "the connection was lost; if the request writes, it may have been executed";
     const NOT_SENT: &str = "the connection was lost before the request was sent";
-    const CUT: &str = "no reply before the timeout; the outcome of the request is unknown; \
+    const CUT: &str = "no reply before the timeout; if the request writes, it may have been executed; \
                        received instead: an incomplete reply, of which 5 bytes have arrived";
     let failures = |output: &Output| -> Vec<String> {
         lines(output).iter().map(|line| line["failed"].as_str().unwrap_or("none").to_owned()).collect()

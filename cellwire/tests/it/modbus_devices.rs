@@ -173,7 +173,7 @@ fn a_scan_goes_on_after_a_malformed_reply() {
 
 #[test]
 fn a_timeout_names_what_came_in_place_of_the_reply() {
-    const NONE: &str = "no reply before the timeout; the outcome of the request is unknown";
+    const NONE: &str = "no reply before the timeout; if the request writes, it may have been executed";
     let of_7 = |request: &[u8]| [&[0, 7][..], &request[2..4], &[0, 5, request[6], 3, 2, 0, 9]].concat();
     let cut = |request: &[u8]| [&request[..4], &[0, 7, request[6], 3, 4, 0, 9]].concat();
     let strange = |_: &[u8]| b"GET / HTTP/1.1".to_vec();

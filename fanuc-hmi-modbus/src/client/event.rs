@@ -142,17 +142,17 @@ impl fmt::Display for ClientEvent {
 #[non_exhaustive]
 pub enum Failure {
     /// The reply timed out. Whether the request was executed is unknown.
-    #[error("no reply before the timeout; the outcome of the request is unknown")]
+    #[error("no reply before the timeout; if the request writes, it may have been executed")]
     TimedOut,
     /// Only a frame that equals the request has come, on a connection without any other reply: the line may have returned the request, and
     /// whether a device has executed it is unknown.
     #[error(
         "only the request itself came back, and no other reply shows that a device answers: if the line returns what is sent, set \
-         echo=true; the outcome of the request is unknown"
+         echo=true; if the request writes, it may have been executed"
     )]
     Returned,
     /// The connection was lost while the request was in flight. Whether it was executed is unknown.
-    #[error("the connection was lost; the outcome of the request is unknown")]
+    #[error("the connection was lost; if the request writes, it may have been executed")]
     Disconnected,
     /// The connection was lost before the request was sent.
     #[error("the connection was lost before the request was sent")]

@@ -111,7 +111,7 @@ fn the_reason_names_the_setting() {
     assert_eq!(outcome(&mut client, &mut now, ticket, &line), ClientEvent::Failed { ticket, failure });
     assert!(failure.is_unknown());
     let text = "only the request itself came back, and no other reply shows that a device answers: if the line returns what is sent, set \
-                echo=true; the outcome of the request is unknown";
+                echo=true; if the request writes, it may have been executed";
     assert_eq!(failure.to_string(), text);
 }
 

@@ -113,7 +113,12 @@ impl Layout {
                 value.get("name").and_then(Value::as_str).map(|name| format!(" `{}`", name.escape_debug()));
             let what = format!("field {}{} of a job", place + 1, title.unwrap_or_default());
             let found = Given::deserialize(value)
-                .map_err(|error| (String::new(), error.to_string()))
+                .map_err(|error| {
+                    let error = error.to_string();
+                    // The line of the file is that of the key.
+                    let key = error.strip_prefix("unknown field `").and_then(|rest| rest.split_once('`'));
+                    (key.map_or_else(String::new, |(key, _)| key.to_owned()), error)
+                })
                 .and_then(|given| given.field(charset).map_err(|(key, why)| (key.to_owned(), why)))
                 .map_err(|(key, why)| {
                     refused(format!("{table}.{key}").trim_end_matches('.'), &format!("{what}: {why}"))

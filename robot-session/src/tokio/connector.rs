@@ -77,6 +77,15 @@ impl Tcp {
     pub fn timeout(self, timeout: Duration) -> Self {
         Self { timeout, ..self }
     }
+
+    /// An address that is none, as no attempt will show.
+    fn explain(&self, error: io::Error) -> io::Error {
+        if error.kind() != io::ErrorKind::InvalidInput {
+            return error;
+        }
+        let text = std::format!("{:?} is no address: give HOST:PORT, such as 192.168.0.10:502", self.address);
+        io::Error::new(error.kind(), text)
+    }
 }
 
 impl Connector for Tcp {
@@ -84,7 +93,8 @@ impl Connector for Tcp {
 
     async fn connect(&mut self) -> io::Result<TcpStream> {
         let connect = timeout(self.timeout, TcpStream::connect(&self.address));
-        let stream = connect.await.map_err(|_| io::ErrorKind::TimedOut)??;
+        let stream =
+            connect.await.map_err(|_| io::ErrorKind::TimedOut)?.map_err(|error| self.explain(error))?;
         prepare(&stream, self.discard_after)?;
         Ok(stream)
     }

@@ -83,6 +83,14 @@ async fn nothing_is_sent_that_was_not_kept() {
     assert_eq!(far.read(&mut sent).await.unwrap(), 0);
 }
 
+#[tokio::test]
+async fn an_address_without_a_port_is_said_to_be_none() {
+    use robot_session::tokio::{Connector as _, Tcp};
+
+    let error = Tcp::new("127.0.0.1").connect().await.unwrap_err();
+    assert_eq!(error.to_string(), r#""127.0.0.1" is no address: give HOST:PORT, such as 192.168.0.10:502"#);
+}
+
 /// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
 #[tokio::test]
 async fn a_dropped_turn_loses_nothing() {

@@ -53,6 +53,12 @@ pub trait Program: Send {
 
     /// Puts what it shows into the holding registers.
     fn show(&mut self, tables: &mut Tables);
+
+    /// The PDU address of the holding register that shows R\[n\] as a whole number of 16 bits; `None` if none does. Without assignments of
+    /// its own, it is n - 1.
+    fn register(&self, number: u16) -> Option<u16> {
+        number.checked_sub(1)
+    }
 }
 
 impl Controller {
@@ -93,6 +99,14 @@ impl Controller {
     /// The registers and signals, to look at them and to set what comes from outside.
     pub fn tables_mut(&mut self) -> &mut Tables {
         &mut self.tables
+    }
+
+    /// The PDU address of the holding register that shows R\[n\] as a whole number of 16 bits.
+    pub fn register(&self, number: u16) -> Option<u16> {
+        match &self.source {
+            Source::Program(program) => program.register(number),
+            Source::Motion(_) => number.checked_sub(1),
+        }
     }
 
     /// The values from this PDU address of a table on, 0 or 1 of a bit; `None` outside the table.

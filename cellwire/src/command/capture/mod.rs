@@ -15,6 +15,7 @@ use clap::Subcommand;
 
 use self::stretch::StretchArgs;
 use cellwire_io::files;
+use cellwire_io::output::stdout;
 
 /// Converts part of a capture to a test file in the reference's format, for `reference/field/`.
 ///
@@ -72,7 +73,7 @@ impl OutArgs {
         }
         let text = json::file("field.schema.json", &head, last, items);
         match self.out.as_path() {
-            path if path == Path::new("-") => Ok(std::io::stdout().write_all(text.as_bytes())?),
+            path if path == Path::new("-") => Ok(stdout().write_all(text.as_bytes())?),
             path => files::write(path, text.as_bytes()),
         }
     }

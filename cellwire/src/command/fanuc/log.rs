@@ -1,6 +1,7 @@
 //! `cellwire fanuc log`.
 
 use core::ops::RangeInclusive;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{LineWriter, Write};
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use clap::ValueEnum;
 use fanuc_hmi_modbus::typed::OrderProbe;
 use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
 use humantime::format_rfc3339_millis;
-use indicatif::{ProgressBar, ProgressDrawTarget};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 
 use super::{USES, print};
@@ -32,7 +33,7 @@ use cellwire_io::tls;
 use cellwire_links::fanuc_hmi_modbus::Frames;
 use cellwire_motion::plausibility::{Fault, Plausibility};
 
-const ENDED: files::Unwritten = files::Unwritten("the recording ends early");
+const ENDED: files::Unwritten = files::Unwritten(Cow::Borrowed("the recording ends early"));
 
 /// Logs the telemetry block of a controller, as a table.
 ///
@@ -146,7 +147,8 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         unread: Unread { timeout: config.timeout, since: clock.now(), failed: false },
         lost_at: None,
         is_first: true,
-        progress: ProgressBar::with_draw_target(None, target),
+        // It has no end that a bar could show.
+        progress: ProgressBar::with_draw_target(None, target).with_style(ProgressStyle::default_spinner()),
         clock,
     };
     let unwritten = |error: anyhow::Error| match error.is::<std::io::Error>() {

@@ -13,6 +13,7 @@ use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
 use super::settings::client_help;
 use crate::report::Report;
+use cellwire_io::output::stdout;
 use cellwire_links::fanuc_hmi_modbus::client_settings_of;
 use cellwire_links::settings::Setting;
 
@@ -95,7 +96,7 @@ impl From<OrderArg> for WordOrder {
 }
 
 fn print(report: &Report, as_json: bool) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = stdout();
     if as_json {
         writeln!(out, "{}", report.to_json())?
     } else {

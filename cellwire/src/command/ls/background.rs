@@ -8,6 +8,7 @@ use fanuc_hmi_modbus::Assignment;
 
 use super::{rules, write};
 use crate::telemetry::task::BackgroundTask;
+use cellwire_io::files;
 use cellwire_io::output::remark;
 
 /// Writes the background task that copies the tool's pose and speed to registers for `cellwire fanuc log`.
@@ -35,6 +36,9 @@ pub(super) struct Args {
     /// The file to write, - for standard output [default: NAME.LS]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Write the three slots into this file too, as SETVAR lines of a command file; the simulator's setting `assignments` reads it
+    #[arg(long, value_name = "FILE")]
+    assignments: Option<PathBuf>,
     /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
@@ -58,7 +62,20 @@ pub(super) fn background(args: &Args) -> Result<()> {
         scratch + 12
     ));
     remark(slots(*first).trim_end());
+    if let Some(path) = &args.assignments {
+        let mut lines = String::new();
+        for ((slot, name), assignment) in (1..).zip(names(*first)).zip(Assignment::TELEMETRY) {
+            Assignment { var_name: &name, ..assignment }.print(slot, &mut lines)?;
+        }
+        files::write(path, lines.as_bytes())?;
+        remark(&format!("{}: the same as SETVAR lines", path.display()));
+    }
     Ok(())
+}
+
+/// The variables of the three slots.
+fn names(first: u16) -> [String; 3] {
+    [format!("R[{first}]"), format!("R[{}]@1.1", first + 1), format!("R[{}]", first + 2)]
 }
 
 /// What to set on the controller so that the registers from `first` on are the telemetry block.
@@ -67,8 +84,7 @@ fn slots(first: u16) -> String {
         "  on the controller, instead of its first slot (from public programs: the source does not show its own), then restart it:\n  \
          $SNPX_ASG  $ADDRESS  $SIZE  $VAR_NAME     $MULTIPLY\n",
     );
-    let names = [format!("R[{first}]"), format!("R[{}]@1.1", first + 1), format!("R[{}]", first + 2)];
-    for ((slot, name), assignment) in (1..).zip(names).zip(Assignment::TELEMETRY) {
+    for ((slot, name), assignment) in (1..).zip(names(first)).zip(Assignment::TELEMETRY) {
         let Assignment { address, size, multiply, .. } = assignment;
         text += &format!("  {slot:>9}  {address:>8}  {size:>5}  {name:<12}  {:>9}\n", multiply.value());
     }

@@ -1,6 +1,6 @@
 //! `cellwire ls edit`.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use fanuc_ls::{
 
 use super::check::files;
 use super::difference::Change;
-use cellwire_io::output::{printable, remark};
+use cellwire_io::output::{printable, remark, stdout};
 
 /// Edits LS files, and shows the changes; --write applies them.
 ///
@@ -86,7 +86,7 @@ pub(super) fn edit(args: &Args) -> Result<bool> {
         }
     }
     changes.retain(|change| !change.is_none());
-    let mut out = io::stdout().lock();
+    let mut out = stdout();
     for change in &changes {
         out.write_all(change.shown().as_bytes())?;
     }

@@ -1,13 +1,13 @@
 //! `cellwire ls fmt`.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 
 use super::check::files;
 use super::difference::Change;
-use cellwire_io::output::{printable, remark};
+use cellwire_io::output::{printable, remark, stdout};
 
 /// Formats LS files as controllers print them, and shows the changes; --write applies them.
 ///
@@ -30,7 +30,7 @@ pub(super) struct Args {
 /// False when a file was to be checked and is laid out otherwise.
 pub(super) fn fmt(args: &Args) -> Result<bool> {
     let paths = files(&args.files)?;
-    let (mut out, mut changed, mut unread) = (io::stdout().lock(), 0, 0);
+    let (mut out, mut changed, mut unread) = (stdout(), 0, 0);
     for path in &paths {
         let mut change = match Change::read(path) {
             Ok(change) => change,

@@ -17,7 +17,7 @@ use clap::{Subcommand, ValueEnum};
 use fanuc_ls::{Program, Rules};
 
 use cellwire_io::files;
-use cellwire_io::output::remark;
+use cellwire_io::output::{remark, stdout};
 use cellwire_motion::{Arm, Dimensions, Limits, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
@@ -176,7 +176,7 @@ fn rules(name_limit: usize) -> Rules {
 fn write(program: &Program, rules: &Rules, out: Option<&Path>, replaces: bool) -> Result<String> {
     let text = program.to_text(rules)?;
     if out == Some(Path::new("-")) {
-        std::io::stdout().write_all(text.as_bytes())?;
+        stdout().write_all(text.as_bytes())?;
         return Ok("standard output".into());
     }
     let path = out.map_or_else(|| PathBuf::from(format!("{}.LS", program.name)), Path::to_path_buf);

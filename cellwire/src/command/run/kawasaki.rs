@@ -18,7 +18,7 @@ use crate::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use cellwire_io::bell::Bell;
 use cellwire_io::input::{self, time};
 use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::output::{log, ready};
+use cellwire_io::output::{log, ready, stdout};
 use cellwire_io::tcp;
 use cellwire_io::trace::TraceArgs;
 use cellwire_links::settings;
@@ -29,7 +29,7 @@ use cellwire_links::settings;
 /// is a line of it.
 ///
 /// A table (.csv): the first line names fields of a job, in any order; each other line is a job. The plant's settings have the fields as
-/// tables [[job]], which docs/first-robot.md describes; without them a job is a line of a drawing: kind (1 draws, 2 moves), x1, y1, x2, y2
+/// tables [[job]] (`cellwire settings run kawasaki` describes them); without them a job is a line of a drawing: kind (1 draws, 2 moves), x1, y1, x2, y2
 /// in hundredths of a millimetre. Every invalid line is reported before anything is sent.
 ///
 /// The robot connects, and reconnects when a connection is lost; over UDP (setting udp) it sends first. "Done" means executed, as the
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     if args.work.dry_run {
         if input::extension(file) == "csv" {
-            writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
+            writeln!(stdout(), "{}", jobs.table())?;
         }
         log(&jobs.summary(config.limits.packet, settings.sheet()))?;
         args.work.tell(&work, earlier.as_ref())?;

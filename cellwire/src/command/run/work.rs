@@ -1,5 +1,6 @@
 //! What the clients have in common that do each part of some work once.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Receiver;
 
@@ -64,7 +65,7 @@ pub(super) struct Work<'a> {
     pub(super) unit: &'a str,
 }
 
-const NO_TABLE: files::Unwritten = files::Unwritten("the outcomes are in the journal alone");
+const NO_TABLE: files::Unwritten = files::Unwritten(Cow::Borrowed("the outcomes are in the journal alone"));
 
 /// A run that has ended.
 pub(super) struct Ran<R, T> {

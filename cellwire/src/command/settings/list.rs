@@ -12,6 +12,7 @@ use serde_json::Value;
 use crate::command::{fanuc, modbus, run};
 use crate::devices::{DEVICES, device_by_name};
 use crate::{alter::operator, demo};
+use cellwire_io::output::stdout;
 use cellwire_io::plain;
 
 /// Prints the settings of a command as a file for --settings
@@ -48,7 +49,7 @@ pub fn run(args: &Args) -> Result<bool> {
         bail!("`cellwire {name}` has no settings");
     }
     let text = format!("# `cellwire {name}`: settings, for --settings FILE\n{}", file(&settings));
-    std::io::stdout().lock().write_all(text.as_bytes())?;
+    stdout().write_all(text.as_bytes())?;
     Ok(true)
 }
 

@@ -27,7 +27,7 @@ const COMMON: [Command; 14] = [
     },
     Command {
         name: "delay",
-        about: "the next message and all later ones are delayed by `ms` or `seconds`; `next`, `every` and `of` as for drop",
+        about: "the next message comes later, by `ms` or `seconds`, and those behind it wait for it; `next`, `every` and `of` as for drop",
         examples: &[r#"{"do":"delay","ms":200}"#],
     },
     Command {

@@ -1,7 +1,7 @@
 //! The commands of `--control` to the simulated controller: registers and signals.
 
 use cellwire_sim::fanuc::{FanucController, Write};
-use fanuc_hmi_modbus::Table;
+use fanuc_hmi_modbus::{Signal, Table};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -36,7 +36,7 @@ pub(super) fn own() -> Own<FanucController> {
         execute: |fanuc, args| {
             if args.name == "get" {
                 let Get { signal, table, address, count } = args.read()?;
-                let (table, address) = place(signal.as_deref(), table, address)?;
+                let (table, address) = place(fanuc, signal.as_deref(), table, address)?;
                 let count = count.unwrap_or(1);
                 if count > MOST || signal.is_some() && count != 1 {
                     return Err("`count` is 0 to 1000, and 1 for a signal".into());
@@ -49,7 +49,7 @@ pub(super) fn own() -> Own<FanucController> {
                 });
             }
             let Set { signal, table, address, value, values } = args.read()?;
-            let (table, address) = place(signal.as_deref(), table, address)?;
+            let (table, address) = place(fanuc, signal.as_deref(), table, address)?;
             let values = match (value, values) {
                 (Some(value), None) => vec![value],
                 (None, Some(values)) if signal.is_none() => values,
@@ -95,10 +95,22 @@ struct Set {
 }
 
 /// The table and the address of a request.
-fn place(signal: Option<&str>, table: Option<Table>, address: Option<u16>) -> Result<(Table, u16), String> {
-    match (signal, table, address) {
-        (Some(name), None, None) => {
-            let known = signal::parse(name).and_then(fanuc_hmi_modbus::Signal::place);
+fn place(
+    fanuc: &FanucController,
+    signal: Option<&str>,
+    table: Option<Table>,
+    address: Option<u16>,
+) -> Result<(Table, u16), String> {
+    match (signal.map(|name| (name, signal::parse(name))), table, address) {
+        (Some((name, Some(Signal::R(number)))), None, None) => {
+            let register = fanuc.controller().register(number);
+            let register = register.ok_or_else(|| {
+                format!("no assignment shows {name} as a whole number of 16 bits: use the `address` of its assignment")
+            })?;
+            Ok((Table::HoldingRegisters, register))
+        }
+        (Some((name, signal)), None, None) => {
+            let known = signal.and_then(Signal::place);
             known.ok_or_else(|| format!("there is no signal {name}; a signal is {}", signal::NAMES))
         }
         (None, table, Some(address)) => Ok((table.unwrap_or(Table::HoldingRegisters), address)),

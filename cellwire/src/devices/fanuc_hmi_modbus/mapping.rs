@@ -94,6 +94,16 @@ impl Mapping {
         registers.find(|register| !self.areas.iter().any(|area| area.registers.contains(register)))
     }
 
+    /// Returns the register that shows R\[n\] as a whole number of 16 bits.
+    pub fn register(&self, number: u16) -> Option<u16> {
+        self.areas.iter().find_map(|area| {
+            let Variable::Number(Kind::Int16, _) = area.variable else { return None };
+            let behind = u32::from(number).checked_sub(area.first)?;
+            let register = area.registers.start.checked_add(usize::try_from(behind).ok()?)?;
+            area.registers.contains(&register).then(|| u16::try_from(register).ok()).flatten()
+        })
+    }
+
     /// Puts the variables into the registers.
     pub fn show(&self, memory: &Memory, here: &Place, registers: &mut [u16]) {
         for area in &self.areas {

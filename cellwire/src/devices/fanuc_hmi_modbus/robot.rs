@@ -96,4 +96,8 @@ impl Program for Reporting {
     fn show(&mut self, tables: &mut Tables) {
         self.robot.show(tables);
     }
+
+    fn register(&self, number: u16) -> Option<u16> {
+        self.robot.mapping.register(number)
+    }
 }

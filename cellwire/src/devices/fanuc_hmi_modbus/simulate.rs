@@ -11,7 +11,7 @@ use cellwire_sim::fanuc::{
 };
 use cellwire_sim::host::{Notice, Server};
 use cellwire_sim::{Simulator, Told};
-use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, WordOrder};
+use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, TelemetryBlock, WordOrder};
 use serde_json::{Map, Value, json};
 
 use super::control;
@@ -268,6 +268,15 @@ impl Shown {
             }
             FanucEvent::Server(ServerEvent::Corrupt(error)) => put("corrupt", &|| json!({"error": error})),
             _ => {}
+        }
+        if let (None, FanucEvent::Written(Write::Registers(address, values))) = (&self.mapping, event)
+            && *address < TelemetryBlock::QUANTITY
+        {
+            let count = values.len().min((TelemetryBlock::QUANTITY - address).into());
+            put("overwritten", &|| {
+                let why = "the background task writes its telemetry here, every 8 ms: write to registers from PDU address 37 on";
+                json!({"table": Table::HoldingRegisters, "address": address, "count": count, "why": why})
+            });
         }
         if let Some((address, count)) = self.unassigned(event) {
             put("unassigned", &|| {

@@ -26,7 +26,7 @@ fn a_journal_is_read_again_but_for_a_torn_line_and_by_one_process_alone() {
     drop(journal);
 
     let error = format!("{:#}", open(5, false).unwrap_err());
-    assert!(error.contains("it belongs to another plate"), "{error}");
+    assert!(error.contains("it belongs to another plate, of which it has 1 part as done"), "{error}");
     assert_eq!(*open(5, true).unwrap().outcomes(), [Outcome::NotSent; 5]);
     std::fs::write(&path, "none\n").unwrap();
     let error = format!("{:#}", open(5, false).unwrap_err());

@@ -253,7 +253,8 @@ impl<'a> Runner<'a> {
                 if !self.alarm || before {
                     return Ok(());
                 }
-                let what = "the robot has an alarm and executes nothing: reset it at the robot, or type stop";
+                let what = "the robot has an alarm and executes nothing: reset it at the robot, or type stop; if it has executed no \
+                            job at all, compare [[job]] and the messages in the settings of both ends";
                 json!({"event": "alarm", "order": order, "what": what})
             }
             PcEvent::Corrupt(_) | PcEvent::Rejected(_) => {

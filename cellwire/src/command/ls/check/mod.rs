@@ -12,12 +12,12 @@ use clap::ValueEnum;
 use fanuc_ls::{Level, Rules, Surroundings};
 
 use super::rules;
-use cellwire_io::output::{counted, log, printable, remark};
+use cellwire_io::output::{counted, log, printable, remark, stdout};
 use file::{File, kind, motions};
 
 /// Reports errors in LS files, with line, column and advice.
 ///
-/// An error is something that a controller refuses to load or run; a warning is a probable mistake; a hint may be intended. In a
+/// An error is something that a controller refuses to load or run; a warning is a probable mistake, such as a position that the file does not define: the program stops with an alarm where nobody teaches it; a hint may be intended. In a
 /// folder, a call of a program without a file is a hint. The exit status is 1 if there is an error (see --fail-on).
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
@@ -76,7 +76,7 @@ pub(super) fn check(args: &Args) -> Result<bool> {
     let rules = rules(args.name_limit);
     let paths = files(&args.files)?;
     let mut around = around(args, &paths)?;
-    let (mut out, mut good, mut unread, mut results) = (io::stdout().lock(), true, 0, Vec::new());
+    let (mut out, mut good, mut unread, mut results) = (stdout(), true, 0, Vec::new());
     for path in &paths {
         match std::fs::read(path).with_context(|| format!("cannot read {}", path.display())) {
             Ok(bytes) => {
@@ -136,7 +136,7 @@ fn stem(path: &Path) -> Option<String> {
 pub(super) fn summarize(folder: &Path) -> Result<bool> {
     let (mut sums, mut errors) = ([0; 5], 0);
     let mut kinds: BTreeMap<(core::cmp::Reverse<Level>, String), (usize, usize)> = BTreeMap::new();
-    let (rules, mut out) = (Rules::default(), io::stdout().lock());
+    let (rules, mut out) = (Rules::default(), stdout());
     for path in files(&[folder.to_path_buf()])? {
         let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let around = Surroundings { file: stem(&path), ..Surroundings::default() };

@@ -128,16 +128,19 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         if !self.core.events.has_room(OUTCOMES) {
             return Err(SessionError::TooManyEvents);
         }
-        if sent.checked_sub(1).is_some_and(|last| matches!(source.job(last), Supply::End)) {
-            return Err(SessionError::FewerJobs { sent });
-        }
         let error = match self.core.machine.order.number() {
             0 => SessionError::NotInFlight { executed, sent },
             active => SessionError::OrderActive { active },
         };
         // The robot may report the end before it asks for a job.
         let total = matches!(source.job(sent), Supply::End).then_some(sent);
+        let before = self.core.machine.clone();
         self.ask(Duration::ZERO, Input::Resume { order, executed, sent, total }).map_err(|_| error)?;
+        if sent.checked_sub(1).is_some_and(|last| matches!(source.job(last), Supply::End)) {
+            // Its order would be complete at the end of a list that is another one.
+            self.core.machine = before;
+            return Err(SessionError::FewerJobs { sent });
+        }
         for index in ahead {
             let _always = self.ask(Duration::ZERO, Input::Ahead { index });
         }

@@ -60,6 +60,8 @@ bool kawasaki_pc_resume(struct kawasaki_pc *pc, uint16_t order, const struct kaw
 {
     if (!can_begin(pc, order) || reached->sent < reached->executed || reached->sent - reached->executed > pc->window)
         return false;
+    if (!jobs->is_open && jobs->count < reached->sent)
+        return false;
     begin(pc, order, jobs);
     pc->stage = KAWASAKI_PC_ACTIVE;
     pc->executed = pc->queued = reached->executed;

@@ -95,6 +95,8 @@ class Pc(End):
         self.check_start(order)
         if not 0 <= sent - executed <= self.window:
             raise NotTaken("not_in_flight")
+        if len(jobs) < sent and not open:
+            raise NotTaken("fewer_jobs")
         self.begin(jobs, open)
         self.number, self.stage = order, Stage.ACTIVE
         self.executed = self.queued = executed

@@ -4,6 +4,7 @@
 //! A count is exact and the same on a busy computer: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
 
+mod peer;
 mod row;
 
 use std::process::{Command, ExitCode, Stdio};
@@ -12,6 +13,7 @@ use std::time::Duration;
 use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
 use serde::Serialize;
 
+pub use peer::{Peer, Serve};
 pub use row::{Count, Run, Timing};
 
 /// The file of the last counts, which `budgets -- --write` writes and `reference write` reads.
@@ -27,6 +29,8 @@ pub struct Link {
     pub ratios: &'static [Ratio],
     /// The rows of its decoders.
     pub streams: &'static [Stream],
+    /// The other ends of its rows over TCP.
+    pub peers: &'static [Serve],
     /// Timing budgets, from the crate's `timing` functions.
     pub budgets: fn() -> Vec<Budget>,
 }
@@ -115,6 +119,15 @@ pub fn main(links: &[Link]) -> ExitCode {
         let (Some(count), Ok(rounds)) = (count, rounds.parse()) else { panic!("no such row: {args:?}") };
         count.run.once(rounds);
         return ExitCode::SUCCESS;
+    }
+    if let [flag, link, number] = args.as_slice()
+        && flag == "--peer"
+    {
+        let link = links.iter().find(|l| l.name == link);
+        let Some(serve) = link.and_then(|link| link.peers.get(number.parse::<usize>().ok()?)) else {
+            panic!("no such peer: {args:?}");
+        };
+        return if peer::run(*serve).is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
     }
     let mut flag = |name| args.iter().position(|a| a == name).map(|at| args.remove(at)).is_some();
     let (check, write) = (flag("--check"), flag("--write"));

@@ -9,7 +9,7 @@ use core::time::Duration;
 use ::embedded_io::{Read, ReadReady, Write, WriteReady};
 
 use crate::left::Left;
-use crate::turn::{Clock, Outgoing, Passed, Turn};
+use crate::turn::{Clock, NoKeep, Outgoing, Passed, Turn};
 use crate::{Ended, Session};
 
 /// The loop over a port, which [`poll`](Self::poll) runs as far as it can without waiting.
@@ -69,18 +69,14 @@ where
             let Self { port, now, input, out, left } = self;
             let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
             let wake = ready_if(|| core::mem::take(&mut changed));
-            let turn = Turn { port, clock: now, input, out, left }.run(
-                session,
-                wake,
-                async |_: &mut S| Ok(()),
-                &mut handler,
-            );
+            let turn = Turn { port, time: &*now, input, out, left };
+            let turn = turn.run(session, wake, None::<NoKeep<S, P::Error>>, &mut handler);
             let polled = pin!(turn).poll(&mut Context::from_waker(Waker::noop()));
             match polled {
                 Poll::Ready(Ok(ControlFlow::Continue(()))) => {}
                 Poll::Ready(Ok(ControlFlow::Break(ended))) => return Ok(ControlFlow::Break(ended)),
                 Poll::Ready(Err(error)) => return Err(error),
-                Poll::Pending => return Ok(ControlFlow::Continue(left.due(session, now.now()))),
+                Poll::Pending => return Ok(ControlFlow::Continue(left.due(session, now.0()))),
             }
         }
     }

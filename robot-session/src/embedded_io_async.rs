@@ -9,7 +9,7 @@ use ::embedded_io_async::{Read, Write};
 
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
-use crate::turn::{Outgoing, Passed, Turn};
+use crate::turn::{NoKeep, Outgoing, Passed, Turn};
 use crate::{Clock, Ended, Session};
 
 /// The loop over both halves of a port, one turn at a time.
@@ -71,7 +71,7 @@ where
         wake: impl Future<Output = ()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, R::Error> {
-        self.turn_keeping(session, wake, async |_: &mut S| Ok(()), handler).await
+        self.pass(session, wake, None::<NoKeep<S, R::Error>>, handler).await
     }
 
     /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive a
@@ -86,10 +86,20 @@ where
         keep: impl AsyncFnMut(&mut S) -> Result<(), R::Error>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, R::Error> {
+        self.pass(session, wake, Some(keep), handler).await
+    }
+
+    async fn pass<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        wake: impl Future<Output = ()>,
+        keep: Option<impl AsyncFnMut(&mut S) -> Result<(), R::Error>>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<Ended<B>>, R::Error> {
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
         let Self { port, clock, input, out, left } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
-        Turn { port, clock, input, out, left }.run(session, wake, keep, handler).await
+        Turn { port, time: &*clock, input, out, left }.run(session, wake, keep, handler).await
     }
 
     /// Runs a session that works with nothing but bytes and time until `handler` breaks or the peer closes the connection. The session
@@ -110,8 +120,8 @@ where
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
         let mut connection = Connection::begin(session, || clock.now(), note);
         let ended = loop {
-            let turn = Turn { port, clock, input, out, left };
-            let keep = async |_: &mut S| Ok(());
+            let turn = Turn { port, time: &*clock, input, out, left };
+            let keep = None::<NoKeep<S, R::Error>>;
             let turned = turn.run(connection.session, pending(), keep, &mut connection.handler).await?;
             if let ControlFlow::Break(ended) = turned {
                 break ended;

@@ -138,10 +138,10 @@ impl Left {
         &mut self,
         session: &mut S,
         out: &mut [u8],
-        now: impl Fn() -> Duration,
+        now: Duration,
         mut each: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> ControlFlow<B> {
-        while let Step::Event(event) = self.next(session, now(), out) {
+        while let Step::Event(event) = self.next(session, now, out) {
             each(session, event)?;
         }
         ControlFlow::Continue(())

@@ -1,7 +1,7 @@
 //! One turn of the loops that wait by `.await`: tokio's, and that over `embedded-io-async`. A turn that is dropped loses nothing, so the
 //! loop over `embedded-io` is the same one, polled once.
 
-use core::future::{pending, poll_fn};
+use core::future::{Ready, pending, poll_fn};
 use core::ops::ControlFlow;
 use core::pin::{Pin, pin};
 use core::task::Poll;
@@ -100,16 +100,41 @@ pub trait Clock {
     fn sleep_until(&self, at: Duration) -> impl Future<Output = ()>;
 }
 
+/// The clock of a turn, and its wait for a deadline.
+pub(crate) trait Time {
+    /// The time.
+    fn now(&self) -> Duration;
+
+    /// Waits until `due`. With `None` and [`Duration::MAX`] it never ends.
+    fn until(&mut self, due: Option<Duration>) -> impl Future<Output = ()>;
+}
+
+impl<C: Clock> Time for &C {
+    fn now(&self) -> Duration {
+        Clock::now(*self)
+    }
+
+    async fn until(&mut self, due: Option<Duration>) {
+        match due {
+            None | Some(Duration::MAX) => pending().await,
+            Some(at) => self.sleep_until(at).await,
+        }
+    }
+}
+
+/// The type of a turn's hook that stores nothing.
+pub(crate) type NoKeep<S, E> = fn(&mut S) -> Ready<Result<(), E>>;
+
 /// What a turn works with. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
-pub(crate) struct Turn<'a, P, C> {
+pub(crate) struct Turn<'a, P, T> {
     pub(crate) port: &'a mut P,
-    pub(crate) clock: &'a C,
+    pub(crate) time: T,
     pub(crate) input: &'a mut [u8],
     pub(crate) out: &'a mut [u8],
     pub(crate) left: &'a mut Left,
 }
 
-impl<P: Port, C: Clock> Turn<'_, P, C> {
+impl<P: Port, T: Time> Turn<'_, P, T> {
     /// Events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`, then the
     /// events of that. What is to be sent is written in that wait: a peer that does not read holds up nothing else.
     ///
@@ -118,7 +143,7 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
-        keep: impl AsyncFnMut(&mut S) -> Result<(), P::Error>,
+        keep: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, P::Error> {
         let turned = self.pass(session, pin!(wake), keep, handler).await;
@@ -129,23 +154,32 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         &mut self,
         session: &mut S,
         mut wake: Pin<&mut impl Future<Output = ()>>,
-        mut keep: impl AsyncFnMut(&mut S) -> Result<(), P::Error>,
+        mut keep: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+        // The clock is read once for what happens without a wait.
+        let mut now = self.time.now();
         loop {
-            let Self { clock, out, left, .. } = &mut *self;
-            if let ControlFlow::Break(value) = left.prepare(session, out, || clock.now(), &mut handler) {
+            let Self { out, left, .. } = &mut *self;
+            if let ControlFlow::Break(value) = left.prepare(session, out, now, &mut handler) {
                 return Ok(ControlFlow::Break(Ended::ByHandler(value)));
             }
             if self.left.unannounced {
-                keep(session).await?;
+                if let Some(keep) = &mut keep {
+                    keep(session).await?;
+                    now = self.time.now();
+                }
                 self.left.unannounced = false;
             }
             // The session itself is not lent to the wait: a task that waits need not share it.
-            let due = self.left.due(session, self.clock.now());
-            let passed = self.wait(session.wants_input(), due, wake.as_mut()).await?;
-            let Self { clock, input, left, .. } = &mut *self;
-            if let ControlFlow::Break(ended) = take(session, left, input, passed, clock.now()) {
+            let due = self.left.due(session, now);
+            let (has_waited, passed) = self.wait(session.wants_input(), due, wake.as_mut()).await;
+            if has_waited {
+                now = self.time.now();
+            }
+            let Self { input, left, .. } = &mut *self;
+            let passed = passed?;
+            if let ControlFlow::Break(ended) = take(session, left, input, passed, now) {
                 return Ok(ControlFlow::Break(ended));
             }
             if passed.read.is_some() || passed.written.is_none() {
@@ -154,22 +188,17 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
         }
     }
 
-    /// What the port has done until the time is over, or the driver is woken.
+    /// What the port has done until the time is over, or the driver is woken; and whether that took a wait.
     async fn wait(
         &mut self,
         wants_input: bool,
         due: Option<Duration>,
         mut wake: Pin<&mut impl Future<Output = ()>>,
-    ) -> Result<Passed, P::Error> {
-        let Self { port, clock, input, out, left } = self;
+    ) -> (bool, Result<Passed, P::Error>) {
+        let Self { port, time, input, out, left } = self;
         let mut passed = pin!(port.pass(wants_input.then_some(input), Outgoing::of(left, out)));
-        let mut time = pin!(async {
-            match due {
-                // The latest time of all is never.
-                None | Some(Duration::MAX) => pending().await,
-                Some(at) => clock.sleep_until(at).await,
-            }
-        });
+        let mut time = pin!(time.until(due));
+        let mut has_waited = false;
         let (is_woken, passed) = poll_fn(|context| {
             if let Poll::Ready(passed) = passed.as_mut().poll(context) {
                 return Poll::Ready((false, passed));
@@ -177,11 +206,12 @@ impl<P: Port, C: Clock> Turn<'_, P, C> {
             if wake.as_mut().poll(context).is_ready() {
                 return Poll::Ready((true, Ok(Passed::default())));
             }
+            has_waited = true;
             time.as_mut().poll(context).map(|()| (false, Ok(Passed::default())))
         })
         .await;
         left.woken = is_woken;
-        passed
+        (has_waited, passed)
     }
 }
 

@@ -22,6 +22,7 @@ pub(super) const LINK: Link = Link {
     ],
     ratios: &[],
     streams: &[],
+    peers: &[],
     budgets: Vec::new,
 };
 

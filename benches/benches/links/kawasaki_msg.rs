@@ -34,6 +34,7 @@ pub(super) const LINK: Link = Link {
         Ratio { what: BUILD_SHORT, times: 2.35, of: &[BUILD_SHORT_BY_HAND] },
     ],
     streams: &[streams::rows::<Lines>()],
+    peers: &[],
     budgets,
 };
 

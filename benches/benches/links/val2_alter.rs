@@ -43,6 +43,7 @@ pub(super) const LINK: Link = Link {
     ],
     ratios: &[Ratio { what: SESSION, times: 2.5, of: &[STREAM] }],
     streams: &[streams::rows::<Requests>()],
+    peers: &[],
     budgets,
 };
 

@@ -25,6 +25,7 @@ pub(super) const LINK: Link = Link {
     ],
     ratios: &[],
     streams: &[streams::rows::<Poses>()],
+    peers: &[],
     budgets,
 };
 

@@ -60,6 +60,7 @@ pub(super) const LINK: Link = Link {
     ],
     ratios: &[],
     streams: &[],
+    peers: &[],
     budgets: Vec::new,
 };
 

@@ -19,7 +19,7 @@ use ::tokio::sync::futures::Notified;
 use ::tokio::sync::mpsc;
 
 use super::Waker;
-use super::driver::{Port, Written};
+use super::driver::Port;
 use super::polled::Polled;
 use super::served::Served;
 use super::service::Service;
@@ -49,8 +49,6 @@ pub(super) struct Connection<S: Service> {
     timer: Timer,
     clock: Clock,
     polls: Option<Polls>,
-    /// Bytes were written since the port was last read.
-    has_written: bool,
     /// Bytes were sent.
     pub(super) has_sent: bool,
     /// The time that storing the state may take.
@@ -123,14 +121,13 @@ impl<S: Service> Connection<S> {
     pub(super) fn new(served: Served<S>, port: Box<dyn Stream>, stall: Duration, span: Span) -> Self {
         Self {
             served,
-            port: Port(port),
+            port: Port::new(port),
             input: vec![0; S::Session::MAX_INPUT],
             out: vec![0; S::Session::MAX_TRANSMIT],
             left: Left::with_stall(stall),
             timer: Timer::default(),
             clock: Clock { now: now(), is_used: true },
             polls: None,
-            has_written: false,
             has_sent: false,
             stall,
             handed_over: None,
@@ -208,7 +205,7 @@ impl<S: Service> Connection<S> {
         context: &mut Context<'_>,
         inputs: &mut Inputs<'_, '_, S, O>,
     ) -> Poll<Waited> {
-        let Self { served, port, input, out, left, timer, clock, polls, has_written, .. } = self;
+        let Self { served, port, input, out, left, timer, clock, polls, .. } = self;
         let polls = Polls::of(polls, context);
         if polls.over.is_due() {
             if let Poll::Ready(over) = inputs.over.as_mut().poll(&mut polls.over.context()) {
@@ -234,20 +231,14 @@ impl<S: Service> Connection<S> {
         if is_called {
             return Poll::Ready(Waited::Called);
         }
+        let input = (polls.port.is_due() && served.session.wants_input()).then_some(&mut **input);
+        let mut is_unread = false;
         let outgoing = Outgoing::of(left, out);
-        let mut reads = polls.port.is_due() && served.session.wants_input();
-        // Bytes are written first: mostly the peer sends nothing before it has them. After that the port is read, so that a session
-        // that always has something to send reads too.
-        let writes_first = matches!(outgoing, Outgoing::Bytes(_)) && !*has_written;
-        let first = writes_first.then(|| port.poll_write(&mut polls.port.context(), outgoing));
-        *has_written = matches!(first, Some(Written { written: Poll::Ready(Ok(_)), .. }));
-        reads &= !*has_written;
-        let read = if reads { port.poll_read(&mut polls.port.context(), input) } else { Poll::Pending };
-        if reads && read.is_pending() {
+        let passed = port.poll(&mut polls.port.context(), input, outgoing, || is_unread = true);
+        if is_unread {
             polls.port.set_pending();
         }
-        let written = first.unwrap_or_else(|| port.poll_write(&mut polls.port.context(), outgoing));
-        if let Poll::Ready(passed) = written.passed(read) {
+        if let Poll::Ready(passed) = passed {
             return Poll::Ready(match passed {
                 Ok(passed) => Waited::Passed(passed),
                 Err(error) => Waited::Over(Over::Lost(error)),

@@ -1,35 +1,39 @@
 //! The loop over `AsyncRead + AsyncWrite`.
 
-use core::future::poll_fn;
+use core::future::{pending, poll_fn};
 use core::ops::ControlFlow;
 use core::pin::Pin;
 use core::task::{Context, Poll};
 use core::time::Duration;
 use std::io;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::vec::Vec;
 
 use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::sync::Notify;
-use ::tokio::time::sleep;
 
+use super::timer::Timer;
 use crate::ended::{Connection, keep_first};
 use crate::left::Left;
 use crate::trace::Span;
-use crate::turn::{Outgoing, Passed, Turn};
-use crate::{Clock, Ended, Session, now};
+use crate::turn::{NoKeep, Outgoing, Passed, Time, Turn};
+use crate::{Ended, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
 ///
 /// It owns what is not written yet, so that a dropped future loses nothing: [`turn`](Self::turn) may be one branch of a
-/// `select!`.
+/// `select!`. It may go from task to task, and stays in the runtime of its first turn.
+///
+/// A loop that owns its peer needs no [`Handle`](super::Handle): a call of the session, then turns until its outcome is reported.
 #[derive(Debug)]
 pub struct Driver<T> {
     port: Port<T>,
     input: Vec<u8>,
     out: Vec<u8>,
     left: Left,
-    waker: Waker,
+    timer: Timer,
+    /// Made when it is asked for: a driver without one does not look whether it is woken.
+    waker: OnceLock<Waker>,
 }
 
 /// Ends the wait of a [`Driver`], from any thread: the hook of a queue, or the caller's own event. It never blocks, and waking often
@@ -52,8 +56,9 @@ impl Waker {
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        let waker = Waker::default();
-        Self { port: Port(transport), input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker }
+        let (timer, waker) = (Timer::default(), OnceLock::new());
+        let left = Left::NOTHING;
+        Self { port: Port::new(transport), input: Vec::new(), out: Vec::new(), left, timer, waker }
     }
 
     /// Replaces the time [`STALL`](crate::STALL).
@@ -64,12 +69,12 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
 
     /// A waker that ends the wait of the current turn, or of the next.
     pub fn waker(&self) -> Waker {
-        self.waker.clone()
+        self.waker.get_or_init(Waker::default).clone()
     }
 
     /// The transport.
     pub fn transport_mut(&mut self) -> &mut T {
-        &mut self.port.0
+        &mut self.port.transport
     }
 
     /// One turn: events and what is to be sent, until there is neither, then one wait for bytes or for the session's timeout, then
@@ -85,7 +90,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        self.turn_keeping(session, async |_: &mut S| Ok(()), handler).await
+        self.pass(session, None::<NoKeep<S, io::Error>>, handler).await
     }
 
     /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive the
@@ -100,10 +105,25 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         keep: impl AsyncFnMut(&mut S) -> io::Result<()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        let Self { port, input, out, left, waker } = self;
+        self.pass(session, Some(keep), handler).await
+    }
+
+    async fn pass<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        keep: Option<impl AsyncFnMut(&mut S) -> io::Result<()>>,
+        handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<Ended<B>>> {
+        let Self { port, input, out, left, timer, waker } = self;
         input.resize(S::MAX_INPUT, 0);
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
-        Turn { port, clock: &Process, input, out, left }.run(session, waker.woken(), keep, handler).await
+        let wake = async {
+            match waker.get() {
+                Some(waker) => waker.woken().await,
+                None => pending().await,
+            }
+        };
+        Turn { port, time: Process(timer), input, out, left }.run(session, wake, keep, handler).await
     }
 
     /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does. A dropped future
@@ -140,51 +160,75 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
 }
 
 /// The clock of the process, and tokio's timer.
-struct Process;
+struct Process<'a>(&'a mut Timer);
 
-impl Clock for Process {
+impl Time for Process<'_> {
     fn now(&self) -> Duration {
         now()
     }
 
-    fn sleep_until(&self, at: Duration) -> impl Future<Output = ()> {
-        sleep(at.saturating_sub(now()))
+    fn until(&mut self, due: Option<Duration>) -> impl Future<Output = ()> {
+        poll_fn(move |context| self.0.poll(context, due))
     }
 }
 
+/// A transport.
 #[derive(Debug)]
-pub(super) struct Port<T>(pub(super) T);
+pub(super) struct Port<T> {
+    transport: T,
+    /// Bytes were written since it was last read.
+    has_written: bool,
+}
 
 impl<T: AsyncRead + AsyncWrite + Unpin> crate::turn::Port for Port<T> {
     type Error = io::Error;
 
     async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> io::Result<Passed> {
-        poll_fn(|context| {
-            let read = match &mut input {
-                None => Poll::Pending,
-                Some(input) => self.poll_read(context, input),
-            };
-            self.poll_write(context, out).passed(read)
-        })
-        .await
+        poll_fn(|context| self.poll(context, input.as_deref_mut(), out, || {})).await
     }
 }
 
 impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
-    #[inline]
-    pub(super) fn poll_read(
+    pub(super) const fn new(transport: T) -> Self {
+        Self { transport, has_written: false }
+    }
+
+    /// Bytes are written first: mostly the peer sends nothing before it has them. After that the port is read, so that a session that always
+    /// has something to send reads too. `unread` is called when the port was read and had nothing.
+    #[inline(always)]
+    pub(super) fn poll(
         &mut self,
         context: &mut Context<'_>,
-        input: &mut [u8],
-    ) -> Poll<io::Result<usize>> {
+        input: Option<&mut [u8]>,
+        out: Outgoing<'_>,
+        unread: impl FnOnce(),
+    ) -> Poll<io::Result<Passed>> {
+        let writes_first = matches!(out, Outgoing::Bytes(_)) && !self.has_written;
+        let first = writes_first.then(|| self.poll_write(context, out));
+        self.has_written = matches!(first, Some(Written { written: Poll::Ready(Ok(_)), .. }));
+        let read = match input {
+            Some(input) if !self.has_written => {
+                let read = self.poll_read(context, input);
+                if read.is_pending() {
+                    unread();
+                }
+                read
+            }
+            _ => Poll::Pending,
+        };
+        first.unwrap_or_else(|| self.poll_write(context, out)).passed(read)
+    }
+
+    #[inline]
+    fn poll_read(&mut self, context: &mut Context<'_>, input: &mut [u8]) -> Poll<io::Result<usize>> {
         let mut buffer = ReadBuf::new(input);
-        let read = Pin::new(&mut self.0).poll_read(context, &mut buffer);
+        let read = Pin::new(&mut self.transport).poll_read(context, &mut buffer);
         read.map_ok(|()| buffer.filled().len())
     }
 
     #[inline]
     pub(super) fn poll_write(&mut self, context: &mut Context<'_>, out: Outgoing<'_>) -> Written {
-        let mut port = Pin::new(&mut self.0);
+        let mut port = Pin::new(&mut self.transport);
         let mut flushed = false;
         let written = match out {
             Outgoing::Nothing => Poll::Pending,

@@ -36,7 +36,7 @@ impl<S: Service> Served<S> {
             service.event(session, event, &mut Reports { events, reconnect });
             reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
         };
-        match left.prepare(&mut **session, out, || now, each) {
+        match left.prepare(&mut **session, out, now, each) {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(error) => Err(error),
         }

@@ -5,6 +5,7 @@
 use core::time::Duration;
 use std::io;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair, date_time_ymd};
 use robot_session::tls::{FileError, Identity, Secure, client, server};
@@ -230,14 +231,18 @@ fn secure_connections_of_std_lose_nothing() {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let config = server(identity(&own), Some(&authority.pem())).unwrap();
+    let both_have_all = Arc::new(std::sync::Barrier::new(2));
+    let far_has_all = Arc::clone(&both_have_all);
     let far = std::thread::spawn(move || {
         let mut far = Secure::accept(listener.accept().unwrap().0, config).unwrap();
         assert!(far.connection().peer_certificates().is_some());
         exchange(&mut far);
+        far_has_all.wait();
     });
     let config = client(&authority.pem(), Some(identity(&person))).unwrap();
     let mut near = Secure::dial(std::net::TcpStream::connect(address).unwrap(), config, "localhost").unwrap();
     exchange(&mut near);
+    both_have_all.wait();
     far.join().unwrap();
     let mut buffer = [0; 64];
     assert_eq!(near.receive(&mut buffer, Wait::limited(LONG)).unwrap(), Received::Closed);

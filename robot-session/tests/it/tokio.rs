@@ -91,6 +91,36 @@ async fn an_address_without_a_port_is_said_to_be_none() {
     assert_eq!(error.to_string(), r#""127.0.0.1" is no address: give HOST:PORT, such as 192.168.0.10:502"#);
 }
 
+/// The deadline of a turn that was dropped wakes the task that waits now.
+#[tokio::test(start_paused = true)]
+async fn a_driver_goes_on_in_another_task() {
+    let (near, _far) = tokio::io::duplex(64);
+    let (mut session, mut driver) = (Asker::new(&["one"]), Driver::new(near));
+    session.timeout = 2 * SHORT;
+    let begin = now();
+    assert!(tokio::time::timeout(SHORT, driver.turn(&mut session, go_on)).await.is_err());
+    let next = tokio::spawn(async move {
+        let turn = driver.turn(&mut session, |_, event| ControlFlow::Break(event));
+        tokio::time::timeout(LONG, turn).await.unwrap().unwrap()
+    });
+    assert_eq!(next.await.unwrap(), ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+    assert!((2 * SHORT..3 * SHORT).contains(&(now() - begin)));
+}
+
+/// What is kept may take long: the session has the time of after it.
+#[tokio::test(start_paused = true)]
+async fn a_deadline_that_passes_while_the_state_is_kept_is_seen_in_the_same_turn() {
+    let (near, _far) = tokio::io::duplex(64);
+    let (mut session, mut driver) = (Asker::new(&["one"]), Driver::new(near));
+    session.timeout = SHORT;
+    let keep = async |_: &mut Asker| {
+        tokio::time::sleep(2 * SHORT).await;
+        Ok(())
+    };
+    let turn = driver.turn_keeping(&mut session, keep, |_, event| ControlFlow::Break(event)).await.unwrap();
+    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+}
+
 /// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
 #[tokio::test]
 async fn a_dropped_turn_loses_nothing() {

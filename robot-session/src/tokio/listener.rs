@@ -1,15 +1,15 @@
 //! A session for each connection of a listener.
 
-use core::future::{Future, pending};
+use core::future::{Future, poll_fn};
 use core::net::SocketAddr;
 use core::ops::ControlFlow;
+use core::task::Poll;
 use core::time::Duration;
 use std::io;
 use std::string::ToString;
 
 use ::tokio::io::{AsyncRead, AsyncWrite};
 use ::tokio::net::{TcpListener, TcpStream};
-use ::tokio::select;
 use ::tokio::task::JoinSet;
 use ::tokio::time::sleep;
 
@@ -46,11 +46,14 @@ pub(super) async fn accept<F: Future<Output = ()> + Send + 'static>(
     let mut connections = JoinSet::new();
     loop {
         let has_room = connections.len() < most.max(1);
-        let accepted = select! {
-            accepted = listener.accept(), if has_room => accepted,
-            _ = connections.join_next(), if !connections.is_empty() => continue,
-            () = pending() => continue,
-        };
+        // Of a connection that ends its place is free.
+        let accepted = poll_fn(|context| {
+            if connections.poll_join_next(context).map(|ended| ended.is_some()) == Poll::Ready(true) {
+                return Poll::Ready(None);
+            }
+            if has_room { listener.poll_accept(context).map(Some) } else { Poll::Pending }
+        });
+        let Some(accepted) = accepted.await else { continue };
         match accepted {
             Ok((stream, peer)) => {
                 if prepare(&stream, None).is_ok() {

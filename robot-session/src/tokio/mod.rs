@@ -1,6 +1,7 @@
 //! For tokio: a session in a task of its own that reconnects automatically, with a [`Handle`] for those who use it; below that, the
 //! loop of [`drive`](crate::drive) over any `AsyncRead + AsyncWrite`, and a decoder under `tokio_util`'s framed transports.
 
+#[cfg(feature = "tokio-codec")]
 mod codec;
 mod connection;
 mod connector;
@@ -21,6 +22,7 @@ pub mod tls;
 pub use ::tokio::sync::watch;
 /// Work that blocks its thread, such as writing a file, beside the task.
 pub use ::tokio::task::{JoinHandle, spawn_blocking};
+#[cfg(feature = "tokio-codec")]
 pub use codec::Codec;
 #[cfg(feature = "tokio-serial")]
 pub use connector::Serial;

@@ -11,7 +11,6 @@ use std::io;
 use std::sync::Arc;
 use std::thread::{Builder, JoinHandle};
 
-use ::tokio::select;
 use ::tokio::sync::{broadcast, mpsc, watch};
 use ::tokio::time::{Instant, sleep};
 
@@ -371,21 +370,41 @@ impl<S: Service> Served<S> {
             let due = self.session.poll_timeout().map(|at| at.max(now().saturating_add(SHORTEST)));
             let time = until(due.into_iter().chain([outage.until]).min());
             let takes_calls = S::OFFLINE && self.has_room();
-            let finished =
-                poll_fn(|_| if inbox.shared.is_finished() { Poll::Ready(()) } else { Poll::Pending });
-            select! {
-                biased;
-                () = &mut stopped => return None,
-                () = finished => return None,
-                value = &mut wait => return Some(value),
-                call = inbox.calls.recv(), if takes_calls => self.call(call?),
-                () = inbox.waker.woken() => {}
-                () = time => {}
+            let Inbox { calls, waker, shared, .. } = &mut *inbox;
+            let (mut time, mut woken) = (pin!(time), pin!(waker.woken()));
+            let awake = poll_fn(|context| {
+                if stopped.as_mut().poll(context).is_ready() || shared.is_finished() {
+                    return Poll::Ready(Awake::Stopped);
+                }
+                if let Poll::Ready(value) = wait.as_mut().poll(context) {
+                    return Poll::Ready(Awake::Value(value));
+                }
+                if takes_calls && let Poll::Ready(call) = calls.poll_recv(context) {
+                    return Poll::Ready(call.map_or(Awake::Stopped, Awake::Call));
+                }
+                if woken.as_mut().poll(context).is_ready() || time.as_mut().poll(context).is_ready() {
+                    return Poll::Ready(Awake::Due);
+                }
+                Poll::Pending
+            });
+            match awake.await {
+                Awake::Stopped => return None,
+                Awake::Value(value) => return Some(value),
+                Awake::Call(call) => self.call(call),
+                Awake::Due => {}
             }
             self.session.handle_timeout(now());
             self.report();
         }
     }
+}
+
+/// What has ended a wait without a connection.
+enum Awake<T, C> {
+    Stopped,
+    Value(T),
+    Call(C),
+    Due,
 }
 
 async fn until(at: Option<Duration>) {
@@ -397,25 +416,25 @@ async fn until(at: Option<Duration>) {
 
 /// Waits for the end of the task, or for a connection that replaces this one.
 async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Connector) -> Over {
-    select! {
-        biased;
-        () = stopped(stop.clone()) => Over::Stopped,
-        () = connector.replaced() => Over::Replaced,
-    }
+    let (mut stopped, mut replaced) = (pin!(stopped(stop.clone())), pin!(connector.replaced()));
+    poll_fn(|context| match stopped.as_mut().poll(context) {
+        Poll::Ready(()) => Poll::Ready(Over::Stopped),
+        Poll::Pending => replaced.as_mut().poll(context).map(|()| Over::Replaced),
+    })
+    .await
 }
 
 /// Waits for the time at which the task is to end, or until no handle is left.
 async fn stopped(mut stop: watch::Receiver<Option<Duration>>) {
     loop {
         let at = *stop.borrow_and_update();
-        select! {
-            biased;
-            changed = stop.changed() => {
-                if changed.is_err() {
-                    return;
-                }
-            }
-            () = until(at) => return,
+        let (mut changed, mut over) = (pin!(stop.changed()), pin!(until(at)));
+        let is_over = poll_fn(|context| match changed.as_mut().poll(context) {
+            Poll::Ready(changed) => Poll::Ready(changed.is_err()),
+            Poll::Pending => over.as_mut().poll(context).map(|()| true),
+        });
+        if is_over.await {
+            return;
         }
     }
 }

@@ -126,4 +126,9 @@ impl ServerArgs {
         };
         Ok(Some(server(Identity { certificate, key }, self.tls_clients.as_deref())?))
     }
+
+    /// Whether clients need a certificate.
+    pub const fn verifies_clients(&self) -> bool {
+        self.tls_clients.is_some()
+    }
 }

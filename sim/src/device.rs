@@ -45,6 +45,9 @@ pub trait Device {
     /// It loses what it holds and has not executed; the connection goes on.
     fn forget(&mut self, now: Duration);
 
+    /// The peer of a connection in TLS has shown this certificate (DER), which is verified. Called before the first bytes of the peer.
+    fn secured(&mut self, _certificate: &[u8]) {}
+
     /// The same device on one more connection at the same time; `None` where a new connection takes the place of the one before.
     fn another(&self) -> Option<Self>
     where

@@ -44,7 +44,7 @@ const EXAMPLES: &str = "\
 Examples:
   cellwire certificates tls --role operator
   cellwire simulate fanuc --listen 8020 --tls-cert tls/server.pem --tls-key tls/server.key
-  echo 'read 0 37' | cellwire modbus send localhost:8020 --tls tls/authority.pem";
+  echo '{\"function\":3,\"address\":0,\"quantity\":37}' | cellwire modbus send localhost:8020 --tls tls/authority.pem";
 
 /// Makes them.
 ///

@@ -60,6 +60,9 @@ pub struct Args {
     quiet: bool,
 }
 
+/// The devices that are TCP servers: their clients may speak TLS.
+const TLS: [&str; 3] = ["fanuc", "mma-robot", "mma-platform"];
+
 const USAGE: &str = "\
 cellwire simulate [OPTIONS] <DEVICE> --listen <ADDR>
        cellwire simulate [OPTIONS] <DEVICE> --connect <ADDR>
@@ -93,8 +96,9 @@ pub fn run(args: &Args) -> Result<bool> {
     let settings = args.set.read(&(args.device.settings)())?;
     let tls = args.tls.read()?;
     ensure!(
-        tls.is_none() || args.device.name == "fanuc" && matches!(endpoint, Endpoint::Listen(_)),
-        "--tls-cert is for a device with --listen whose clients speak TLS: simulate fanuc"
+        tls.is_none() || TLS.contains(&args.device.name) && matches!(endpoint, Endpoint::Listen(_)),
+        "--tls-cert is for a TCP server with --listen: {}",
+        TLS.join(", ")
     );
     args.events.choose();
     if args.quiet {
@@ -106,6 +110,7 @@ pub fn run(args: &Args) -> Result<bool> {
         endpoint,
         dialing: args.connect.dialing(),
         tls,
+        verifies_clients: args.tls.verifies_clients(),
         idle_timeout: (args.idle_timeout < Duration::MAX).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,

@@ -56,6 +56,8 @@ pub struct SimulateOptions {
     pub dialing: Dialing,
     /// The clients of the device have to speak TLS, with this.
     pub tls: Option<Arc<ServerConfig>>,
+    /// Their certificates are verified.
+    pub verifies_clients: bool,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
     /// The options of traces: where the bytes of a session that ended are kept.

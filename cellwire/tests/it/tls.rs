@@ -47,7 +47,7 @@ fn clients_and_the_simulator_speak_tls_with_certificates_of_the_tool() {
     assert!(code == Some(3) && said.contains("the peer requires a certificate"), "{said}");
     let (code, _, said) =
         send(&[&shown(&root, "client")[..], &["--tls-name".into(), "robot.local".into()]].concat());
-    assert!(code == Some(2) && said.contains("is for other names: localhost"), "{said}");
+    assert!(code == Some(2) && said.contains("is for other names: localhost, 127.0.0.1"), "{said}");
     let (code, _, said) = send(&[]);
     assert!(code == Some(3) && said.contains("speaks TLS begins so: --tls"), "{said}");
     // Both ends of a telemetry log.
@@ -60,6 +60,29 @@ fn clients_and_the_simulator_speak_tls_with_certificates_of_the_tool() {
     for device in ["laser", "kawasaki-pc"] {
         let (code, _, said) =
             cellwire(&[&["simulate", device, "--listen", "127.0.0.1:0"][..], &server].concat(), "");
-        assert!(code == Some(2) && said.contains("simulate fanuc"), "{said}");
+        assert!(code == Some(2) && said.contains("a TCP server with --listen: fanuc, mma-robot"), "{said}");
+    }
+    let robot = Tool::start(&[&["simulate", "mma-robot", "--listen", "127.0.0.1:0"][..], &server].concat());
+    assert_eq!(robot.line()["ready"], "mma-robot");
+
+    let device = ["simulate", "fanuc", "--listen", "127.0.0.1:0", "--set", "roles=operator:read@0-36"];
+    let (code, _, said) = cellwire(&[&device[..], &server[..4]].concat(), "");
+    assert!(code == Some(2) && said.contains("give --tls-clients too"), "{said}");
+    let simulator = Tool::start(&[&device[..], &server].concat());
+    let address = simulator.line()["listen"].as_str().unwrap().replace("127.0.0.1", "localhost");
+    let send = |name: &str, request: &str| {
+        let options = shown(&root, name);
+        let options = options.each_ref().map(String::as_str);
+        cellwire(&[&["modbus", "send", &address][..], &options].concat(), &format!("{request}\n")).1
+    };
+    let reply = send("operator", r#"{"function":3,"address":35,"quantity":2}"#);
+    assert!(reply.contains("\"registers\":["), "{reply}");
+    for (name, request) in [
+        ("operator", r#"{"function":3,"address":35,"quantity":3}"#),
+        ("operator", r#"{"function":6,"address":0,"value":1}"#),
+        ("client", r#"{"function":3,"address":0,"quantity":1}"#),
+    ] {
+        let reply = send(name, request);
+        assert!(reply.contains("\"exception\":1"), "{name} {request}: {reply}");
     }
 }

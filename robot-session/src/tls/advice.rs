@@ -28,9 +28,11 @@ pub(crate) fn advised(error: io::Error) -> io::Error {
                 "the peer's certificate is self-signed, or not signed by the given authority".into()
             }
             Wrong::NotValidForNameContext { presented, .. } => {
-                // As `DnsName("localhost")`.
-                let names: Vec<&str> =
-                    presented.iter().map(|it| it.split('"').nth(1).unwrap_or(it)).collect();
+                // As `DnsName("localhost")` and `IpAddress(127.0.0.1)`.
+                let names: Vec<&str> = presented
+                    .iter()
+                    .map(|it| it.split_once('(').map_or(&**it, |(_, name)| name.trim_matches(['"', ')'])))
+                    .collect();
                 format!("the peer's certificate is for other names: {}", names.join(", "))
             }
             Wrong::NotValidForName => "the peer's certificate is for other names".into(),
@@ -54,7 +56,10 @@ pub(crate) fn advised(error: io::Error) -> io::Error {
             Alert::BadCertificate | Alert::CertificateUnknown | Alert::DecryptError | Alert::AccessDenied,
         ) => "the peer refuses this end's certificate".into(),
         Error::AlertReceived(Alert::ProtocolVersion)
-        | Error::PeerIncompatible(PeerIncompatible::Tls12NotOffered) => {
+        // A hello of TLS 1.1 has no such extension.
+        | Error::PeerIncompatible(
+            PeerIncompatible::Tls12NotOffered | PeerIncompatible::SignatureAlgorithmsExtensionRequired,
+        ) => {
             "the peer does not speak TLS 1.2 or 1.3".into()
         }
         Error::InvalidMessage(InvalidMessage::InvalidContentType) => {

@@ -133,10 +133,20 @@ impl Layer {
         }
     }
 
+    /// The certificate of the peer (DER), after the handshake; `None` if the peer has shown none.
+    pub fn peer_certificate(&self) -> Option<&[u8]> {
+        self.0.peer_certificates()?.first().map(|certificate| &**certificate)
+    }
+
     /// Bytes that were received before.
     fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let is_served = matches!(&self.0, Connection::Server(server) if !server.is_handshaking());
         self.0.reader().read(buffer).map_err(|error| match error.kind() {
             ErrorKind::WouldBlock => error,
+            // A server whose handshake is over has accepted its client, and is accepted.
+            kind @ ErrorKind::UnexpectedEof if is_served => {
+                io::Error::new(kind, "the client has closed the connection without ending TLS")
+            }
             _ => advised(error),
         })
     }

@@ -10,6 +10,7 @@ use fanuc_hmi_modbus::{
 use super::background::{PERIOD, Pose, background_task};
 use super::faults::{TelemetryFault as Fault, TelemetryFaults as Faults};
 use super::identification::Identification;
+use super::roles::Roles;
 use super::tables::Tables;
 
 /// Where the tool is at a time since the start of the program.
@@ -30,6 +31,7 @@ pub struct Controller {
     source: Source,
     faults: Faults,
     identification: Identification,
+    roles: Roles,
     now: Duration,
     /// The run that the background task has done last.
     run: Option<u32>,
@@ -73,8 +75,9 @@ impl Controller {
     }
 
     fn with(source: Source, tables: Tables, order: WordOrder) -> Self {
-        let (faults, identification) = (Faults::default(), Identification::default());
-        Self { source, faults, identification, now: Duration::ZERO, run: None, tables, order }
+        let (faults, identification, roles) =
+            (Faults::default(), Identification::default(), Roles::default());
+        Self { source, faults, identification, roles, now: Duration::ZERO, run: None, tables, order }
     }
 
     /// The same with faults.
@@ -89,6 +92,18 @@ impl Controller {
     pub fn with_identification(mut self, identification: Identification) -> Self {
         self.identification = identification;
         self
+    }
+
+    /// The same with roles of its clients.
+    #[must_use]
+    pub fn with_roles(mut self, roles: Roles) -> Self {
+        self.roles = roles;
+        self
+    }
+
+    /// The roles of its clients.
+    pub const fn roles(&self) -> &Roles {
+        &self.roles
     }
 
     /// Whether clients cannot reach it now.

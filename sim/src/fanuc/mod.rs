@@ -4,11 +4,13 @@ mod background;
 mod controller;
 mod faults;
 mod identification;
+mod roles;
 mod tables;
 
 use core::time::Duration;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use fanuc_hmi_modbus::security::{Access, RoleError, role};
 use fanuc_hmi_modbus::{
     Bits, BitsMut, Exception, Registers, Server, ServerConfig, ServerEvent, Table, WordOrder, Words, WordsMut,
 };
@@ -18,6 +20,7 @@ pub use self::background::{PERIOD, Pose, background_task};
 pub use self::controller::{Controller, Motion, Program, circle};
 pub use self::faults::{NoFault, TelemetryFault, TelemetryFaults};
 pub use self::identification::{Identification, NoObject};
+pub use self::roles::{NoPermission, Roles};
 pub use self::tables::Tables;
 use crate::device::{Device, Error, Notes};
 use crate::settings::Settings;
@@ -33,6 +36,9 @@ pub struct Fanuc {
     pub faults: TelemetryFaults,
     /// The objects of its device identification; without object 0 it has none.
     pub identification: Identification,
+    /// The accesses that the role in a client's certificate permits; others are refused with exception 1. Without it every client may do
+    /// everything.
+    pub roles: Roles,
 }
 
 impl Settings for Fanuc {
@@ -41,7 +47,8 @@ impl Settings for Fanuc {
     fn device(&self) -> Result<FanucController, Error> {
         let controller = Controller::new(Box::new(circle), self.word_order)
             .with_faults(self.faults.clone())
-            .with_identification(self.identification.clone());
+            .with_identification(self.identification.clone())
+            .with_roles(self.roles.clone());
         FanucController::new(self.config, Arc::new(Mutex::new(controller)))
     }
 }
@@ -64,6 +71,8 @@ pub enum Write {
 pub enum FanucEvent {
     /// An event of the server: a request, corrupt bytes.
     Server(ServerEvent),
+    /// A client has shown its certificate, which has this role; `None`: no role.
+    Role(Result<Option<String>, RoleError>),
     /// A client has read values.
     Read {
         /// The table.
@@ -101,7 +110,7 @@ impl FanucController {
     /// # Errors
     /// A configuration that cannot work.
     pub fn new(config: ServerConfig, controller: Shared) -> Result<Self, Error> {
-        let connection = Connection { controller, accesses: Vec::new(), refusals: Vec::new() };
+        let connection = Connection { controller, role: None, accesses: Vec::new(), refusals: Vec::new() };
         Ok(Self { server: Server::new(config, connection).map_err(Error::settings)? })
     }
 
@@ -171,6 +180,13 @@ impl Device for FanucController {
         controller.tick(now);
     }
 
+    fn secured(&mut self, certificate: &[u8]) {
+        let connection = self.server.registers_mut();
+        let role = role(certificate).map(|role| role.map(String::from));
+        connection.role = role.clone().ok().flatten();
+        connection.accesses.push(FanucEvent::Role(role));
+    }
+
     fn another(&self) -> Option<Self> {
         let shared = Arc::clone(&self.server.registers().controller);
         Self::new(*self.server.config(), shared).ok()
@@ -181,6 +197,8 @@ impl Device for FanucController {
 #[allow(missing_debug_implementations, reason = "a motion is a function")]
 pub struct Connection {
     controller: Shared,
+    /// The role in the client's certificate.
+    role: Option<String>,
     /// Reads and writes that the device has not reported yet.
     accesses: Vec<FanucEvent>,
     /// Refused accesses whose requests the device has not reported yet.
@@ -225,6 +243,21 @@ impl Connection {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The controller, if the client's role permits the access.
+    fn permitted(
+        &self,
+        function: u8,
+        address: u16,
+        count: usize,
+    ) -> Result<MutexGuard<'_, Controller>, Exception> {
+        let quantity = u16::try_from(count).unwrap_or(u16::MAX);
+        let controller = self.lock();
+        match controller.roles().allows(self.role.as_deref(), Access { function, address, quantity }) {
+            true => Ok(controller),
+            false => Err(Exception::IllegalFunction),
+        }
+    }
+
     /// Notes a read, and whether the table refuses it.
     #[expect(clippy::cast_possible_truncation, reason = "a request reads 2000 values at most")]
     fn read(
@@ -265,37 +298,42 @@ impl Connection {
 
 impl Registers for Connection {
     fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        let read = self.lock().read_coils(address, out);
+        let read = self.permitted(1, address, out.len()).and_then(|mut it| it.read_coils(address, out));
         self.read((Table::Coils, address, out.len()), read)
     }
 
     fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        let read = self.lock().read_discrete_inputs(address, out);
+        let read =
+            self.permitted(2, address, out.len()).and_then(|mut it| it.read_discrete_inputs(address, out));
         self.read((Table::DiscreteInputs, address, out.len()), read)
     }
 
     fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        let read = self.lock().read_holding_registers(address, out);
+        let read =
+            self.permitted(3, address, out.len()).and_then(|mut it| it.read_holding_registers(address, out));
         self.read((Table::HoldingRegisters, address, out.len()), read)
     }
 
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        let read = self.lock().read_input_registers(address, out);
+        let read =
+            self.permitted(4, address, out.len()).and_then(|mut it| it.read_input_registers(address, out));
         self.read((Table::InputRegisters, address, out.len()), read)
     }
 
     fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {
-        self.lock().device_object(id, out)
+        self.permitted(43, id.into(), 1).ok()?.device_object(id, out)
     }
 
     fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
-        let written = self.lock().write_coils(address, values);
+        let written =
+            self.permitted(15, address, values.len()).and_then(|mut it| it.write_coils(address, values));
         let write = || Write::Coils(address, values.iter().collect());
         self.write((Table::Coils, address, values.len()), written, write)
     }
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
-        let written = self.lock().write_registers(address, values);
+        let written =
+            self.permitted(16, address, values.len()).and_then(|mut it| it.write_registers(address, values));
         let write = || Write::Registers(address, values.iter().collect());
         self.write((Table::HoldingRegisters, address, values.len()), written, write)
     }

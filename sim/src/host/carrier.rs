@@ -12,6 +12,8 @@ pub(super) struct Carrier {
     /// `None`: bytes as they are.
     #[cfg(feature = "tls")]
     pub(super) tls: Option<Box<Layer>>,
+    /// The session has got the certificate of the client, or there is none.
+    pub(super) is_known: bool,
 }
 
 impl Carrier {
@@ -21,6 +23,17 @@ impl Carrier {
         return self.tls.is_some();
         #[cfg(not(feature = "tls"))]
         false
+    }
+
+    /// The certificate of the client, once.
+    pub(super) fn certificate(&mut self) -> Option<&[u8]> {
+        if core::mem::replace(&mut self.is_known, true) {
+            return None;
+        }
+        #[cfg(feature = "tls")]
+        return self.tls.as_ref()?.peer_certificate();
+        #[cfg(not(feature = "tls"))]
+        None
     }
 
     /// Says that nothing follows.

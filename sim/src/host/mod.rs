@@ -24,6 +24,9 @@ pub trait Hosted: Session + Sized {
         None
     }
 
+    /// The client has shown this certificate (DER) in TLS, which is verified. Called before its first bytes.
+    fn secured(&mut self, _certificate: &[u8]) {}
+
     /// Whether a connection can be made now.
     fn accepts(&self, _now: Duration) -> bool {
         true
@@ -50,6 +53,10 @@ pub enum Request {
 impl<D: Device> Hosted for Simulator<D> {
     fn another(&self) -> Option<Self> {
         Simulator::another(self)
+    }
+
+    fn secured(&mut self, certificate: &[u8]) {
+        self.device_mut().secured(certificate);
     }
 
     fn accepts(&self, now: Duration) -> bool {

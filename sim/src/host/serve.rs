@@ -247,6 +247,7 @@ where
             tcp: stream,
             #[cfg(feature = "tls")]
             tls,
+            is_known: false,
         };
         let (unsent, is_readable, is_ended) = (Vec::new(), false, false);
         let mut client =
@@ -356,6 +357,9 @@ impl<S: Hosted> Client<S> {
                     let is_filled = length == input.len() || self.stream.keeps_bytes();
                     self.is_readable = is_filled || self.is_ended || cfg!(windows);
                     self.active = now;
+                    if let Some(certificate) = self.stream.certificate() {
+                        self.session.secured(certificate);
+                    }
                     let bytes = input.get(..length).unwrap_or_default();
                     observe(&mut self.session, Notice::Received(now, bytes)).map_err(Stop::Server)?;
                     self.session.handle_input(now, bytes);

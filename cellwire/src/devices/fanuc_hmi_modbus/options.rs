@@ -34,6 +34,8 @@ pub struct FanucSettings {
     pub faults: Option<String>,
     /// The objects of its device identification: see [`Identification`](cellwire_sim::fanuc::Identification).
     pub identification: Option<String>,
+    /// The accesses that the roles of clients permit: see [`Roles`](cellwire_sim::fanuc::Roles).
+    pub roles: Option<String>,
     /// The program that the robot runs.
     pub program: ProgramSettings,
 }
@@ -141,6 +143,7 @@ impl Default for FanucSettings {
             word_order,
             faults: None,
             identification: None,
+            roles: None,
             program: ProgramSettings::default(),
         }
     }
@@ -208,6 +211,7 @@ impl Configure for FanucSettings {
             word_order,
             faults,
             identification,
+            roles,
             program,
         } = self;
         frames_setting(fields, frames);
@@ -231,6 +235,10 @@ impl Configure for FanucSettings {
         let shape = "ID:TEXT with commas between them, such as 0:FANUC,1:R-30iB,2:V9.40";
         let about = "the objects of its device identification, function 43";
         fields.text("identification", shape, "it has none", about, identification);
+        let shape = "ROLE:FUNCTION or ROLE:FUNCTION@FIRST-LAST with commas between them, such as operator:read,engineer:write@100-199; \
+                     FUNCTION is any, read, write or a number";
+        let about = "the accesses that the role in a client's certificate permits (--tls-clients); others are refused with exception 1";
+        fields.text("roles", shape, "every client may do everything", about, roles);
         program.configure(fields);
     }
 }

@@ -5,9 +5,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use cellwire_sim::fanuc::{
-    Controller, FanucController, FanucEvent, Identification, Shared, Tables, TelemetryFaults, Write, circle,
+    Controller, FanucController, FanucEvent, Identification, Roles, Shared, Tables, TelemetryFaults, Write,
+    circle,
 };
 use cellwire_sim::host::{Notice, Server};
 use cellwire_sim::{Simulator, Told};
@@ -43,6 +44,11 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     settings.program.leaves_registers = !options.settings.contains_key("telemetry");
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
     let identification: Identification = settings.identification.as_deref().unwrap_or_default().parse()?;
+    let roles: Roles = settings.roles.as_deref().unwrap_or_default().parse()?;
+    ensure!(
+        roles.is_empty() || options.verifies_clients,
+        "the setting roles needs the certificates of clients: give --tls-clients too"
+    );
     let reports = Reports::default();
     let (controller, mapping) = match &settings.program.program {
         None => (Controller::new(Box::new(circle), settings.word_order), None),
@@ -54,7 +60,9 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         }
     };
     let shown = Shown { mapping };
-    let controller = Arc::new(Mutex::new(controller.with_faults(faults).with_identification(identification)));
+    let controller = Arc::new(Mutex::new(
+        controller.with_faults(faults).with_identification(identification).with_roles(roles),
+    ));
     let runs = settings.program.program.is_some();
     match &options.endpoint {
         Endpoint::Listen(address) => {
@@ -246,6 +254,10 @@ impl Shown {
             FanucEvent::Read { table, address, count } => {
                 put("read", &|| json!({"table": table, "address": address, "count": count}));
             }
+            FanucEvent::Role(role) => put("role", &|| match role {
+                Ok(role) => json!({"role": role}),
+                Err(error) => json!({"role": null, "why": error.to_string()}),
+            }),
             FanucEvent::Written(write) => put("write", &|| control::show(write)),
             FanucEvent::Refused { unit, function, exception, values } => put("refused", &|| {
                 let code = u8::from(*exception);

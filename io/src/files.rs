@@ -40,7 +40,8 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
         };
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
-        Ok(drop(file.persist(&path)?))
+        file.persist(&path)?;
+        Ok(())
     };
     // Of an error only its kind is said: its text names the temporary file.
     Ok(write().map_err(|error: io::Error| io::Error::from(error.kind()))?)

@@ -219,7 +219,8 @@ fn own_plant(finding: &Finding, conversation: &Conversation) -> Result<Option<Ma
     let Ok(drafted) = draft(finding, &conversation.streams) else { return Ok(None) };
     let drafted: Map<String, Value> = toml::from_str(&drafted)?;
     let has_own_names = !(finding.link.open.notes)(&finding.read).is_empty();
-    let draws = drafted.get("job").is_none_or(|job| job[0]["name"] == "kind");
+    let draws =
+        drafted.get("job").is_none_or(|job| job.pointer("/0/name").is_some_and(|name| name == "kind"));
     Ok((has_own_names || !draws).then_some(drafted))
 }
 

@@ -38,6 +38,9 @@ pub trait Codec {
     /// See [`Messages::names`].
     fn names(&self, message: &Value) -> Vec<(String, &'static str)>;
 
+    /// See [`Messages::is_filler`].
+    fn is_filler(&self, message: &Value) -> bool;
+
     /// A message object from a fuzzer's bytes: as the decoder shows it, and [`encode`](Self::encode) accepts it.
     ///
     /// # Errors
@@ -104,6 +107,11 @@ pub trait Messages {
     /// the order number of a header and that of a field.
     fn names(&self, _message: &Value) -> Vec<(String, &'static str)> {
         Vec::new()
+    }
+
+    /// Whether a message has no content, and is sent only because something has to be: how many there are depends on the times alone.
+    fn is_filler(&self, _message: &Value) -> bool {
+        false
     }
 
     /// A message object from a fuzzer's bytes, with [`object`].
@@ -208,6 +216,10 @@ where
 
     fn names(&self, message: &Value) -> Vec<(String, &'static str)> {
         self.messages.names(message)
+    }
+
+    fn is_filler(&self, message: &Value) -> bool {
+        self.messages.is_filler(message)
     }
 
     #[cfg(feature = "arbitrary")]

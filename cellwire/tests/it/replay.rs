@@ -88,6 +88,33 @@ fn a_laser_is_played_to_a_program_and_its_program_to_a_laser() {
     assert_eq!((&last["sent"], &last["same"], status), (&2.into(), &2.into(), Some(0)), "{last}");
 }
 
+/// Only a number differs: where the laser cuts to, for example.
+#[test]
+fn a_wrong_number_of_a_command_is_a_departure() {
+    let recorded = Recorded::new("laser-eb90", "laser");
+    let mut client = recorded.tap.connect();
+    thread::sleep(Duration::from_millis(1600));
+    exchange(&mut client, &LASER, LASER[0].len());
+    drop(client);
+    let (_folder, capture) = recorded.capture(4);
+    let path = capture.with_file_name("laser");
+    for (option, departures, expected) in [("", 1, Some(1)), ("--ignore-commands", 0, Some(0))] {
+        let player = replay(&format!("laser --as controller {option} --pty {}", path.display()), &capture);
+        let mut port = serialport::new(path.to_str().unwrap(), 115_200).timeout(DEADLINE).open().unwrap();
+        let wrong: [&[u8]; 2] = [LASER[0], b"\xEB\x90\x82\xF0\xF1\x01\x02\x01\x90\x82\xF5"];
+        exchange(&mut port, &wrong, LASER[0].len());
+        let (last, status) = ended(player);
+        assert_eq!((&last["departures"], status), (&departures.into(), expected), "{option}: {last}");
+        if departures > 0 {
+            assert_eq!(
+                (&last["command"], &last["first"]["departure"]),
+                (&1.into(), &"command".into()),
+                "{last}"
+            );
+        }
+    }
+}
+
 /// A plant with the order number in the header of what the PC sends, and of all that either end sends.
 const HEADERS: [&str; 2] = [
     "[messages.job]\nheader = [\"order\"]\nfields = [\"number\", \"work\"]
@@ -170,7 +197,7 @@ fn a_replay_that_is_interrupted_says_what_was_sent() {
     let mut replay = replay(&arguments, &capture);
     thread::sleep(Duration::from_secs(1));
     assert_eq!(replay.signal("-TERM"), Some(130));
-    replay.line("interrupted: 1 of 2 messages were sent, and may have an effect");
+    replay.line("interrupted: 1 of 2 messages sent, which may have an effect");
 }
 
 #[test]
@@ -227,7 +254,7 @@ fn what_cannot_be_played_is_said() {
         ),
         (
             format!("fanuc-hmi-modbus --as client --listen 0 --conversation 2 {capture}"),
-            "the capture has 1 conversations",
+            "the capture has 1 conversation",
         ),
         (
             format!("fanuc-hmi-modbus --as client --listen 0 --port 7 {capture}"),

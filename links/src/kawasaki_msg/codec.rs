@@ -1,5 +1,5 @@
 use anyhow::{Context, Result};
-use kawasaki_msg::{Decoder, Dialect, Field, Message, PcConfig, Takeover};
+use kawasaki_msg::{Decoder, Dialect, Field, Message, PcConfig, Role, Takeover};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
@@ -81,6 +81,11 @@ impl codec::Messages for Messages {
         };
         let header = entry.header.iter().enumerate().map(named("header"));
         header.chain(fields.enumerate().map(named("fields"))).collect()
+    }
+
+    fn is_filler(&self, message: &Value) -> bool {
+        let mut fillers = self.dialect.entries().iter().filter(|entry| entry.role == Role::Filler);
+        fillers.any(|entry| message["name"] == entry.name)
     }
 
     #[cfg(feature = "arbitrary")]

@@ -1,7 +1,7 @@
 //! Messages as what they mean in the plant's table, whatever they are called there.
 
 use anyhow::{Context, anyhow};
-use kawasaki_msg::{Decoder, Dialect, Field, Message, Params};
+use kawasaki_msg::{Decoder, Dialect, Field, Message, Params, Role};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -79,6 +79,10 @@ impl codec::Messages for Roles {
         let fields = entry.into_iter().flat_map(|entry| entry.header.iter().chain(entry.fields));
         let named = |field: &Field| Some((format!("/values/{}", field_name(*field)?), repeated_name(*field)));
         fields.filter_map(named).collect()
+    }
+
+    fn is_filler(&self, message: &Value) -> bool {
+        message["role"] == role_name(Role::Filler)
     }
 
     #[cfg(feature = "arbitrary")]

@@ -12,14 +12,52 @@ pub(in crate::command) struct Follow {
     chosen: HashMap<(String, String), Value>,
     /// The codec, which names values that a message has in several places; none of an end that polls.
     codec: Option<Box<dyn Codec>>,
+    /// Whether a value of this name is a command of the other end; `None`: no value is.
+    is_command: Option<IsCommand>,
 }
+
+/// Whether a value of this name is a command.
+pub(in crate::command) type IsCommand = fn(&str) -> bool;
 
 /// The value names of a message, by JSON pointer.
 type Names = HashMap<String, &'static str>;
 
 impl Follow {
     pub(in crate::command) fn new(codec: Option<Box<dyn Codec>>) -> Self {
-        Self { chosen: HashMap::new(), codec }
+        Self { chosen: HashMap::new(), codec, is_command: None }
+    }
+
+    /// The same for an end that commands with the values of these names.
+    pub(in crate::command) fn of_commands(self, is_command: Option<IsCommand>) -> Self {
+        Self { is_command, ..self }
+    }
+
+    /// Whether a message has no content.
+    pub(super) fn is_filler(&self, message: &Value) -> bool {
+        self.codec.as_ref().is_some_and(|codec| codec.is_filler(message))
+    }
+
+    fn commands(&self, name: &str) -> bool {
+        self.is_command.is_some_and(|is_command| is_command(name))
+    }
+
+    /// Whether two messages that are alike differ in a command.
+    pub(super) fn differs_in_command(&self, then: &Value, now: &Value) -> bool {
+        self.differs(&self.names(then), "", "", then, now)
+    }
+
+    fn differs(&self, names: &Names, pointer: &str, key: &str, then: &Value, now: &Value) -> bool {
+        match (then, now) {
+            (Value::Object(then), Value::Object(now)) => then.iter().any(|(key, then)| {
+                now.get(key)
+                    .is_some_and(|now| self.differs(names, &format!("{pointer}/{key}"), key, then, now))
+            }),
+            (Value::Array(then), Value::Array(now)) => {
+                let mut pairs = then.iter().zip(now).enumerate();
+                pairs.any(|(at, (then, now))| self.differs(names, &format!("{pointer}/{at}"), key, then, now))
+            }
+            _ => then != now && self.commands(names.get(pointer).copied().unwrap_or(key)),
+        }
     }
 
     fn names(&self, message: &Value) -> Names {
@@ -49,7 +87,9 @@ impl Follow {
             (Value::Number(number), _) if !number.is_u64() => {}
             (Value::Number(_) | Value::String(_), _) if then != now => {
                 let name = names.get(pointer).copied().unwrap_or(key);
-                self.chosen.insert((name.into(), then.to_string()), now.clone());
+                if !self.commands(name) {
+                    self.chosen.insert((name.into(), then.to_string()), now.clone());
+                }
             }
             _ => {}
         }
@@ -112,6 +152,16 @@ mod tests {
         follow.learn(&json!({"fields": ["36047", "4"]}), &json!({"fields": ["100", "4"]}));
         let message = json!({"name": "done", "fields": ["36047", "4", "3604"]});
         assert_eq!(follow.followed(&message), Some(json!({"name": "done", "fields": ["100", "4", "3604"]})));
+    }
+
+    #[test]
+    fn a_command_is_not_a_number_that_is_chosen() {
+        let mut follow = Follow::default().of_commands(Some(|name| name != "transaction"));
+        let [then, now] = [(1, 20), (7, 21)].map(|(id, value)| json!({"transaction": id, "values": [value]}));
+        let other = json!({"transaction": 7, "values": [20]});
+        assert!(follow.differs_in_command(&then, &now) && !follow.differs_in_command(&then, &other));
+        follow.learn(&then, &now);
+        assert!(!follow.is_same(&then, &now) && follow.is_same(&then, &other));
     }
 
     /// A plant may have the order number in the header of one message and in a field of another one.

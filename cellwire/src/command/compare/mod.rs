@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::{Value, json};
 
-pub(super) use self::follow::Follow;
+pub(super) use self::follow::{Follow, IsCommand};
 use self::report::Report;
 
 /// How many messages may be missing before one that is known again.
@@ -21,6 +21,10 @@ const PRINTED: usize = 5;
 #[allow(missing_debug_implementations, reason = "a codec has none")]
 pub(super) struct Compare {
     expected: Vec<Value>,
+    /// Which of them have no content: they are not compared.
+    fillers: Vec<bool>,
+    /// How many messages without content have come.
+    filled: usize,
     /// How many of them have come, or will not.
     pub(super) passed: usize,
     /// Those that have not come when later ones did.
@@ -34,6 +38,8 @@ impl Compare {
     /// `prints_all`: each difference is printed, not only the first of each kind.
     pub(super) fn new(expected: Vec<Value>, follow: Follow, prints_all: bool) -> Self {
         Self {
+            fillers: expected.iter().map(|message| follow.is_filler(message)).collect(),
+            filled: 0,
             expected,
             passed: 0,
             outstanding: Vec::new(),
@@ -45,11 +51,28 @@ impl Compare {
 
     /// Whether nothing more is expected.
     pub(super) fn is_over(&self) -> bool {
-        self.passed >= self.expected.len()
+        self.awaits_only_fillers(self.expected.len())
+    }
+
+    /// Whether all that is expected of the first `count` messages has no content.
+    pub(super) fn awaits_only_fillers(&self, count: usize) -> bool {
+        self.fillers.get(self.passed..count).unwrap_or_default().iter().all(|is_filler| *is_filler)
+    }
+
+    fn is_filler(&self, index: usize) -> bool {
+        self.fillers.get(index).copied().unwrap_or_default()
     }
 
     /// A message has come.
     pub(super) fn take(&mut self, at: Duration, now: &Value) -> Result<()> {
+        if self.follow.is_filler(now) {
+            self.filled += 1;
+            self.passed += usize::from(self.is_filler(self.passed));
+            return Ok(());
+        }
+        while self.is_filler(self.passed) {
+            self.passed += 1;
+        }
         let rest = self.expected.get(self.passed..).unwrap_or_default();
         let is_same = |then: &Value| self.follow.is_same(then, now);
         if rest.first().is_some_and(is_same) {
@@ -63,12 +86,14 @@ impl Compare {
         }
         let number = self.passed;
         let Some(then) = rest.first() else { return self.tell("more", number, None, Some((at, now))) };
-        let ahead = || rest.iter().take(AHEAD);
+        let is_filler = |at: &(usize, &Value)| self.is_filler(number + at.0);
+        let ahead = || rest.iter().enumerate().filter(|it| !is_filler(it)).take(AHEAD);
         // A message that is in the capture once is known again.
         let is_once = || self.expected.iter().filter(|it| is_same(it)).nth(1).is_none();
-        let known = || ahead().position(is_same).filter(|_| is_once());
-        let alike = || ahead().position(|it| is_alike(it, now));
-        let before = self.passed.checked_sub(1).and_then(|before| self.expected.get(before));
+        let place = |is: &dyn Fn(&Value) -> bool| ahead().find(|(_, it)| is(it)).map(|(at, _)| at);
+        let known = || place(&is_same).filter(|_| is_once());
+        let alike = || place(&|it| is_alike(it, now));
+        let before = self.before(number);
         if !is_alike(then, now) && before.is_some_and(is_same) {
             return self.tell("again", number, None, Some((at, now)));
         }
@@ -79,8 +104,10 @@ impl Compare {
                 if self.follow.is_same(&then, now) {
                     self.same += 1;
                 } else {
+                    let is_command = self.follow.differs_in_command(&then, now);
                     self.follow.learn(&then, now);
-                    self.tell("values", self.passed, Some(&then), Some((at, now)))?;
+                    let kind = if is_command { "command" } else { "values" };
+                    self.tell(kind, self.passed, Some(&then), Some((at, now)))?;
                 }
             }
             None => {
@@ -94,8 +121,16 @@ impl Compare {
 
     /// These messages have not come so far.
     pub(super) fn missed(&mut self, count: usize) {
-        self.outstanding.extend(self.passed..self.passed + count);
-        self.passed += count;
+        let missed = self.passed..self.passed + count;
+        self.outstanding
+            .extend(missed.clone().filter(|index| !self.fillers.get(*index).is_some_and(|it| *it)));
+        self.passed = missed.end;
+    }
+
+    /// The expected message before the one at this place that has content.
+    fn before(&self, index: usize) -> Option<&Value> {
+        let before = (0..index).rev().find(|index| !self.is_filler(*index))?;
+        self.expected.get(before)
     }
 
     fn tell(
@@ -115,8 +150,8 @@ impl Compare {
                 fields.insert("now".into(), now.clone());
             }
         }
-        let before = index.checked_sub(1).and_then(|before| self.expected.get(before));
-        self.report.add(kind, line, before)
+        let before = self.before(index).cloned();
+        self.report.add(kind, line, before.as_ref())
     }
 
     /// What has not come does not come any more.
@@ -135,8 +170,12 @@ impl Compare {
     /// When standard output is closed.
     pub(super) fn finish(mut self, event: &str, counts: &[(&str, usize)]) -> Result<bool> {
         self.end()?;
-        let matched = [("expected", self.expected.len()), ("same", self.same)];
-        self.report.print(event, &[counts, &matched].concat())?;
+        let expected = self.fillers.iter().filter(|is_filler| !**is_filler).count();
+        let mut counts = [counts, &[("expected", expected), ("same", self.same)]].concat();
+        if self.filled > 0 || expected < self.expected.len() {
+            counts.push(("fillers", self.filled));
+        }
+        self.report.print(event, &counts)?;
         Ok(self.report.departures() == 0)
     }
 }
@@ -190,6 +229,39 @@ mod tests {
         now.swap(2, 3);
         now.push(message("d", 1));
         assert_eq!(compared(&then, &now), [6, 6, 0, 1], "one more");
+    }
+
+    #[test]
+    fn messages_without_content_are_left_out() {
+        let codec = (cellwire_links::Link::by_name("kawasaki").unwrap().codec)("pc", &Default::default());
+        let message = |name: &str, fields: &[&str]| json!({"name": name, "header": [], "fields": fields});
+        let filler = message("Huuhaa", &[]);
+        let job = |n: &str| message("Tyo", &["4", n, "1", "2", "3", "4", "5"]);
+        let then =
+            [filler.clone(), job("1"), filler.clone(), filler.clone(), job("2"), job("3"), filler.clone()];
+        let mut compare = Compare::new(then.to_vec(), Follow::new(Some(codec.unwrap())), false);
+        assert!(compare.awaits_only_fillers(1) && !compare.awaits_only_fillers(2));
+        for now in [job("1"), filler.clone(), job("2"), filler.clone(), filler, job("3")] {
+            compare.take(Duration::ZERO, &now).unwrap();
+        }
+        assert!(compare.is_over());
+        compare.end().unwrap();
+        assert_eq!((compare.same, compare.filled, compare.report.departures()), (3, 3, 0));
+    }
+
+    #[test]
+    fn a_number_that_commands_departs_unless_it_is_one_that_the_end_chooses() {
+        let message = |id: u8, value: u8| json!({"transaction": id, "values": [value]});
+        let compared = |is_command: Option<IsCommand>| {
+            let follow = Follow::default().of_commands(is_command);
+            let mut compare = Compare::new((1..4).map(|id| message(id, 20)).collect(), follow, false);
+            for now in [message(7, 20), message(8, 21), message(9, 20)] {
+                compare.take(Duration::ZERO, &now).unwrap();
+            }
+            [compare.report.count("values"), compare.report.count("command"), compare.report.departures()]
+        };
+        assert_eq!(compared(None), [3, 0, 0]);
+        assert_eq!(compared(Some(|name| name != "transaction")), [2, 1, 1]);
     }
 
     #[test]

@@ -7,8 +7,9 @@ use super::PRINTED;
 use cellwire_io::output;
 
 /// The kinds of differences, and what people call them.
-const KINDS: [(&str, &str); 6] = [
+const KINDS: [(&str, &str); 7] = [
     ("values", "with other values"),
+    ("command", "with other numbers of a command"),
     ("other", "other"),
     ("missing", "missing"),
     ("again", "sent again"),

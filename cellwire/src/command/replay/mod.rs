@@ -13,18 +13,21 @@ use robot_session::{Received, Sent, Transport, Wait};
 use self::script::{Part, Reader, Script};
 use self::transport::TransportArgs;
 use super::codec::LinkArgs;
-use super::compare::{Compare, Follow};
+use super::compare::{Compare, Follow, IsCommand};
 use super::recorded::{ConversationArgs, Party};
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{self, Policy};
-use cellwire_io::output::{EventArgs, remark};
+use cellwire_io::output::{EventArgs, counted, remark};
 
 /// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the capture.
 ///
 /// Prints the first five differences of each kind, one line of JSON each, with the captured and the actual message: `other`,
-/// `missing`, `again` (sent again), `later` (after its successor), `more`, or `values` (only numbers differ, such as measured values),
-/// which do not affect the exit status. The last line has the counts, and the first departure with the message before it. At a terminal
-/// these are a report of a few lines. Messages are decoded with the given settings.
+/// `missing`, `again` (sent again), `later` (after its successor), `more`, `command` (only numbers differ, and they command), or
+/// `values` (only other numbers differ, such as measured ones), which do not affect the exit status. The last line has the counts, and the
+/// first departure with the message before it. At a terminal these are a report of a few lines. Messages are decoded with the given settings.
+///
+/// Numbers command in a job of a Kawasaki PC, and in all that a laser's host, a Modbus client, the central controller of MM&A and a host of ALTER
+/// send. Kawasaki messages that only fill an empty packet are counted, not compared: how many there are depends on the times.
 ///
 /// The captured messages are sent unchanged: a device moves as it did. Only numbers that the other end chooses and this end repeats,
 /// such as an order or transaction number, are replaced by the current ones, and a message with the current ones is the same. An order
@@ -47,6 +50,9 @@ pub struct Args {
     /// How much later than in the capture a message may come before it counts as missing
     #[arg(long, value_name = "TIME", default_value = "5s", value_parser = time(Duration::from_millis(10)..=Duration::from_secs(3600)))]
     patience: Duration,
+    /// Count other numbers in commands as values: they do not affect the exit status
+    #[arg(long)]
+    ignore_commands: bool,
     /// Send exactly the captured bytes, without replaced numbers
     #[arg(long)]
     verbatim: bool,
@@ -101,6 +107,8 @@ pub fn run(args: &Args) -> Result<bool> {
     );
     args.events.choose();
     let follow = Follow::new(ours.side.or(other.side).map(|side| args.of.codec_of(side)).transpose()?);
+    let is_command = other.side.and_then(|side| commands(args.of.link.short, side));
+    let follow = follow.of_commands(is_command.filter(|_| !args.ignore_commands));
     let mut play = Play {
         reader: Reader::new(&args.of, other.side)?,
         compare: Compare::new(expected, follow, args.all),
@@ -128,7 +136,8 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         last = Instant::now();
         sent += 1;
-        interrupt::account(format!("{sent} of {} messages were sent, and may have an effect", parts.len()));
+        let all = counted(parts.len(), "message");
+        interrupt::account(format!("{sent} of {all} sent, which may have an effect"));
     }
     play.rest(&mut *transport, args.patience)?;
     play.linger(&mut *transport);
@@ -139,6 +148,18 @@ pub fn run(args: &Args) -> Result<bool> {
     items.iter().try_for_each(|content| compare.take(at, content))?;
     let is_same = compare.finish("replayed", &[("sent", sent), ("of", parts.len())])?;
     Ok(is_same && sent == parts.len())
+}
+
+/// The values with which an end commands a machine, by their names.
+fn commands(link: &str, side: &str) -> Option<IsCommand> {
+    match (link, side) {
+        // Its other numbers depend on the progress of the robot.
+        ("kawasaki", "pc") => Some(|name| name == "work"),
+        // The client chooses the transaction.
+        ("fanuc", "client") => Some(|name| name != "transaction"),
+        ("laser" | "alter", "host") | ("mma", "central") => Some(|_| true),
+        _ => None,
+    }
 }
 
 /// Sends all of it, also through a port that has not room for all at once.
@@ -202,7 +223,7 @@ impl Play {
                     self.read(transport, Duration::from_millis(50))?;
                     if self.compare.passed > before || self.begun.is_none() {
                         waited = Instant::now();
-                    } else if waited.elapsed() > args.patience + part.delay {
+                    } else if waited.elapsed() > self.patience(args, part) + part.delay {
                         // The next of them may come all the same.
                         self.compare.missed(1);
                         waited = Instant::now();
@@ -211,6 +232,13 @@ impl Play {
             }
         }
         Ok(())
+    }
+
+    /// How long the messages before a part are awaited; not as long if they have no content.
+    fn patience(&self, args: &Args, part: &Part) -> Duration {
+        const OF_FILLERS: Duration = Duration::from_millis(500);
+        let only_fillers = self.compare.awaits_only_fillers(part.after);
+        if only_fillers { args.patience.min(OF_FILLERS) } else { args.patience }
     }
 
     /// Reads what comes after the last part was sent.

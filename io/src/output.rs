@@ -9,7 +9,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use anyhow::{Context as _, Result};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
-use terminal_size::Width;
+use terminal_size::{Height, Width};
 
 use crate::limiter::Limiter;
 use crate::outlet::Outlet;
@@ -81,6 +81,11 @@ pub fn never_wait() -> Result<()> {
 /// Called before the program ends: prints the counts of omitted lines, and waits a second at most until all lines are written.
 pub fn finish() {
     let _ = log_left_out();
+    settle();
+}
+
+/// Waits a second at most until all lines so far are written, so that a screen does not appear under them.
+pub fn settle() {
     OUTLETS.get().into_iter().flatten().for_each(|outlet| drop(outlet.finish()));
 }
 
@@ -185,9 +190,19 @@ fn beside_bar<T>(write: impl FnOnce() -> T) -> T {
 
 /// The columns of the terminal.
 fn width() -> usize {
+    columns(terminal_size::terminal_size())
+}
+
+fn columns(size: Option<(Width, Height)>) -> usize {
     const USUAL: u16 = 80;
-    let columns = terminal_size::terminal_size().map_or(0, |(Width(columns), _)| columns);
+    let columns = size.map_or(0, |(Width(columns), _)| columns);
     usize::from(if columns == 0 { USUAL } else { columns })
+}
+
+/// The columns of the terminal that standard output is; `None` if it is not a terminal, as in a pipe.
+pub fn terminal_columns() -> Option<usize> {
+    let out = io::stdout();
+    out.is_terminal().then(|| columns(terminal_size::terminal_size_of(&out)))
 }
 
 fn put(line: &Value) -> Result<()> {
@@ -255,6 +270,31 @@ pub fn remark(text: &str) {
 pub fn counted<N: Display + PartialEq + From<u8>>(number: N, what: &str) -> String {
     let plural = if number == N::from(1) { "" } else { "s" };
     format!("{number} {what}{plural}")
+}
+
+/// A text in lines of at most this many columns, each begun with `indent` spaces. A longer word has a line of its own.
+pub fn wrapped(text: &str, width: usize, indent: usize) -> String {
+    let (mut lines, mut line) = (String::new(), String::new());
+    for word in text.split(' ') {
+        if !line.is_empty() && indent + line.chars().count() + 1 + word.chars().count() > width {
+            lines += &format!("{:indent$}{line}\n", "");
+            line.clear();
+        }
+        if !line.is_empty() {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    lines + &format!("{:indent$}{line}\n", "")
+}
+
+/// A word of a command line, in the quotes of a POSIX shell if it needs them.
+pub fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=./,:+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.into();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 /// A text with its control characters escaped, but for line ends and tabs: a terminal obeys none.

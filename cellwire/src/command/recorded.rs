@@ -9,7 +9,7 @@ use super::source::{SourceArgs, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Line};
-use cellwire_io::output::remark;
+use cellwire_io::output::{counted, remark};
 
 /// Which of the conversations of a capture.
 #[derive(Debug, clap::Args)]
@@ -67,8 +67,8 @@ impl ConversationArgs {
                 report(&summary);
                 if collecting.faults > 0 {
                     remark(&format!(
-                        "{} packets could not be read; cellwire decode lists them",
-                        collecting.faults
+                        "{} could not be read; cellwire decode lists them",
+                        counted(collecting.faults, "packet")
                     ));
                 }
                 collecting.all
@@ -92,7 +92,7 @@ impl ConversationArgs {
                 "the capture has no conversation with bytes of both ends{}",
                 self.source.on_port()
             );
-            bail!("the capture has {count} conversations");
+            bail!("the capture has {}", counted(count, "conversation"));
         };
         let mut conversation = all.swap_remove(index);
         if count > 1 && self.conversation.is_none() {

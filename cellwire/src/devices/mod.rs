@@ -13,10 +13,16 @@ pub mod on_line;
 pub mod val2_alter;
 pub mod val2_viewer;
 
+use std::ffi::OsStr;
+use std::path::Path;
+
 use anyhow::Context;
+use cellwire_io::output::quoted;
 use cellwire_links::settings::did_you_mean;
 use cellwire_links::{LINKS, Link};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Arg, Command, Error};
 
 use self::device::Device;
 
@@ -36,7 +42,32 @@ pub static DEVICES: [Device; 9] = [
 /// The parser of LINK on the command line.
 pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
     let names = LINKS.iter().map(|link| PossibleValue::new(link.short).alias(link.name).help(link.about));
-    PossibleValuesParser::new(names).try_map(|name| Link::by_name(&name))
+    LinkParser(PossibleValuesParser::new(names))
+}
+
+/// The name of a link; a file in its place is one whose link is not known yet.
+#[derive(Clone)]
+struct LinkParser(PossibleValuesParser);
+
+impl TypedValueParser for LinkParser {
+    type Value = &'static Link;
+
+    fn parse_ref(&self, command: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<Self::Value, Error> {
+        let name = self.0.parse_ref(command, arg, value).map_err(|mut error| {
+            if Path::new(value).is_file() {
+                let file = quoted(&value.to_string_lossy());
+                let tip =
+                    format!("LINK comes before the file; `cellwire identify {file}` finds out which it is");
+                error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            }
+            error
+        })?;
+        Link::by_name(&name).map_err(|error| Error::raw(ErrorKind::InvalidValue, error))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        self.0.possible_values()
+    }
 }
 
 /// The device of this name.

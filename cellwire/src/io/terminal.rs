@@ -16,6 +16,8 @@ use ratatui::crossterm::terminal::{
 };
 use ratatui::prelude::CrosstermBackend;
 
+use cellwire_io::output;
+
 /// A terminal that does not take the end of the alternate screen in this time is not awaited.
 const PATIENCE: Duration = Duration::from_millis(500);
 
@@ -36,6 +38,8 @@ impl Screen {
             earlier(panic);
         }));
         enable_raw_mode().context("the screen needs a terminal")?;
+        // A line that is written later would stay between what is drawn.
+        output::settle();
         execute!(io::stdout(), EnterAlternateScreen)?;
         let (is_free, has_failed) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
         // One picture at a time.

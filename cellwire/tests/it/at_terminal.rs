@@ -65,3 +65,32 @@ fn every_line_of_a_run_begins_at_the_left_edge() {
     let first = lines.iter().position(|line| line.starts_with("ended: ")).unwrap();
     assert!(lines[first + 1].starts_with("  machine: the robot has no jobs of this file queued;"), "{text}");
 }
+
+/// The remark on the capture is written by a thread of its own, and the screen covers it.
+#[test]
+fn nothing_is_written_between_what_a_screen_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    for _ in 0..6 {
+        let (mut terminal, path) = Pty::new();
+        let open = || OpenOptions::new().read(true).write(true).open(&path).unwrap();
+        let size = Winsize { ws_row: 24, ws_col: COLUMNS, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(open(), size).unwrap();
+        let capture = folder.path().join("tap.pcapng");
+        let command = format!(
+            "tap fanuc --listen 127.0.0.1:0 --connect 127.0.0.1:1 --screen --capture {}",
+            capture.display()
+        );
+        let mut tool = cellwire(&command);
+        let mut tool = tool.stdin(open()).stdout(open()).stderr(open()).spawn().unwrap();
+        let (begin, mut buffer, mut shown) = (Instant::now(), [0; 4096], String::new());
+        while !shown.contains("q quits") {
+            let length = terminal.read(Duration::from_millis(50), &mut buffer).unwrap_or(0);
+            shown.push_str(&String::from_utf8_lossy(&buffer[..length]));
+            assert!(begin.elapsed() < DEADLINE, "{shown}");
+        }
+        tool.kill().unwrap();
+        tool.wait().unwrap();
+        let (before, screen) = shown.split_once("\u{1b}[?1049h").unwrap();
+        assert!(before.contains("capture: ") && !screen.contains("capture: "), "{shown:?}");
+    }
+}

@@ -263,3 +263,53 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
     assert!(unknown(&[]) > 0);
     assert_eq!(unknown(&["--settings", &path("corrected.toml")]), 0);
 }
+
+/// A frame of three instructions, and its answer.
+const FRAME: &str = "eb 90 82 f0 f1 01 01 01 f0 02 00 00 a0 41 00 00 20 41 f1 01 01 01 90 82 ";
+
+#[test]
+fn the_draft_of_a_laser_alone_suffices() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let bytes: Vec<u8> =
+        FRAME.split_whitespace().skip(3).map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
+    let sum = bytes[1..bytes.len() - 2].iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+    fs::write(path("laser.hex"), format!("{FRAME}{sum:02x}\n").repeat(3)).unwrap();
+    let mut identify = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+    let draft = path("draft.toml");
+    identify.args([
+        "identify",
+        "--json",
+        "--link",
+        "laser",
+        "--from",
+        "host",
+        &path("laser.hex"),
+        "--format",
+        "hex",
+    ]);
+    let output = identify.args(["--draft", &draft, "--write", &path("cell.toml")]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let read = |name: &str| -> toml::Table { fs::read_to_string(path(name)).unwrap().parse().unwrap() };
+    let (draft_of, written) = (read("draft.toml"), read("cell.toml"));
+    // The draft has all that the settings have, and the words.
+    for (name, value) in &written {
+        assert_eq!(draft_of.get(name), Some(value), "{name}");
+    }
+    assert!(written.contains_key("checksum") && draft_of.contains_key("words"), "{draft_of:?}");
+    let text = fs::read_to_string(&draft).unwrap();
+    let marked = text.lines().filter(|line| line.contains("# ?")).count();
+    assert!(marked > 1, "{text}");
+    assert!(
+        said.contains(&format!("{draft} has the draft of laser: check the {marked} lines with a ?\n")),
+        "{said}"
+    );
+    assert!(
+        said.contains("cell.toml has the settings of laser: ")
+            && said.contains(" undecided, see the comments"),
+        "{said}"
+    );
+    let decode = ["decode", "laser", "--settings", &draft, &path("laser.hex"), "--format", "hex"];
+    assert_eq!(Tool::start(&decode).end().0, Some(0));
+}

@@ -19,11 +19,11 @@ fn an_edit_is_shown_and_written_when_asked_to() {
     for line in expected.lines().filter(|line| line.starts_with(['-', '+'])) {
         assert!(out(&shown).lines().any(|shown| shown == line), "{line}\n{}", out(&shown));
     }
-    assert_eq!(err(&shown), "1 of 1 files would change; --write applies the changes\n");
+    assert_eq!(err(&shown), "1 of 1 file would change; --write applies the changes\n");
     assert_eq!((folder.read("A.LS").as_str(), shown.status.code()), (TEXT, Some(0)));
     let written = folder.command(&[&arguments[..], &["--write"]].concat()).output().unwrap();
     assert_eq!(out(&written), out(&shown));
-    assert_eq!(err(&written), "1 of 1 files were written\n");
+    assert_eq!(err(&written), "1 of 1 file written\n");
     let after = TEXT.replace("100mm", "80mm").replace("R[5]", "R[105]");
     assert_eq!(folder.read("A.LS"), after);
 }
@@ -81,7 +81,7 @@ fn the_layout_is_checked_shown_and_written() {
     folder.write("B.LS", "/PROG B\n/MN\n1:J P[1] .6sec FINE;\n/POS\n/END");
     let checked = folder.run("ls fmt . --check");
     assert_eq!((out(&checked), checked.status.code()), ("./B.LS\n", Some(1)));
-    assert_eq!(err(&checked), "1 of 2 files are not formatted\n");
+    assert_eq!(err(&checked), "1 of 2 files not formatted\n");
     let shown = folder.run("ls fmt B.LS");
     assert!(
         out(&shown).contains("-1:J P[1] .6sec FINE;\n+   1:J P[1] 0.6sec FINE    ;\n"),

@@ -67,8 +67,8 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
         let number = word.word;
         writeln!(
             text,
-            "  {{ first = {number}, last = {number}, class = \"{class}\" }}, # {doubt}{} times, {why}",
-            word.times
+            "  {{ first = {number}, last = {number}, class = \"{class}\" }}, # {doubt}{}, {why}",
+            times(word.times)
         )?;
     }
     text.push_str("]\n\n[words.errors]\n");
@@ -96,10 +96,10 @@ fn errors(text: &mut String, codes: Vec<(u16, usize)>, words: &[Word]) -> Result
     let mut free = (queue_full..=u16::MAX).filter(|code| !is_default(*code) && !is_taken(*code));
     let mut others = codes.iter().filter(|(code, _)| !is_default(*code));
     for (name, default) in defaults {
-        if let Some((code, times)) = codes.iter().find(|(code, _)| *code == default) {
-            writeln!(text, "{name} = {code} # ? answered {times} times; the code is the default")?;
-        } else if let Some((code, times)) = others.next() {
-            writeln!(text, "{name} = {code} # ? answered {times} times; its meaning is unknown")?;
+        if let Some((code, count)) = codes.iter().find(|(code, _)| *code == default) {
+            writeln!(text, "{name} = {code} # ? answered {}; the code is the default", times(*count))?;
+        } else if let Some((code, count)) = others.next() {
+            writeln!(text, "{name} = {code} # ? answered {}; its meaning is unknown", times(*count))?;
         } else if is_taken(default) {
             let code = free.next().unwrap_or_default();
             writeln!(text, "{name} = {code} # ? not in the capture, where the default is a command word")?;
@@ -107,10 +107,15 @@ fn errors(text: &mut String, codes: Vec<(u16, usize)>, words: &[Word]) -> Result
             writeln!(text, "# {name} = {default} is not in the capture: the default")?;
         }
     }
-    for (code, times) in others {
-        writeln!(text, "# ? {code} was answered {times} times: it fits no name")?;
+    for (code, count) in others {
+        writeln!(text, "# ? {code} was answered {}: it fits no name", times(*count))?;
     }
     Ok(())
+}
+
+/// A number of times.
+fn times(count: usize) -> String {
+    if count == 1 { "once".into() } else { format!("{count} times") }
 }
 
 /// The class of a word, why, and whether that is a guess.

@@ -97,11 +97,11 @@ commands = [
   { first = 14, last = 14, class = "query" }, # 5 times, answered after 20 ms, with values
   { first = 15, last = 15, class = "interpreted" }, # 3 times, 3 of them in a frame with others
   { first = 16, last = 16, class = "interpreted" }, # 4 times, 3 of them in a frame with others
-  { first = 57346, last = 57346, class = "interpreted" }, # ? 1 times, never answered individually
+  { first = 57346, last = 57346, class = "interpreted" }, # ? once, never answered individually
 ]
 
 [words.errors]
-queue_full = 999 # ? answered 1 times; its meaning is unknown
+queue_full = 999 # ? answered once; its meaning is unknown
 bad_checksum = 57345 # ? answered 2 times; the code is the default
 bad_frame = 57351 # ? not in the capture, where the default is a command word
 # unknown_command = 57347 is not in the capture: the default

@@ -6,7 +6,7 @@ use serde_json::{Number, Value};
 
 use super::message::Message;
 use crate::command::codec::LinkArgs;
-use cellwire_io::output::remark;
+use cellwire_io::output::{counted, remark};
 
 /// Fields whose numbers are positions, or measured.
 const MEASURED: [&str; 8] = ["f32", "registers", "values", "transform", "pose", "axes", "force", "moment"];
@@ -99,8 +99,8 @@ impl<'a> Anonymous<'a> {
         ));
         if self.left_out > 0 {
             remark(&format!(
-                "left out: {} pieces that are not messages, or cannot be encoded",
-                self.left_out
+                "left out: {}, not a message or not to be encoded",
+                counted(self.left_out, "piece")
             ));
         }
     }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::VectorsArgs;
 use super::message::Message;
-use cellwire_io::output::remark;
+use cellwire_io::output::{counted, remark};
 
 pub(super) fn run(args: &VectorsArgs) -> Result<bool> {
     let of = &args.stretch.of;
@@ -66,7 +66,7 @@ pub(super) fn run(args: &VectorsArgs) -> Result<bool> {
         streams.push(object.end());
     }
     if silent > 0 {
-        remark(&format!("{silent} pieces are left out: their end sends no messages"));
+        remark(&format!("left out: {} of an end that sends no messages", counted(silent, "piece")));
     }
     let lists: Vec<(&str, Vec<String>)> = [("vectors", vectors), ("streams", streams)]
         .into_iter()

@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let out =
         Rc::new(RefCell::new(Printed { out: BufWriter::with_capacity(CHUNK, io::stdout()), error: None }));
     let input = Box::new(Tied { input, out: Rc::clone(&out) });
-    let mut out = Lines { out, clean: true };
+    let mut out = Lines { out, clean: true, messages: 0 };
     let decoded = match (format, reading) {
         (_, Some(reading)) => capture::decode(args, &reading, input, &mut out),
         (_, None) => decode_stream(args, format, input, &mut out),
@@ -59,7 +59,15 @@ pub fn run(args: &Args) -> Result<bool> {
     if let Some(error) = out.out.borrow_mut().error.take() {
         return Err(error).context(Unwritten);
     }
-    printed.map(|()| out.clean)
+    printed?;
+    if !out.clean && out.messages == 0 {
+        remark(&format!(
+            "nothing here is a message of {}: `cellwire identify {}` says what it is",
+            args.codec.of.link.short,
+            args.source.name()
+        ));
+    }
+    Ok(out.clean)
 }
 
 fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
@@ -132,6 +140,8 @@ type Output = Rc<RefCell<Printed>>;
 struct Lines {
     out: Output,
     clean: bool,
+    /// How many messages there were so far.
+    messages: u64,
 }
 
 impl Lines {
@@ -150,6 +160,7 @@ impl Lines {
 
     fn write(&mut self, label: &str, item: Item<'_>) -> Result<()> {
         self.clean &= item.kind == Kind::Message;
+        self.messages += u64::from(item.kind == Kind::Message);
         if is_for_people() {
             let mut line = Vec::new();
             item.write_line(label, &mut line)?;

@@ -27,7 +27,7 @@ use cellwire_io::clock::Clock;
 use cellwire_io::files;
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
-use cellwire_io::output::remark;
+use cellwire_io::output::{counted, remark};
 use cellwire_io::tcp::TimeoutArgs;
 use cellwire_io::tls;
 use cellwire_links::fanuc_hmi_modbus::Frames;
@@ -174,9 +174,9 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     }
     let wrong: u64 = log.tally.faults.values().sum();
     if wrong > 0 && outcome.as_ref().err().is_none_or(|error| !error.is::<Implausible>()) {
-        let blocks = log.tally.blocks;
         return Err(Implausible(format!(
-            "{wrong} of {blocks} blocks are implausible: see the column `note` of {}",
+            "{wrong} of {} implausible: see the column `note` of {}",
+            counted(log.tally.blocks, "block"),
             csv.display()
         ))
         .into());

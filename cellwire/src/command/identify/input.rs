@@ -13,7 +13,7 @@ use crate::command::source::{Format, report};
 use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Line, Reading};
-use cellwire_io::output::remark;
+use cellwire_io::output::{counted, remark};
 
 /// How many bytes of each stream are read.
 const MOST: u64 = 1 << 20;
@@ -47,7 +47,8 @@ pub(super) fn read(args: &Args) -> Result<Vec<Conversation>> {
     if let Some((first, rest)) = all.split_at_checked(CONVERSATIONS).filter(|(_, rest)| !rest.is_empty()) {
         let (looked, others) = (first.len(), rest.len());
         remark(&format!(
-            "only the {looked} largest conversations are examined, {others} are not: choose with --port"
+            "only the {looked} largest conversations are examined, not {}: choose with --port",
+            counted(others, "other")
         ));
         all.truncate(CONVERSATIONS);
     }
@@ -95,7 +96,7 @@ fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<C
     report(&summary);
     let Collecting { conversations, faults, cut, .. } = collecting;
     if faults > 0 {
-        remark(&format!("{faults} packets could not be read; cellwire decode lists them"));
+        remark(&format!("{} could not be read; cellwire decode lists them", counted(faults, "packet")));
     }
     if cut {
         remark("only the first 1 MiB of each direction is examined");

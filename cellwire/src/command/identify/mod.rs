@@ -8,11 +8,11 @@ mod live;
 mod report;
 mod settings;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
-use cellwire_identify::{Finding, draft, identify};
+use cellwire_identify::{Decided, Finding, Open, identify};
 use cellwire_links::{LINKS, Link};
 
 use self::input::Conversation;
@@ -20,6 +20,7 @@ use super::source::SourceArgs;
 use crate::devices::link_parser;
 use cellwire_io::files;
 use cellwire_io::input::time;
+use cellwire_io::output::{counted, remark};
 
 /// Identifies the link of a capture, and the options that the link's source leaves open.
 ///
@@ -52,8 +53,8 @@ pub struct Args {
     /// Write the settings to a TOML file for --settings, with comments on undecided ones
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Write a draft of the plant's settings to a TOML file: for kawasaki the messages by role, for laser the words
-    /// by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
+    /// Write a draft of the plant's settings to a TOML file: those of --write, and for kawasaki the messages by role, for laser the
+    /// words by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
     #[arg(long, value_name = "FILE")]
     draft: Option<PathBuf>,
     /// Print the settings as a Rust module instead of tables, with comments on undecided ones
@@ -110,10 +111,29 @@ pub fn run(args: &Args) -> Result<bool> {
     for (file, is_draft) in [(&args.write, false), (&args.draft, true)] {
         let Some(file) = file else { continue };
         let (finding, conversation) = only(&format!("write {}", file.display()))?;
-        let text = if is_draft { draft(finding, &conversation.streams)? } else { settings::toml(finding)? };
+        let text = if is_draft { settings::draft(finding, conversation)? } else { settings::toml(finding)? };
         files::write(file, text.as_bytes())?;
+        remark(&written(file, finding, &text, is_draft));
     }
     Ok(all)
+}
+
+/// What was written, and what is left to be checked.
+fn written(file: &Path, finding: &Finding, text: &str, is_draft: bool) -> String {
+    let is_undecided = |option: &&Open| matches!(option.decided, Decided::Not { .. });
+    let left = match is_draft {
+        true => match text.lines().filter(|line| line.contains("# ?")).count() {
+            0 => "no line has a ?".into(),
+            1 => "check the line with a ?".into(),
+            marked => format!("check the {marked} lines with a ?"),
+        },
+        false => match finding.options.iter().filter(is_undecided).count() {
+            0 => "every setting is decided".into(),
+            left => format!("{} undecided, see the comments", counted(left, "setting")),
+        },
+    };
+    let what = if is_draft { "draft" } else { "settings" };
+    format!("{} has the {what} of {}: {left}", file.display(), finding.link.short)
 }
 
 /// What is said on a serial line, after its rate and format are told.

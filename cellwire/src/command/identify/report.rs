@@ -6,8 +6,8 @@ use anyhow::Result;
 use cellwire_identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
 use cellwire_identify::{Decided, Finding, Open, draft};
 use cellwire_links::LINKS;
-use comfy_table::Table;
 use comfy_table::presets::NOTHING;
+use comfy_table::{ContentArrangement, Table};
 use serde_json::{Map, Value, json};
 
 use super::super::encode::hex;
@@ -15,13 +15,13 @@ use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
 use super::settings::{or, plain, remarks, would_decide};
-use cellwire_io::output::{log, printable};
+use cellwire_io::output::{counted, log, printable, terminal_columns, wrapped};
 
 /// Tables: the links, and the options of the best.
 pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Result<()> {
     let mut out = io::stdout().lock();
     let bytes = conversation.len();
-    writeln!(out, "{}: {bytes} bytes", printable(&conversation.name))?;
+    writeln!(out, "{}: {}", printable(&conversation.name), counted(bytes, "byte"))?;
     let Some(best) = findings.first() else {
         writeln!(out, "  No link explains any of them, with any option.\n")?;
         return unknown(conversation, &mut out);
@@ -36,11 +36,12 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
             chance(finding.bits),
         ]);
     }
-    writeln!(out, "{links}\n")?;
+    writeln!(out, "{}\n", shown(links, terminal_columns()))?;
     if !best.is_sure() {
         let advice =
             "capture more, or at another point: most of the bytes should be messages, and several of them";
-        writeln!(out, "  None of these is sure: {advice}.\n")?;
+        say(&mut out, &format!("None of these is sure: {advice}."))?;
+        writeln!(out)?;
         return unknown(conversation, &mut out);
     }
     if best.options.is_empty() {
@@ -52,9 +53,9 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     for option in &best.options {
         options.add_row([option.name.clone(), plain(&option.value), decided(option)]);
     }
-    writeln!(out, "{options}")?;
+    writeln!(out, "{}", shown(options, terminal_columns()))?;
     for note in (best.link.open.notes)(&best.read) {
-        writeln!(out, "  {note}")?;
+        say(&mut out, &note)?;
     }
     Ok(writeln!(out)?)
 }
@@ -84,6 +85,7 @@ pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
     };
     let stop =
         "One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.";
+    let settings = shown(settings, terminal_columns().map(|columns| columns.saturating_sub(mark.len())));
     let text = format!("{}:\n{settings}\n\n  {decided}\n  {stop}\n\n", line.conversation.name);
     let mut out = io::stdout().lock();
     for line in text.lines() {
@@ -274,12 +276,27 @@ fn table<const N: usize>(header: [&str; N]) -> Table {
     table
 }
 
+/// The text of a table: at a terminal in its columns, elsewhere each row in one line. No row ends with blanks.
+fn shown(mut table: Table, columns: Option<usize>) -> String {
+    if let Some(columns) = columns {
+        table.set_content_arrangement(ContentArrangement::Dynamic);
+        table.set_width(u16::try_from(columns).unwrap_or(u16::MAX));
+    }
+    let text = table.to_string();
+    text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
+}
+
+/// A sentence below a table, in the columns of the terminal.
+fn say(out: &mut impl Write, text: &str) -> io::Result<()> {
+    write!(out, "{}", wrapped(text, terminal_columns().unwrap_or(usize::MAX), 2))
+}
+
 fn decided(option: &Open) -> String {
     match &option.decided {
         Decided::ByBytes => "the bytes".into(),
         Decided::ByValues => "its values: others make no sense".into(),
         Decided::Not { others, message } => {
-            format!("nothing yet: {}; {}", or(others), would_decide(message.as_deref()))
+            format!("nothing yet: {}; {}", or(others), would_decide(others, message.as_deref()))
         }
     }
 }
@@ -313,5 +330,29 @@ fn chance(bits: f64) -> String {
         bits if bits < 1.0 => "likely".into(),
         bits if bits < 1000.0 => format!("1 in 2^{bits:.0}"),
         _ => "never".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_fits_a_terminal_without_splitting_words_and_is_one_line_a_row_elsewhere() {
+        let mut options = table(["option", "value", "decided by"]);
+        let why = "nothing yet: either explains the same; a frame that ends 90 83 would decide";
+        options.add_row(["tail", "printed", why]).add_row(["flag", "separate", "the bytes"]);
+        let rows = [" option  value     decided by", " flag    separate  the bytes"];
+        let piped = shown(options.clone(), None);
+        assert_eq!(
+            piped.lines().collect::<Vec<_>>(),
+            [rows[0], &format!(" tail    printed   {why}"), rows[1]]
+        );
+        for columns in [80, 60, 40] {
+            let text = shown(options.clone(), Some(columns));
+            assert!(text.lines().all(|line| line.chars().count() <= columns && !line.is_empty()), "{text}");
+            let words = text.split_whitespace().collect::<Vec<_>>();
+            assert!(why.split_whitespace().all(|word| words.contains(&word)), "{columns}: {text}");
+        }
     }
 }

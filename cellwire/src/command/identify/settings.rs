@@ -4,26 +4,44 @@ use core::fmt::Write as _;
 
 use anyhow::Result;
 use cellwire_identify::{Decided, Finding, Open, Other};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
+use super::input::Conversation;
 use crate::command::settings::toml_value;
 use cellwire_io::output::counted;
 
 /// The text of the file.
 pub(super) fn toml(finding: &Finding) -> Result<String> {
     let mut text = format!("# {}: the options that explain a capture\n", finding.link.short);
-    for (name, value) in &finding.settings {
-        let inner = format!("{name}.");
-        for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {
-            remarks(&mut text, "#", option)?;
-        }
-        writeln!(text, "{name} = {}", toml_value(value).unwrap_or_default())?;
-    }
+    text.push_str(&options(finding, "#", &Map::new())?);
     for note in (finding.link.open.notes)(&finding.read) {
         writeln!(text, "# {note}")?;
     }
     for (name, value, why) in (finding.link.open.places)(&finding.read) {
         writeln!(text, "# {name}: {why}\n{name} = {value}")?;
+    }
+    Ok(text)
+}
+
+/// The text of a draft with all other options of the link: a file that suffices. A ? marks each line to be checked.
+pub(super) fn draft(finding: &Finding, conversation: &Conversation) -> Result<String> {
+    let draft = cellwire_identify::draft(finding, &conversation.streams)?;
+    let (head, words) = draft.split_once("\n\n").unwrap_or(("", &draft));
+    let given: Map<String, Value> = toml::from_str(&draft)?;
+    let options = options(finding, "# ?", &given)?;
+    let blank = if options.is_empty() { "" } else { "\n" };
+    Ok(format!("{head}\n\n{options}{blank}{words}"))
+}
+
+fn options(finding: &Finding, mark: &str, given: &Map<String, Value>) -> Result<String> {
+    let mut text = String::new();
+    for (name, value) in finding.settings.iter().filter(|(name, _)| !given.contains_key(*name)) {
+        let inner = format!("{name}.");
+        for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {
+            let mark = if matches!(option.decided, Decided::Not { .. }) { mark } else { "#" };
+            remarks(&mut text, mark, option)?;
+        }
+        writeln!(text, "{name} = {}", toml_value(value).unwrap_or_default())?;
     }
     Ok(text)
 }
@@ -40,7 +58,7 @@ pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }:
                 text,
                 "{mark} {name} is undecided: {}; {}",
                 or(others),
-                would_decide(message.as_deref())
+                would_decide(others, message.as_deref())
             )?;
         }
     }
@@ -69,8 +87,12 @@ pub(super) fn or(others: &[Other]) -> String {
 }
 
 /// What to capture.
-pub(super) fn would_decide(message: Option<&str>) -> String {
+pub(super) fn would_decide(others: &[Other], message: Option<&str>) -> String {
+    // The capture has such messages, and too few of them to decide.
+    let is_seen = !others.is_empty() && others.iter().all(|other| other.fewer > 0);
     match message {
+        Some(message) if is_seen => format!("one more of these would decide: {message}"),
+        None if is_seen => "one more of these messages would decide".into(),
         Some(message) => format!("{message} would decide"),
         None => "beside the other options it makes no difference".into(),
     }
@@ -79,4 +101,20 @@ pub(super) fn would_decide(message: Option<&str>) -> String {
 /// A value as it is written after `--set NAME=`.
 pub(super) fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_that_the_capture_has_is_wanted_once_more() {
+        let other = |fewer| [Other { value: "ascii".into(), fewer, inexact: 0 }];
+        let letter = Some("a name with a letter beyond ASCII");
+        assert_eq!(would_decide(&other(0), letter), "a name with a letter beyond ASCII would decide");
+        assert_eq!(
+            would_decide(&other(20), letter),
+            "one more of these would decide: a name with a letter beyond ASCII"
+        );
+    }
 }

@@ -12,7 +12,7 @@ use fanuc_ls::{
 
 use super::check::files;
 use super::difference::Change;
-use cellwire_io::output::{printable, remark, stdout};
+use cellwire_io::output::{counted, printable, remark, stdout};
 
 /// Edits LS files, and shows the changes; --write applies them.
 ///
@@ -90,14 +90,14 @@ pub(super) fn edit(args: &Args) -> Result<bool> {
     for change in &changes {
         out.write_all(change.shown().as_bytes())?;
     }
-    let count = changes.len();
+    let (count, files) = (changes.len(), counted(paths.len(), "file"));
     if args.write && refused == 0 {
         changes.iter().try_for_each(Change::write)?;
-        remark(&format!("{count} of {} files were written", paths.len()));
+        remark(&format!("{count} of {files} written"));
     } else if args.write {
-        remark(&format!("nothing was written: {refused} of {} files were refused", paths.len()));
+        remark(&format!("nothing was written: {refused} of {files} refused"));
     } else {
-        remark(&format!("{count} of {} files would change; --write applies the changes", paths.len()));
+        remark(&format!("{count} of {files} would change; --write applies the changes"));
     }
     Ok(refused == 0)
 }

@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 
 use super::check::files;
 use super::difference::Change;
-use cellwire_io::output::{printable, remark, stdout};
+use cellwire_io::output::{counted, printable, remark, stdout};
 
 /// Formats LS files as controllers print them, and shows the changes; --write applies them.
 ///
@@ -55,11 +55,11 @@ pub(super) fn fmt(args: &Args) -> Result<bool> {
         }
     }
     let what = match (args.check, args.write) {
-        (true, _) => "are not formatted",
-        (_, true) => "were written",
+        (true, _) => "not formatted",
+        (_, true) => "written",
         _ => "would change; --write applies the changes",
     };
-    remark(&format!("{changed} of {} files {what}", paths.len()));
-    ensure!(unread == 0, "{unread} of {} files cannot be read", paths.len());
+    remark(&format!("{changed} of {} {what}", counted(paths.len(), "file")));
+    ensure!(unread == 0, "{unread} of {} cannot be read", counted(paths.len(), "file"));
     Ok(changed == 0 || !args.check)
 }

@@ -10,7 +10,7 @@ use clap::ValueEnum;
 
 use crate::io::capture::{Adapter, Form, Reading, Summary};
 use cellwire_io::input;
-use cellwire_io::output::remark;
+use cellwire_io::output::{quoted, remark};
 
 /// Where recorded bytes are, and in which form.
 #[derive(Debug, clap::Args)]
@@ -63,6 +63,12 @@ impl SourceArgs {
             Some(format) => Ok((format, input)),
             None => format::detect(input),
         }
+    }
+
+    /// The input, as a word of a command line.
+    pub(super) fn name(&self) -> String {
+        let file = self.file.as_ref().filter(|file| file.as_os_str() != "-");
+        file.map_or_else(|| "FILE".into(), |file| quoted(&file.to_string_lossy()))
     }
 
     /// How an input of this format is read, if it is a capture.

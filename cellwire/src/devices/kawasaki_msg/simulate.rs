@@ -81,7 +81,8 @@ pub fn pc_config(plant: &Plant, config: PcConfig, given: &Map<String, Value>) ->
             if error.downcast_ref().is_some_and(lacks_interrupt) && !given.contains_key("takeover") =>
         {
             remark(
-                "the plant has no message order_interrupt: takeover=end, for an order that the robot still has",
+                "the plant's settings have no message that interrupts an order (messages.order_interrupt): if the robot still has an order, it is \
+                 ended after the queued jobs (takeover=end)",
             );
             plant.pc(PcConfig { takeover: Takeover::End, ..config })
         }

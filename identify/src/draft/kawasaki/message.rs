@@ -91,11 +91,14 @@ fn refused_role(messages: &[Message], charset: &str) -> Option<String> {
 
 impl Message {
     fn new(guess: &Guess<'_>) -> Self {
-        let Guess { role, kind, why, is_sure, header, fields } = guess;
+        let Guess { role, kind, why, others, is_sure, header, fields } = guess;
         let doubt = if *is_sure { "" } else { "? " };
         Self {
             role,
-            found: kind.map(|kind| format!("{doubt}{} of them: {why}", kind.all.len())),
+            found: kind.map(|kind| {
+                let from = if *others > 0 { " from both ends" } else { "" };
+                format!("{doubt}{} of them{from}: {why}", kind.all.len() + others)
+            }),
             name: kind.map_or_else(String::new, |kind| kind.name.clone()),
             sent: kind.is_some() || !OPTIONAL.contains(role),
             header: header.clone(),

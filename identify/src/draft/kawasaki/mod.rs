@@ -25,6 +25,8 @@ struct Guess<'a> {
     role: &'static str,
     kind: Option<&'a Kind>,
     why: &'static str,
+    /// How many of the same name the other end sends.
+    others: usize,
     /// The capture proves the role.
     is_sure: bool,
     /// The fields between name and length, and those of the data.
@@ -182,6 +184,7 @@ pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
         role: "job",
         kind: Some(job),
         why: "the PC sends most of it, and its number counts",
+        others: 0,
         is_sure: proof.of("job").is_some(),
         ..draft.lines(job, &(0..job.width()).map(own).collect::<Vec<_>>())
     }];
@@ -208,6 +211,11 @@ pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
         }),
         draft.guess("filler", filler, "it has no fields", constants),
     ]);
+    for guess in &mut guesses {
+        let Some(found) = guess.kind else { continue };
+        let others = kinds.iter().filter(|it| it.name == found.name && it.side != found.side);
+        guess.others = others.map(|it| it.all.len()).sum();
+    }
     let work: Vec<usize> = (0..job.width())
         .filter(|at| proof.field(index(job), *at).map_or(own(*at) == "work", |it| it == "work"))
         .collect();
@@ -233,6 +241,7 @@ impl Draft<'_> {
                 role,
                 kind,
                 why,
+                others: 0,
                 is_sure: false,
                 header: Line::default(),
                 fields: Line::default(),
@@ -258,7 +267,7 @@ impl Draft<'_> {
             line
         };
         let (header, fields) = (line(0..kind.header), line(kind.header..usize::MAX));
-        Guess { role: "", kind: None, why: "", is_sure: false, header, fields }
+        Guess { role: "", kind: None, why: "", others: 0, is_sure: false, header, fields }
     }
 }
 

@@ -100,7 +100,7 @@ pub(super) fn check(args: &Args) -> Result<bool> {
     if args.format == Format::Sarif {
         log(&sarif::document(results))?;
     }
-    ensure!(unread == 0, "{unread} of {} files cannot be read", paths.len());
+    ensure!(unread == 0, "{unread} of {} cannot be read", counted(paths.len(), "file"));
     Ok(good)
 }
 

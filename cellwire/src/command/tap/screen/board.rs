@@ -6,6 +6,7 @@ use std::time::{Duration, SystemTime};
 use super::super::decoding::{Entry, Told, UNKNOWN, hex};
 use crate::io::samples::Samples;
 use crate::io::tap::Place;
+use cellwire_io::output::counted;
 use cellwire_links::shadow::{Complaint, Kind};
 
 /// How many of the last lines are kept.
@@ -133,7 +134,7 @@ impl Board {
             }
             Told::Missed(missing) => {
                 self.missed += missing;
-                (format!("{missing} bytes were not captured"), true)
+                (format!("not captured: {}", counted(*missing, "byte")), true)
             }
             Told::Closed(why) => (format!("closed {}", why.as_deref().unwrap_or_default()), why.is_some()),
         };

@@ -9,6 +9,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph, Row, Sparkline, Table, Wrap};
 
 use super::board::{BARS, Board, LineBoard};
+use cellwire_io::output::counted;
 
 const QUIET: Style = Style::new().fg(Color::DarkGray);
 const WRONG: Style = Style::new().fg(Color::Red);
@@ -16,22 +17,55 @@ const STRONG: Style = Style::new().add_modifier(Modifier::BOLD);
 
 pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
     let ends = u16::try_from(board.ends.len()).unwrap_or(u16::MAX).clamp(2, 6);
+    let mut free = frame.area().height.saturating_sub(HEAD + ends + 3 + FOOT);
+    let mut left_out = Vec::new();
+    // The table of the ends comes first: what has no space below it is named.
+    let [wrong, last, times] = PARTS.map(|(name, rows)| {
+        let rows = if rows <= free { rows } else { 0 };
+        free -= rows;
+        if rows == 0 {
+            left_out.push(name);
+        }
+        rows
+    });
     let rows = Layout::vertical([
-        Constraint::Length(3),
+        Constraint::Length(HEAD),
         Constraint::Length(ends + 3),
-        Constraint::Length(5),
-        Constraint::Length(3),
-        Constraint::Min(4),
-        Constraint::Length(1),
+        Constraint::Length(times),
+        Constraint::Length(wrong),
+        Constraint::Min(last),
+        Constraint::Length(FOOT),
     ]);
-    let [head, table, times, wrong, last, foot] = rows.areas(frame.area());
+    let [head, table, times_area, wrong_area, last_area, foot] = rows.areas(frame.area());
     draw_head(frame, head, board);
     draw_table(frame, table, board);
-    draw_times(frame, times, board);
-    draw_wrong(frame, wrong, board);
-    draw_last(frame, last, board);
-    frame.render_widget(Line::from("q quits").style(QUIET), foot);
+    if times > 0 {
+        draw_times(frame, times_area, board);
+    }
+    if wrong > 0 {
+        draw_wrong(frame, wrong_area, board);
+    }
+    if last > 0 {
+        draw_last(frame, last_area, board);
+    }
+    // The table itself may not fit.
+    let hidden = (ends + 3).saturating_sub(table.height);
+    if hidden > 0 {
+        left_out.insert(0, "ends");
+    }
+    let mut text = String::from("q quits");
+    if !left_out.is_empty() {
+        text = format!("{text}; no rows for: {}", left_out.join(", "));
+    }
+    frame.render_widget(Line::from(text).style(QUIET), foot);
 }
+
+/// The rows of the first lines, and of the last one.
+const HEAD: u16 = 3;
+const FOOT: u16 = 1;
+
+/// The parts between the table and the last line, the most important first, with the rows that each needs.
+const PARTS: [(&str, u16); 3] = [("violations", 3), ("last messages", 4), ("response times", 5)];
 
 fn draw_head(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let since = board.now.duration_since(board.began).unwrap_or_default().as_secs();
@@ -146,7 +180,7 @@ fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
         title = format!("{title}; wrong: {}", errors.join(", "));
     }
     if board.missed > 0 {
-        title = format!("{title}; {} bytes forwarded but not captured", board.missed);
+        title = format!("{title}; {} forwarded but not captured", counted(board.missed, "byte"));
     }
     let block = Block::bordered().title(title);
     let inner = block.inner(area);

@@ -19,11 +19,37 @@ fn rows(board: &Board) -> Vec<String> {
 }
 
 fn rows_of(board: &Board, width: u16) -> Vec<String> {
-    let mut terminal = Terminal::new(TestBackend::new(width, 24)).unwrap();
+    rows_in(board, width, 24)
+}
+
+fn rows_in(board: &Board, width: u16, height: u16) -> Vec<String> {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
     terminal.draw(|frame| draw(frame, board)).unwrap();
     let buffer = terminal.backend().buffer().clone();
     let text = |cells: &[ratatui::buffer::Cell]| cells.iter().map(|cell| cell.symbol()).collect::<String>();
     buffer.content().chunks(width.into()).map(|cells| text(cells).trim_end().to_owned()).collect()
+}
+
+#[test]
+fn a_low_screen_shows_every_end_first_and_names_what_it_has_no_rows_for() {
+    let mut board = Board::new("fanuc", UNIX_EPOCH);
+    for end in ["client", "server"] {
+        let what = Told::Message { offset: 0, length: 12, content: json!({"unit": 1}) };
+        board.take(&Entry { at: UNIX_EPOCH, connection: 1, end, what });
+    }
+    for (height, foot) in [
+        (21, "q quits"),
+        (20, "q quits; no rows for: response times"),
+        (15, "q quits; no rows for: last messages, response times"),
+        (11, "q quits; no rows for: violations, last messages, response times"),
+    ] {
+        let rows = rows_in(&board, 100, height);
+        let has = |end: &str| rows.iter().any(|row| row.contains(&format!("│{end} ")));
+        assert!(has("client") && has("server"), "{height}: {rows:#?}");
+        assert_eq!(rows.last().unwrap(), foot);
+    }
+    let rows = rows_in(&board, 100, 7);
+    assert!(rows.last().unwrap().starts_with("q quits; no rows for: ends, "), "{rows:#?}");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets::UTF8_FULL_C
 use serde_json::{Map, Value, json};
 
 use crate::io::samples::Samples;
+use cellwire_io::output::counted;
 use cellwire_sim::ledger::Counts;
 
 /// The result of one link's demo.
@@ -27,8 +28,8 @@ pub struct Report {
 /// The jobs or messages of a run that were executed.
 #[derive(Debug, Clone, Copy)]
 pub enum Done {
-    /// Jobs, each of them once.
-    Jobs(Counts),
+    /// Jobs, each of them once; of those that were executed once, this many had other values than were sent.
+    Jobs(Counts, u64),
     /// The messages of a stream, in order.
     Stream {
         /// The number of messages that came.
@@ -42,7 +43,7 @@ pub enum Done {
 
 impl Default for Done {
     fn default() -> Self {
-        Self::Jobs(Counts::default())
+        Self::Jobs(Counts::default(), 0)
     }
 }
 
@@ -108,18 +109,25 @@ impl Report {
         self.done = Done::Stream { done, lost, may_lose };
     }
 
-    /// Adds the jobs of the run. Lost and repeated jobs are failures; jobs that the link reported as unknown are not.
-    pub fn jobs(&mut self, jobs: Counts) {
-        self.done = Done::Jobs(jobs);
+    /// Adds the jobs of the run, and the number of those that were executed once with other values than were sent. Jobs that were lost, repeated,
+    /// or executed although they were reported as not executed, are failures; jobs that the link reported as unknown are not.
+    pub fn jobs(&mut self, jobs: Counts, altered: u64) {
+        self.done = Done::Jobs(jobs, altered);
         self.fact("sent", "jobs sent", jobs.sent);
         self.fact("executed_once", "executed once", jobs.executed_once);
         self.fact("lost", "lost", jobs.lost);
         self.fact("repeated", "repeated", jobs.repeated);
         if jobs.unknown > 0 {
-            self.fact("unknown", "outcome unknown", jobs.unknown);
+            self.fact("unknown", "reported as unknown", jobs.unknown);
+            self.fact("unknown_executed", "of these executed", jobs.unknown_executed);
         }
-        self.require(jobs.lost == 0, || format!("{} lost", counted(jobs.lost)));
-        self.require(jobs.repeated == 0, || format!("{} executed more than once", counted(jobs.repeated)));
+        self.require(jobs.lost == 0, || format!("{} lost", were(jobs.lost, "job")));
+        self.require(jobs.repeated == 0, || {
+            format!("{} executed more than once", were(jobs.repeated, "job"))
+        });
+        self.require(jobs.unreported == 0, || {
+            format!("{} executed after the link had reported the opposite", were(jobs.unreported, "job"))
+        });
     }
 
     /// Adds a row with p50, p99, max and the budget. A p99 above the budget is reported; it is no failure, because other programs of
@@ -204,9 +212,15 @@ impl Report {
     }
 }
 
-/// A number of jobs, with its verb.
-fn counted(jobs: u64) -> String {
-    if jobs == 1 { "1 job was".into() } else { format!("{jobs} jobs were") }
+/// A number of things, with its verb: `1 job was`, `2 jobs were`.
+pub fn were(number: u64, what: &str) -> String {
+    let verb = if number == 1 { "was" } else { "were" };
+    format!("{} {verb}", counted(number, what))
+}
+
+/// A number of times: `once`, `2 times`.
+pub fn times(number: u64) -> String {
+    if number == 1 { "once".into() } else { format!("{number} times") }
 }
 
 impl Timing {
@@ -327,7 +341,7 @@ mod tests {
         );
         assert!(report.is_good() && !report.is_in_time());
         assert_eq!(report.to_json()["turn_around"]["margin_us"], -7_023.0);
-        report.jobs(Counts { sent: 2, executed_once: 1, lost: 1, ..Counts::default() });
+        report.jobs(Counts { sent: 2, executed_once: 1, lost: 1, ..Counts::default() }, 0);
         assert_eq!(report.failures(), ["1 job was lost"]);
         let over: Vec<String> = report.over_budget().collect();
         assert_eq!(over, ["turn-around: p99 is 99.01 ms, the budget 90.00 ms (§9.4)"]);

@@ -5,17 +5,17 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
-use crate::demo::table::{self, Judged};
+use crate::demo::table::{self, Judged, Layout};
 use crate::demo::{self, DemoOptions, MustFail};
 use crate::devices::link_parser;
 use crate::io::line::Lines;
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{self, Policy};
-use cellwire_io::output::{counted, remark};
+use cellwire_io::output::{counted, quoted, remark, terminal_columns};
 use cellwire_io::trace::TraceArgs;
 use cellwire_links::LINKS;
 use cellwire_links::link::Link;
@@ -39,7 +39,7 @@ pub struct Args {
     /// Fail when a 99th percentile is above its budget: for an otherwise idle machine
     #[arg(long)]
     check_times: bool,
-    /// Corrupt the record of the run to prove that the check fails (one LINK only)
+    /// Corrupt the record of the run to prove that the check fails, also with --faults (one LINK only)
     #[arg(long, value_name = "HOW")]
     must_fail: Option<MustFail>,
     /// The seed of the injected faults; the same seed gives the same faults
@@ -88,6 +88,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let settings = args.set.read(&known)?;
     interrupt::on_interrupt(Policy::End)?;
     let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), std::io::stdout());
+    let layout = Layout::new(terminal_columns());
     let mut rest = links.as_slice();
     while let Some((link, others)) = rest.split_first() {
         // One run of the cell shows its three links.
@@ -108,14 +109,14 @@ pub fn run(args: &Args) -> Result<bool> {
             let judged = Judged { report, check_times, picture };
             if all.is_empty() && !args.json {
                 let links = counted(links.len(), "robot link");
-                write!(out, "{links}, simulated. Nothing real moves.\n\n{}", table::HEAD)?;
+                write!(out, "{links}, simulated. Nothing real moves.\n\n{}", layout.head())?;
             }
-            tell(args, &judged, &mut out)?;
+            tell(args, layout, &judged, &mut out)?;
             all.push(judged);
         }
     }
     if !args.json {
-        end(args, links.len(), &all, &mut out)?;
+        end(args, layout, &all, &mut out)?;
     }
     Ok(all.iter().all(Judged::is_good))
 }
@@ -126,11 +127,9 @@ fn options(args: &Args, link: &'static str, settings: Map<String, Value>) -> Dem
     let at = progress.clone();
     interrupt::before_exit(move || {
         if !at.is_finished() {
-            let (done, of) = (at.position(), at.length().unwrap_or_default());
+            let (done, of) = (at.position(), at.length().map_or_else(String::new, |of| format!(" of {of}")));
             at.finish_and_clear();
-            remark(&format!(
-                "{link}: interrupted at {done} of {of}; its devices were simulated, and have ended"
-            ));
+            remark(&format!("{link}: interrupted at {done}{of}; its devices were simulated, and have ended"));
         }
     });
     let name = if link == "fanuc" { link.into() } else { format!("{link}.svg") };
@@ -149,42 +148,63 @@ fn options(args: &Args, link: &'static str, settings: Map<String, Value>) -> Dem
 }
 
 /// Prints the result of a link.
-fn tell(args: &Args, judged: &Judged, out: &mut impl Write) -> Result<()> {
+fn tell(args: &Args, layout: Layout, judged: &Judged, out: &mut impl Write) -> Result<()> {
     if args.json {
         return Ok(writeln!(out, "{}", judged.to_json())?);
     }
-    let link = judged.report.summary().0;
-    let faults = if args.faults { " --faults" } else { "" };
-    write!(out, "{}", judged.row(&format!("cellwire demo {link}{faults} --seed {} --verbose", args.seed)))?;
+    write!(out, "{}", judged.row(layout, &again(args, judged.report.summary().0)))?;
     if args.verbose {
         writeln!(out, "\n{}", judged.report.figures())?;
     }
     Ok(())
 }
 
+/// The command that runs the link so again, and prints every figure.
+fn again(args: &Args, link: &str) -> String {
+    let mut words = vec!["cellwire".into(), "demo".into(), link.into()];
+    let path = |path: &PathBuf| path.display().to_string();
+    if args.faults {
+        words.push("--faults".into());
+    }
+    words.extend(["--seed".into(), args.seed.to_string()]);
+    for (option, value) in [
+        ("--for", args.duration.map(|time| humantime::format_duration(time).to_string().replace(' ', ""))),
+        ("--must-fail", args.must_fail.map(|how| how.name().into())),
+        ("--drawing", args.drawing.as_ref().map(path)),
+    ] {
+        words.extend(value.into_iter().flat_map(|value| [option.into(), value]));
+    }
+    if args.check_times {
+        words.push("--check-times".into());
+    }
+    words.extend(args.set.words());
+    words.push("--verbose".into());
+    let words = words.iter().map(|word: &String| quoted(word));
+    words.collect::<Vec<_>>().join(" ")
+}
+
 /// Prints what all rows mean together.
-fn end(args: &Args, links: usize, all: &[Judged], out: &mut impl Write) -> Result<()> {
-    let pictures = table::pictures(args.out.as_deref(), all);
-    write!(out, "\n{}\n{}\n{pictures}", table::verdict(all), table::LEGEND)?;
-    if links > 1 {
-        write!(out, "\n{NEXT}")?;
+fn end(args: &Args, layout: Layout, all: &[Judged], out: &mut impl Write) -> Result<()> {
+    let pictures = table::pictures(layout, args.out.as_deref(), all);
+    write!(out, "\n{}\n{}\n{pictures}", table::verdict(layout, all), layout.legend(all))?;
+    match table::failed(all) {
+        Some(failed) => write!(out, "\n{}", layout.wrapped(&failed, 0))?,
+        None if all.len() > 1 => write!(out, "\n{}", layout.next())?,
+        None => {}
     }
     Ok(out.flush()?)
 }
 
-const NEXT: &str = "\
-Next:
-  cellwire demo kawasaki --faults    the same over a connection that breaks
-  cellwire demo laser --verbose      every figure of one link
-  cellwire simulate fanuc --listen 5020    a robot for your own program
-";
-
 fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let style = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg} [{elapsed}]");
-    let bar = ProgressBar::with_draw_target(Some(0), target).with_prefix(name);
+    let style = ProgressStyle::with_template("{prefix} {bar:30} {pos}{of} {msg} [{elapsed}]");
+    // Without a length nothing is done of it, and the bar is empty.
+    let bar = ProgressBar::with_draw_target(None, target).with_prefix(name);
+    let of = |state: &ProgressState, text: &mut dyn core::fmt::Write| {
+        let _ = state.len().map(|length| write!(text, "/{length}"));
+    };
     let bar = match style {
-        Ok(style) => bar.with_style(style),
+        Ok(style) => bar.with_style(style.with_key("of", of)),
         Err(_) => bar,
     };
     // The time goes on where a link has nothing to count, or is still being opened.

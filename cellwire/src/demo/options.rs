@@ -37,7 +37,7 @@ pub struct DemoOptions {
 /// What is done to the record of a run before it is judged, to show that the verdict finds it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum MustFail {
-    /// Remove one entry
+    /// Remove one entry that must be there
     Lost,
     /// Enter one entry twice
     Repeated,
@@ -45,6 +45,18 @@ pub enum MustFail {
     Limit,
     /// Set every time budget to zero
     Late,
+}
+
+impl MustFail {
+    /// The word after `--must-fail`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lost => "lost",
+            Self::Repeated => "repeated",
+            Self::Limit => "limit",
+            Self::Late => "late",
+        }
+    }
 }
 
 impl DemoOptions {
@@ -70,23 +82,15 @@ impl DemoOptions {
         self.must_fail == Some(how)
     }
 
-    /// Spoils a record of what was done, in its middle.
-    pub fn spoil<T: Clone>(&self, record: &mut Vec<T>) {
+    /// Spoils a record of what was done: the entry nearest to its middle of those that must be in it.
+    pub fn spoil<T: Clone>(&self, record: &mut Vec<T>, must_be: impl Fn(&T) -> bool) {
         let middle = record.len() / 2;
-        let Some(entry) = record.get(middle).cloned() else { return };
-        match self.must_fail {
-            Some(MustFail::Lost) => drop(record.remove(middle)),
-            Some(MustFail::Repeated) => record.insert(middle, entry),
+        let places = record.iter().enumerate().filter(|(_, entry)| must_be(entry)).map(|(place, _)| place);
+        let Some(place) = places.min_by_key(|place| place.abs_diff(middle)) else { return };
+        match (self.must_fail, record.get(place).cloned()) {
+            (Some(MustFail::Lost), _) => drop(record.remove(place)),
+            (Some(MustFail::Repeated), Some(entry)) => record.insert(place, entry),
             _ => {}
-        }
-    }
-
-    /// A count of what was done, spoilt.
-    pub fn spoilt(&self, count: u64) -> u64 {
-        match self.must_fail {
-            Some(MustFail::Lost) => count.saturating_sub(1),
-            Some(MustFail::Repeated) => count + 1,
-            _ => count,
         }
     }
 }

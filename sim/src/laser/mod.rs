@@ -138,6 +138,11 @@ impl LaserRobot {
         self.queue.len()
     }
 
+    /// The instructions that it holds, in their order: a loss of power forgets them.
+    pub fn waiting(&self) -> impl Iterator<Item = Job> + '_ {
+        self.queue.iter().map(|(_, job)| job.clone())
+    }
+
     /// Executes an immediate instruction or a query, and has it answered.
     fn execute(&mut self, now: Duration, word: u16) -> Result<(), laser_eb90::SessionError> {
         let nothing = |_: &mut Payload<'_>| -> Result<(), EncodeError> { Ok(()) };

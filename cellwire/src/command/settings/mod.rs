@@ -33,6 +33,16 @@ pub(super) struct SetArgs {
 }
 
 impl SetArgs {
+    /// The options, as words of a command line.
+    pub(super) fn words(&self) -> Vec<String> {
+        let file = self.settings.iter().flat_map(|file| ["--settings".into(), file.display().to_string()]);
+        let set = self.set.iter().flat_map(|(name, value)| {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            ["--set".into(), format!("{name}={value}")]
+        });
+        file.chain(set).collect()
+    }
+
     /// Whether nothing is set.
     pub(super) fn is_empty(&self) -> bool {
         self.set.is_empty() && self.settings.is_none()

@@ -106,7 +106,7 @@ impl<'a> Orders<'a> {
         let (mut strokes, held) = self.held.drain(..).partition(|stroke: &Stroke| stroke.order <= order);
         self.held = held;
         if order == 1 {
-            self.options.spoil(&mut strokes);
+            self.options.spoil(&mut strokes, |stroke| stroke.order == order);
         }
         self.tally.add(self.picture, outcome, order, &strokes);
         strokes.retain(|stroke| stroke.order == order);

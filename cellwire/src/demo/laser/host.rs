@@ -48,16 +48,18 @@ pub struct Plan<'a> {
     /// Whether to ask for the robot's status before going on, and when it was known last.
     ask: bool,
     asked: Duration,
-    /// How often the robot had started when it was asked last, what its queue holds, and how much had been queued then.
+    /// How often the robot had started when it was asked last.
     boot: Option<i16>,
-    queue: usize,
-    queued_before: usize,
+    /// How many instructions, of those that it has queued, it had certainly executed when it was asked last.
+    executed_before: usize,
     /// What the robot has queued, in this order.
     queued: Vec<usize>,
     /// When the last frame was sent.
     sent: Rc<Cell<Duration>>,
     /// What is known of each instruction.
     pub known: Vec<Option<Reported>>,
+    /// The instructions that the robot confirmed, and may have forgotten when it restarted.
+    pub doubted: Vec<usize>,
     /// What was counted.
     pub counts: HostCounts,
 }
@@ -114,11 +116,11 @@ impl<'a> Cutter<'a> {
             ask: true,
             asked: now(),
             boot: None,
-            queue: 0,
-            queued_before: 0,
+            executed_before: 0,
             queued: Vec::new(),
             sent: Rc::clone(&sent),
             known: vec![None; path.len()],
+            doubted: Vec::new(),
             counts: HostCounts::default(),
         };
         Ok(Self { driver: Driver::new(Port(port, sent)), host, plan })
@@ -206,8 +208,8 @@ impl Plan<'_> {
                 let Some(Ok(Item::I16(values))) = host.answer().next() else {
                     anyhow::bail!("no status: {:?}", host.answer())
                 };
-                let [boot, queue, _] = values.array().context("a status has three shorts")?;
-                self.take_status(boot, usize::try_from(queue)?);
+                let [boot, _, held] = values.array().context("a status has three shorts")?;
+                self.take_status(boot, usize::try_from(held)?);
                 return Ok(());
             }
             HostEvent::Refused { first, count, .. } => (first, count, Fate::Refused),
@@ -223,7 +225,10 @@ impl Plan<'_> {
         let first = usize::try_from(first)?;
         let tickets = first..first + usize::from(count);
         match fate {
-            Fate::Refused => self.again(tickets),
+            Fate::Refused => {
+                self.note(tickets.clone(), Reported::NotDone);
+                self.again(tickets);
+            }
             Fate::Queued => self.note(tickets, Reported::Done),
             Fate::Unknown => self.note(tickets, Reported::Unknown),
         }
@@ -261,19 +266,20 @@ impl Plan<'_> {
         }
     }
 
-    /// A robot that has restarted has forgotten what was queued then: at most as much as its queue holds, of what was queued
-    /// before it was asked last; of what was queued since, nobody knows.
-    fn take_status(&mut self, boot: i16, queue: usize) {
+    /// A robot that has restarted has forgotten the instructions that it held then: of those that were queued before it was asked last, at most
+    /// as many as it held at that time; any of those that were queued since.
+    fn take_status(&mut self, boot: i16, held: usize) {
         if self.boot.is_some_and(|before| before != boot) {
             self.counts.restarts += 1;
-            let forgotten = self.queued_before.saturating_sub(self.queue);
-            for index in self.queued.split_off(forgotten) {
-                if let Some(slot) = self.known.get_mut(index) {
+            let doubted = self.queued.split_off(self.executed_before);
+            for index in &doubted {
+                if let Some(slot) = self.known.get_mut(*index) {
                     *slot = Some(Reported::Unknown);
                 }
             }
+            self.doubted.extend(doubted);
         }
-        (self.boot, self.queue, self.queued_before) = (Some(boot), queue, self.queued.len());
+        (self.boot, self.executed_before) = (Some(boot), self.queued.len().saturating_sub(held));
     }
 }
 

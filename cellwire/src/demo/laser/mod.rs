@@ -13,18 +13,19 @@ use laser_eb90::{HostConfig, timing};
 
 use self::host::{Cutter, Plan};
 use self::path::{Cut, SHEET};
+use self::tally::{Known, Places, Record, Tally};
 use crate::demo::DemoOptions;
 use crate::devices::laser_eb90::controller::{self, RobotCounts, Switch};
 use crate::io::drawing::{self, Point};
 use crate::io::line::Line;
 use crate::io::sheet;
-use crate::report::{Budget, Report};
+use crate::report::{Budget, Report, were};
 use cellwire_io::clock::Clock;
 use cellwire_io::port::AnyPort;
 use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::{self, Configure, Fields};
 use cellwire_sim::laser::Job;
-use cellwire_sim::ledger::Counts;
+use cellwire_sim::ledger::Reported;
 use cellwire_sim::{ByteFaults, Laser};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
@@ -121,16 +122,21 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         (robot.join(), cut)
     });
     let robot = robot.map_err(|_| anyhow::anyhow!("the simulated robot panicked"))??;
-    let (cutter, rates) = cut?;
-    let mut executed = executed.into_inner()?;
-    options.spoil(&mut executed);
-    let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &config.profile)).collect();
-    let cutter = cutter.plan;
-    let (jobs, unseen) = tally::count(&path, &cutter.known, &cuts);
+    let (Cutter { plan: cutter, .. }, rates) = cut?;
+    let cuts = |jobs: &[Job]| jobs.iter().map(|job| Cut::of(job, &config.profile)).collect::<Vec<_>>();
+    let (mut executed, forgotten) = (cuts(&executed.into_inner()?), cuts(&robot.forgotten));
+    let (places, known) = (Places::new(&path), Known { outcomes: &cutter.known, doubted: &cutter.doubted });
+    // The robot confirmed it, and did not forget it at a restart.
+    options.spoil(&mut executed, |cut| {
+        places.of(cut).is_some_and(|place| {
+            known.outcomes.get(place) == Some(&Some(Reported::Done)) || known.doubted.contains(&place)
+        })
+    });
+    let tally = tally::count(&places, known, Record { executed: &executed, forgotten: &forgotten });
     if let Some(file) = &options.out {
-        sheet::write(file, SHEET, &lines(&cuts), &[], ["laser on", "laser off"])?;
+        sheet::write(file, SHEET, &lines(&executed), &[], ["laser on", "laser off"])?;
     }
-    Ok(report((options, baud), path.len(), &line, &cutter, &robot, (jobs, unseen), rates))
+    Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
 }
 
 /// The host's run: instructions a second one by one, and seven in a frame.
@@ -204,7 +210,7 @@ fn report(
     line: &Line,
     cutter: &Plan<'_>,
     robot: &RobotCounts,
-    (jobs, unseen): (Counts, u64),
+    Tally { jobs, altered, unseen }: Tally,
     [one, seven]: [f64; 2],
 ) -> Report {
     let [single, batch, answer] = FRAME_LENGTHS;
@@ -218,10 +224,7 @@ fn report(
         format!("a host cuts a path of {path} instructions at {baud} baud, with a cycle of 16 ms"),
     )
     .moves("a laser cuts a sheet");
-    report.jobs(jobs);
-    if jobs.unknown > 0 {
-        report.fact("unknown_executed", "of these executed", jobs.unknown_executed);
-    }
+    report.jobs(jobs, altered);
     report.fact("unseen", "executed corrupt, undetected by the checksum", unseen);
     report.fact("resent", "frames resent after an error code", cutter.counts.resent);
     report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
@@ -253,7 +256,7 @@ fn report(
     );
     report.require(jobs.executed_once > 0, || "nothing was cut".into());
     report.require(!options.faults || cutter.counts.restarts == 1, || {
-        format!("the robot restarted once, but {} restarts were detected", cutter.counts.restarts)
+        format!("the robot restarted once, but {} detected", were(cutter.counts.restarts, "restart"))
     });
     report.require(options.faults || jobs.unknown == 0, || {
         "outcomes are unknown although the line had no faults".into()

@@ -13,6 +13,7 @@ use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig};
 use robot_session::{Step as Settled, Steps};
 
 use super::cell::{Cell, Which};
+use super::motions::Motions;
 use crate::io::samples::Samples;
 
 /// The two times of a run: the cell may run faster than the clock on the wall, the protocol's deadlines do not.
@@ -58,12 +59,10 @@ pub struct Log {
     pub exchanges: u64,
     /// Command to reply, on the wall's clock.
     pub turn_around: Samples,
-    /// Motions that the devices agreed to: robot, platform.
-    pub agreed: [u64; 2],
+    /// The motions of robot and platform.
+    pub motions: [Motions; 2],
     /// Motions that they refused.
     pub refused: u64,
-    /// Motions whose connection broke before the reply.
-    pub unknown: [u64; 2],
     /// Connections that were opened again.
     pub reconnections: u64,
 }
@@ -146,17 +145,17 @@ impl Central {
             }
             let mut idle = true;
             for (event, turn_around) in self.robot.settle(now.wall) {
-                self.log.note(0, &event, turn_around);
+                self.log.note(Some((0, cell.robot().motions())), &event, turn_around);
                 self.report(now, Which::Robot, Device::Robot, &event);
                 idle = false;
             }
             for (event, turn_around) in self.platform.settle(now.wall) {
-                self.log.note(1, &event, turn_around);
+                self.log.note(Some((1, cell.platform().motions())), &event, turn_around);
                 self.report(now, Which::Platform, Device::Platform, &event);
                 idle = false;
             }
             for (event, turn_around) in self.periphery.settle(now.wall) {
-                self.log.note(2, &event, turn_around);
+                self.log.note(None, &event, turn_around);
                 self.report_periphery(now, cell, &event);
                 idle = false;
             }
@@ -330,18 +329,20 @@ impl<P: Pose> End<P> {
 }
 
 impl Log {
-    fn note<P: Pose>(&mut self, connection: usize, event: &CentralEvent<P>, turn_around: Duration) {
-        let motions = |counts: &mut [u64; 2], command: &Command<P>| {
-            if let (Command::Move { .. }, Some(count)) = (command, counts.get_mut(connection)) {
-                *count += 1;
-            }
-        };
+    /// Notes an event; `begun`: the device, and how many motions it has begun.
+    fn note<P: Pose>(&mut self, begun: Option<(usize, u64)>, event: &CentralEvent<P>, turn_around: Duration) {
+        let motions = begun.and_then(|(device, begun)| Some((self.motions.get_mut(device)?, begun)));
         match event {
-            CentralEvent::Done { command } => motions(&mut self.agreed, command),
+            CentralEvent::Done { command: Command::Move { .. } } => {
+                if let Some((motions, begun)) = motions {
+                    motions.agree(begun);
+                }
+            }
             CentralEvent::Refused { command: Command::Move { .. }, .. } => self.refused += 1,
             CentralEvent::Closed { reason, unfinished } => {
-                if let Unfinished::Unknown(command) = unfinished {
-                    motions(&mut self.unknown, command);
+                if let (Unfinished::Unknown(Command::Move { .. }), Some((motions, _))) = (unfinished, motions)
+                {
+                    motions.lose_reply();
                 }
                 if *reason != Closing::Agreed {
                     return;

@@ -3,6 +3,7 @@
 pub mod cell;
 pub mod central;
 pub mod judged;
+pub mod motions;
 mod periphery;
 mod ported;
 mod settings;
@@ -27,10 +28,12 @@ use mmacell_task::{Step, TaskConfig};
 use self::cell::{Cell, Which};
 use self::central::{Central, Log, Now};
 use self::judged::Judged;
+use self::motions::Span;
 use self::ported::Ported;
-use crate::demo::DemoOptions;
+use crate::demo::{DemoOptions, MustFail};
 use crate::devices::device::keep;
-use crate::report::Report;
+use crate::report::{Report, were};
+use cellwire_io::output::counted;
 use cellwire_io::tcp;
 use cellwire_sim::FaultyProxy;
 use cellwire_sim::host::{Listener, Notice, Server};
@@ -65,9 +68,10 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     if let Some(path) = &options.out {
         timeline::draw(path, &log, &cell.parts().record)?;
     }
-    let mut report = report(&log, &cell, &judged, options, stalls.stall_every > 0, speed);
+    let motions = motions(&log, &cell, options);
+    let mut report = report(&log, &cell, &judged, options, (stalls.stall_every > 0, speed), motions);
     report.require(until_limit || options.seconds.is_some() || log.placed == parts, || {
-        format!("{} of {parts} parts were placed", log.placed)
+        format!("{} of {} placed", log.placed, were(parts, "part"))
     });
     if let Some(path) = &options.out {
         report.fact("timeline", "timeline", path.display().to_string());
@@ -155,7 +159,9 @@ impl Run {
             connections.push(Connection::open(which, address, 0, &sender)?);
             central.connected(self.clock.now(), which);
         }
-        options.progress.set_length(parts.unwrap_or_default());
+        if let Some(parts) = parts {
+            options.progress.set_length(parts);
+        }
         let mut stands_since = (Step::AwaitDevices, Duration::ZERO);
         let mut placed_last = (0, Duration::ZERO);
         while central.step() != Step::Finished {
@@ -301,8 +307,8 @@ fn report(
     cell: &Cell,
     judged: &Judged,
     options: &DemoOptions,
-    stalls: bool,
-    speed: u32,
+    (stalls, speed): (bool, u32),
+    motions: Counts,
 ) -> Report {
     let record = &cell.parts().record;
     let title = format!(
@@ -327,19 +333,21 @@ fn report(
     report.fact("vacuum_left_on", "attempts started with the vacuum on", log.vacuum_left_on);
     let after_loss = u64::try_from(record.vacuum_after_fall.as_millis()).unwrap_or(u64::MAX);
     report.fact("vacuum_after_loss_ms", "longest vacuum after a loss, ms of cell time", after_loss);
-    report.jobs(motions(log, cell, options));
+    report.jobs(motions, 0);
     let open = judged.open;
     report.require(record.carried_off <= open, || {
-        format!("{} parts were not blown off and left their place", record.carried_off)
+        format!("{} not blown off, and left the place again", were(record.carried_off, "part"))
     });
     report.require((log.placed..=log.placed + open).contains(&record.placed), || {
-        format!("{} parts are in their place, but the task counts {}", record.placed, log.placed)
+        format!("{} put in place, but the task counts {}", were(record.placed, "part"), log.placed)
     });
-    report.require(elsewhere == 0, || format!("{elsewhere} parts were released in the wrong place"));
+    report.require(elsewhere == 0, || format!("{} released in the wrong place", were(elsewhere, "part")));
     report.require(log.vacuum_left_on == 0 && !cell.parts().vacuum(), || "the vacuum was left on".into());
     let (first, others) = judged.failures.split_at(judged.failures.len().min(MAX_FAILURES));
     first.iter().for_each(|failure| report.require(false, || failure.clone()));
-    report.require(others.is_empty(), || format!("{} more attempts with steps out of order", others.len()));
+    report.require(others.is_empty(), || {
+        format!("{} more with steps out of order", counted(others.len(), "attempt"))
+    });
     report.timing("turn_around", "command to reply", &log.turn_around, None);
     report.timing("cycle", "cycle of a part, in cell time", &judged.cycles, None);
     let of = |step| judged.steps.iter().find(|(known, _)| *known == step);
@@ -353,16 +361,19 @@ fn report(
 
 /// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
 fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Counts {
-    let executed = [options.spoilt(cell.robot().motions()), cell.platform().motions()];
-    let mut jobs = Counts::default();
-    for ((agreed, unknown), executed) in log.agreed.iter().zip(log.unknown).zip(executed) {
-        jobs.sent += agreed + unknown;
-        jobs.lost += agreed.saturating_sub(executed);
-        jobs.repeated += executed.saturating_sub(agreed + unknown);
-        jobs.executed_once += executed.min(agreed + unknown);
-        jobs.unknown += unknown;
+    let [robot, platform] = &log.motions;
+    let mut robot = robot.spans(cell.robot().motions());
+    let middle = robot.len() / 2;
+    let certain = robot.iter_mut().enumerate().filter(|(_, span)| span.is_certain());
+    if let Some((_, span)) = certain.min_by_key(|(place, _)| place.abs_diff(middle)) {
+        match options.must_fail {
+            Some(MustFail::Lost) => *span = span.without_one(),
+            Some(MustFail::Repeated) => *span = span.with_one_more(),
+            _ => {}
+        }
     }
-    jobs
+    let platform = platform.spans(cell.platform().motions());
+    robot.iter().chain(&platform).map(Span::count).fold(Counts::default(), |all, counts| all + counts)
 }
 
 #[cfg(test)]
@@ -437,7 +448,7 @@ mod tests {
         let log = Log { steps, ..Log::default() };
         let mut faulted = Log { steps: log.steps.clone(), ..Log::default() };
         let judged = Judged::of(&log, &cell.parts().record);
-        let report = report(&log, &cell, &judged, &options(false, &[]), false, 1);
+        let report = report(&log, &cell, &judged, &options(false, &[]), (false, 1), Counts::default());
         assert!(!report.is_good());
         assert_eq!(report.to_json()["let_go_elsewhere"], 1);
         faulted.steps.insert(2, (at(2), Step::Faulted));

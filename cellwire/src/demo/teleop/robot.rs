@@ -11,7 +11,8 @@ use crate::alter::{LIMITS, host_config};
 use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::devices::val2_alter::puma::{PumaConfig, error_text};
-use crate::report::{Budget, Report};
+use crate::report::{Budget, Report, times};
+use cellwire_io::output::counted;
 use cellwire_links::settings::{self, Configure, Fields};
 
 /// What happens so shortly before the end of a run may stay unanswered.
@@ -53,11 +54,11 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let mut record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
     if options.spoils(MustFail::Lost) {
-        // One end of ALTER more than the host has taken up.
-        for _ in 0..record.puma.starts {
-            record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
-            record.ends_before_stop += 1;
-        }
+        // A cycle without a reply, for which ALTER ended; and it was not resumed.
+        record.puma.missed += 1;
+        record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
+        record.ends_before_stop += 1;
+        record.puma.starts = record.puma.starts.min(to_take_up(&record));
     }
     if options.spoils(MustFail::Limit) {
         record.puma.judge.extremes.add([0; AXES], [i16::MAX; AXES]);
@@ -145,6 +146,16 @@ fn slack(config: &CellConfig) -> Option<Budget> {
     worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
 }
 
+/// Whether something happened long enough before the end of the run to be answered.
+fn is_settled(record: &CellRecord, at: Duration) -> bool {
+    at + SETTLING < record.stopped_at
+}
+
+/// How many ends of ALTER the host must have resumed.
+fn to_take_up(record: &CellRecord) -> u64 {
+    record.puma.ends.iter().filter(|(at, _)| is_settled(record, *at)).count() as u64
+}
+
 /// Every cycle counts: one without a good reply has an injected fault, or was late.
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
@@ -154,21 +165,28 @@ fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, misse
     let [line_faults, _, _] = record.line_faults;
     let inserted = if config.faults { host.stalls + line_faults } else { 0 };
     report.in_time(lost <= inserted, || {
-        format!("{lost} of {} cycles were lost, {inserted} by injected faults", puma.cycles)
+        let cycles = counted(puma.cycles, "cycle");
+        format!(
+            "{lost} of {cycles} {} lost, {inserted} by injected faults",
+            if lost == 1 { "was" } else { "were" }
+        )
     });
     report.require(puma.turn_around.count() > 0, || "no cycle was answered".into());
     report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
     report.require(drawn.most_at_once <= 1, || {
         format!("{} poses arrived at once: a backlog", drawn.most_at_once)
     });
-    let settled = |at: Duration| at + SETTLING < record.stopped_at;
-    let to_take_up = puma.ends.iter().filter(|(at, _)| settled(*at)).count() as u64;
-    report.require(puma.starts > to_take_up, || {
-        format!("ALTER ended {to_take_up} times, but was resumed {} times", puma.starts)
+    let ended = to_take_up(record);
+    report.require(puma.starts > ended, || {
+        let resumed = match puma.starts.saturating_sub(1) {
+            0 => "never resumed".into(),
+            starts => format!("resumed only {}", times(starts)),
+        };
+        format!("ALTER ended {}, but was {resumed}", times(ended))
     });
     if !config.faults && record.ends_before_stop == 0 {
         let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
-        let due = host.gripper_keys.iter().take_while(|(at, _)| settled(*at)).count();
+        let due = host.gripper_keys.iter().take_while(|(at, _)| is_settled(record, *at)).count();
         report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
             format!("the gripper moved {:?}, but its keys were pressed {pressed:?}", puma.gripper)
         });
@@ -262,13 +280,19 @@ mod tests {
     #[test]
     fn every_cycle_counts() {
         assert_eq!(over_budget(|_| ()), [""; 0]);
-        let lost = "1 of 0 cycles were lost, 0 by injected faults";
+        let lost = "1 of 0 cycles was lost, 0 by injected faults";
         let taken_up = |record: &mut CellRecord| {
             miss(record);
             record.puma.starts = 2;
         };
         assert_eq!((over_budget(taken_up), failures(taken_up)), (vec![lost.to_owned()], Vec::new()));
-        assert_eq!(failures(miss), ["ALTER ended 1 times, but was resumed 1 times"]);
+        assert_eq!(failures(miss), ["ALTER ended once, but was never resumed"]);
+        let again = |record: &mut CellRecord| (0..3).for_each(|_| miss(record));
+        let resumed = |record: &mut CellRecord| {
+            again(record);
+            record.puma.starts = 2;
+        };
+        assert_eq!(failures(resumed), ["ALTER ended 3 times, but was resumed only once"]);
         assert_eq!(over_budget(|record| record.puma.bad_replies = 1), [lost]);
     }
 

@@ -34,11 +34,14 @@ pub struct RobotCounts {
     pub work: Samples,
     /// From the end of the cycle to the answer on the line: how late the machine gave it the processor.
     pub answer: Samples,
+    /// The instructions that it held when it was killed.
+    pub forgotten: Vec<Job>,
 }
 
 impl RobotCounts {
     /// Adds what was counted before or after a restart.
     pub fn add(&mut self, other: &Self) {
+        self.forgotten.extend_from_slice(&other.forgotten);
         self.refused += other.refused;
         self.work.merge(&other.work);
         self.answer.merge(&other.answer);
@@ -216,6 +219,7 @@ fn execute(
             _ => Ok(()),
         },
     )?;
+    keep(&mut robot);
     // What is queued is executed, in no time that anybody waits for.
     while !switch.was_killed()
         && let Some(end) = robot.device().due()
@@ -223,7 +227,8 @@ fn execute(
         robot.handle_timeout(end);
         keep(&mut robot);
     }
-    Ok(RobotCounts { refused, ..measured.counts })
+    let forgotten = if switch.was_killed() { robot.device().waiting().collect() } else { Vec::new() };
+    Ok(RobotCounts { refused, forgotten, ..measured.counts })
 }
 
 fn show(event: &LaserEvent, settings: &Laser) -> Option<Value> {

@@ -22,6 +22,7 @@ mod error;
 mod expression;
 mod finding;
 mod grammar;
+mod insert;
 mod inspect;
 mod instruction;
 mod layout;
@@ -36,6 +37,7 @@ mod rewrite;
 #[cfg(feature = "spec")]
 mod spec;
 mod statement;
+mod syntax;
 mod text;
 mod view;
 
@@ -54,4 +56,6 @@ pub use motion::{Motion, MotionKind, Speed, SpeedUnit, Target, Termination};
 pub use operation::{Operation, TimerAction};
 pub use position::{Axis, AxisName, AxisUnit, Configuration, Group, Position};
 pub use program::{COMMENT_LENGTH, CommentRule, Program, Rules};
+pub use references::Reference;
 pub use statement::Statement;
+pub use syntax::Syntax;

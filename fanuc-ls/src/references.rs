@@ -2,20 +2,86 @@
 
 use core::ops::Range;
 
+use crate::document::Document;
 use crate::expression::ItemKind;
+use crate::parts::{at, offset};
 use crate::text::{digits, indent, is_letter_or_digit};
 
-/// `PR[3:part]` in a text: its letters, its number and its name, by their places.
+/// `PR[3:part]` in a text: a register, an input, an output, a label, a position or a frame where it is named by its number. Places are
+/// bytes of the text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Reference {
-    pub(crate) kind: ItemKind,
-    pub(crate) number: u32,
-    pub(crate) letters: Range<usize>,
-    pub(crate) digits: Range<usize>,
-    /// What is behind the colon, without blanks.
-    pub(crate) name: Option<Range<usize>>,
-    /// Whether it is a frame's number without brackets: `UFRAME_NUM=1`.
-    pub(crate) is_selection: bool,
+pub struct Reference {
+    /// The kind of the item.
+    pub kind: ItemKind,
+    /// The number of the item.
+    pub number: u32,
+    /// The letters before the number, such as `PR`; `UFRAME_NUM` of a selection, `UF` of a position.
+    pub letters: Range<usize>,
+    /// The digits of the number.
+    pub digits: Range<usize>,
+    /// The name after the colon, without the blanks and quotes around it. None if the reference has no name.
+    pub name: Option<Range<usize>>,
+    /// Whether the text is the label itself, or the position in `/POS`, and not a use of it.
+    pub is_definition: bool,
+    /// Whether the number is that of a frame, without brackets: `UFRAME_NUM=1`, or `UF : 1` of a position.
+    pub is_selection: bool,
+}
+
+impl Reference {
+    /// The reference with its places moved by this many bytes.
+    fn moved(self, by: usize) -> Self {
+        let moved = |place: Range<usize>| place.start + by..place.end + by;
+        Self { letters: moved(self.letters), digits: moved(self.digits), name: self.name.map(moved), ..self }
+    }
+}
+
+impl Document {
+    /// Everything that statements and positions name by its number, with its place, in the order of the text. Comments, messages and
+    /// strings name nothing.
+    ///
+    /// ```
+    /// use fanuc_ls::{Document, ItemKind};
+    ///
+    /// let text = "/PROG A\n/MN\n1:  R[1:count]=R[R[2]] ;\n/END\n";
+    /// let document = Document::decode(text)?;
+    /// let found: Vec<_> = document.references().collect();
+    /// assert_eq!(found.len(), 2);
+    /// assert_eq!((found[0].kind, found[0].number), (ItemKind::Register, 1));
+    /// assert_eq!(found[0].name.clone().map(|name| &text[name]), Some("count"));
+    /// # Ok::<(), fanuc_ls::DecodeError>(())
+    /// ```
+    pub fn references(&self) -> impl Iterator<Item = Reference> {
+        let of_blocks =
+            self.parts.blocks.iter().flat_map(|block| {
+                of_position(at(&self.text, block)).map(move |found| found.moved(block.start))
+            });
+        self.statement_references().chain(of_blocks)
+    }
+
+    /// The references of `/MN`.
+    pub(crate) fn statement_references(&self) -> impl Iterator<Item = Reference> {
+        self.parts.statements(&self.text).flat_map(|statement| {
+            let body = statement.body();
+            let start = offset(&self.text, body);
+            find(body).map(move |found| found.moved(start))
+        })
+    }
+
+    /// The programs that statements call, run or monitor by their names: the place of each name, in the order of the text.
+    pub fn program_references(&self) -> impl Iterator<Item = Range<usize>> {
+        self.parts.statements(&self.text).flat_map(|statement| {
+            let body = statement.body();
+            let start = offset(&self.text, body);
+            programs(body).map(move |name| name.start + start..name.end + start)
+        })
+    }
+
+    /// The bytes of a part of [`as_str`](Self::as_str), such as the body of a statement. Of another text, the result is an unspecified
+    /// range within the text.
+    pub fn place(&self, part: &str) -> Range<usize> {
+        let start = offset(&self.text, part);
+        start..(start + part.len()).min(self.text.len())
+    }
 }
 
 /// The frames that a statement selects, and their words.
@@ -28,24 +94,14 @@ const SELECTIONS: [(&str, ItemKind); 4] = [
 
 /// All of them in the text of an instruction, in their order. What is text itself has none: comments, remarks, messages, strings
 /// and names.
-pub(crate) fn find(body: &str) -> impl Iterator<Item = Reference> {
-    let is_text = body.starts_with(['!']) || body.starts_with("--");
-    let mut at = if is_text { body.len() } else { 0 };
+fn find(body: &str) -> impl Iterator<Item = Reference> {
+    let is_label = ["LBL", "LABEL"]
+        .iter()
+        .any(|word| body.get(..word.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(word)));
+    let mut at = 0;
     core::iter::from_fn(move || {
         loop {
-            let rest = body.get(at..)?;
-            let first = rest.chars().next()?;
-            if first == '\'' {
-                at += 1 + rest.get(1..)?.find('\'').map_or(rest.len(), |end| end + 1);
-                continue;
-            }
-            let is_word = |c: char| is_letter_or_digit(c) || matches!(c, '_' | '$' | '.');
-            if !is_word(first) {
-                at += first.len_utf8();
-                continue;
-            }
-            let length = rest.find(|c| !is_word(c)).unwrap_or(rest.len());
-            let letters = at..at + length;
+            let letters = next_word(body, at)?;
             at = letters.end;
             let word = body.get(letters.clone())?;
             if let Some((_, kind)) = SELECTIONS.iter().find(|(name, _)| word.eq_ignore_ascii_case(name)) {
@@ -55,19 +111,74 @@ pub(crate) fn find(body: &str) -> impl Iterator<Item = Reference> {
                 }
                 continue;
             }
-            let is_message = ["MESSAGE", "MELDUNG"].iter().any(|name| word.eq_ignore_ascii_case(name));
             let Some(inside) = body.get(at..)?.strip_prefix('[') else { continue };
-            if is_message {
+            if is_message(word) {
                 at = body.rfind(']').unwrap_or(body.len());
                 continue;
             }
             let Some(kind) = ItemKind::named(word) else { continue };
+            let is_definition = is_label && letters.start == 0;
             if let Some(found) = item(body, letters, kind, inside) {
                 at = found.name.as_ref().map_or(found.digits.end, |name| name.end);
-                return Some(found);
+                return Some(Reference { is_definition, ..found });
             }
         }
     })
+}
+
+/// The names of the programs in the text of an instruction.
+fn programs(body: &str) -> impl Iterator<Item = Range<usize>> {
+    let mut at = 0;
+    core::iter::from_fn(move || {
+        loop {
+            let letters = next_word(body, at)?;
+            at = letters.end;
+            let word = body.get(letters)?;
+            let rest = body.get(at..)?;
+            if rest.starts_with('[') && is_message(word) {
+                at = body.rfind(']').unwrap_or(body.len());
+            }
+            if !["CALL", "AUFRUF", "RUN", "MONITOR"].iter().any(|name| word.eq_ignore_ascii_case(name)) {
+                continue;
+            }
+            let name = indent(rest);
+            let start = body.len() - name.len();
+            let length =
+                name.find(|c| !(is_letter_or_digit(c) || matches!(c, '_' | '-'))).unwrap_or(name.len());
+            let is_monitor_end = word.eq_ignore_ascii_case("MONITOR") && name.get(..length) == Some("END");
+            let is_item = name.get(length..)?.starts_with('[');
+            let is_name = start > at && length > 0 && !name.starts_with(|c: char| c.is_ascii_digit());
+            if is_name && !is_item && !is_monitor_end {
+                at = start + length;
+                return Some(start..at);
+            }
+        }
+    })
+}
+
+/// The next word of letters, digits, `_`, `$` and `.` in the text of an instruction, at `from` or after it. Strings, comments and remarks
+/// have no words.
+fn next_word(body: &str, from: usize) -> Option<Range<usize>> {
+    if body.starts_with('!') || body.starts_with("--") {
+        return None;
+    }
+    let is_word = |c: char| is_letter_or_digit(c) || matches!(c, '_' | '$' | '.');
+    let mut at = from;
+    loop {
+        let rest = body.get(at..)?;
+        let first = rest.chars().next()?;
+        if first == '\'' {
+            at += 1 + rest.get(1..)?.find('\'').map_or(rest.len(), |end| end + 1);
+        } else if is_word(first) {
+            return Some(at..at + rest.find(|c| !is_word(c)).unwrap_or(rest.len()));
+        } else {
+            at += first.len_utf8();
+        }
+    }
+}
+
+fn is_message(word: &str) -> bool {
+    ["MESSAGE", "MELDUNG"].iter().any(|name| word.eq_ignore_ascii_case(name))
 }
 
 fn item(body: &str, letters: Range<usize>, kind: ItemKind, inside: &str) -> Option<Reference> {
@@ -83,10 +194,18 @@ fn item(body: &str, letters: Range<usize>, kind: ItemKind, inside: &str) -> Opti
     let name = indent(body.get(end..)?).strip_prefix(':').map(|name| {
         let length = closing(name);
         let name = name.get(..length).unwrap_or(name);
-        let start = crate::parts::offset(body, name.trim_start());
+        let start = offset(body, name.trim_start());
         start..start + name.trim().len()
     });
-    Some(Reference { kind, number, letters, digits: start..end, name, is_selection: false })
+    Some(Reference {
+        kind,
+        number,
+        letters,
+        digits: start..end,
+        name,
+        is_definition: false,
+        is_selection: false,
+    })
 }
 
 /// `=1`, or of one group `[GP2]=1`.
@@ -99,7 +218,15 @@ fn selection(body: &str, letters: Range<usize>, kind: ItemKind) -> Option<Refere
     let start = body.len() - rest.len();
     let end = start + digits(rest);
     let number = body.get(start..end)?.parse().ok()?;
-    Some(Reference { kind, number, letters, digits: start..end, name: None, is_selection: true })
+    Some(Reference {
+        kind,
+        number,
+        letters,
+        digits: start..end,
+        name: None,
+        is_definition: false,
+        is_selection: true,
+    })
 }
 
 /// How long a name is: up to the bracket that closes it, which may have brackets of its own.
@@ -116,8 +243,8 @@ fn closing(text: &str) -> usize {
     text.find(']').unwrap_or(text.len())
 }
 
-/// The number of `P[3]{` and those of `UF : 1, UT : 2` in a position of `/POS`: what each is, and its place.
-pub(crate) fn of_position(block: &str) -> impl Iterator<Item = (ItemKind, u32, Range<usize>)> {
+/// The number of `P[3]{` and those of `UF : 1, UT : 2` in a position of `/POS`.
+fn of_position(block: &str) -> impl Iterator<Item = Reference> {
     let marks = [("P[", ItemKind::Position), ("UF", ItemKind::UserFrame), ("UT", ItemKind::UserTool)];
     // A name may hold anything; the frames are behind it.
     let body = block.find('{').unwrap_or(0);
@@ -130,7 +257,16 @@ pub(crate) fn of_position(block: &str) -> impl Iterator<Item = (ItemKind, u32, R
             let rest = if is_header { rest } else { indent(rest.strip_prefix(':')?) };
             let start = base + part.len() - rest.len();
             let end = start + digits(rest);
-            Some((kind, block.get(start..end)?.parse().ok()?, start..end))
+            let number = block.get(start..end)?.parse().ok()?;
+            let letters = base + at..base + at + mark.trim_end_matches('[').len();
+            let name = indent(block.get(end..)?).strip_prefix(':').filter(|_| is_header).and_then(|name| {
+                let name = name.split_once(']').map_or("", |(name, _)| name);
+                let quoted = name.trim().trim_matches('"').trim();
+                let start = offset(block, quoted);
+                (!quoted.is_empty()).then_some(start..start + quoted.len())
+            });
+            let (is_definition, is_selection) = (is_header, !is_header);
+            Some(Reference { kind, number, letters, digits: start..end, name, is_definition, is_selection })
         })
     })
 }
@@ -169,7 +305,7 @@ mod tests {
     #[test]
     fn a_position_has_its_number_and_its_frames() {
         let block = "P[12:\"UF : 9\"]{\n   GP1:\n\tUF : 1, UT : 2,\n GP2:\n\tUF : F, UT : 3,\n};";
-        let all: Vec<_> = of_position(block).map(|(kind, number, _)| (kind, number)).collect();
+        let all: Vec<_> = of_position(block).map(|found| (found.kind, found.number)).collect();
         let (frame, tool) = (ItemKind::UserFrame, ItemKind::UserTool);
         assert_eq!(all, [(ItemKind::Position, 12), (frame, 1), (tool, 2), (tool, 3)]);
     }

@@ -5,7 +5,6 @@ use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;
 use alloc::string::ToString;
 use alloc::vec::Vec;
-use core::ops::Range;
 
 use crate::attribute::Attribute;
 use crate::document::Document;
@@ -16,7 +15,6 @@ use crate::instruction::Instruction;
 use crate::motion::{Motion, Speed};
 use crate::parts::{at, offset};
 use crate::position::{AxisName, Position};
-use crate::references::{self, Reference};
 use crate::statement::Statement;
 
 impl Document {
@@ -94,28 +92,19 @@ impl Document {
             let is_other = before.is_some_and(|before| before != old);
             if is_other { Err(EncodeError::Taken { item: kind, number: new }) } else { Ok(()) }
         };
-        for (start, found) in self.named() {
+        let positions = self.parts.positions.as_ref().map_or(self.text.len(), |section| section.start);
+        for found in self.references() {
             let new = changed(found.kind, found.number)?;
             let (kind, number) = new.unwrap_or((found.kind, found.number));
-            if found.kind == ItemKind::Label && self.is_definition(start) {
-                define(ItemKind::Label, found.number, number)?;
+            if found.is_definition {
+                define(found.kind, found.number, number)?;
             }
-            if new.is_some() {
-                edits.push((moved(&found.digits, start), number.to_string()));
+            if number != found.number {
+                edits.push((found.digits, number.to_string()));
             }
-            if kind != found.kind {
-                edits.push((moved(&found.letters, start), kind.to_string()));
-            }
-        }
-        for block in &self.parts.blocks {
-            for (kind, number, place) in references::of_position(at(&self.text, block)) {
-                let new = changed(kind, number)?.map_or(number, |(_, number)| number);
-                if kind == ItemKind::Position {
-                    define(kind, number, new)?;
-                }
-                if new != number {
-                    edits.push((moved(&place, block.start), new.to_string()));
-                }
+            // In `/POS`, the letters are those of the section.
+            if kind != found.kind && found.letters.start < positions {
+                edits.push((found.letters, kind.to_string()));
             }
         }
         self.apply(edits)
@@ -134,27 +123,23 @@ impl Document {
         let mut edits: Vec<Edit> = Vec::new();
         let marked =
             |mark: &str| if name.is_empty() { name.to_string() } else { format!(":{mark}{name}{mark}") };
-        for (start, found) in self.named() {
+        for found in self.statement_references() {
             if (found.kind, found.number) != (kind, number) || found.is_selection {
                 continue;
             }
-            let is_jump = kind == ItemKind::Label && !self.is_definition(start);
-            match &found.name {
-                Some(place) if !name.is_empty() => edits.push((moved(place, start), name.to_string())),
-                Some(place) => edits.push((start + found.digits.end..start + place.end, name.to_string())),
+            let is_jump = kind == ItemKind::Label && !found.is_definition;
+            match found.name {
+                Some(place) if !name.is_empty() => edits.push((place, name.to_string())),
+                Some(place) => edits.push((found.digits.end..place.end, name.to_string())),
                 None if is_jump => {}
-                None => edits.push((start + found.digits.end..start + found.digits.end, marked(""))),
+                None => edits.push((found.digits.end..found.digits.end, marked(""))),
             }
         }
-        let blocks = self.parts.blocks.iter().filter(|_| kind == ItemKind::Position);
-        for block in blocks {
-            let text = at(&self.text, block);
-            let header = references::of_position(text).find(|(kind, ..)| *kind == ItemKind::Position);
-            if let Some((_, found, place)) = header.filter(|(_, found, _)| *found == number)
-                && found == number
-                && let Some(length) = text.get(place.end..).and_then(|rest| rest.find("]"))
-            {
-                edits.push((moved(&(place.end..place.end + length), block.start), marked("\"")));
+        for found in self.references().filter(|_| kind == ItemKind::Position) {
+            let is_block = found.is_definition && (found.kind, found.number) == (kind, number);
+            let digits = found.digits.end;
+            if is_block && let Some(length) = self.text.get(digits..).and_then(|rest| rest.find(']')) {
+                edits.push((digits..digits + length, marked("\"")));
             }
         }
         self.apply(edits)
@@ -232,32 +217,8 @@ impl Document {
         Some((start..start + value.len(), count.to_string()))
     }
 
-    /// Whatever statements name by a number, and where the text of its instruction begins.
-    fn named(&self) -> impl Iterator<Item = (usize, Reference)> {
-        self.parts.statements(&self.text).flat_map(|statement| {
-            let body = statement.body();
-            let start = offset(&self.text, body);
-            references::find(body).map(move |found| (start, found))
-        })
-    }
-
-    /// Whether the instruction that begins here is the label itself.
-    fn is_definition(&self, start: usize) -> bool {
-        let words = self.text.get(start..).unwrap_or("");
-        ["LBL", "LABEL"]
-            .iter()
-            .any(|word| words.get(..word.len()).is_some_and(|w| w.eq_ignore_ascii_case(word)))
-    }
-
     /// The kinds and numbers that statements and positions name.
     pub fn items(&self) -> BTreeSet<(ItemKind, u32)> {
-        let of_blocks =
-            self.parts.blocks.iter().flat_map(|block| references::of_position(at(&self.text, block)));
-        let named = self.named().map(|(_, found)| (found.kind, found.number));
-        named.chain(of_blocks.map(|(kind, number, _)| (kind, number))).collect()
+        self.references().map(|found| (found.kind, found.number)).collect()
     }
-}
-
-fn moved(place: &Range<usize>, by: usize) -> Range<usize> {
-    place.start + by..place.end + by
 }

@@ -18,7 +18,7 @@ use crate::text::decimal_prefix;
 pub(crate) use expression::item;
 pub(crate) use instruction::{in_capitals, operation};
 pub(crate) use options::{OPTIONS, option, options};
-pub(crate) use table::{Place, ROWS};
+pub(crate) use table::{Form, Place, ROWS};
 
 /// What is still to be read, and what was read.
 pub(crate) type Parsed<'a, T> = IResult<&'a str, T, Trouble<'a>>;

@@ -261,3 +261,52 @@ fn what_an_edit_does_not_mean_stays_as_it_is_spelled() {
     document.set_position(&position).unwrap();
     assert_eq!(document.as_str(), text.replace("1.500", "2.500"));
 }
+
+#[test]
+fn statements_and_positions_are_added_and_removed() {
+    let mut document = document();
+    document.insert_instruction(0, "!first").unwrap();
+    document.insert_instruction(usize::MAX, "END").unwrap();
+    assert_eq!(document.insert_instruction(0, "L P[1"), Err(EncodeError::Instruction { line: 1 }));
+    let added = document.to_string();
+    assert!(added.contains("/MN\n   1:  !first ;\n   1:  UFRAME_NUM=1 ;\n"), "{added}");
+    assert!(added.contains("MESSAGE[R[5]] ;\n   9:  END ;\n/POS\n"), "{added}");
+    let mut position = document.positions().next().unwrap();
+    let taken = EncodeError::Taken { item: ItemKind::Position, number: 1 };
+    assert_eq!(document.add_position(&position), Err(taken));
+    position.number = 7;
+    document.add_position(&position).unwrap();
+    assert!(document.as_str().ends_with(
+        "P[7:\"home\"]{\n   GP1:\n\tUF : 1, UT : 2,\t\n\tJ1=     1.000 deg,\tJ2=     2.000 deg\n};\n/END\n"
+    ));
+    assert_eq!(document.remove_position(7), Ok(1));
+    assert_eq!(document.remove_position(7), Ok(0));
+    assert_eq!(document.as_str(), added);
+    let mut bare = Document::decode("/PROG A\n/MN\n/END\n").unwrap();
+    bare.insert_instruction(3, "ABORT").unwrap();
+    bare.add_position(&position).unwrap();
+    assert!(bare.as_str().starts_with("/PROG A\n/MN\n   1:  ABORT ;\n/POS\nP[7:\"home\"]{\n"), "{bare}");
+}
+
+#[test]
+fn every_reference_has_its_place() {
+    let document = document();
+    let shown: Vec<String> = { document.references() }
+        .map(|found| {
+            let name = found.name.map_or("", |name| &TEXT[name]);
+            let mark = if found.is_definition { "*" } else { "" };
+            format!("{mark}{}{}{name}", &TEXT[found.letters], &TEXT[found.digits])
+        })
+        .collect();
+    assert_eq!(
+        shown.join(" "),
+        "UFRAME_NUM1 *LBL3again P1home P2 PR5PR[1] up DI5gate R5 R7 LBL3 *P1home UF1 UT2 *P2 UF1 UT2"
+    );
+    let text = "/PROG A\n/MN\n1: CALL B-1 ;\n2: IF R[1]=1,RUN C ;\n3: CALL SR[1] ;\n4: MONITOR END ;\n\
+                5:L P[1] 9sec FINE TB .5sec,CALL D(1) ;\n6: !CALL E ;\n7: MESSAGE[CALL F] ;\n8: SR[1]='CALL G' ;\n/END\n";
+    let document = Document::decode(text).unwrap();
+    let programs: Vec<&str> = document.program_references().map(|name| &text[name]).collect();
+    assert_eq!(programs, ["B-1", "C", "D"]);
+    let body = document.statements().next().unwrap().body();
+    assert_eq!(&text[document.place(body)], "CALL B-1");
+}

@@ -306,8 +306,8 @@ impl ItemKind {
         (Self::Label, "LABEL"),
     ];
 
-    /// The one that is written so.
-    pub(crate) fn named(letters: &str) -> Option<Self> {
+    /// The kind that is written with these letters, such as `PR`, in capitals or not.
+    pub fn named(letters: &str) -> Option<Self> {
         let all = Self::ALL
             .iter()
             .map(|(kind, text, _)| (kind, text))

@@ -5,6 +5,7 @@ mod check;
 mod difference;
 mod edit;
 mod fmt;
+mod lsp;
 mod make;
 mod run;
 
@@ -47,7 +48,8 @@ Examples:
   cellwire ls make path.csv --mode dynamic            denser points where the motion changes
   cellwire ls make path.csv --mode distance --mm 5    a point every 5 mm
   cellwire ls run WELD.LS --out plots                 simulate, and draw the path
-  cellwire ls background                              the task that `cellwire fanuc log` reads";
+  cellwire ls background                              the task that `cellwire fanuc log` reads
+  cellwire ls lsp                                     the language server that an editor starts";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -58,6 +60,7 @@ enum Command {
     Make(Box<make::Args>),
     Background(background::Args),
     Run(run::Args),
+    Lsp(lsp::Args),
 }
 
 /// Does what the arguments ask for; false when a file was refused.
@@ -73,6 +76,7 @@ pub fn run(args: &Args) -> Result<bool> {
         Command::Make(args) => make::make(args).map(|()| true),
         Command::Background(args) => background::background(args).map(|()| true),
         Command::Run(args) => run::run(args),
+        Command::Lsp(args) => lsp::lsp(args),
     }
 }
 

@@ -1,10 +1,12 @@
 //! `cellwire ls run`.
 
-use std::path::PathBuf;
+use core::sync::atomic::{AtomicBool, Ordering};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 use fanuc_hmi_modbus::WordOrder;
+use serde_json::Value;
 
 use crate::devices::fanuc_hmi_modbus::options::ProgramSettings;
 use crate::devices::fanuc_hmi_modbus::program::{Machine, Preset};
@@ -59,6 +61,69 @@ pub(super) struct Args {
 const PERIOD: Duration = Duration::from_millis(8);
 
 pub(super) fn run(args: &Args) -> Result<bool> {
+    let (samples, good) = simulate(args, &AtomicBool::new(false), &mut |line| match line {
+        Line::Event(event) => log(&event),
+        Line::Remark(text) => {
+            remark(&text);
+            Ok(())
+        }
+    })?;
+    if let Some(folder) = &args.out {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        files::write(&folder.join("path.csv"), path::table(&samples).as_bytes())?;
+        let title =
+            args.program.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        files::write(&folder.join("path.svg"), path::draw(&title, &samples)?.as_bytes())?;
+    }
+    Ok(good)
+}
+
+/// Runs a program with the default settings and returns its output, 1 MB at most; ends early when `stop` is set.
+///
+/// # Errors
+/// When the file is not a program that can be simulated.
+pub(super) fn as_text(program: &Path, stop: &AtomicBool) -> Result<String> {
+    let args = Args {
+        program: program.to_path_buf(),
+        duration: Duration::from_secs(600),
+        out: None,
+        limits: None,
+        joints: None,
+        inputs: None,
+        preset: None,
+        no_reach: false,
+    };
+    let mut text = String::new();
+    simulate(&args, stop, &mut |line| {
+        let line = match line {
+            Line::Event(event) => event.to_string(),
+            Line::Remark(text) => text,
+        };
+        if text.len() + line.len() < MAX_TEXT {
+            text.push_str(&line);
+            text.push('\n');
+        }
+        Ok(())
+    })?;
+    Ok(text)
+}
+
+/// The longest output of [`as_text`], in bytes.
+const MAX_TEXT: usize = 1 << 20;
+
+/// A line of the output.
+enum Line {
+    Event(Value),
+    /// A sentence for the user, on standard error.
+    Remark(String),
+}
+
+/// Simulates a program; the path, and whether the program has ended as it should.
+fn simulate(
+    args: &Args,
+    stop: &AtomicBool,
+    print: &mut dyn FnMut(Line) -> Result<()>,
+) -> Result<(Vec<Sample>, bool)> {
     let mut settings = ProgramSettings {
         robot: args.limits.clone(),
         inputs: args.inputs.clone(),
@@ -79,14 +144,14 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     preset.apply(&mut robot.machine, &mut tables).with_context(|| file.display().to_string())?;
     let (mut samples, mut good) = (Vec::new(), true);
     let mut number = 0;
-    loop {
+    while !stop.load(Ordering::Relaxed) {
         let at = PERIOD * number;
         robot.run(at, number, &faults, &mut tables);
         for event in robot.machine.events() {
             good &= event.get("event").is_none_or(|event| event != "alarm");
             let why = event.get("why").and_then(|why| why.as_str()).unwrap_or("");
             reach |= why.contains(": it is ");
-            log(&event)?;
+            print(Line::Event(event))?;
         }
         samples.push(Sample {
             time: at.as_secs_f64(),
@@ -99,26 +164,20 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         let in_vain = robot.machine.waits_in_vain() && robot.inputs.are_settled(at);
         if in_vain || at >= args.duration {
             good = false;
-            remark(&format!("error: {}", unfinished(&robot.machine, at, in_vain)));
+            print(Line::Remark(format!("error: {}", unfinished(&robot.machine, at, in_vain))))?;
             break;
         }
         number += 1;
     }
     if reach {
-        remark(
-            "help: --limits FILE describes the robot, --joints its start position; --no-reach draws the path without an arm",
-        );
+        print(Line::Remark(
+            "help: --limits FILE describes the robot, --joints its start position; --no-reach draws the path without an arm"
+                .into(),
+        ))?;
     }
     let last = samples.last().map_or(0.0, |sample| sample.time);
-    remark(&format!("{:.3} s, {:.1} mm", last, path::length(&samples)));
-    if let Some(folder) = &args.out {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        files::write(&folder.join("path.csv"), path::table(&samples).as_bytes())?;
-        let title =
-            args.program.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        files::write(&folder.join("path.svg"), path::draw(&title, &samples)?.as_bytes())?;
-    }
-    Ok(good)
+    print(Line::Remark(format!("{:.3} s, {:.1} mm", last, path::length(&samples))))?;
+    Ok((samples, good))
 }
 
 /// Why a program has not ended: what it waits for, or where it goes around.

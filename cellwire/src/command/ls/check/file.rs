@@ -145,12 +145,6 @@ fn comment(document: &Document) -> Option<String> {
     document.attributes().find_map(|attribute| attribute.comment().map(str::to_owned))
 }
 
-/// The name of a finding's kind, as JSON has it.
-pub(super) fn kind(problem: &Problem) -> String {
-    let value = serde_json::to_value(problem).unwrap_or_default();
-    value.get("kind").and_then(Value::as_str).unwrap_or_default().replace('_', " ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,7 +13,8 @@ use fanuc_ls::{Level, Rules, Surroundings};
 
 use super::rules;
 use cellwire_io::output::{counted, log, printable, remark, stdout};
-use file::{File, kind, motions};
+use cellwire_ls_server::{Walk, code};
+use file::{File, motions};
 
 /// Reports errors in LS files, with line, column and advice.
 ///
@@ -30,6 +31,13 @@ pub(super) struct Args {
     /// The lowest level that makes the exit status 1
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Least::Error)]
     fail_on: Least,
+    #[command(flatten)]
+    known: KnownArgs,
+}
+
+/// The controller, as far as its programs do not show it.
+#[derive(Debug, clap::Args)]
+pub(super) struct KnownArgs {
     /// A file with the names of the controller's macros, one per line, which suppresses hints for them
     #[arg(long, value_name = "FILE")]
     macros: Option<PathBuf>,
@@ -40,6 +48,19 @@ pub(super) struct Args {
     /// The longest program name; 8 on old controllers
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
+}
+
+impl KnownArgs {
+    pub(super) fn rules(&self) -> Rules {
+        rules(self.name_limit)
+    }
+
+    /// The macros and instructions of the files.
+    pub(super) fn surroundings(&self) -> Result<Surroundings> {
+        let read = |path: &Option<PathBuf>| path.as_deref().map_or_else(|| Ok(BTreeSet::new()), names);
+        let (macros, instructions) = (read(&self.macros)?, read(&self.instructions)?);
+        Ok(Surroundings { macros, instructions, ..Surroundings::default() })
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -73,7 +94,7 @@ impl Least {
 
 /// False when there was a finding of the level that counts.
 pub(super) fn check(args: &Args) -> Result<bool> {
-    let rules = rules(args.name_limit);
+    let rules = args.known.rules();
     let paths = files(&args.files)?;
     let mut around = around(args, &paths)?;
     let (mut out, mut good, mut unread, mut results) = (stdout(), true, 0, Vec::new());
@@ -106,16 +127,10 @@ pub(super) fn check(args: &Args) -> Result<bool> {
 
 /// The programs that may be called, where a folder was given, and the macros.
 fn around(args: &Args, paths: &[PathBuf]) -> Result<Surroundings> {
-    let mut around = Surroundings::default();
+    let mut around = args.known.surroundings()?;
     if args.files.iter().any(|path| path.is_dir()) {
         let names = paths.iter().filter_map(|path| path.file_stem());
         around.programs = Some(names.map(|name| name.to_string_lossy().to_uppercase()).collect());
-    }
-    if let Some(path) = &args.macros {
-        around.macros = names(path)?;
-    }
-    if let Some(path) = &args.instructions {
-        around.instructions = names(path)?;
     }
     Ok(around)
 }
@@ -144,7 +159,7 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
         errors += usize::from(file.worst() == Some(Level::Error));
         let mut in_file: BTreeMap<_, usize> = BTreeMap::new();
         for (problem, _) in file.problems() {
-            *in_file.entry((core::cmp::Reverse(problem.level()), kind(&problem))).or_default() += 1;
+            *in_file.entry((core::cmp::Reverse(problem.level()), code(&problem))).or_default() += 1;
         }
         for (kind, count) in in_file {
             let (findings, files) = kinds.entry(kind).or_default();
@@ -179,28 +194,17 @@ pub(super) fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
         let before = files.len();
-        below(path, &mut files)?;
+        for found in Walk::new(path, &["ls"]) {
+            match found {
+                Ok(file) => files.push(file),
+                Err((path, error)) => {
+                    return Err(error).with_context(|| format!("cannot read {}", path.display()));
+                }
+            }
+        }
         if files.len() == before {
             bail!("nothing to check: there is no .ls file in or below {}", path.display());
         }
     }
     Ok(files)
-}
-
-fn below(path: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
-    let mut rest = vec![(path.to_path_buf(), true)];
-    while let Some((path, named)) = rest.pop() {
-        // A link may lead back: only those that were named are followed.
-        if path.is_dir() && (named || !path.is_symlink()) {
-            let entries =
-                std::fs::read_dir(&path).with_context(|| format!("cannot read {}", path.display()))?;
-            let mut entries =
-                entries.map(|entry| Ok((entry?.path(), false))).collect::<io::Result<Vec<_>>>()?;
-            entries.sort_by(|a, b| b.cmp(a));
-            rest.append(&mut entries);
-        } else if named || path.extension().is_some_and(|end| end.eq_ignore_ascii_case("ls")) {
-            files.push(path);
-        }
-    }
-    Ok(())
 }

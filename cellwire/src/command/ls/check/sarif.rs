@@ -1,11 +1,10 @@
 //! Findings as SARIF 2.1.0 (OASIS): what editors and code hosts show the findings of checkers by.
 
-use std::path::Path;
-
 use fanuc_ls::Level;
 use serde_json::{Value, json};
 
-use super::file::{File, kind};
+use super::file::File;
+use cellwire_ls_server::{code, uri};
 
 pub(super) fn document(results: Vec<Value>) -> Value {
     json!({
@@ -28,7 +27,7 @@ pub(super) fn results(file: &File<'_>) -> impl Iterator<Item = Value> {
             Level::Hint => "note",
         };
         json!({
-            "ruleId": kind(&problem).replace(' ', "-"),
+            "ruleId": code(&problem).replace(' ', "-"),
             "level": level,
             "message": {"text": format!("{problem}: {}", problem.advice())},
             "locations": [{"physicalLocation": {
@@ -37,19 +36,4 @@ pub(super) fn results(file: &File<'_>) -> impl Iterator<Item = Value> {
             }}],
         })
     })
-}
-
-/// A path as a URI, relative where the path is.
-fn uri(path: &Path) -> String {
-    let mut uri = String::from(if path.is_absolute() { "file://" } else { "" });
-    for byte in path.to_string_lossy().bytes() {
-        match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
-                uri.push(byte.into())
-            }
-            b'\\' => uri.push('/'),
-            byte => uri += &format!("%{byte:02X}"),
-        }
-    }
-    uri
 }

@@ -1,0 +1,125 @@
+//! Findings as diagnostics.
+
+use core::ops::Range;
+
+use fanuc_ls::{DecodeError, Finding, ItemKind, Level, Mistake, Problem, Reason, Warning};
+use lsp_types::{
+    Diagnostic, DiagnosticRelatedInformation, DiagnosticSeverity, DiagnosticTag, NumberOrString,
+    PublishDiagnosticsParams,
+};
+use serde_json::Value;
+
+use crate::document::Document;
+use crate::folder::Folder;
+
+/// The diagnostics of a document; more are in none that a person could fix.
+const MAX_FINDINGS: usize = 1000;
+
+/// The name of a problem's kind, such as `undefined label`.
+pub fn code(problem: &Problem) -> String {
+    let value = serde_json::to_value(problem).unwrap_or_default();
+    value.get("kind").and_then(Value::as_str).unwrap_or_default().replace('_', " ")
+}
+
+/// All findings of an open document.
+pub(crate) fn published(folder: &Folder, document: &Document) -> PublishDiagnosticsParams {
+    PublishDiagnosticsParams {
+        uri: document.uri().clone(),
+        diagnostics: diagnostics(folder, document),
+        version: document.version(),
+    }
+}
+
+fn diagnostics(folder: &Folder, document: &Document) -> Vec<Diagnostic> {
+    if document.is_too_long() {
+        let message = "the file is longer than 16 MB: it is not checked".to_owned();
+        return vec![Diagnostic {
+            severity: Some(DiagnosticSeverity::INFORMATION),
+            message,
+            source: source(),
+            ..Diagnostic::default()
+        }];
+    }
+    let converter = document.converter();
+    let diagnostic = |(problem, place): (Problem, Range<usize>)| Diagnostic {
+        range: converter.range(&place),
+        severity: Some(match problem.level() {
+            Level::Error => DiagnosticSeverity::ERROR,
+            Level::Warning => DiagnosticSeverity::WARNING,
+            Level::Hint => DiagnosticSeverity::HINT,
+        }),
+        code: Some(NumberOrString::String(code(&problem).replace(' ', "-"))),
+        source: source(),
+        message: format!("{problem}\n{}", problem.advice()),
+        related_information: related(document, problem, &place),
+        tags: tags(problem),
+        ..Diagnostic::default()
+    };
+    found(folder, document).into_iter().take(MAX_FINDINGS).map(diagnostic).collect()
+}
+
+/// The problems of a document, each with its place.
+pub(crate) fn found(folder: &Folder, document: &Document) -> Vec<(Problem, Range<usize>)> {
+    let text = document.text();
+    match document.program() {
+        Ok(program) => {
+            let findings = program.findings_among(&folder.rules, &folder.surroundings(document));
+            findings.iter().map(|Finding { problem, offset, .. }| (*problem, marked(text, *offset))).collect()
+        }
+        // A log or a listing of a controller has the same ending.
+        Err(DecodeError { reason: Reason::Program, .. }) if !text.contains("/MN") => Vec::new(),
+        Err(error) => vec![(Problem::Error(error.reason), marked(text, error.offset))],
+    }
+}
+
+/// The words from a byte on, up to the end of the statement or the line; the character before it where nothing follows.
+fn marked(text: &str, offset: usize) -> Range<usize> {
+    let rest = text.get(offset..).unwrap_or("");
+    let line = rest.split(['\r', '\n']).next().unwrap_or("");
+    let end = line.trim_end().trim_end_matches(';').trim_end().len();
+    if end > 0 {
+        return offset..offset + end;
+    }
+    let before = text.get(..offset).and_then(|text| text.chars().next_back()).filter(|c| !c.is_control());
+    offset - before.map_or(0, char::len_utf8)..offset + line.trim_end().len()
+}
+
+/// The place that a problem is about beside its own.
+fn related(
+    document: &Document,
+    problem: Problem,
+    place: &Range<usize>,
+) -> Option<Vec<DiagnosticRelatedInformation>> {
+    let (item, message) = match problem {
+        Problem::Mistake(Mistake::RepeatedLabel { number }) => ((ItemKind::Label, number), "the other label"),
+        Problem::Warning(Warning::RepeatedPosition { number }) => {
+            ((ItemKind::Position, number), "the other position")
+        }
+        Problem::Mistake(Mistake::Frame { number, .. } | Mistake::Tool { number, .. }) => {
+            ((ItemKind::Position, number), "the position")
+        }
+        _ => return None,
+    };
+    let definitions = document.index().references_to(item).filter(|found| found.is_definition);
+    let others = definitions
+        .map(|found| found.letters.start..found.digits.end)
+        .filter(|other| !place.contains(&other.start));
+    let of_place = |place| DiagnosticRelatedInformation {
+        location: document.location(&place),
+        message: message.to_owned(),
+    };
+    let found: Vec<_> = others.take(8).map(of_place).collect();
+    (!found.is_empty()).then_some(found)
+}
+
+fn tags(problem: Problem) -> Option<Vec<DiagnosticTag>> {
+    let is_unused = matches!(
+        problem,
+        Problem::Mistake(Mistake::Unreachable) | Problem::Warning(Warning::UnusedPosition { .. })
+    );
+    is_unused.then(|| vec![DiagnosticTag::UNNECESSARY])
+}
+
+fn source() -> Option<String> {
+    Some("cellwire".to_owned())
+}

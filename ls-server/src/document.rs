@@ -1,0 +1,151 @@
+//! A file: its text, the lines of it, and what it names.
+
+use core::cell::OnceCell;
+use core::ops::Range;
+use std::path::{Path, PathBuf};
+
+use fanuc_ls::{DecodeError, Reason};
+use lsp_types::{Location, Position, TextDocumentContentChangeEvent, Uri};
+
+use crate::index::Index;
+use crate::position::{Converter, Encoding, Lines};
+
+/// The longest text that is read, in bytes. A document that is longer has no text and no answers until it is shorter.
+const MAX_TEXT: usize = 16 << 20;
+
+/// A file of the folder, open in the editor or not.
+#[derive(Debug)]
+pub(crate) struct Document {
+    uri: Uri,
+    path: Option<PathBuf>,
+    /// The controller that the file belongs to, as the folder counts them. None for a file outside of the workspace.
+    pub(crate) controller: Option<usize>,
+    /// The editor's version. None for a file that is not open.
+    version: Option<i32>,
+    text: String,
+    lines: Lines,
+    encoding: Encoding,
+    is_too_long: bool,
+    index: OnceCell<Index>,
+}
+
+impl Document {
+    /// The document with this text; `version` is None for a file that is not open.
+    pub(crate) fn new(uri: Uri, text: String, version: Option<i32>, encoding: Encoding) -> Self {
+        let path = crate::uri::to_path(uri.as_str());
+        let mut document = Self {
+            uri,
+            path,
+            controller: None,
+            version,
+            text: String::new(),
+            lines: Lines::default(),
+            encoding,
+            is_too_long: false,
+            index: OnceCell::new(),
+        };
+        document.set_text(text);
+        document
+    }
+
+    fn set_text(&mut self, text: String) {
+        self.is_too_long = text.len() > MAX_TEXT;
+        self.text = if self.is_too_long { String::new() } else { text };
+        self.lines = Lines::new(&self.text);
+        self.index.take();
+    }
+
+    /// Applies the changes of the editor, each to the text that the previous one has made. A document that is too long ignores changes of
+    /// a part: only the whole text can be shorter.
+    pub(crate) fn change(&mut self, version: i32, changes: Vec<TextDocumentContentChangeEvent>) {
+        self.version = Some(version);
+        for change in changes {
+            match change.range {
+                None => self.set_text(change.text),
+                Some(_) if self.is_too_long => {}
+                Some(range) => {
+                    let bytes = self.converter().bytes(range);
+                    let mut text = core::mem::take(&mut self.text);
+                    text.replace_range(bytes, &change.text);
+                    self.set_text(text);
+                }
+            }
+        }
+    }
+
+    pub(crate) fn uri(&self) -> &Uri {
+        &self.uri
+    }
+
+    pub(crate) fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
+    pub(crate) fn version(&self) -> Option<i32> {
+        self.version
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Whether the text is longer than what is read.
+    pub(crate) fn is_too_long(&self) -> bool {
+        self.is_too_long
+    }
+
+    pub(crate) fn lines(&self) -> &Lines {
+        &self.lines
+    }
+
+    /// The text at a place.
+    pub(crate) fn at(&self, place: &Range<usize>) -> &str {
+        self.text.get(place.clone()).unwrap_or("")
+    }
+
+    /// Converts between bytes and the editor's positions.
+    pub(crate) fn converter(&self) -> Converter<'_> {
+        Converter::new(&self.text, &self.lines, self.encoding)
+    }
+
+    /// The byte of a position.
+    pub(crate) fn offset(&self, position: Position) -> usize {
+        self.converter().offset(position)
+    }
+
+    /// A place in this document.
+    pub(crate) fn location(&self, place: &Range<usize>) -> Location {
+        Location { uri: self.uri.clone(), range: self.converter().range(place) }
+    }
+
+    /// The program in the text.
+    ///
+    /// # Errors
+    /// When the text is not a program.
+    pub(crate) fn program(&self) -> Result<fanuc_ls::Document, DecodeError> {
+        fanuc_ls::Document::decode(&self.text)
+    }
+
+    /// The program in the text; one that ends early, as while it is typed, is read up to there. Places in it are places in the text.
+    pub(crate) fn unfinished_program(&self) -> Option<fanuc_ls::Document> {
+        match self.program() {
+            Ok(program) => Some(program),
+            Err(error) if error.reason == Reason::End => {
+                fanuc_ls::Document::decode(&format!("{}\n/END\n", self.text)).ok()
+            }
+            Err(_) => None,
+        }
+    }
+
+    /// What the text names.
+    pub(crate) fn index(&self) -> &Index {
+        self.index.get_or_init(|| {
+            self.unfinished_program().map_or_else(Index::default, |program| Index::new(&program))
+        })
+    }
+
+    /// The program's name; of a text that is not a program, nothing.
+    pub(crate) fn name(&self) -> &str {
+        self.at(&self.index().name())
+    }
+}

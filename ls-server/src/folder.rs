@@ -25,6 +25,7 @@ const MAX_BYTES: usize = 24 << 20;
 #[derive(Debug, Default)]
 pub(crate) struct Folder {
     pub(crate) encoding: Encoding,
+    pub(crate) client: Client,
     pub(crate) rules: Rules,
     /// The macros and instructions that the user has named.
     pub(crate) around: Surroundings,
@@ -36,6 +37,15 @@ pub(crate) struct Folder {
     listings: BTreeMap<PathBuf, BTreeMap<PathBuf, Listing>>,
     bytes: usize,
     is_cut: bool,
+}
+
+/// What the client understands of edits.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Client {
+    /// Edits of a version of a document.
+    pub(crate) versions: bool,
+    /// Files that are renamed.
+    pub(crate) renames: bool,
 }
 
 impl Folder {

@@ -4,6 +4,7 @@
 mod answer;
 mod answers;
 mod document;
+mod edits;
 mod files;
 mod folder;
 mod index;
@@ -13,6 +14,9 @@ mod requests;
 mod server;
 mod uri;
 mod wire;
+
+#[cfg(test)]
+mod tests;
 
 pub use answers::code;
 pub use files::Walk;

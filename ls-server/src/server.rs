@@ -21,7 +21,7 @@ use lsp_types::{
     DidChangeWatchedFilesRegistrationOptions, DidChangeWorkspaceFoldersParams, DidCloseTextDocumentParams,
     DidOpenTextDocumentParams, ExecuteCommandParams, FileSystemWatcher, GlobPattern, InitializeParams,
     InitializeResult, MessageType, NumberOrString, PublishDiagnosticsParams, Registration,
-    RegistrationParams, ServerInfo, ShowMessageParams, Uri,
+    RegistrationParams, ResourceOperationKind, ServerInfo, ShowMessageParams, Uri,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -29,7 +29,7 @@ use serde_json::Value;
 
 use crate::answer::{Answer, Failure};
 use crate::answers::diagnostics;
-use crate::folder::Folder;
+use crate::folder::{Client, Folder};
 use crate::position::Encoding;
 use crate::wire::{self, Incoming};
 use crate::{requests, uri};
@@ -248,6 +248,12 @@ impl<W: Write> Server<W> {
         self.folder.encoding = Encoding::choose(offered.unwrap_or(&[]));
         let watched = workspace.as_ref().and_then(|workspace| workspace.did_change_watched_files);
         self.watches = watched.and_then(|watched| watched.dynamic_registration).unwrap_or(false);
+        let edits = workspace.as_ref().and_then(|workspace| workspace.workspace_edit.as_ref());
+        let operations = edits.and_then(|edits| edits.resource_operations.as_deref()).unwrap_or(&[]);
+        self.folder.client = Client {
+            versions: edits.and_then(|edits| edits.document_changes).unwrap_or(false),
+            renames: operations.contains(&ResourceOperationKind::Rename),
+        };
         let folders = params.workspace_folders.unwrap_or_default();
         self.roots = folders.iter().filter_map(|folder| uri::to_path(folder.uri.as_str())).collect();
         #[expect(deprecated, reason = "older clients have nothing else")]
@@ -256,7 +262,7 @@ impl<W: Write> Server<W> {
         }
         self.state = State::Running;
         let info = ServerInfo { name: "cellwire".into(), version: Some(env!("CARGO_PKG_VERSION").into()) };
-        let capabilities = requests::capabilities(self.folder.encoding);
+        let capabilities = requests::capabilities(self.folder.encoding, self.simulate.is_some());
         serde_json::to_value(InitializeResult { capabilities, server_info: Some(info) })
             .map_err(Failure::refused)
     }

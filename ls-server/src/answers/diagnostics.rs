@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::document::Document;
 use crate::folder::Folder;
+use crate::position::Converter;
 
 /// The diagnostics of a document; more are in none that a person could fix.
 const MAX_FINDINGS: usize = 1000;
@@ -41,8 +42,19 @@ fn diagnostics(folder: &Folder, document: &Document) -> Vec<Diagnostic> {
         }];
     }
     let converter = document.converter();
-    let diagnostic = |(problem, place): (Problem, Range<usize>)| Diagnostic {
-        range: converter.range(&place),
+    let found = found(folder, document).into_iter().take(MAX_FINDINGS);
+    found.map(|(problem, place)| diagnostic(document, &converter, problem, &place)).collect()
+}
+
+/// A problem of a document as a diagnostic.
+pub(crate) fn diagnostic(
+    document: &Document,
+    converter: &Converter<'_>,
+    problem: Problem,
+    place: &Range<usize>,
+) -> Diagnostic {
+    Diagnostic {
+        range: converter.range(place),
         severity: Some(match problem.level() {
             Level::Error => DiagnosticSeverity::ERROR,
             Level::Warning => DiagnosticSeverity::WARNING,
@@ -51,11 +63,10 @@ fn diagnostics(folder: &Folder, document: &Document) -> Vec<Diagnostic> {
         code: Some(NumberOrString::String(code(&problem).replace(' ', "-"))),
         source: source(),
         message: format!("{problem}\n{}", problem.advice()),
-        related_information: related(document, problem, &place),
+        related_information: related(document, problem, place),
         tags: tags(problem),
         ..Diagnostic::default()
-    };
-    found(folder, document).into_iter().take(MAX_FINDINGS).map(diagnostic).collect()
+    }
 }
 
 /// The problems of a document, each with its place.

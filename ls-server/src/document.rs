@@ -149,3 +149,64 @@ impl Document {
         self.at(&self.index().name())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::str::FromStr;
+
+    use super::*;
+
+    /// The text after changes at bytes, the simplest way.
+    #[test]
+    fn a_text_after_changes_is_the_text() {
+        let pieces = ["a", "\n", "\r\n", "\r", "\u{e9}", "\u{1f600}", "R[1]=5 ;", ""];
+        let mut random = fastrand::Rng::with_seed(5);
+        for encoding in [Encoding::Utf8, Encoding::Utf16, Encoding::Utf32] {
+            let uri = Uri::from_str("file:///A.LS").unwrap();
+            let mut document = Document::new(uri, String::new(), Some(0), encoding);
+            let mut model = String::new();
+            for version in 1..4000 {
+                let mut spot = || {
+                    let mut at = random.usize(..=model.len());
+                    // Not within a character, nor within a line's end, which has no position of its own.
+                    while !model.is_char_boundary(at)
+                        || model[..at].ends_with('\r') && model[at..].starts_with('\n')
+                    {
+                        at -= 1;
+                    }
+                    at
+                };
+                let (one, other) = (spot(), spot());
+                let place = one.min(other)..one.max(other).min(one.min(other) + 40);
+                let place = place.start
+                    ..(place.start..=place.end)
+                        .rev()
+                        .find(|at| {
+                            model.is_char_boundary(*at)
+                                && !(model[..*at].ends_with('\r') && model[*at..].starts_with('\n'))
+                        })
+                        .unwrap();
+                let text =
+                    (0..random.usize(..5)).map(|_| *random.choice(&pieces).unwrap()).collect::<String>();
+                let range = Some(document.converter().range(&place));
+                model.replace_range(place, &text);
+                document.change(
+                    version,
+                    vec![TextDocumentContentChangeEvent { range, range_length: None, text }],
+                );
+                assert_eq!(document.text(), model);
+                if model.len() > 2000 {
+                    model.clear();
+                    document.change(
+                        version,
+                        vec![TextDocumentContentChangeEvent {
+                            range: None,
+                            range_length: None,
+                            text: String::new(),
+                        }],
+                    );
+                }
+            }
+        }
+    }
+}

@@ -2,7 +2,8 @@
 
 use std::io::{self, BufRead, Read, Write};
 
-use lsp_server::Message;
+use lsp_server::{ErrorCode, Message};
+use serde::de::IgnoredAny;
 use serde_json::{Value, json};
 
 /// The longest message that is read, in bytes: a document of 50 MB whose characters are all escaped fits.
@@ -33,12 +34,24 @@ pub(crate) fn read(input: &mut impl BufRead) -> io::Result<Option<Incoming>> {
     }
     let malformed = |code, error: &dyn core::fmt::Display| Incoming::Malformed(code, error.to_string());
     Ok(Some(match serde_json::from_slice(&body) {
+        // An id that is neither a number of 32 bits nor a text is left out by the type.
+        Ok(Message::Notification(_))
+            if serde_json::from_slice::<Head>(&body).is_ok_and(|head| head.id.is_some()) =>
+        {
+            malformed(ErrorCode::InvalidRequest as i32, &"the id is not a number of 32 bits or a text")
+        }
         Ok(message) => Incoming::Message(message),
-        Err(error) => match serde_json::from_slice::<serde::de::IgnoredAny>(&body) {
-            Ok(_) => malformed(lsp_server::ErrorCode::InvalidRequest as i32, &error),
-            Err(error) => malformed(lsp_server::ErrorCode::ParseError as i32, &error),
+        Err(error) => match serde_json::from_slice::<IgnoredAny>(&body) {
+            Ok(_) => malformed(ErrorCode::InvalidRequest as i32, &error),
+            Err(error) => malformed(ErrorCode::ParseError as i32, &error),
         },
     }))
+}
+
+/// The field of a message that tells a request from a notification.
+#[derive(serde::Deserialize)]
+struct Head {
+    id: Option<IgnoredAny>,
 }
 
 /// Reads the head of a message and returns the length of its body, in bytes.
@@ -47,11 +60,11 @@ fn read_head(input: &mut impl BufRead) -> io::Result<Option<usize>> {
     loop {
         let mut line = Vec::new();
         let count = input.by_ref().take(MAX_HEADER).read_until(b'\n', &mut line)?;
-        let line = String::from_utf8_lossy(&line);
-        let header = line.trim();
-        if count == 0 {
+        if !line.ends_with(b"\n") && (count as u64) < MAX_HEADER {
             return Ok(None);
         }
+        let line = String::from_utf8_lossy(&line);
+        let header = line.trim();
         if header.is_empty() {
             return length.map(Some).ok_or_else(|| invalid("a message has no Content-Length"));
         }

@@ -49,6 +49,7 @@ mod limits;
 mod line_ends;
 mod losses;
 mod ls_edit;
+mod ls_lsp;
 mod ls_run;
 #[cfg(unix)]
 mod mma_run;

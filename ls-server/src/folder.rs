@@ -62,7 +62,7 @@ impl Folder {
         self.roots.push(root.to_path_buf());
         let mut walk = Walk::new(root, ENDINGS).at_most(MAX_ENTRIES);
         for path in walk.by_ref().flatten() {
-            self.read(&path);
+            self.read_file(&path);
         }
         self.is_cut |= walk.is_cut();
         self.settle();
@@ -89,6 +89,13 @@ impl Folder {
 
     /// Reads a file again that has changed, or forgets it if it is gone. An open document is what the editor says.
     pub(crate) fn read(&mut self, path: &Path) {
+        self.read_file(path);
+        if listing::is_one(path) {
+            self.settle();
+        }
+    }
+
+    fn read_file(&mut self, path: &Path) {
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         if listing::is_one(path) {
             let listing = std::fs::read(path).ok().map(|bytes| listing::read(path, &bytes));
@@ -98,7 +105,6 @@ impl Folder {
                 None => of_folder.remove(path),
             };
             self.listings.retain(|_, files| !files.is_empty());
-            self.settle();
             return;
         }
         let key = uri::key_of_path(path);

@@ -2,6 +2,7 @@
 
 use core::fmt;
 use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};
@@ -57,6 +58,8 @@ impl fmt::Debug for Options {
     }
 }
 
+/// The time without a message after which diagnostics are published: requests that follow a key press come first.
+const SETTLE_TIME: Duration = Duration::from_millis(20);
 /// Messages that wait for the server.
 const MAX_WAITING: usize = 1024;
 
@@ -149,10 +152,16 @@ impl<W: Write> Server<W> {
             self.cancel_waiting()?;
             let event = match self.waiting.pop_front() {
                 Some(event) => event,
-                None if !self.unpublished.is_empty() => {
-                    self.publish_one()?;
-                    continue;
-                }
+                None if !self.unpublished.is_empty() => match receiver.recv_timeout(SETTLE_TIME) {
+                    Ok(event) => {
+                        self.waiting.push_back(event);
+                        continue;
+                    }
+                    Err(_) => {
+                        self.publish_one()?;
+                        continue;
+                    }
+                },
                 None => match receiver.recv() {
                     Ok(event) => {
                         self.waiting.push_back(event);

@@ -136,7 +136,7 @@ fn seen(client: &mut Piped, uri: &str) -> Vec<Value> {
     all.iter().map(|method| client.request(method, document.clone())).collect()
 }
 
-/// Makes changes, in messages of one to three, and compares with a document that is opened anew.
+/// Makes changes, in messages of one to three, and compares with a document that is opened with the same text.
 fn edit(encoding: &'static str, seed: u64, messages: usize) {
     let mut random = Rng::with_seed(seed);
     let (mut client, server) = ready(None, encoding);

@@ -1,10 +1,10 @@
 //! The order of messages: before and after `initialize`, cancelled requests, files that change, the simulation.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
 use std::io::{BufReader, PipeReader, PipeWriter, pipe};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use cellwire_ls_server::{Options, serve};
 use serde_json::{Value, json};

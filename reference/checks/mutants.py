@@ -131,33 +131,42 @@ def run(port: Port, links: list[str], chosen: list[tuple[Path, mutation.Mutant]]
     return counts, clauses, wrong
 
 
-def first(link: str) -> set[str]:
-    """The stories that are the first to reach a cell, or to need a rule, and those of clauses that no vector and no stream names."""
+def required(link: str) -> tuple[set[int], list[set[int]]]:
+    """The stories that are the first to reach a cell, and of each rule and of each clause that no vector and no stream names those that have it."""
     documents = [testee.load(kind, link) for kind in ("vectors", "streams")]
-    seen = {clause for document in documents for name in ("vectors", "refused", "streams", "values") for entry in document.get(name, []) for clause in entry.get("clauses", [])}
-    found = set()
-    for story in testee.load("sessions", link)["stories"]:
-        new = {*story["clauses"], *((story["end"], name) for name in story["covers"] + story["needs"])} - seen
-        seen |= new
-        found |= {f"story {story['id']}"} if new else set()
-    return found
+    named = {clause for document in documents for name in ("vectors", "refused", "streams", "values") for entry in document.get(name, []) for clause in entry.get("clauses", [])}
+    having: dict[tuple[str, str], set[int]] = {}
+    stories = testee.load("sessions", link)["stories"]
+    for story in stories:
+        rules = [(story["end"], rule) for rule in story["needs"]]
+        for each in rules + [("", clause) for clause in story["clauses"] if clause not in named]:
+            having.setdefault(each, set()).add(story["id"])
+    return {story["id"] for story in stories if story["covers"]}, list(having.values())
 
 
 def cover(port: Port, link_name: str) -> list[int]:
-    """The stories that a cover has: those of `first`, and each that notices a change which nothing before it in the cover does."""
-    names = [case.name for case, group in testee.cases(link_name) for _ in group]
-    link = mutant_runs.Link([case for _, group in testee.cases(link_name) for case in group])
+    """Stories that are enough: what `required` says, and one of those that notice each change that no vector and no stream does."""
+    named = [(case.name.split(), request) for case, group in testee.cases(link_name) for request in group]
+    story = {number: int(name[1]) for number, (name, _) in enumerate(named) if name[0] == "story"}
+    link = mutant_runs.Link([request for _, request in named])
     loaded = port.runs.prepare(link, True)
-    kept = first(link_name)
+    kept, choices = required(link_name)
     mutants = [(path, mutant) for path in port.files() if str(path) in loaded for mutant in mutation.mutants(path, port.folder)]
     for path, mutant in mutants:
         if port.link_of(path) not in (link_name, SHARED):
             continue
         running, source = link.running(str(path), mutant.lines, mutant.nested), mutant.changed(path.read_bytes())
-        needed = [case for case in running if not names[case].startswith("story ") or names[case] in kept]
-        if port.runs.is_noticed(link, path, source, needed) is False and port.runs.is_noticed(link, path, source, [case for case in running if case not in set(needed)]):
-            kept.add(names[link.last])
-    return sorted(int(name.split()[1]) for name in kept)
+        first = [case for case in running if case not in story or story[case] in kept]
+        if port.runs.is_noticed(link, path, source, first) is not False:
+            continue
+        rest, noticing = [case for case in running if case not in set(first)], set()
+        while port.runs.is_noticed(link, path, source, rest) and link.last in rest:
+            noticing.add(story[link.last])
+            rest = rest[rest.index(link.last) + 1 :]
+        choices.append(noticing)
+    while choices := [choice for choice in choices if choice and not choice & kept]:
+        kept.add(Counter(number for choice in choices for number in sorted(choice)).most_common(1)[0][0])
+    return sorted(kept)
 
 
 def percent(count: Counter) -> float:

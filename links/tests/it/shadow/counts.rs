@@ -8,10 +8,10 @@ use std::path::PathBuf;
 /// The complaints about the peers in the stories: how many by kind and clause, and the checksum of `LINK.txt`, the list of them. A
 /// complaint that follows one of the same words in its story does not count.
 pub(super) const STORIES: &str = "\
-kawasaki-msg Assumption: KM-51 202, KM-87 177
-kawasaki-msg Budget: KM-50 122
-kawasaki-msg Rule: KM-22 30, KM-42 17, KM-52 38, KM-54 6, KM-56 11, KM-67 6, KM-68 6, KM-92 277, KM-93 19, KM-95 51
-kawasaki-msg list dae45c28e4c78b91
+kawasaki-msg Assumption: KM-51 104, KM-87 113
+kawasaki-msg Budget: KM-50 84
+kawasaki-msg Rule: KM-22 23, KM-42 14, KM-52 36, KM-54 3, KM-56 8, KM-67 5, KM-68 4, KM-92 159, KM-93 18, KM-95 31
+kawasaki-msg list fcde83adbac1458c
 val2-alter Assumption: AL-53 92, AL-93 14
 val2-alter Budget: AL-53 4, AL-60 5, AL-61 5, AL-73 18
 val2-alter Rule: AL-16 150, AL-23 16, AL-53 35, AL-73 5, AL-76 19, AL-86 3, AL-89 34
@@ -39,7 +39,7 @@ mmacell-proto list 80178ce444839e70
 /// later than the next two messages; the faults that nobody can see, for each of [`REASONS`](super::unseen::REASONS); the checksum of
 /// `LINK-faults.txt`.
 pub(super) const FAULTS: &str = "\
-kawasaki-msg: 99 of 365; 484/512 + 40, 506/552, 550/551 + 1, 26/26 + 341, 120/120 + 432; 18; 341 32 8 1 0 0 432 0; list 4fb1dae126205ebf
+kawasaki-msg: 53 of 220; 255/269 + 25, 283/294, 292/293 + 1, 20/20 + 169, 68/68 + 226; 6; 169 21 4 1 0 0 226 0; list 301ccec6354cf117
 val2-alter: 68 of 300; 174/181 + 89, 267/270, 146/149 + 121, 9/9 + 197, 270/270; 17; 173 97 5 105 0 27 0 0; list 5d486678cf483887
 val2-viewer: 50 of 128; 58/58 + 69, 85/97 + 30, 41/41 + 86, 0/0 + 31, 64/64 + 63; 1; 31 35 6 64 0 0 37 106; list b67d235ce28d1944
 isra-ball: 26 of 69; 69/69 + 19, 88/88, 50/50 + 38, 5/5 + 30, 88/88; 0; 30 16 3 38 0 0 0 0; list d1058dafb6a49b34

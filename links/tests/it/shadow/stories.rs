@@ -11,7 +11,7 @@ use super::told::stories;
 
 /// What a tap cannot know. Each of these is complained about, or its line goes.
 const UNSEEN: [(&str, u64, &str); 5] = [
-    ("kawasaki-msg", 206, "the PC sends more jobs than the numbers tell apart: none of them counts as sent"),
+    ("kawasaki-msg", 146, "the PC sends more jobs than the numbers tell apart: none of them counts as sent"),
     ("laser-eb90", 164, "the controller drops a byte that has passed the tap"),
     ("val2-alter", 273, "the controller has no room to take a good reply"),
     ("fanuc-hmi-modbus", 157, "the reply of another unit stands among the requests, and is read as one"),

@@ -439,6 +439,8 @@ def main():
         last = ", ".join(f"{kind} 1 to {number}" for kind, number in kinds.items())
         sys.exit(0 if shown else f"there is no case {args.explain!r}, but {', '.join(near) or 'none like it'}; the names are {last}")
     wanted = set(args.clause or [])
+    if untested := wanted - {clause for link in links for case in every_case(link) for clause in case.entry.get("clauses", [])}:
+        sys.exit(f"no case of {', '.join(links)} tests {', '.join(sorted(untested))}")
     chosen = lambda case: not wanted or not wanted.isdisjoint(case.entry.get("clauses", []))
     results = {link: run(args.command, link, chosen, set(args.claim)) for link in links}
     if args.json:

@@ -127,7 +127,7 @@ pub trait Messages {
 /// # Errors
 /// When the object is none.
 pub fn read<M: DeserializeOwned>(message: Value) -> Result<M, EncodeError> {
-    Ok(serde_json::from_value(message).map_err(anyhow::Error::new)?)
+    Ok(M::deserialize(&message).map_err(anyhow::Error::new)?)
 }
 
 /// The bytes that an encoder writes; `length` is how many it says they are.

@@ -12,7 +12,7 @@ pub(crate) struct Given(pub(crate) Map<String, Value>);
 impl Given {
     /// What is no field of the configuration: how long a queue is, for example.
     pub(crate) fn take<T: DeserializeOwned>(&mut self, name: &str) -> Result<Option<T>> {
-        Ok(self.0.remove(name).map(serde_json::from_value).transpose()?)
+        Ok(self.0.remove(name).map(|value| T::deserialize(&value)).transpose()?)
     }
 
     /// The configuration with everything that is left; times are nanoseconds.

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(
     not(all(
+        feature = "captures",
         feature = "fanuc-hmi-modbus",
         feature = "isra-ball",
         feature = "kawasaki-msg",
@@ -10,7 +11,7 @@
         feature = "val2-alter",
         feature = "val2-viewer"
     )),
-    allow(dead_code, reason = "functions for the rows that are left out")
+    allow(dead_code, reason = "functions for what is left out of the table")
 )]
 #![allow(clippy::std_instead_of_core, reason = "a table for programs with std")]
 #![allow(clippy::unit_arg, reason = "a call that gives nothing is done")]

@@ -8,6 +8,7 @@ use crate::codec::Codec;
 use crate::end::EndRow;
 use crate::parts::{Part, Read};
 use crate::settings::{Refused, Setting, did_you_mean};
+#[cfg(feature = "captures")]
 use crate::shadow::MakeShadow;
 
 /// A link.
@@ -42,8 +43,10 @@ pub struct Link {
     /// Which bytes of a message are which of its values, and the clause that describes each.
     pub parts: fn(&Read<'_>) -> Vec<Part>,
     /// What its source leaves open of the bytes.
+    #[cfg(feature = "captures")]
     pub open: Open,
     /// Who looks at a conversation of both ends.
+    #[cfg(feature = "captures")]
     pub shadow: MakeShadow,
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],

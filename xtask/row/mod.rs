@@ -7,7 +7,7 @@ mod shadow;
 
 use ::toy_link::{DeviceConfig, HostConfig};
 
-use crate::link::{Config, Link, Open};
+use crate::link::{Config, Link};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -35,7 +35,9 @@ pub const LINK: Link = Link {
         ("incomplete", "XX-4"),
     ],
     parts: parts::parts,
-    open: Open::NOTHING,
+    #[cfg(feature = "captures")]
+    open: crate::link::Open::NOTHING,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -56,7 +56,9 @@ pub const LINK: Link = Link {
         ("noise", "FM-27"),
     ],
     parts: parts::parts,
+    #[cfg(feature = "captures")]
     open: open::OPEN,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

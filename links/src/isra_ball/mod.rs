@@ -8,7 +8,7 @@ mod shadow;
 
 use ::isra_ball::{BallConfig, HostConfig};
 
-use crate::link::{Config, Link, Open};
+use crate::link::{Config, Link};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -35,7 +35,9 @@ pub const LINK: Link = Link {
     },
     clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
     parts: parts::parts,
-    open: Open::NOTHING,
+    #[cfg(feature = "captures")]
+    open: crate::link::Open::NOTHING,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

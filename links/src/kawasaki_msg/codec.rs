@@ -63,7 +63,7 @@ impl codec::Messages for Messages {
     }
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
-        let object: Object = serde_json::from_value(message).context("is not a kawasaki-msg message")?;
+        let object = Object::deserialize(&message).context("is not a kawasaki-msg message")?;
         let charset = self.dialect.charset();
         written(charset, &object.name, &object.header, &object.fields).map_err(EncodeError::refused)
     }

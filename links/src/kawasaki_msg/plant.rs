@@ -159,7 +159,7 @@ impl Plant {
             };
             let (sent, Given { name, header, fields }) = match given {
                 Value::Null => (false, Given::default()),
-                given => (true, serde_json::from_value(given)?),
+                given => (true, Given::deserialize(&given)?),
             };
             self.messages.insert(role, Message { default, sent, name, header, fields });
         }

@@ -42,7 +42,7 @@ impl codec::Messages for Roles {
 
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let Object { role, values, work } =
-            serde_json::from_value(message).context("is not a message of a role")?;
+            Object::deserialize(&message).context("is not a message of a role")?;
         let entry = self.0.entries().iter().find(|entry| role_name(entry.role) == role);
         let entry = entry.with_context(|| format!("the plant has no message of the role `{role}`"))?;
         let (mut params, mut used) = (Params::default(), 0);

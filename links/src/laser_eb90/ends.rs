@@ -143,7 +143,7 @@ impl TryFrom<Instruction<'_>> for Job {
 /// The parameters of an instruction, as the items of a message object.
 fn write(payload: &mut Payload<'_>, items: Option<&Value>) -> Result<(), EncodeError> {
     fn numbers<T: serde::de::DeserializeOwned>(values: &Value) -> Vec<T> {
-        serde_json::from_value(values.clone()).unwrap_or_default()
+        Vec::deserialize(values).unwrap_or_default()
     }
     for item in items.and_then(Value::as_array).into_iter().flatten() {
         for (tag, values) in item.as_object().into_iter().flatten() {

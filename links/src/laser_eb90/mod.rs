@@ -51,7 +51,9 @@ pub const LINK: Link = Link {
         ("too_long", "LE-14"),
     ],
     parts: parts::parts,
+    #[cfg(feature = "captures")]
     open: open::OPEN,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -55,7 +55,9 @@ pub const LINK: Link = Link {
         ("unknown_reply", "MM-3"),
     ],
     parts: parts::parts,
+    #[cfg(feature = "captures")]
     open: open::OPEN,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

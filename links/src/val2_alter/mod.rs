@@ -44,7 +44,9 @@ pub const LINK: Link = Link {
         ("select", "AL-23"),
     ],
     parts: parts::parts,
+    #[cfg(feature = "captures")]
     open: open::OPEN,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

@@ -8,7 +8,7 @@ mod shadow;
 
 use ::val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::link::{Config, Link, Open};
+use crate::link::{Config, Link};
 use crate::settings::{self, fields};
 
 /// The link.
@@ -38,7 +38,9 @@ pub const LINK: Link = Link {
         ("noise", "VV-14"),
     ],
     parts: parts::parts,
-    open: Open::NOTHING,
+    #[cfg(feature = "captures")]
+    open: crate::link::Open::NOTHING,
+    #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,
 };

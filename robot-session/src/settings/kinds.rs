@@ -34,7 +34,7 @@ impl Fields for Table<'_> {
         field: &mut T,
     ) {
         let values = self.with_unit(within(&range), unit);
-        self.visit(name, number_of(unit), (values, vec![]), shown(*field), about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), shown(*field), about, &mut |value| {
             *field = number(value, &range)?;
             Ok(())
         });
@@ -51,7 +51,7 @@ impl Fields for Table<'_> {
     ) {
         let values = self.or(self.with_unit(within(&range), unit), otherwise);
         let default = field.map_or_else(|| self.none(otherwise), shown);
-        self.visit(name, number_of(unit), (values, vec![]), default, about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), default, about, &mut |value| {
             let is_none = value.is_null() || value == otherwise;
             *field = if is_none { None } else { Some(number(value, &range)?) };
             Ok(())
@@ -68,7 +68,7 @@ impl Fields for Table<'_> {
     ) {
         let values = format!("[{} numbers], each {}", fields.len(), self.with_unit(within(&range), unit));
         let default = fields.iter().copied().map(shown).collect();
-        self.visit(name, number_of(unit), (values, vec![]), default, about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), default, about, &mut |value| {
             let given = value.as_array().ok_or("no list in brackets")?;
             if given.len() != fields.len() {
                 return Err("not as many numbers".into());
@@ -81,7 +81,7 @@ impl Fields for Table<'_> {
 
     fn real(&mut self, name: &str, range: RangeInclusive<f64>, unit: Str, about: Str, field: &mut f64) {
         let values = self.with_unit(within(&range), unit);
-        self.visit(name, number_of(unit), (values, vec![]), shown(*field), about, |value| {
+        self.visit(name, number_of(unit), (values, vec![]), shown(*field), about, &mut |value| {
             let number = value.as_f64().ok_or("not a number")?;
             *field = if range.contains(&number) { number } else { return Err("out of range".into()) };
             Ok(())
@@ -98,7 +98,7 @@ impl Fields for Table<'_> {
 
     fn flag(&mut self, name: &str, about: Str, field: &mut bool) {
         let values = ("true or false".into(), vec![true.into(), false.into()]);
-        self.visit(name, "bool", values, (*field).into(), about, |value| {
+        self.visit(name, "bool", values, (*field).into(), about, &mut |value| {
             *field = value.as_bool().ok_or("neither true nor false")?;
             Ok(())
         });
@@ -113,7 +113,7 @@ impl Fields for Table<'_> {
         if form == Form::Nanoseconds && *field == Duration::MAX {
             default = Value::Null;
         }
-        self.visit(name, "ns", (values, vec![]), default, about, |value| {
+        self.visit(name, "ns", (values, vec![]), default, about, &mut |value| {
             *field = time(value, &range, form)?;
             Ok(())
         });
@@ -130,7 +130,7 @@ impl Fields for Table<'_> {
         let form = self.form;
         let values = self.or(times(&range, form), otherwise);
         let default = field.map_or_else(|| self.none(otherwise), |time| self.shown_time(time));
-        self.visit(name, "ns", (values, vec![]), default, about, |value| {
+        self.visit(name, "ns", (values, vec![]), default, about, &mut |value| {
             *field = match value {
                 Value::Null => None,
                 value if value == otherwise => None,
@@ -148,7 +148,7 @@ impl Fields for Table<'_> {
         let default = shown(default);
         let unit = if default.is_number() { "number" } else { "word" };
         let values = (words.join(", "), words.iter().map(shown).collect());
-        self.visit(name, unit, values, default, about, |value| {
+        self.visit(name, unit, values, default, about, &mut |value| {
             let chosen = choices.iter().find(|(word, _)| plain(value) == *word);
             *field = chosen.ok_or("not one of the choices")?.1;
             Ok(())
@@ -157,7 +157,7 @@ impl Fields for Table<'_> {
 
     fn text(&mut self, name: &str, shape: Str, otherwise: Str, about: Str, field: &mut Option<String>) {
         let (values, default) = (format!("{shape}; without it {otherwise}"), field.clone());
-        self.visit(name, "text", (values, vec![]), default.unwrap_or_default().into(), about, |value| {
+        self.visit(name, "text", (values, vec![]), default.unwrap_or_default().into(), about, &mut |value| {
             let given = matches!(value, Value::String(_) | Value::Number(_) | Value::Bool(_));
             *field = if given { Some(plain(value)) } else { return Err("not a text".into()) };
             Ok(())
@@ -170,7 +170,7 @@ impl Fields for Table<'_> {
             Value::Array(_) => "list",
             _ => "object",
         };
-        self.visit(name, unit, (shape.into(), vec![]), default, about, |value| {
+        self.visit(name, unit, (shape.into(), vec![]), default, about, &mut |value| {
             *field = T::deserialize(value).map_err(|error| error.to_string())?;
             Ok(())
         });

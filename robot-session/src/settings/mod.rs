@@ -300,7 +300,7 @@ impl<'a> Table<'a> {
         (values, choices): (String, Vec<Value>),
         default: Value,
         about: &'static str,
-        set: impl FnOnce(&Value) -> Result<(), Cow<'static, str>>,
+        set: &mut dyn FnMut(&Value) -> Result<(), Cow<'static, str>>,
     ) {
         let source = self.take_source();
         if !self.is_visited(name) {

@@ -64,7 +64,8 @@ check("the definition of GRIP is GRIP.LS", target and target:match("GRIP%.LS$"),
 
 find("DO[1:")
 local answer, refused = ask("textDocument/hover")
-check("hover over DO[1]: " .. vim.inspect(answer and answer.contents.value or refused):sub(1, 60), answer ~= nil and answer ~= vim.NIL, refused)
+local shown = answer and answer.contents and answer.contents.value or ""
+check("hover: " .. vim.trim(shown):gsub("\n+", "; "), shown:find("stack full", 1, true) ~= nil, answer or refused)
 
 find("R[1:sheets]=0")
 vim.lsp.buf.rename("parts")

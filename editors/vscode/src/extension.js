@@ -46,8 +46,9 @@ exports.deactivate = () => (changing = changing.then(stop));
 async function stop() {
     const old = client;
     client = undefined;
-    // A server that has died cannot be asked to stop.
-    await old?.dispose().catch(() => {});
+    // A server that has died cannot be asked to stop, and its client may wait for it.
+    const limit = new Promise((resolve) => setTimeout(resolve, 3000));
+    await Promise.race([old?.dispose().catch(() => {}), limit]);
 }
 
 /** @param {vscode.OutputChannel} output @param {(icon: string, detail: string, failed?: boolean) => void} report */

@@ -57,7 +57,8 @@ async function start(output, report) {
     const path = settings.get("path", "cellwire");
     const run = { command: path, args: serverArguments(settings.get("arguments", [])), options: { cwd: folder() } };
     const created = new LanguageClient("cellwire", "FANUC LS", run, {
-        documentSelector: [{ language: "fanuc-ls" }],
+        // Not the old versions that a comparison shows.
+        documentSelector: ["file", "untitled"].map((scheme) => ({ scheme, language: "fanuc-ls" })),
         outputChannel: output,
         // The message is in the status bar, and has the setting to look at.
         initializationFailedHandler: () => false,

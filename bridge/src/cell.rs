@@ -2,9 +2,11 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64};
-use std::sync::mpsc::Sender;
-use std::thread::JoinHandle;
+use std::sync::atomic::AtomicU64;
+
+use tokio::sync::mpsc::UnboundedSender;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
 
 use super::bands::Bands;
 use super::links::Client;
@@ -48,13 +50,13 @@ pub struct Cell {
     pub is_shared: bool,
     /// By how much a metric has to change to be reported, if it reports by exception.
     pub bands: Option<Bands>,
-    /// Where its thread takes commands.
-    pub commands: Sender<Command>,
-    /// Its thread is to end.
-    pub stop: Arc<AtomicBool>,
-    /// Its thread.
-    pub thread: Option<JoinHandle<()>>,
-    /// The site file has it no more, or as another one: which is begun when the thread has ended.
+    /// Where its task takes commands.
+    pub commands: UnboundedSender<Command>,
+    /// Its task is to end.
+    pub stop: watch::Sender<bool>,
+    /// Its task.
+    pub task: Option<JoinHandle<()>>,
+    /// The site file has it no more, or as another one: which is begun when the task has ended.
     pub next: Next,
 }
 
@@ -89,20 +91,20 @@ impl Cell {
 
     /// Whether it is this bridge's, and to stay so.
     pub fn is_here(&self) -> bool {
-        !self.is_shared || matches!(self.next, Next::Same) && self.thread.is_some()
+        !self.is_shared || matches!(self.next, Next::Same) && self.task.is_some()
     }
 
-    /// Whether its thread has ended.
+    /// Whether its task has ended.
     pub fn has_ended(&self) -> bool {
-        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+        self.task.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Whether something is to be done about a thread that was to end, and has; or about a place that is free.
+    /// Whether something is to be done about a task that was to end, and has; or about a place that is free.
     pub fn is_over(&self) -> bool {
         match self.next {
-            // Without a lease a thread ends on its own.
+            // Without a lease a task ends on its own.
             Next::Same => self.is_shared && self.has_ended(),
-            Next::Gone | Next::Away => self.thread.is_some() && self.has_ended(),
+            Next::Gone | Next::Away => self.task.is_some() && self.has_ended(),
             Next::Another(_) => self.has_ended(),
         }
     }

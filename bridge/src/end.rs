@@ -1,13 +1,16 @@
-//! The cell's end of the channels between the thread of a cell and the hub.
+//! The cell's end of the channels between the task of a cell and the hub.
 
-use std::collections::HashSet;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError};
+use std::collections::{HashSet, VecDeque};
+use std::future::pending;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde_json::Value as Json;
+use tokio::sync::{mpsc, watch};
+use tokio::{select, time};
 
 use super::lease::Lease;
 use super::metric::{self, CONNECTED, EVENT, Named};
@@ -22,72 +25,136 @@ pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
 
 /// How many reasons of a device that does not answer are reported.
 const REASONS: usize = 20;
+/// How often a report without room is tried again, and a task that is to end looks for the outcome of its command.
+const AGAIN: Duration = Duration::from_millis(10);
 
-/// When a cell's thread is to end.
-#[derive(Debug, Clone, Default)]
+/// When a cell's task is to end.
+#[derive(Debug, Clone)]
 pub struct Stop {
-    /// It is told to.
-    pub flag: Arc<AtomicBool>,
+    /// It is told to, or its cell is gone.
+    told: watch::Receiver<bool>,
     /// What a cell that bridges share has to have.
-    pub lease: Option<Arc<Lease>>,
+    lease: Option<Arc<Lease>>,
 }
 
 impl Stop {
+    /// When it is told to, or the lease is lost.
+    pub fn new(told: watch::Receiver<bool>, lease: Option<Arc<Lease>>) -> Self {
+        Self { told, lease }
+    }
+
     fn is_due(&self) -> bool {
-        self.flag.load(Ordering::Relaxed) || self.is_lost()
+        *self.told.borrow() || self.told.has_changed().is_err() || self.is_lost()
     }
 
     /// The cell may be another bridge's.
     fn is_lost(&self) -> bool {
         self.lease.as_ref().is_some_and(|lease| !lease.holds())
     }
+
+    /// Waits until it is due.
+    async fn due(&self) {
+        let mut told = self.told.clone();
+        let lost = async {
+            match &self.lease {
+                None => pending().await,
+                Some(lease) => {
+                    while lease.holds() {
+                        time::sleep(lease.left()).await;
+                    }
+                }
+            }
+        };
+        select! {
+            _ = told.wait_for(|told| *told) => {}
+            () = lost => {}
+        }
+    }
 }
 
-/// The end of a cell's thread.
+/// The commands of a cell.
+#[derive(Debug)]
+pub struct Inbox(pub mpsc::UnboundedReceiver<Command>);
+
+impl Inbox {
+    /// The next command, one at a time. One that has waited too long behind others is refused, and each once the task is to end.
+    pub async fn next(&mut self, end: &End) -> Command {
+        loop {
+            match self.0.recv().await {
+                Some(command) if end.begins(&command) => return command,
+                Some(_) => {}
+                None => pending().await,
+            }
+        }
+    }
+
+    /// As [`next`](Self::next), without a wait.
+    pub fn try_next(&mut self, end: &End) -> Option<Command> {
+        loop {
+            let command = self.0.try_recv().ok()?;
+            if end.begins(&command) {
+                return Some(command);
+            }
+        }
+    }
+
+    /// Refuses the commands that wait.
+    pub fn refuse(&mut self, end: &End, why: &str) {
+        while let Some(_command) = self.try_next(end) {
+            end.finish(Outcome::Refused, why);
+        }
+    }
+}
+
+/// The end of a cell's task. No method waits: what must not be lost waits for room at the hub until [`flush`](Self::flush).
 #[derive(Debug)]
 pub struct End {
     cell: usize,
+    place: String,
     hub: SyncSender<Input>,
-    commands: Receiver<Command>,
     stop: Stop,
     dropped: Arc<AtomicU64>,
+    /// The number of failures while the device did not answer.
+    failures: Arc<AtomicU64>,
+    state: Mutex<State>,
+}
+
+/// What is known of the device and its command.
+#[derive(Debug, Default)]
+struct State {
     /// The command that has no outcome yet.
     current: Option<String>,
-    /// When it was noticed first that the thread is to end.
+    /// When it was noticed first that the task is to end.
     stopped_at: Option<Instant>,
-    /// Whether the device answers.
+    /// How many connections there were, and whether there is one.
+    connections: u64,
+    is_linked: bool,
+    /// Whether the device answers, and when it did last.
     is_alive: bool,
+    heard: Option<Instant>,
     /// Whether there is a record since it answered last that it does not.
     is_recorded: bool,
     /// The reasons that were reported since it answered last.
     reported: HashSet<String>,
-    /// The number of failures while it did not answer.
-    failures: Arc<AtomicU64>,
+    /// Reports for which the hub had no room.
+    unsent: VecDeque<Input>,
 }
 
 impl End {
-    /// The end of the cell of this number.
+    /// The end of the cell of this number, whose device is at `place`.
     pub fn new(
         cell: usize,
+        place: String,
         hub: SyncSender<Input>,
-        commands: Receiver<Command>,
         stop: Stop,
         dropped: Arc<AtomicU64>,
         failures: Arc<AtomicU64>,
     ) -> Self {
-        Self {
-            cell,
-            hub,
-            commands,
-            stop,
-            dropped,
-            current: None,
-            stopped_at: None,
-            is_alive: false,
-            is_recorded: false,
-            reported: HashSet::new(),
-            failures,
-        }
+        Self { cell, place, hub, stop, dropped, failures, state: Mutex::default() }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether the bridge ends, or the cell is not its own any more.
@@ -95,149 +162,225 @@ impl End {
         self.stop.is_due()
     }
 
-    /// Whether the thread is to end now: it is stopped, and its command has an outcome, or has had [`LAST`] to get one. A cell that
+    /// Whether the task is to end now: it is stopped, and its command has an outcome, or has had [`LAST`] to get one. A cell that
     /// another bridge may have is given up at once.
-    pub fn is_over(&mut self) -> bool {
+    pub fn is_over(&self) -> bool {
         if !self.is_stopped() {
             return false;
         }
-        let since = *self.stopped_at.get_or_insert_with(Instant::now);
-        self.current.is_none() || self.stop.is_lost() || since.elapsed() >= LAST
+        let mut state = self.state();
+        let since = *state.stopped_at.get_or_insert_with(Instant::now);
+        state.current.is_none() || self.stop.is_lost() || since.elapsed() >= LAST
+    }
+
+    /// Waits until [it is over](Self::is_over).
+    pub async fn over(&self) {
+        self.stop.due().await;
+        while !self.is_over() {
+            time::sleep(AGAIN).await;
+        }
     }
 
     /// Reports values of a device that answers. The link never waits: reports without room are dropped and counted.
     pub fn values(&self, values: Vec<Named>) {
-        if self.is_alive {
-            self.report(values);
+        let state = self.state();
+        if state.is_alive {
+            self.report(&state, values);
         }
     }
 
-    fn report(&self, values: Vec<Named>) {
+    fn report(&self, state: &State, values: Vec<Named>) {
         let report = Report { at: metric::now(), what: What::Values(values) };
-        if let Err(TrySendError::Full(_)) = self.hub.try_send(Input::Cell(self.cell, report)) {
+        let has_room = state.unsent.is_empty();
+        let sent = has_room.then(|| self.hub.try_send(Input::Cell(self.cell, report)));
+        if matches!(sent, None | Some(Err(TrySendError::Full(_)))) {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Whether the device answers.
     pub fn is_alive(&self) -> bool {
-        self.is_alive
+        self.state().is_alive
     }
 
     /// Reports an event, as an object of JSON. While the device does not answer, it is counted, and logged once.
-    pub fn event(&mut self, event: &impl Serialize) {
+    pub fn event(&self, event: &impl Serialize) {
         let text = serde_json::to_string(event).unwrap_or_default();
-        if self.is_alive {
-            self.report(vec![(EVENT, Value::String(text))]);
-        } else if self.is_news(&text) {
-            self.send(What::Failed(text));
+        let mut state = self.state();
+        if state.is_alive {
+            self.report(&state, vec![(EVENT, Value::String(text))]);
+        } else if self.is_news(&mut state, &text) {
+            self.send(&mut state, What::Failed(text));
         }
     }
 
     /// Counts a failure. Returns whether this reason was not reported since the device answered last.
-    fn is_news(&mut self, why: &str) -> bool {
+    fn is_news(&self, state: &mut State, why: &str) -> bool {
         self.failures.fetch_add(1, Ordering::Relaxed);
         // A device that gives another reason each time does not make all of them remembered.
-        self.reported.len() < REASONS && self.reported.insert(why.to_owned())
+        state.reported.len() < REASONS && state.reported.insert(why.to_owned())
     }
 
-    /// Reports that what the device reports cannot be, with an event that says why: its metrics have no values until it reports others.
+    /// Reports the device's values as implausible, with the reason as an event. Its metrics have no values until it reports others.
     pub fn bad(&self, event: &Json) {
-        self.send(What::Bad(vec![(EVENT, Value::String(event.to_string()))]));
+        let what = What::Bad(vec![(EVENT, Value::String(event.to_string()))]);
+        self.send(&mut self.state(), what);
     }
 
-    /// The device answers.
-    pub fn connected(&mut self, place: &str) {
-        self.reported.clear();
-        (self.is_alive, self.is_recorded) = (true, false);
-        self.link(true, &serde_json::json!({"event": "connected", "place": place}));
+    /// There is a connection. It shows nothing of the device.
+    pub fn linked(&self) {
+        let mut state = self.state();
+        (state.is_linked, state.heard) = (true, Some(Instant::now()));
+        state.connections += 1;
+    }
+
+    /// The number of connections so far.
+    pub fn connections(&self) -> u64 {
+        self.state().connections
+    }
+
+    /// When the device answered last, or the connection was made.
+    pub fn heard(&self) -> Option<Instant> {
+        self.state().heard
+    }
+
+    /// The device has answered.
+    pub fn answered(&self) {
+        let mut state = self.state();
+        state.heard = Some(Instant::now());
+        if !state.is_alive {
+            self.is_connected(&mut state, &self.place);
+        }
+    }
+
+    /// The device at `place` answers.
+    pub fn connected(&self, place: &str) {
+        self.is_connected(&mut self.state(), place);
+    }
+
+    fn is_connected(&self, state: &mut State, place: &str) {
+        state.reported.clear();
+        (state.is_alive, state.is_recorded) = (true, false);
+        self.link(state, true, &serde_json::json!({"event": "connected", "place": place}));
+    }
+
+    /// The connection has ended, or there is none.
+    pub fn unlinked(&self, why: &str) {
+        self.state().is_linked = false;
+        self.disconnected(why);
     }
 
     /// The device does not answer, and why: one record, and a line of the log for each reason.
-    pub fn disconnected(&mut self, why: &str) {
-        self.is_alive = false;
-        if self.is_news(why) {
+    pub fn disconnected(&self, why: &str) {
+        let state = &mut *self.state();
+        state.is_alive = false;
+        if self.is_news(state, why) {
             let event = serde_json::json!({"event": "disconnected", "why": why});
-            match core::mem::replace(&mut self.is_recorded, true) {
-                false => self.link(false, &event),
-                true => self.send(What::Failed(event.to_string())),
+            match core::mem::replace(&mut state.is_recorded, true) {
+                false => self.link(state, false, &event),
+                true => self.send(state, What::Failed(event.to_string())),
             }
         }
     }
 
-    fn link(&self, is_connected: bool, event: &Json) {
+    fn link(&self, state: &mut State, is_connected: bool, event: &Json) {
         let values =
             vec![(CONNECTED, Value::Boolean(is_connected)), (EVENT, Value::String(event.to_string()))];
-        self.send(What::Values(values));
+        self.send(state, What::Values(values));
     }
 
-    /// The next command, one at a time. One that has waited too long behind others is refused.
-    pub fn command(&mut self) -> Option<Command> {
-        while self.current.is_none() && !self.is_stopped() {
-            let command = self.commands.try_recv().ok()?;
-            self.current = Some(command.id.clone());
-            if metric::now() <= command.until {
-                return Some(command);
-            }
-            self.finish(Outcome::Refused, "it waited longer than commands.max_age");
+    /// Why a command cannot be given to the device now. One that [is asked](crate::links) has to have answered.
+    pub fn refusal(&self, is_asked: bool) -> Option<&'static str> {
+        let state = self.state();
+        match (state.is_linked, state.is_alive || !is_asked) {
+            (false, _) => Some("the link is not connected"),
+            (true, false) => Some("the device does not answer"),
+            (true, true) => None,
         }
-        None
+    }
+
+    /// Whether a command is begun; otherwise it is refused.
+    fn begins(&self, command: &Command) -> bool {
+        self.state().current = Some(command.id.clone());
+        if self.is_stopped() {
+            self.finish(Outcome::Refused, ENDS);
+        } else if metric::now() > command.until {
+            self.finish(Outcome::Refused, "it waited longer than commands.max_age");
+        } else {
+            return true;
+        }
+        false
     }
 
     /// Whether a command has no outcome yet.
     pub fn is_busy(&self) -> bool {
-        self.current.is_some()
+        self.state().current.is_some()
     }
 
     /// The outcome of the command that had none.
-    pub fn finish(&mut self, outcome: Outcome, detail: impl Into<String>) {
-        if let Some(id) = self.current.take() {
-            self.send(What::Outcome { id, outcome, detail: detail.into() });
-        }
-    }
-
-    /// Waits while there is no connection; commands are refused meanwhile. False when the bridge ends.
-    pub fn wait(&mut self, time: Duration) -> bool {
-        let until = Instant::now() + time;
-        loop {
-            let left = until.saturating_duration_since(Instant::now());
-            match self.commands.recv_timeout(left.min(Duration::from_millis(100))) {
-                Ok(Command { id, .. }) => {
-                    self.current = Some(id);
-                    let why = if self.is_stopped() { ENDS } else { "the link is not connected" };
-                    self.finish(Outcome::Refused, why);
-                }
-                Err(RecvTimeoutError::Timeout) if left.is_zero() => return !self.is_stopped(),
-                Err(RecvTimeoutError::Timeout) if !self.is_stopped() => {}
-                Err(_) => return false,
-            }
+    pub fn finish(&self, outcome: Outcome, detail: impl Into<String>) {
+        let mut state = self.state();
+        if let Some(id) = state.current.take() {
+            self.send(&mut state, What::Outcome { id, outcome, detail: detail.into() });
         }
     }
 
     /// What must not be lost waits for the hub.
-    fn send(&self, what: What) {
-        let _ = self.hub.send(Input::Cell(self.cell, Report { at: metric::now(), what }));
+    fn send(&self, state: &mut State, what: What) {
+        state.unsent.push_back(Input::Cell(self.cell, Report { at: metric::now(), what }));
+        self.try_flush(state);
+    }
+
+    /// Sends the reports that wait; returns whether all are sent.
+    fn try_flush(&self, state: &mut State) -> bool {
+        while let Some(report) = state.unsent.pop_front() {
+            if let Err(TrySendError::Full(report)) = self.hub.try_send(report) {
+                state.unsent.push_front(report);
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Waits until the hub has every report that must not be lost.
+    pub async fn flush(&self) {
+        while !self.try_flush(&mut self.state()) {
+            time::sleep(AGAIN).await;
+        }
+    }
+
+    /// As [`flush`](Self::flush), for a cell in a thread of its own.
+    pub fn flush_in_thread(&self) {
+        while !self.try_flush(&mut self.state()) {
+            std::thread::sleep(AGAIN);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::sync::mpsc::{channel, sync_channel};
+    use std::sync::mpsc::{Receiver, sync_channel};
 
     use super::*;
 
+    /// The end of cell 3, and what it reports.
+    fn end(failures: &Arc<AtomicU64>) -> (End, Receiver<Input>, watch::Sender<bool>) {
+        let ((hub, reports), (stop, told)) = (sync_channel(9), watch::channel(false));
+        let stop_of_end = Stop::new(told, None);
+        (End::new(3, "x".into(), hub, stop_of_end, Arc::default(), Arc::clone(failures)), reports, stop)
+    }
+
     #[test]
     fn a_command_that_has_waited_too_long_is_not_begun() {
-        let ((hub, reports), (commands, inbox)) = (sync_channel(9), channel());
-        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default(), Arc::default());
+        let ((end, reports, _stop), (commands, inbox)) = (end(&Arc::default()), mpsc::unbounded_channel());
+        let mut inbox = Inbox(inbox);
         let now = metric::now();
         for (id, until) in [("first", now + 60_000), ("late", now - 1), ("next", now + 60_000)] {
             commands.send(Command { id: id.into(), order: serde_json::Map::new(), until }).unwrap();
         }
-        assert_eq!(end.command().map(|command| command.id), Some("first".into()));
-        assert_eq!(end.command(), None);
+        assert_eq!(inbox.try_next(&end).map(|command| command.id), Some("first".into()));
         end.finish(Outcome::Done, "");
-        assert_eq!(end.command().map(|command| command.id), Some("next".into()));
+        assert_eq!(inbox.try_next(&end).map(|command| command.id), Some("next".into()));
         end.finish(Outcome::Done, "");
         let outcomes = reports.try_iter().map(|input| match input {
             Input::Cell(3, Report { what: What::Outcome { id, outcome, detail }, .. }) => {
@@ -255,11 +398,11 @@ mod tests {
 
     #[test]
     fn what_fails_before_the_device_answers_is_counted_and_reported_once() {
-        let ((hub, reports), (_commands, inbox), failures) = (sync_channel(9), channel(), Arc::default());
-        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default(), Arc::clone(&failures));
-        let mut attempt = |answers: bool| {
+        let failures = Arc::default();
+        let (end, reports, _stop) = end(&failures);
+        let attempt = |answers: bool| {
             if answers {
-                end.connected("x");
+                end.answered();
             }
             end.values(vec![("v", Value::Boolean(true))]);
             end.event(&"failed");
@@ -269,5 +412,41 @@ mod tests {
         assert_eq!([attempt(false), attempt(false), attempt(true)], [(2, 2), (0, 4), (4, 5)]);
         // It has answered: its reasons are news again.
         assert_eq!([attempt(false), attempt(false)], [(1, 7), (0, 9)]);
+    }
+
+    #[test]
+    fn what_must_not_be_lost_waits_for_room_and_values_do_not() {
+        let (end, reports, _stop) = end(&Arc::default());
+        end.answered();
+        for _ in 0..10 {
+            end.values(vec![("v", Value::Boolean(true))]);
+        }
+        assert_eq!(end.dropped.load(Ordering::Relaxed), 2);
+        end.disconnected("closed");
+        end.answered();
+        end.values(vec![("v", Value::Boolean(true))]);
+        assert_eq!((reports.try_iter().count(), end.dropped.load(Ordering::Relaxed)), (9, 3));
+        end.flush_in_thread();
+        assert_eq!(reports.try_iter().count(), 2);
+    }
+
+    #[test]
+    fn a_task_that_is_to_end_begins_nothing_and_waits_for_the_outcome_of_its_command() {
+        let ((end, reports, stop), (commands, inbox)) = (end(&Arc::default()), mpsc::unbounded_channel());
+        let (mut inbox, until) = (Inbox(inbox), metric::now() + 60_000);
+        for id in ["first", "next"] {
+            commands.send(Command { id: id.into(), order: serde_json::Map::new(), until }).unwrap();
+        }
+        assert!(inbox.try_next(&end).is_some());
+        stop.send_replace(true);
+        assert!(!end.is_over());
+        end.finish(Outcome::Done, "");
+        assert!(end.is_over());
+        inbox.refuse(&end, "");
+        let details = reports.try_iter().filter_map(|input| match input {
+            Input::Cell(3, Report { what: What::Outcome { detail, .. }, .. }) => Some(detail),
+            _ => None,
+        });
+        assert_eq!(details.collect::<Vec<_>>(), ["", ENDS]);
     }
 }

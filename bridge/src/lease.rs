@@ -1,4 +1,4 @@
-//! Until when cells that several bridges share are this one's: what a cell's thread asks before it does anything.
+//! Until when cells that several bridges share are this one's: what a cell's task asks before it does anything.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -18,6 +18,11 @@ impl Lease {
     /// Whether they are at another.
     pub fn holds_at(&self, now: Duration) -> bool {
         now < Duration::from_micros(self.0.load(Ordering::Relaxed))
+    }
+
+    /// The time until they are not, by this lease.
+    pub fn left(&self) -> Duration {
+        Duration::from_micros(self.0.load(Ordering::Relaxed)).saturating_sub(now())
     }
 
     /// They are until then.

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use anyhow::Result;
 use clap::builder::TypedValueParser;
-use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
+use serialport::{DataBits, FlowControl, Parity, SerialPort, SerialPortBuilder, StopBits};
 
 use super::ports;
 
@@ -94,21 +94,28 @@ impl FromStr for Mode {
 /// When there is no such port, or another program uses it.
 pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort>> {
     let Mode { data_bits, parity, stop_bits } = mode;
-    let builder = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT);
-    let port = builder.data_bits(data_bits).parity(parity).stop_bits(stop_bits).open();
-    port.map_err(|error| {
-        let advice = match error.kind() {
-            serialport::ErrorKind::NoDevice | serialport::ErrorKind::Io(ErrorKind::NotFound) => absent(path),
-            serialport::ErrorKind::InvalidInput => {
-                ": it is not a serial port, or does not support this baud rate".to_owned()
-            }
-            serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => {
-                ": permission denied; on Linux add the user to the group dialout, and log in again".to_owned()
-            }
-            _ => String::new(),
-        };
-        anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
-    })
+    let settings = settings(path, baud).data_bits(data_bits).parity(parity).stop_bits(stop_bits);
+    settings.open().map_err(|error| advise(path, baud, error))
+}
+
+/// The settings of a port: 8N1, without flow control.
+pub fn settings(path: &str, baud: u32) -> SerialPortBuilder {
+    serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT)
+}
+
+/// The error of a port that cannot be opened, with advice.
+pub fn advise(path: &str, baud: u32, error: serialport::Error) -> anyhow::Error {
+    let advice = match error.kind() {
+        serialport::ErrorKind::NoDevice | serialport::ErrorKind::Io(ErrorKind::NotFound) => absent(path),
+        serialport::ErrorKind::InvalidInput => {
+            ": it is not a serial port, or does not support this baud rate".to_owned()
+        }
+        serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => {
+            ": permission denied; on Linux add the user to the group dialout, and log in again".to_owned()
+        }
+        _ => String::new(),
+    };
+    anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
 }
 
 /// Why a port cannot be opened. Systems do not tell one that is in use from one that does not exist.

@@ -1,7 +1,7 @@
 //! The hub: takes what the cells report, keeps it in the store, and publishes it from there.
 //!
 //! ```text
-//!  device ◀──link──▶ cell's thread ──reports──▶ hub ──▶ store ──▶ uplink ──▶ broker
+//!  device ◀──link──▶ cell's task ────reports──▶ hub ──▶ store ──▶ uplink ──▶ broker
 //!                          ▲                     │ ▲                           │
 //!                          └──────commands───────┘ └────────commands───────────┘
 //! ```
@@ -16,13 +16,14 @@ mod sharing;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use robot_session::now;
 use serde_json::{Value as Json, json};
+use tokio::runtime;
 
 use super::bucket::Rate;
 use super::cell::Cell;
@@ -74,6 +75,8 @@ pub struct Hub<'a> {
     identity: String,
     /// What the cells that begin report to.
     sender: SyncSender<Input>,
+    /// Runs the cells, in one thread.
+    runtime: runtime::Handle,
     site: Site,
     /// The site file is to be reloaded.
     reload: Arc<AtomicBool>,
@@ -168,6 +171,7 @@ impl<'a> Hub<'a> {
             numbers,
             identity,
             sender,
+            runtime: reload::cells()?,
             site,
             reload,
             reading: None,
@@ -212,7 +216,9 @@ impl<'a> Hub<'a> {
             self.turn(false)?;
         }
         self.notify.say("STOPPING=1");
-        self.cells.iter().for_each(|cell| cell.stop.store(true, Ordering::Relaxed));
+        for cell in &self.cells {
+            cell.stop.send_replace(true);
+        }
         // What the links report last is kept, and published if there is a broker.
         self.until(LINKS_END, |hub| hub.cells.iter().all(Cell::has_ended))?;
         if let Some(share) = self.share.as_mut().filter(|_| self.cells.iter().all(Cell::has_ended)) {
@@ -285,7 +291,7 @@ impl<'a> Hub<'a> {
         self.say(turn.tell);
         for (place, command) in turn.give {
             if let Some(cell) = self.cells.get(place) {
-                // A thread that is gone has reported nothing: the command is unknown at the next start.
+                // A task that is gone has reported nothing: the command is unknown at the next start.
                 let _ = cell.commands.send(command);
             }
         }

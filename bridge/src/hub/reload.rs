@@ -1,18 +1,21 @@
 //! Start and end of cells: at the start, and when the site file is reloaded.
 
+use std::future::pending;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, ensure};
 use serde_json::json;
+use tokio::runtime;
+use tokio::sync::{mpsc, watch};
 
 use super::{Hub, Turn};
 use crate::cell::{Cell, Next};
-use crate::end::{End, Stop};
+use crate::end::{End, Inbox, Stop};
 use crate::links::{self, Client};
 use crate::metric::{self, CONNECTED, NUMBER, STORE};
 use crate::payload::Value;
@@ -24,6 +27,9 @@ use crate::uplink;
 const MOST: u64 = 1 << 20;
 /// A site file is read within this time.
 const LIMIT: Duration = Duration::from_secs(10);
+
+/// How many cells have threads of their own at the most.
+const CELLS: usize = 10_000;
 
 /// A site file that is read by a thread of its own: a network folder may never answer.
 #[derive(Debug)]
@@ -90,13 +96,14 @@ impl Hub<'_> {
             (NUMBER, uplink::number(number)),
             (CONNECTED, Value::Boolean(false)),
         ];
-        let (commands, inbox) = channel();
-        let stop = Arc::new(AtomicBool::new(false));
+        let (commands, inbox) = mpsc::unbounded_channel();
+        let (stop, told) = watch::channel(false);
         let lease = self.share.as_ref().filter(|_| settings.shared).map(Share::lease);
-        let until = Stop { flag: Arc::clone(&stop), lease };
+        let until = Stop::new(told, lease);
         let failures = before.map_or_else(Arc::default, |cell| Arc::clone(&cell.failures));
         let (busy, counted) = (Arc::clone(&self.busy), Arc::clone(&failures));
-        let end = End::new(place, self.sender.clone(), inbox, until, busy, counted);
+        let address = settings.address.clone().unwrap_or_default();
+        let end = End::new(place, address, self.sender.clone(), until, busy, counted);
         let mut cell = Cell {
             name: name.to_owned(),
             link: settings.link.clone(),
@@ -116,12 +123,11 @@ impl Hub<'_> {
             bands: client.bands.clone(),
             commands,
             stop,
-            thread: None,
+            task: None,
             next: if is_here { Next::Same } else { Next::Away },
         };
         if is_here {
-            let thread = thread::Builder::new().name(name.to_owned()).spawn(move || client.run(end));
-            cell.thread = Some(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
+            cell.task = Some(self.runtime.spawn(client.run(end, Inbox(inbox))));
         }
         match self.cells.get_mut(place) {
             Some(before) => *before = cell,
@@ -131,14 +137,14 @@ impl Hub<'_> {
         Ok(())
     }
 
-    /// The places of cells whose threads were to end, and have.
+    /// The places of cells whose tasks were to end, and have.
     pub(super) fn over(&self) -> Vec<usize> {
         let over = self.cells.iter().enumerate().filter(|(_, cell)| cell.is_over());
         over.map(|(place, _)| place).collect()
     }
 
     /// Reloads the site file if requested, and starts cells in places that are [over](Self::over): everything that their
-    /// threads have reported was taken.
+    /// tasks have reported was taken.
     pub(super) fn renew(&mut self, over: Vec<usize>, turn: &mut Turn) -> Result<()> {
         if self.reading.is_none() && self.reload.swap(false, Ordering::Relaxed) {
             self.reading = Some(Reading::begin(self.site.path()));
@@ -153,7 +159,7 @@ impl Hub<'_> {
         }
         for place in over {
             let Some(cell) = self.cells.get_mut(place) else { continue };
-            cell.thread = None;
+            cell.task = None;
             let rest =
                 if matches!(cell.next, Next::Gone) || !cell.is_shared { Next::Gone } else { Next::Away };
             let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, rest));
@@ -189,7 +195,7 @@ impl Hub<'_> {
             }
             match self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
                 Some(before) => {
-                    before.stop.store(true, Ordering::Relaxed);
+                    before.stop.send_replace(true);
                     before.next = Next::Another(Box::new((cell.clone(), client)));
                 }
                 None => self.begin(name, cell, client)?,
@@ -197,7 +203,7 @@ impl Hub<'_> {
         }
         for name in self.site.cell.keys().filter(|name| !site.cell.contains_key(*name)) {
             if let Some(cell) = self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
-                cell.stop.store(true, Ordering::Relaxed);
+                cell.stop.send_replace(true);
                 cell.next = Next::Gone;
                 removed.push(name.clone());
             }
@@ -210,4 +216,13 @@ impl Hub<'_> {
         self.site = site;
         Ok(())
     }
+}
+
+/// The thread that runs the cells. Those that wait for their devices by themselves have threads of their own beside it.
+pub(super) fn cells() -> Result<runtime::Handle> {
+    let runtime = runtime::Builder::new_current_thread().enable_all().max_blocking_threads(CELLS).build()?;
+    let handle = runtime.handle().clone();
+    let thread = thread::Builder::new().name("cells".into());
+    thread.spawn(move || runtime.block_on(pending::<()>())).context("cannot start a thread for the cells")?;
+    Ok(handle)
 }

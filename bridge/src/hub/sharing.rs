@@ -1,7 +1,6 @@
 //! Cells that bridges share: the hub takes them, lets them go, and says what becomes of their commands.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::Ordering;
 
 use anyhow::Result;
 use robot_session::now;
@@ -26,14 +25,14 @@ impl Hub<'_> {
         let now = now();
         let lapsed = share.lapsed(now);
         let is_lapsed = lapsed.is_some();
-        let is_idle = |cell: &Cell| matches!(cell.next, Next::Away) && cell.thread.is_none();
+        let is_idle = |cell: &Cell| matches!(cell.next, Next::Away) && cell.task.is_none();
         let shared = self.cells.iter_mut().enumerate().filter(|(_, cell)| cell.is_shared);
         let mut takes = Vec::new();
         for (place, cell) in shared {
             if is_idle(cell) {
                 takes.extend(share.may_take(&cell.name, now).map(|until| (place, until)));
             } else if cell.is_here() && (is_lapsed || share.must_give(&cell.name, now)) {
-                cell.stop.store(true, Ordering::Relaxed);
+                cell.stop.send_replace(true);
                 cell.next = Next::Away;
                 let why = if is_lapsed { "no messages from the broker" } else { "another bridge takes it" };
                 (self.log)(json!({"cell": cell.name, "share": "let go", "why": why}));
@@ -64,7 +63,7 @@ impl Hub<'_> {
         }
         let shared = self.cells.iter().filter(|cell| cell.is_shared && !cell.is_gone());
         let cells: BTreeMap<_, _> =
-            shared.map(|cell| (cell.name.clone(), cell.thread.is_some() && !share.has_ended())).collect();
+            shared.map(|cell| (cell.name.clone(), cell.task.is_some() && !share.has_ended())).collect();
         share.say(now(), cells, &self.commands, |below, message| self.uplink.say(below, message));
     }
 

@@ -6,14 +6,15 @@ use anyhow::Result;
 use cellwire_io::latency::Deadline;
 use robot_session::now;
 use serde_json::json;
-use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};
+use val2_alter::tokio::Moving;
+use val2_alter::{HostConfig, HostEvent, MotionPhase, Transform};
 
-use super::client::{self, Adapter, Line, Silence};
+use super::client::{self, Listener, Refuses, Silence, Terms};
 use super::paced::Paced;
+use super::port::Port;
 use crate::end::End;
 use crate::metric::{Definition, Named, define, text, whole};
 use crate::payload::{Kind, Value};
-use crate::report::Command;
 use crate::site::Cell;
 
 const METRICS: [Definition; 6] = [
@@ -44,19 +45,20 @@ struct Alter {
 pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
     let Paced { report, silence, session } = settings;
     let silence = Silence::of_speaker(silence);
-    let adapter = Alter { report, next: Duration::ZERO };
-    let line = Line { baud: session.baud, deadline: Some(Deadline::of_alter(&session)) };
-    client::of(cell, &METRICS, Some(line), silence, Host::new(session)?, adapter)
+    let terms = Terms { silence, every: None, deadline: Some(Deadline::of_alter(&session)) };
+    let (arm, task) = val2_alter::tokio::host(session, None, Port::of(cell, Some(session.baud))?)?;
+    let listener = Alter { report, next: Duration::ZERO };
+    let refuses = Refuses("only `cellwire alter` moves an arm under ALTER, where an operator can stop it");
+    Ok(client::of(cell, &METRICS, terms, (arm.handle().clone(), task), listener, refuses))
 }
 
-impl Adapter for Alter {
-    type Session = Host;
+impl Listener for Alter {
+    type Service = Moving;
 
-    fn is_answer(event: &HostEvent) -> bool {
-        matches!(event, HostEvent::Start(_) | HostEvent::Motion(_) | HostEvent::End(_))
-    }
-
-    fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
+    fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
+        if matches!(event, HostEvent::Start(_) | HostEvent::Motion(_) | HostEvent::End(_)) {
+            end.answered();
+        }
         match event {
             HostEvent::Motion(motion) if now() >= self.next => {
                 self.next = now().saturating_add(self.report);
@@ -79,10 +81,6 @@ impl Adapter for Alter {
             _ => {}
         }
         Ok(())
-    }
-
-    fn command(&mut self, _: &mut Host, _: Command) -> Result<(), String> {
-        Err("only `cellwire alter` moves an arm under ALTER, where an operator can stop it".into())
     }
 }
 

@@ -4,16 +4,17 @@ use std::time::Duration;
 
 use anyhow::Result;
 use cellwire_io::latency::Deadline;
-use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet};
+use isra_ball::tokio::Polling;
+use isra_ball::{HostConfig, HostEvent, Keys, Packet};
 use robot_session::now;
 use serde_json::json;
 
-use super::client::{self, Adapter, Line, Silence};
+use super::client::{self, Listener, Refuses, Silence, Terms};
 use super::paced::Paced;
+use super::port::Port;
 use crate::end::End;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
-use crate::report::Command;
 use crate::site::Cell;
 
 const METRICS: [Definition; 8] = [
@@ -45,19 +46,19 @@ struct Ball {
 pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
     let Paced { report, silence, session } = settings;
     let silence = Silence::of_asked(silence, session.period);
-    let adapter = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
-    let line = Line { baud: session.baud, deadline: Some(Deadline::of_ball(&session)) };
-    client::of(cell, &METRICS, Some(line), silence, Host::new(session)?, adapter)
+    let terms = Terms { silence, every: None, deadline: Some(Deadline::of_ball(&session)) };
+    let (ball, task) = isra_ball::tokio::host(session, Port::of(cell, Some(session.baud))?)?;
+    let listener = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
+    Ok(client::of(cell, &METRICS, terms, (ball.handle, task), listener, Refuses("a ball has no commands")))
 }
 
-impl Adapter for Ball {
-    type Session = Host;
+impl Listener for Ball {
+    type Service = Polling;
 
-    fn is_answer(event: &HostEvent) -> bool {
-        matches!(event, HostEvent::Packet(_) | HostEvent::Old(_) | HostEvent::Unasked(_))
-    }
-
-    fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
+    fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
+        if matches!(event, HostEvent::Packet(_) | HostEvent::Old(_) | HostEvent::Unasked(_)) {
+            end.answered();
+        }
         match event {
             HostEvent::Packet(packet) if now() >= self.next || packet.keys != self.keys => {
                 (self.next, self.keys) = (now().saturating_add(self.report), packet.keys);
@@ -68,10 +69,6 @@ impl Adapter for Ball {
             _ => {}
         }
         Ok(())
-    }
-
-    fn command(&mut self, _: &mut Host, _: Command) -> Result<(), String> {
-        Err("a ball has no commands".into())
     }
 }
 

@@ -1,27 +1,31 @@
-//! A session that is connected again whenever its connection ends, and reports to the hub.
+//! A cell whose device has a handle: what happens on its connections, and the work that the bridge does with it.
 
-use std::ops::ControlFlow;
+use std::convert::Infallible;
+use std::future::{Future, pending};
+use std::io;
+use std::pin::pin;
 use std::time::Duration;
 
-use anyhow::{Context, Result, ensure};
-use robot_session::{Driver, Ended, Session, now};
+use robot_session::tokio::{Handle, Link, Reconnect, Service, Task};
+use serde_json::json;
+use tokio::select;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::watch;
+use tokio::time::{Instant, sleep_until};
 
 use super::Client;
-use crate::end::End;
+use super::port::Port;
+use crate::end::{End, Inbox};
 use crate::metric::Definition;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
 use cellwire_io::latency::Deadline;
-use cellwire_io::port::AnyPort;
-use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::Fields;
-use serde_json::json;
 
-/// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest.
-const FIRST_WAIT: Duration = Duration::from_millis(250);
-const LONGEST_WAIT: Duration = Duration::from_secs(10);
-/// How often commands and the end of the bridge are looked at.
-const GLANCE: Duration = Duration::from_millis(50);
+/// The pauses before the next connection.
+const PAUSES: Reconnect = Reconnect { first: Duration::from_millis(250), longest: Duration::from_secs(10) };
+/// A device that is never silent is looked for this seldom.
+const NEVER: Duration = Duration::from_secs(86_400);
 
 /// When a device that does not answer counts as dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,173 +57,203 @@ impl Silence {
     }
 }
 
-/// What the bridge does with a session.
-pub(super) trait Adapter {
-    /// The session.
-    type Session: Session;
+/// Reports the events of a device.
+pub(super) trait Listener: Send + 'static {
+    /// The device's handle.
+    type Service: Service<Event: Send> + 'static;
 
-    /// Whether an event is the device's doing, so that it is alive.
-    fn is_answer(event: &<Self::Session as Session>::Event) -> bool;
-
-    /// Does what is due; how long it has nothing to do, unless something happens.
-    fn step(&mut self, _: &mut Self::Session, _: &mut End) -> Option<Duration> {
-        None
-    }
-
-    /// Something has happened. Only a connection that is best given up is an error.
+    /// Reports an event. Only a connection that is best given up is an error.
     ///
     /// # Errors
     /// Why.
-    fn event(
-        &mut self,
-        session: &mut Self::Session,
-        event: <Self::Session as Session>::Event,
-        end: &mut End,
-    ) -> Result<(), String>;
-
-    /// Begins a command; its outcome is reported by [`End::finish`].
-    ///
-    /// # Errors
-    /// Why it is refused: nothing of it was given to the session.
-    fn command(&mut self, session: &mut Self::Session, command: Command) -> Result<(), String>;
-
-    /// The connection has ended, and its last events were taken: what has no outcome now has none.
-    fn lost(&mut self) {}
+    fn event(&mut self, event: <Self::Service as Service>::Event, end: &End) -> Result<(), String>;
 }
 
-/// The client of a cell whose device waits for a connection: at `HOST:PORT`, or on a serial line if the link has one.
-///
-/// # Errors
-/// When the cell has no such address.
-pub(super) fn of<A>(
+/// Works with a device, one thing after the other.
+pub(super) trait Worker: Send + 'static {
+    /// There is another connection.
+    fn reconnected(&mut self) {}
+
+    /// Asks for the values, and reports them. A worker without a period is never called.
+    fn poll(&mut self, _end: &End) -> impl Future<Output = ()> + Send {
+        pending()
+    }
+
+    /// Has the device execute a command; returns the outcome, and why.
+    fn command(&mut self, command: &Command, end: &End) -> impl Future<Output = (Outcome, String)> + Send;
+}
+
+/// Refuses every command, with this reason.
+pub(super) struct Refuses(pub &'static str);
+
+impl Worker for Refuses {
+    async fn command(&mut self, _: &Command, _: &End) -> (Outcome, String) {
+        (Outcome::Refused, self.0.into())
+    }
+}
+
+/// The terms on which a device is asked.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Terms {
+    /// When it counts as dead.
+    pub silence: Silence,
+    /// How often its values are asked for, if it is asked.
+    pub every: Option<Duration>,
+    /// The deadline that a USB adapter may miss.
+    pub deadline: Option<Deadline>,
+}
+
+/// The client of a cell whose device has a handle.
+pub(super) fn of<L, W>(
     cell: &Cell,
     metrics: &'static [Definition],
-    line: Option<Line>,
-    silence: Silence,
-    session: A::Session,
-    adapter: A,
-) -> Result<Client>
+    terms: Terms,
+    (handle, task): (Handle<L::Service>, Task<L::Service, Port>),
+    mut listener: L,
+    mut worker: W,
+) -> Client
 where
-    A: Adapter + Send + 'static,
-    A::Session: Send + 'static,
+    L: Listener,
+    W: Worker,
+    <L::Service as Service>::Session: 'static,
+    <L::Service as Service>::Call: 'static,
+    <L::Service as Service>::Event: 'static,
 {
-    let place = cell
-        .address
-        .clone()
-        .context("this link's device does not connect to the bridge: give address instead of listen")?;
-    ensure!(
-        line.is_some() || !AnyPort::is_serial(&place),
-        "{place} looks like a serial port, but this link uses TCP: give HOST:PORT"
-    );
-    let line = line.unwrap_or(Line { baud: 0, deadline: None });
-    let device = Device { place, line, dialing: super::dialing(cell), silence };
-    Ok(Client::new(metrics, move |end| run(adapter, session, &device, end)))
+    let task = task.reconnect(PAUSES).connect_pause(cell.connect_pause);
+    let place = cell.address.clone().unwrap_or_default();
+    let advice = move || terms.deadline.and_then(|deadline| deadline.advice(&place));
+    Client::new(metrics, async move |end: End, mut inbox: Inbox| {
+        tokio::spawn(task.run());
+        let link = handle.link();
+        let why = select! {
+            biased;
+            why = watch_over(&handle, terms.silence, advice, &mut listener, &end) => why,
+            never = work(link, terms, &mut worker, &mut inbox, &end) => match never {},
+        };
+        end.finish(Outcome::Unknown, format!("the connection has ended: {why}"));
+        handle.shutdown().await;
+        end.unlinked(&why);
+        inbox.refuse(&end, &why);
+        end.flush().await;
+    })
 }
 
-/// The serial line of a link.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
-    /// The baud rate.
-    pub(super) baud: u32,
-    /// The deadline that a USB adapter may miss.
-    pub(super) deadline: Option<Deadline>,
-}
-
-/// Where the device is, and when it counts as dead.
-struct Device {
-    place: String,
-    line: Line,
-    dialing: Dialing,
+/// Reports the state of the connection and the events, until the cell is over.
+async fn watch_over<L: Listener>(
+    handle: &Handle<L::Service>,
     silence: Silence,
-}
-
-/// Runs until the bridge ends.
-fn run<A: Adapter>(mut adapter: A, mut session: A::Session, device: &Device, mut end: End) {
-    let mut wait = FIRST_WAIT;
-    let mut deadline = device.line.deadline;
-    while !end.is_stopped() {
-        let why = match AnyPort::open(&device.place, device.line.baud, device.dialing) {
-            Ok(port) => {
-                // Once: another attempt opens the same port.
-                if let Some(advice) = deadline.take().and_then(|deadline| deadline.advice(&device.place)) {
-                    end.event(&json!({"event": "slow_adapter", "why": advice}));
+    advice: impl Fn() -> Option<String>,
+    listener: &mut L,
+    end: &End,
+) -> String {
+    let (mut link, mut events) = (handle.link(), handle.events());
+    // Once: another attempt opens the same port.
+    let mut advice = Some(advice);
+    let mut over = pin!(end.over());
+    let limit = if silence.time.is_zero() { NEVER } else { silence.time };
+    let mut check = pin!(sleep_until(Instant::now() + limit));
+    loop {
+        end.flush().await;
+        select! {
+            biased;
+            () = &mut over => return "the bridge ends".into(),
+            Ok(()) = link.changed() => {
+                let now = link.borrow_and_update().clone();
+                match now {
+                    Link::Connecting => {}
+                    Link::Connected => {
+                        if let Some(why) = advice.take().and_then(|advice| advice()) {
+                            end.event(&json!({"event": "slow_adapter", "why": why}));
+                        }
+                        end.linked();
+                        if silence.time.is_zero() {
+                            end.answered();
+                        }
+                        check.as_mut().reset(Instant::now() + limit);
+                    }
+                    Link::Failed(why) => end.unlinked(&why.to_string()),
+                    Link::Ended => return "the task of the device has ended".into(),
                 }
-                session.handle_connected(now());
-                let (has_answered, why) =
-                    connection(&mut adapter, &mut session, Driver::new(port), device, &mut end);
-                // A device that accepts connections and does not answer is tried less and less often.
-                wait = if has_answered { FIRST_WAIT } else { wait };
-                session.handle_disconnected(now());
-                while let Some(event) = session.poll_event() {
-                    let _ = adapter.event(&mut session, event, &mut end);
-                }
-                adapter.lost();
-                end.finish(Outcome::Unknown, format!("the connection has ended: {why}"));
-                why
             }
-            Err(error) => format!("{error:#}"),
-        };
-        end.disconnected(&why);
-        if !end.wait(wait) {
-            return;
+            event = events.recv() => match event {
+                Ok(event) => {
+                    if let Err(why) = listener.event(event, end) {
+                        handle.reconnect(io::Error::other(why));
+                    }
+                }
+                Err(RecvError::Lagged(_)) => {}
+                Err(RecvError::Closed) => return "the task of the device has ended".into(),
+            },
+            () = &mut check => {
+                let now = Instant::now();
+                let due = end.heard().map_or(now + limit, |heard| Instant::from_std(heard) + limit);
+                check.as_mut().reset(if due > now { due } else { now + limit });
+                if due <= now && !silence.time.is_zero() {
+                    silent(handle, silence, end);
+                }
+            }
         }
-        wait = (wait * 2).min(LONGEST_WAIT);
     }
 }
 
-/// Until the connection ends: whether the device has answered on it, and why it ended. The device is alive from its first answer on.
-fn connection<A: Adapter>(
-    adapter: &mut A,
-    session: &mut A::Session,
-    mut driver: Driver<AnyPort>,
-    Device { place, silence, .. }: &Device,
-    end: &mut End,
-) -> (bool, String) {
-    let (mut heard, mut is_alive, mut has_answered) = (now(), silence.time.is_zero(), false);
-    if is_alive {
-        end.connected(place);
+/// The device was silent for too long, if there is a connection.
+fn silent<S: Service>(handle: &Handle<S>, silence: Silence, end: &End) {
+    let is_linked = matches!(*handle.link().borrow(), Link::Connected);
+    let why = format!("the device has not answered for {}", humantime::format_duration(silence.time));
+    match silence.is_asked {
+        true if is_linked => handle.reconnect(io::Error::other(why)),
+        false if is_linked && end.is_alive() => end.disconnected(&why),
+        _ => {}
     }
-    while !end.is_over() {
-        if !silence.time.is_zero() && now().saturating_sub(heard) > silence.time {
-            let why = format!("the device has not answered for {}", humantime::format_duration(silence.time));
-            if silence.is_asked {
-                return (has_answered, why);
+}
+
+/// Does what is due, one thing after the other.
+async fn work<W: Worker>(
+    mut link: watch::Receiver<Link>,
+    Terms { silence, every, .. }: Terms,
+    worker: &mut W,
+    inbox: &mut Inbox,
+    end: &End,
+) -> Infallible {
+    let (mut next, mut connections) = (Instant::now(), 0);
+    loop {
+        let due = async {
+            if every.is_none() {
+                pending().await
             }
-            is_alive = false;
-            end.disconnected(&why);
-        }
-        if let Some(command) = end.command() {
-            // Such a device may be about to send.
-            let begun = if is_alive || !silence.is_asked {
-                adapter.command(session, command)
-            } else {
-                Err("the device does not answer".into())
-            };
-            if let Err(why) = begun {
-                end.finish(Outcome::Refused, why);
-            }
-        }
-        let wait = adapter.step(session, end).unwrap_or(GLANCE).min(GLANCE);
-        let turn = driver.turn(session, Some(wait), |session, event| {
-            if A::is_answer(&event) {
-                (heard, has_answered) = (now(), true);
-                if !core::mem::replace(&mut is_alive, true) {
-                    end.connected(place);
+            loop {
+                // Without a task there is nothing to be asked.
+                if link.wait_for(|link| matches!(link, Link::Connected)).await.is_err() {
+                    pending().await
+                }
+                if end.connections() != connections {
+                    return;
+                }
+                select! {
+                    biased;
+                    _ = link.changed() => {}
+                    () = sleep_until(next) => return,
                 }
             }
-            match adapter.event(session, event, end) {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(why) => ControlFlow::Break(why),
-            }
-        });
-        let why = match turn {
-            Ok(ControlFlow::Continue(())) => continue,
-            Ok(ControlFlow::Break(Ended::ByHandler(why))) => why,
-            Ok(ControlFlow::Break(Ended::ByPeer)) => "the device closed the connection".into(),
-            Ok(ControlFlow::Break(Ended::Stalled)) => "the device does not read".into(),
-            Err(error) => error.to_string(),
         };
-        return (has_answered, why);
+        select! {
+            biased;
+            command = inbox.next(end) => {
+                let (outcome, why) = match end.refusal(silence.is_asked) {
+                    Some(why) => (Outcome::Refused, why.into()),
+                    None => worker.command(&command, end).await,
+                };
+                end.finish(outcome, why);
+            }
+            () = due => {
+                let now = Instant::now();
+                if core::mem::replace(&mut connections, end.connections()) != connections {
+                    worker.reconnected();
+                    next = now;
+                }
+                next = (next + every.unwrap_or(NEVER)).max(now); // a late one skips what it missed
+                worker.poll(end).await;
+            }
+        }
     }
-    (has_answered, "the bridge ends".into())
 }

@@ -1,6 +1,6 @@
 //! The jobs of a Kawasaki robot: a command is an order of jobs, and its outcome is the order's.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 use kawasaki_msg::{Charset, JobSource, LargePc, PcConfig, PcEvent, SessionError, Supply};
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value as Json, json};
 
 use super::order;
-use crate::end::End;
+use crate::end::{ENDS, End, Inbox};
 use crate::metric::{Definition, EVENT, Named, define, text, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
@@ -25,6 +25,8 @@ use cellwire_links::settings::{Configure, Fields};
 
 /// How often a failed open is retried.
 const RETRY: Duration = Duration::from_secs(5);
+/// How often commands are looked for meanwhile.
+const LOOK: Duration = Duration::from_millis(100);
 /// The most jobs of a command.
 const MOST: usize = 10_000;
 
@@ -77,7 +79,8 @@ impl JobSource for Jobs {
 }
 
 struct Kawasaki<'a> {
-    end: &'a mut End,
+    end: &'a End,
+    inbox: &'a mut Inbox,
     layout: Layout,
     charset: Charset,
     /// The number of the next order: an earlier process may have used any.
@@ -102,20 +105,38 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
         (Some(address), _) => Endpoint::Connect(address.clone()),
         (None, listen) => Endpoint::Listen(listen.clone().unwrap_or_default()),
     };
-    Ok(super::Client::new(&METRICS, move |mut end| {
-        let mut next = fastrand::u16(1..);
-        while !end.is_stopped() {
-            let ended = run(&mut end, (&endpoint, dialing), config, &layout, charset, &mut next);
-            let why = ended.err().map_or_else(|| "the bridge ends".to_owned(), |error| format!("{error:#}"));
-            end.finish(Outcome::Unknown, why.clone());
-            end.disconnected(&why);
-            end.wait(RETRY);
-        }
+    Ok(super::Client::new(&METRICS, async move |end: End, mut inbox: Inbox| {
+        // It waits for its robot by itself.
+        let cell = move || {
+            let mut next = fastrand::u16(1..);
+            while !end.is_stopped() {
+                let ends = (&end, &mut inbox);
+                let ended = run(ends, (&endpoint, dialing), config, &layout, charset, &mut next);
+                let why =
+                    ended.err().map_or_else(|| "the bridge ends".to_owned(), |error| format!("{error:#}"));
+                end.finish(Outcome::Unknown, why.clone());
+                end.disconnected(&why);
+                wait(&end, &mut inbox);
+            }
+            inbox.refuse(&end, ENDS);
+            end.flush_in_thread();
+        };
+        let _ = tokio::task::spawn_blocking(cell).await;
     }))
 }
 
+/// Waits for the next attempt; commands are refused meanwhile.
+fn wait(end: &End, inbox: &mut Inbox) {
+    let until = Instant::now() + RETRY;
+    while Instant::now() < until && !end.is_stopped() {
+        inbox.refuse(end, "the link is not connected");
+        end.flush_in_thread();
+        std::thread::sleep(LOOK);
+    }
+}
+
 fn run(
-    end: &mut End,
+    (end, inbox): (&End, &mut Inbox),
     (endpoint, dialing): (&Endpoint, Dialing),
     config: PcConfig,
     layout: &Layout,
@@ -126,6 +147,7 @@ fn run(
     let session = LargePc::<Jobs>::with_ranges(config, layout.clone())?;
     let mut program = Kawasaki {
         end,
+        inbox,
         layout: layout.clone(),
         charset,
         next: *next,
@@ -143,8 +165,9 @@ impl Program for Kawasaki<'_> {
     type Session = LargePc<Jobs>;
 
     fn step(&mut self, session: &mut Self::Session) -> Result<bool> {
+        self.end.flush_in_thread();
         if session.order().is_none()
-            && let Some(command) = self.end.command()
+            && let Some(command) = self.inbox.try_next(self.end)
             && let Err(why) = self.begin(session, &command)
         {
             self.end.finish(Outcome::Refused, why);

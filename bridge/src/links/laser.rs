@@ -1,16 +1,19 @@
 //! The instructions of a laser robot, and a query for its status.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use laser_eb90::{Host, HostConfig, HostEvent, SessionError, timing};
-use robot_session::now;
+use laser_eb90::tokio::{Command as Instruction, Error, Instructions, Laser};
+use laser_eb90::{EncodeError, Host, HostConfig, HostEvent, Payload, SessionError, timing};
 use serde::Deserialize;
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
-use super::client::{self, Adapter, Line, Silence};
+use super::client::{self, Listener, Silence, Terms, Worker};
 use super::order;
-use crate::end::{ENDS, End};
+use super::port::Port;
+use crate::end::End;
 use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
@@ -63,186 +66,200 @@ impl Configure for Settings {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Order {
-    instructions: Vec<Instruction>,
+    instructions: Vec<Given>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Instruction {
+struct Given {
     word: u16,
     #[serde(default)]
     values: Vec<f32>,
 }
 
-struct Laser {
-    settings: Settings,
-    next: Duration,
-    order: Option<Order>,
-    /// The number of the first instruction of the order that the session has.
-    running: Option<u64>,
+/// Reports answers and faults, and counts the attempts of a frame that had no answer.
+struct Answers {
+    unanswered: Arc<AtomicU8>,
 }
+
+/// Asks for the status, and sends instructions.
+struct Sender {
+    laser: Laser,
+    settings: Settings,
+    unanswered: Arc<AtomicU8>,
+}
+
+/// Instructions that were not sent when a connection was lost are given up after this time.
+const GIVE_UP: Duration = Duration::from_secs(1);
 
 pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
     // Some defaults follow from the rate.
     let baud = given.session.baud;
     let settings = settings::read(&cell.link, Settings::at_baud(baud), &cell.settings)?;
-    let session = Host::new(settings.session)?;
-    // Who is asked nothing has nothing to answer.
-    let silence = if settings.query == 0 { Duration::ZERO } else { settings.silence };
+    // A device that is asked nothing has nothing to answer.
+    let is_asked = settings.query != 0;
+    let silence = if is_asked { settings.silence } else { Duration::ZERO };
     let silence = Silence::of_asked(silence, settings.poll);
-    let adapter = Laser { settings, next: Duration::ZERO, order: None, running: None };
-    client::of(cell, &METRICS, Some(Line { baud, deadline: None }), silence, session, adapter)
+    let terms = Terms { silence, every: is_asked.then_some(settings.poll), deadline: None };
+    let (laser, task) = laser_eb90::tokio::host(settings.session, Port::of(cell, Some(baud))?)?;
+    let (task, handle) = (task.give_up_after(GIVE_UP), laser.handle().clone());
+    let answers = Answers { unanswered: Arc::default() };
+    let unanswered = Arc::clone(&answers.unanswered);
+    Ok(client::of(cell, &METRICS, terms, (handle, task), answers, Sender { laser, settings, unanswered }))
 }
 
-impl Adapter for Laser {
-    type Session = Host;
+impl Listener for Answers {
+    type Service = Instructions;
 
-    fn is_answer(event: &HostEvent) -> bool {
+    fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
         match event {
-            HostEvent::Answer { .. } | HostEvent::Refused { .. } => true,
+            HostEvent::Answer { .. } | HostEvent::Refused { .. } => end.answered(),
             // An answer to an earlier connection's query says nothing about this one: the device may still not take its query.
-            HostEvent::Done { unanswered, .. } => *unanswered == 0,
-            _ => false,
-        }
-    }
-
-    fn step(&mut self, host: &mut Host, end: &mut End) -> Option<Duration> {
-        let now = now();
-        if !host.is_idle() {
-            return None;
-        }
-        if let Some(order) = self.order.take() {
-            if end.is_stopped() {
-                end.finish(Outcome::Refused, ENDS);
-                return None;
-            }
-            match order.submit(host) {
-                Ok(first) => self.running = Some(first),
-                Err(why) => {
-                    host.take_back();
-                    end.finish(Outcome::Refused, why);
+            HostEvent::Done { unanswered, .. } => {
+                self.unanswered.store(unanswered, Ordering::Relaxed);
+                if unanswered == 0 {
+                    end.answered();
                 }
-            }
-        } else if self.settings.query != 0 && now >= self.next {
-            self.next = now.saturating_add(self.settings.poll);
-            if let Err(error) = host.submit(self.settings.query, |_| Ok(())) {
-                end.event(&json!({"event": "no_query", "why": error.to_string()}));
-            }
-        }
-        Some(self.next.saturating_sub(now).max(Duration::from_millis(1)))
-    }
-
-    fn event(&mut self, host: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
-        let (first, outcome, why) = match event {
-            HostEvent::Done { first, unanswered, .. } => {
-                let why = if unanswered > 0 {
-                    format!("no answer after {unanswered} attempts")
-                } else {
-                    String::new()
-                };
-                (first, Outcome::Done, why)
-            }
-            HostEvent::Answer { ticket } if self.running == Some(ticket) => {
-                (ticket, Outcome::Done, serde_json::to_string(&host.answer()).unwrap_or_default())
-            }
-            HostEvent::Answer { .. } => {
-                let values = serde_json::to_string(&host.answer()).unwrap_or_default();
-                end.values(vec![("Status/Values", text(values))]);
-                return Ok(());
-            }
-            HostEvent::Refused { first, refusal, .. } => {
-                host.resume();
-                (first, Outcome::Refused, format!("the controller refuses: {refusal}"))
-            }
-            HostEvent::Unknown { first, reason, .. } => {
-                host.resume();
-                (first, Outcome::Unknown, format!("{reason:?}"))
             }
             // The query of this connection waits for the longest execution; the next connection's is answered at once.
             HostEvent::Unasked { .. } if !end.is_alive() => {
                 return Err("an answer to a query of an earlier connection".into());
             }
-            HostEvent::Unasked { word } => {
-                end.event(&json!({"event": "unasked", "word": word}));
-                return Ok(());
-            }
-            HostEvent::Corrupt(error) => {
-                end.event(&json!({"event": "corrupt", "error": error}));
-                return Ok(());
-            }
+            HostEvent::Unasked { word } => end.event(&json!({"event": "unasked", "word": word})),
+            HostEvent::Corrupt(error) => end.event(&json!({"event": "corrupt", "error": error})),
             HostEvent::Echo(error) => {
                 end.event(&json!({"event": "echo", "error": error, "text": error.to_string()}));
-                return Ok(());
             }
-            _ => return Ok(()),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl Worker for Sender {
+    async fn poll(&mut self, end: &End) {
+        let (outcome, why) = match self.laser.query(Instruction::bare(self.settings.query)).await {
+            Ok(answer) if !answer.items().is_empty() => {
+                let values = serde_json::to_string(&answer.items()).unwrap_or_default();
+                return end.values(vec![("Status/Values", text(values))]);
+            }
+            Ok(_) => (Outcome::Done, self.without_answer()),
+            Err(error) => outcome_of(&error),
         };
-        // A frame is never mixed: it is the order's, or the query for the status.
-        match self.running.take_if(|running| *running == first) {
-            Some(_) => end.finish(outcome, why),
-            None => {
-                end.event(&json!({"event": "query_failed", "outcome": outcome, "why": Json::String(why)}))
+        end.event(&json!({"event": "query_failed", "outcome": outcome, "why": why}));
+    }
+
+    async fn command(&mut self, command: &Command, _: &End) -> (Outcome, String) {
+        let order: Order = match order(&command.order) {
+            Ok(order) => order,
+            Err(why) => return (Outcome::Refused, why),
+        };
+        if let Err(why) = order.fits(&self.settings.session) {
+            return (Outcome::Refused, why);
+        }
+        self.unanswered.store(0, Ordering::Relaxed);
+        let mut instructions = order.instructions.into_iter().map(Given::instruction);
+        let done = match (instructions.next(), instructions.len()) {
+            (Some(single), 0) => self.laser.query(single).await.map(Some),
+            (first, _) => self.laser.run(first.into_iter().chain(instructions)).await.map(|()| None),
+        };
+        match done {
+            Ok(Some(answer)) if !answer.items().is_empty() => {
+                (Outcome::Done, serde_json::to_string(&answer.items()).unwrap_or_default())
             }
+            Ok(_) => (Outcome::Done, self.without_answer()),
+            Err(error) => outcome_of(&error),
         }
-        Ok(())
     }
+}
 
-    fn command(&mut self, _: &mut Host, command: Command) -> Result<(), String> {
-        let order: Order = order(&command.order)?;
-        if order.instructions.is_empty() {
-            return Err("there are no instructions".into());
+impl Sender {
+    /// What there is to say of a frame that was sent several times without an answer.
+    fn without_answer(&self) -> String {
+        match self.unanswered.swap(0, Ordering::Relaxed) {
+            0 => String::new(),
+            unanswered => format!("no answer after {unanswered} attempts"),
         }
-        self.order = Some(order);
-        Ok(())
     }
+}
 
-    fn lost(&mut self) {
-        (self.order, self.running) = (None, None);
+/// What an error of one frame means.
+fn outcome_of(error: &Error) -> (Outcome, String) {
+    match error {
+        Error::Refused { refusal, .. } => (Outcome::Refused, format!("the controller refuses: {refusal}")),
+        Error::Unknown { reason, .. } => (Outcome::Unknown, format!("{reason:?}")),
+        Error::Closed(_) => (Outcome::Unknown, error.to_string()),
+        _ => (Outcome::Refused, error.to_string()),
     }
 }
 
 impl Order {
-    /// Submits all of it into one frame; the number of the first instruction.
-    fn submit(&self, host: &mut Host) -> Result<u64, String> {
-        let mut first = None;
-        for Instruction { word, values } in &self.instructions {
-            let ticket = host.submit(*word, |parameters| match values.as_slice() {
-                [] => Ok(()),
-                values => parameters.f32(values).map(drop),
-            });
-            match ticket {
-                Ok(ticket) => drop(first.get_or_insert(ticket)),
+    /// Whether all of it fits one frame.
+    fn fits(&self, config: &HostConfig) -> Result<(), String> {
+        if self.instructions.is_empty() {
+            return Err("there are no instructions".into());
+        }
+        // A host without a connection, which is never used otherwise.
+        let mut host = Host::new(*config).map_err(|error| error.to_string())?;
+        for Given { word, values } in &self.instructions {
+            match host.submit(*word, |payload| write(payload, values)) {
+                Ok(_) => {}
                 Err(SessionError::Full) => {
                     return Err("more instructions than fit a frame, or of different classes".into());
                 }
                 Err(error) => return Err(format!("instruction {word:#06x}: {error}")),
             }
         }
-        first.ok_or_else(|| "there are no instructions".into())
+        Ok(())
     }
+}
+
+impl Given {
+    fn instruction(self) -> Instruction {
+        let Self { word, values } = self;
+        Instruction::new(word, move |payload| write(payload, &values))
+    }
+}
+
+fn write(payload: &mut Payload<'_>, values: &[f32]) -> Result<(), EncodeError> {
+    if values.is_empty() { Ok(()) } else { payload.f32(values).map(drop) }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-    use std::sync::mpsc::{channel, sync_channel};
+    use std::sync::atomic::AtomicU64;
+    use std::sync::mpsc::sync_channel;
+
+    use tokio::sync::watch;
 
     use super::*;
     use crate::end::Stop;
 
     #[test]
     fn an_answer_to_an_earlier_query_is_no_sign_of_life_and_ends_the_connection_of_a_dead_device() {
-        let settings = Settings::default();
-        let mut host = Host::new(settings.session).unwrap();
-        let mut laser = Laser { settings, next: Duration::ZERO, order: None, running: None };
-        let ((hub, reports), (_commands, inbox)) = (sync_channel(9), channel());
-        let mut end = End::new(3, hub, inbox, Stop::default(), Arc::default(), Arc::default());
+        let mut answers = Answers { unanswered: Arc::default() };
+        let ((hub, reports), (_stop, told)) = (sync_channel(9), watch::channel(false));
+        let counted: Arc<AtomicU64> = Arc::default();
+        let end = End::new(3, "x".into(), hub, Stop::new(told, None), Arc::clone(&counted), counted);
         let unasked = || HostEvent::Unasked { word: STATUS };
-        assert!(!Laser::is_answer(&unasked()));
         let why = "an answer to a query of an earlier connection";
-        assert_eq!(laser.event(&mut host, unasked(), &mut end), Err(why.into()));
+        assert_eq!(answers.event(unasked(), &end), Err(why.into()));
         assert_eq!(reports.try_iter().count(), 0);
-        end.connected("x");
-        assert_eq!(laser.event(&mut host, unasked(), &mut end), Ok(()));
+        end.answered();
+        assert_eq!(answers.event(unasked(), &end), Ok(()));
         assert_eq!(reports.try_iter().count(), 2);
+    }
+
+    #[test]
+    fn an_order_fits_one_frame_or_is_refused_as_a_whole() {
+        let config = Settings::default().session;
+        let fits = |words: &[u16]| {
+            let instructions = words.iter().map(|word| Given { word: *word, values: vec![1.0] }).collect();
+            Order { instructions }.fits(&config)
+        };
+        assert_eq!(fits(&[]), Err("there are no instructions".into()));
+        assert_eq!(fits(&[0x0101; 7]), Ok(()));
+        let why = "more instructions than fit a frame, or of different classes";
+        assert_eq!((fits(&[0x0101; 8]), fits(&[0x0101, 0x0201])), (Err(why.into()), Err(why.into())));
     }
 }

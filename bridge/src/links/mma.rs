@@ -4,18 +4,16 @@ use std::marker::PhantomData;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Closing, Command as Order, PlatformPose, Pose, Progress, RobotPose,
-    Unfinished,
-};
-use robot_session::{Session, now};
+use mmacell_proto::tokio::{Commands, Device, Error};
+use mmacell_proto::{CentralConfig, CentralEvent, Command as Order, PlatformPose, Pose, Progress, RobotPose};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 
-use super::client::{self, Adapter, Silence};
+use super::client::{self, Listener, Silence, Terms, Worker};
 use super::order;
-use crate::end::{ENDS, End};
+use super::port::Port;
+use crate::end::End;
 use crate::metric::{Definition, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
@@ -64,128 +62,91 @@ impl Configure for Settings {
     }
 }
 
-struct Mma<P> {
-    poll: Duration,
-    next: Duration,
-    order: Option<Order<P>>,
-    /// The session has the order.
-    is_running: bool,
-    pose: PhantomData<P>,
-}
+/// Every event is the outcome of a call.
+struct Silent<P>(PhantomData<fn() -> P>);
+
+/// Asks for the status, and gives commands.
+struct Mma<P: Pose + Send + 'static>(Device<P>);
 
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
     if settings.is_platform { of::<PlatformPose>(cell, &settings) } else { of::<RobotPose>(cell, &settings) }
 }
 
-fn of<P>(cell: &Cell, settings: &Settings) -> Result<super::Client>
-where
-    P: Pose + Serialize + DeserializeOwned + Send + 'static,
-    Central<P>: Session<Event = CentralEvent<P>> + Send,
-{
-    let session = Central::<P>::new(settings.session)?;
-    let adapter = Mma::<P> {
-        poll: settings.poll,
-        next: Duration::ZERO,
-        order: None,
-        is_running: false,
-        pose: PhantomData,
-    };
+fn of<P: Pose + Serialize + DeserializeOwned + Send + Sync + 'static>(
+    cell: &Cell,
+    settings: &Settings,
+) -> Result<super::Client> {
+    let (device, task) = mmacell_proto::tokio::central::<P, _>(settings.session, Port::of(cell, None)?)?;
     let silence = Silence::of_asked(settings.silence, settings.poll);
-    client::of(cell, &METRICS, None, silence, session, adapter)
+    let terms = Terms { silence, every: Some(settings.poll), deadline: None };
+    let handle = device.handle().clone();
+    Ok(client::of(cell, &METRICS, terms, (handle, task), Silent(PhantomData), Mma(device)))
 }
 
-impl<P> Adapter for Mma<P>
-where
-    P: Pose + Serialize + DeserializeOwned,
-    Central<P>: Session<Event = CentralEvent<P>>,
-{
-    type Session = Central<P>;
+impl<P: Pose + Send + 'static> Listener for Silent<P> {
+    type Service = Commands<P>;
 
-    fn is_answer(event: &CentralEvent<P>) -> bool {
-        matches!(
-            event,
-            CentralEvent::Done { .. } | CentralEvent::Refused { .. } | CentralEvent::Status { .. }
-        )
-    }
-
-    fn step(&mut self, central: &mut Central<P>, end: &mut End) -> Option<Duration> {
-        let now = now();
-        if !central.is_idle() {
-            return None;
-        }
-        if let Some(order) = self.order.take() {
-            if end.is_stopped() {
-                end.finish(Outcome::Refused, ENDS);
-                return None;
-            }
-            match central.request(order) {
-                Ok(()) => self.is_running = true,
-                Err(error) => end.finish(Outcome::Refused, error.to_string()),
-            }
-        } else if now >= self.next {
-            self.next = now.saturating_add(self.poll);
-            let _ = central.request(Order::Status);
-        }
-        Some(self.next.saturating_sub(now).max(Duration::from_millis(1)))
-    }
-
-    fn event(&mut self, _: &mut Central<P>, event: CentralEvent<P>, end: &mut End) -> Result<(), String> {
-        match event {
-            CentralEvent::Status { status, motion } => {
-                if core::mem::take(&mut self.is_running) {
-                    end.finish(Outcome::Done, "");
-                }
-                let axes = serde_json::to_value(status.pose).unwrap_or_default();
-                let axes = axes.as_array().into_iter().flatten().filter_map(Json::as_f64).map(Value::Double);
-                let values = [
-                    ("Status/Moving", Value::Boolean(status.moving)),
-                    ("Status/Servo", Value::Boolean(status.servo)),
-                    ("Status/Override", whole(status.percent)),
-                    ("Status/Error", whole(i32::from(status.error))),
-                    ("Status/Motion", text(name(motion))),
-                ];
-                end.values(values.into_iter().chain(AXES.into_iter().zip(axes)).collect());
-            }
-            CentralEvent::Done { command } if core::mem::take(&mut self.is_running) => {
-                let is_motion = matches!(command, Order::Move { .. } | Order::Reset);
-                end.finish(
-                    Outcome::Done,
-                    if is_motion { "the motion has started: see Status/Motion" } else { "" },
-                );
-            }
-            CentralEvent::Refused { error, .. } => {
-                if core::mem::take(&mut self.is_running) {
-                    end.finish(Outcome::Refused, format!("the device reports error {}", i32::from(error)));
-                } else {
-                    end.event(&json!({"event": "refused", "error": i32::from(error)}));
-                }
-            }
-            CentralEvent::Closed { reason, unfinished } => {
-                if core::mem::take(&mut self.is_running) {
-                    let why = format!("{reason:?}");
-                    match unfinished {
-                        Unfinished::NotSent(_) => end.finish(Outcome::Refused, why),
-                        Unfinished::Unknown(_) => end.finish(Outcome::Unknown, why),
-                        // What is finished has had its own event, except an agreed close.
-                        Unfinished::Nothing => end.finish(Outcome::Done, why),
-                    }
-                }
-                if reason != Closing::Disconnected {
-                    return Err(format!("the connection has ended: {reason:?}"));
-                }
-            }
-            _ => {}
-        }
+    fn event(&mut self, _: CentralEvent<P>, _: &End) -> Result<(), String> {
         Ok(())
     }
+}
 
-    fn command(&mut self, _: &mut Central<P>, command: Command) -> Result<(), String> {
-        self.order = Some(order(&command.order)?);
-        Ok(())
+impl<P: Pose + Serialize + DeserializeOwned + Send + Sync + 'static> Worker for Mma<P> {
+    async fn poll(&mut self, end: &End) {
+        // The end of a connection has its own reason.
+        if let Err(Error::Refused(error)) = self.status(end).await {
+            end.event(&json!({"event": "refused", "error": i32::from(error)}));
+        }
     }
 
-    fn lost(&mut self) {
-        (self.order, self.is_running) = (None, false);
+    async fn command(&mut self, command: &Command, end: &End) -> (Outcome, String) {
+        let order: Order<P> = match order(&command.order) {
+            Ok(order) => order,
+            Err(why) => return (Outcome::Refused, why),
+        };
+        let is_motion = matches!(order, Order::Move { .. } | Order::Reset);
+        let executed = match order {
+            Order::Status => self.status(end).await,
+            order => self.0.command(order).await,
+        };
+        match executed {
+            Ok(()) => {
+                end.answered();
+                let detail = if is_motion { "the motion has started: see Status/Motion" } else { "" };
+                (Outcome::Done, detail.into())
+            }
+            Err(Error::Refused(error)) => {
+                end.answered();
+                (Outcome::Refused, format!("the device reports error {}", i32::from(error)))
+            }
+            Err(Error::Unknown(reason)) => (Outcome::Unknown, format!("{reason:?}")),
+            Err(Error::NotSent(reason)) => (Outcome::Refused, format!("{reason:?}")),
+            Err(error @ Error::Closed(_)) => (Outcome::Unknown, error.to_string()),
+            Err(error) => (Outcome::Refused, error.to_string()),
+        }
+    }
+}
+
+impl<P: Pose + Serialize + Send + Sync + 'static> Mma<P> {
+    /// Asks for the status, and reports it.
+    async fn status(&self, end: &End) -> Result<(), Error> {
+        let (status, motion) = self.0.status().await.inspect_err(|error| {
+            if matches!(error, Error::Refused(_)) {
+                end.answered();
+            }
+        })?;
+        end.answered();
+        let axes = serde_json::to_value(status.pose).unwrap_or_default();
+        let axes = axes.as_array().into_iter().flatten().filter_map(Json::as_f64).map(Value::Double);
+        let values = [
+            ("Status/Moving", Value::Boolean(status.moving)),
+            ("Status/Servo", Value::Boolean(status.servo)),
+            ("Status/Override", whole(status.percent)),
+            ("Status/Error", whole(i32::from(status.error))),
+            ("Status/Motion", text(name(motion))),
+        ];
+        end.values(values.into_iter().chain(AXES.into_iter().zip(axes)).collect());
+        Ok(())
     }
 }
 

@@ -8,10 +8,13 @@ mod laser;
 mod mma;
 mod modbus;
 mod paced;
+mod port;
 mod telemetry;
 mod viewer;
 
 use std::fmt;
+use std::future::Future;
+use std::pin::Pin;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
@@ -19,7 +22,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
 use super::bands::Bands;
-use super::end::End;
+use super::end::{End, Inbox};
 use super::metric::{COMMON, Definition};
 use super::site::{Cell, Site};
 use cellwire_io::tcp::Dialing;
@@ -31,8 +34,11 @@ pub struct Client {
     metrics: &'static [Definition],
     /// By how much they have to change to be reported.
     pub bands: Option<Bands>,
-    run: Box<dyn FnOnce(End) + Send>,
+    run: Box<dyn FnOnce(End, Inbox) -> Running + Send>,
 }
+
+/// A cell that runs until the bridge ends.
+type Running = Pin<Box<dyn Future<Output = ()> + Send>>;
 
 impl fmt::Debug for Client {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -41,8 +47,11 @@ impl fmt::Debug for Client {
 }
 
 impl Client {
-    fn new(metrics: &'static [Definition], run: impl FnOnce(End) + Send + 'static) -> Self {
-        Self { metrics, bands: None, run: Box::new(run) }
+    fn new<F>(metrics: &'static [Definition], run: impl FnOnce(End, Inbox) -> F + Send + 'static) -> Self
+    where
+        F: Future<Output = ()> + Send + 'static,
+    {
+        Self { metrics, bands: None, run: Box::new(|end, inbox| Box::pin(run(end, inbox))) }
     }
 
     /// Every metric that it may report.
@@ -51,8 +60,8 @@ impl Client {
     }
 
     /// Runs until the bridge ends.
-    pub fn run(self, end: End) {
-        (self.run)(end);
+    pub async fn run(self, end: End, inbox: Inbox) {
+        (self.run)(end, inbox).await;
     }
 }
 

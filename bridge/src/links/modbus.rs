@@ -3,17 +3,17 @@
 use std::time::Duration;
 
 use anyhow::Result;
-use fanuc_hmi_modbus::{
-    Client, ClientConfig, ClientEvent, Reply, Request, TelemetryBlock, Ticket, WordOrder, Words,
-};
+use fanuc_hmi_modbus::tokio::{Client, Error, Event, Requests};
+use fanuc_hmi_modbus::{ClientConfig, ClientEvent, Failure, TelemetryBlock, WordOrder};
 use robot_session::now;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::client::{self, Adapter, Silence};
+use super::client::{self, Listener, Silence, Terms, Worker};
 use super::order;
+use super::port::Port;
 use super::telemetry::{Read, Telemetry};
-use crate::end::{ENDS, End};
+use crate::end::End;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
@@ -102,95 +102,32 @@ enum Order {
     Registers { address: u16, values: Vec<u16> },
 }
 
+/// Reports notices.
+struct Notices;
+
+/// Reads the telemetry, and writes.
 struct Modbus {
+    robot: Client,
     settings: Settings,
-    next: Duration,
-    /// The request for the telemetry that is in flight.
-    asked: Option<Ticket>,
     telemetry: Telemetry,
-    /// What is to be written as soon as nothing is in flight, and then its request.
-    order: Option<Order>,
-    writing: Option<Ticket>,
 }
 
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
-    let session = Client::<1>::new(settings.session)?;
-    let (asked, order, writing) = (None, None, None);
+    let (robot, task) = fanuc_hmi_modbus::tokio::client(settings.session, Port::of(cell, None)?)?;
     let silence = Silence::of_asked(settings.silence, settings.poll.max(settings.session.timeout));
+    let terms = Terms { silence, every: Some(settings.poll), deadline: None };
     let telemetry = Telemetry::new(settings.word_order, PERIOD, settings.poll);
-    let adapter = Modbus { settings, next: Duration::ZERO, asked, telemetry, order, writing };
-    client::of(cell, &METRICS, None, silence, session, adapter)
+    let handle = robot.handle().clone();
+    let worker = Modbus { robot: robot.unit(settings.unit), settings, telemetry };
+    Ok(client::of(cell, &METRICS, terms, (handle, task), Notices, worker))
 }
 
-impl Adapter for Modbus {
-    type Session = Client<1>;
+impl Listener for Notices {
+    type Service = Requests;
 
-    fn is_answer(event: &ClientEvent) -> bool {
-        matches!(event, ClientEvent::Replied { .. })
-    }
-
-    fn step(&mut self, session: &mut Client<1>, end: &mut End) -> Option<Duration> {
-        let now = now();
-        if session.in_flight() == 0
-            && let Some(order) = self.order.take()
-        {
-            if end.is_stopped() {
-                end.finish(Outcome::Refused, ENDS);
-                return None;
-            }
-            match order.request(session, self.settings.unit) {
-                Ok(ticket) => self.writing = Some(ticket),
-                Err(error) => end.finish(Outcome::Refused, error.to_string()),
-            }
-        }
-        if session.in_flight() == 0 && now >= self.next {
-            let quantity = TelemetryBlock::QUANTITY;
-            let request = Request::ReadHoldingRegisters { address: self.settings.address, quantity };
-            self.asked = session.request(self.settings.unit, &request).ok();
-            self.next = (self.next + self.settings.poll).max(now); // a late one skips what it missed
-        }
-        Some(self.next.saturating_sub(now).max(Duration::from_millis(1)))
-    }
-
-    fn event(&mut self, session: &mut Client<1>, event: ClientEvent, end: &mut End) -> Result<(), String> {
+    fn event(&mut self, event: Event, end: &End) -> Result<(), String> {
+        let Event::Notice(event) = event else { return Ok(()) };
         match event {
-            ClientEvent::Replied { ticket, .. } => {
-                let reply = session.reply(ticket);
-                if self.writing.take_if(|writing| *writing == ticket).is_some() {
-                    match reply {
-                        Some(Reply::Exception { exception, .. }) => {
-                            end.finish(Outcome::Refused, exception.to_string());
-                        }
-                        _ => end.finish(Outcome::Done, ""),
-                    }
-                } else if self.asked.take_if(|asked| *asked == ticket).is_some() {
-                    match reply {
-                        Some(Reply::HoldingRegisters(words)) => match words.first_chunk() {
-                            Some(registers) => self.report(&registers, end),
-                            None => end.event(&json!({"event": "short_reply"})),
-                        },
-                        Some(Reply::Exception { exception, .. }) => {
-                            end.event(&json!({"event": "refused", "why": exception.to_string()}));
-                        }
-                        _ => {}
-                    }
-                }
-            }
-            ClientEvent::Announced { ticket } if self.writing.take_if(|it| *it == ticket).is_some() => {
-                end.finish(Outcome::Unknown, "sent as a broadcast, which has no reply");
-            }
-            ClientEvent::Failed { ticket, failure } => {
-                if self.writing.take_if(|writing| *writing == ticket).is_some() {
-                    let outcome = if failure.is_unknown() { Outcome::Unknown } else { Outcome::Refused };
-                    end.finish(outcome, failure.to_string());
-                }
-                self.asked.take_if(|asked| *asked == ticket);
-                end.event(&json!({"event": "failed", "why": failure.to_string()}));
-                // The rest of a reply that was cut would be taken from the next one.
-                if session.pending() > 0 {
-                    return Err("a reply was truncated".into());
-                }
-            }
             ClientEvent::Stray { unit, function, .. } => {
                 let why = event.to_string();
                 end.event(&json!({"event": "stray", "unit": unit, "function": function, "why": why}));
@@ -205,20 +142,73 @@ impl Adapter for Modbus {
         }
         Ok(())
     }
+}
 
-    fn command(&mut self, _: &mut Client<1>, command: Command) -> Result<(), String> {
-        self.order = Some(order(&command.order)?);
-        Ok(())
+impl Worker for Modbus {
+    fn reconnected(&mut self) {
+        self.telemetry.reconnected();
     }
 
-    fn lost(&mut self) {
-        (self.asked, self.writing, self.order, self.next) = (None, None, None, now());
-        self.telemetry.reconnected();
+    async fn poll(&mut self, end: &End) {
+        let address = self.settings.address;
+        let registers = address..address.saturating_add(TelemetryBlock::QUANTITY);
+        match self.robot.read_holding_registers(registers).await {
+            Ok(words) => {
+                end.answered();
+                if let Some(registers) = words.first_chunk() {
+                    self.report(registers, end);
+                }
+            }
+            Err(Error::Exception(exception)) => {
+                end.answered();
+                end.event(&json!({"event": "refused", "why": exception.to_string()}));
+            }
+            // The end of the connection has been reported.
+            Err(Error::NotConnected(_) | Error::Closed(_))
+            | Err(Error::Failed(Failure::Disconnected | Failure::NotSent)) => {}
+            Err(error) => end.event(&json!({"event": "failed", "why": error.to_string()})),
+        }
+    }
+
+    async fn command(&mut self, command: &Command, end: &End) -> (Outcome, String) {
+        let order: Order = match order(&command.order) {
+            Ok(order) => order,
+            Err(why) => return (Outcome::Refused, why),
+        };
+        let written = match &order {
+            Order::Coil { address, value } => self.robot.write_coil(*address, *value).await,
+            Order::Register { address, value } => self.robot.write_register(*address, *value).await,
+            Order::Registers { address, values } => self.robot.write_registers(*address, values).await,
+        };
+        match written {
+            Ok(()) if self.settings.session.is_broadcast(self.settings.unit) => {
+                (Outcome::Unknown, "sent as a broadcast, which has no reply".into())
+            }
+            Ok(()) => {
+                end.answered();
+                (Outcome::Done, String::new())
+            }
+            Err(error) => {
+                if matches!(error, Error::Exception(_)) {
+                    end.answered();
+                }
+                let outcome = if error.is_unknown() { Outcome::Unknown } else { Outcome::Refused };
+                (outcome, why(&error))
+            }
+        }
+    }
+}
+
+/// The reason of an exception is the controller's own word.
+fn why(error: &Error) -> String {
+    match error {
+        Error::Exception(exception) => exception.to_string(),
+        error => error.to_string(),
     }
 }
 
 impl Modbus {
-    fn report(&mut self, registers: &[u16; 37], end: &mut End) {
+    fn report(&mut self, registers: &[u16; 37], end: &End) {
         let block = match self.telemetry.read(registers, now()) {
             Read::Values(block) => block,
             Read::Cannot(fault, value) => {
@@ -232,22 +222,5 @@ impl Modbus {
         let wholes = [whole(block.life_counter), whole(block.override_percent)];
         let names = METRICS.iter().map(|definition| definition.name);
         end.values(names.zip(wholes.into_iter().chain(floats)).collect());
-    }
-}
-
-impl Order {
-    fn request(&self, session: &mut Client<1>, unit: u8) -> Result<Ticket, fanuc_hmi_modbus::SessionError> {
-        match self {
-            Self::Coil { address, value } => {
-                session.request(unit, &Request::WriteCoil { address: *address, value: *value })
-            }
-            Self::Register { address, value } => {
-                session.request(unit, &Request::WriteRegister { address: *address, value: *value })
-            }
-            Self::Registers { address, values } => {
-                let values = Words::from(values.as_slice());
-                session.request(unit, &Request::WriteRegisters { address: *address, values })
-            }
-        }
     }
 }

@@ -1,15 +1,20 @@
 //! A graphics workstation that draws an arm: its requests, and poses for it by command.
 
+use std::pin::pin;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::now;
 use serde::Deserialize;
 use serde_json::json;
-use val2_viewer::{Host, HostConfig, HostEvent, timing};
+use tokio::select;
+use tokio::sync::watch;
+use tokio::time::sleep;
+use val2_viewer::tokio::{Error, Poses, Screen};
+use val2_viewer::{HostConfig, HostEvent, timing};
 
-use super::client::{self, Adapter, Line, Silence};
+use super::client::{self, Listener, Silence, Terms, Worker};
 use super::order;
+use super::port::Port;
 use crate::end::End;
 use crate::metric::{Definition, define, whole};
 use crate::payload::Kind;
@@ -59,65 +64,81 @@ struct Order {
     pose: [i16; 12],
 }
 
+/// Counts requests and packets.
 struct Viewer {
+    counts: watch::Sender<Counts>,
+}
+
+/// The requests that have come, and the packets that were sent.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    asked: i64,
+    sent: i64,
+}
+
+/// Reports the counts, and shows poses.
+struct Showing {
     report: Duration,
-    next: Duration,
-    /// Where the pose that was ordered expires, if it is not sent before.
-    until: Option<Duration>,
-    max_age: Duration,
-    pose: [i16; 12],
+    counts: watch::Receiver<Counts>,
+    screen: Screen,
 }
 
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
     let Settings { report, silence, baud, session } = settings;
-    let silence = Silence::of_speaker(silence);
-    let max_age = session.max_age;
-    let adapter = Viewer { report, next: Duration::ZERO, until: None, max_age, pose: [0; 12] };
-    client::of(cell, &METRICS, Some(Line { baud, deadline: None }), silence, Host::new(session)?, adapter)
+    let terms = Terms { silence: Silence::of_speaker(silence), every: Some(report), deadline: None };
+    let (screen, task) = val2_viewer::tokio::host(session, Port::of(cell, Some(baud))?)?;
+    let (counts, counted) = watch::channel(Counts::default());
+    let (handle, worker) = (screen.handle().clone(), Showing { report, counts: counted, screen });
+    Ok(client::of(cell, &METRICS, terms, (handle, task), Viewer { counts }, worker))
 }
 
-impl Adapter for Viewer {
-    type Session = Host;
+impl Listener for Viewer {
+    type Service = Poses;
 
-    fn is_answer(event: &HostEvent) -> bool {
-        matches!(event, HostEvent::Asked | HostEvent::Ignored)
-    }
-
-    fn step(&mut self, host: &mut Host, end: &mut End) -> Option<Duration> {
-        let now = now();
-        if now >= self.next {
-            self.next = now.saturating_add(self.report);
-            let seen = robot_session::Session::statistics(host);
-            let whole = |count: u64| whole(i64::try_from(count).unwrap_or(i64::MAX));
-            end.values(vec![("Viewer/Requests", whole(seen.asked)), ("Viewer/Sent", whole(seen.sent))]);
-        }
-        if self.until.take_if(|until| now >= *until).is_some() {
-            end.finish(Outcome::Refused, "the workstation did not request a pose before it was too old");
-        }
-        Some(self.next.saturating_sub(now))
-    }
-
-    fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
+    fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
         match event {
-            HostEvent::Sent(packet) if packet.pose == self.pose && self.until.take().is_some() => {
-                end.finish(Outcome::Done, format!("packet {}", packet.count));
+            HostEvent::Asked => {
+                self.counts.send_modify(|counts| counts.asked += 1);
+                end.answered();
             }
+            HostEvent::Ignored => end.answered(),
+            HostEvent::Sent(_) => self.counts.send_modify(|counts| counts.sent += 1),
             HostEvent::HoldEnded => end.event(&json!({"event": "hold_ended"})),
             HostEvent::Unknown(byte) => end.event(&json!({"event": "unknown", "byte": byte})),
             _ => {}
         }
         Ok(())
     }
+}
 
-    fn command(&mut self, host: &mut Host, command: Command) -> Result<(), String> {
-        let Order { pose } = order(&command.order)?;
-        let now = now();
-        (self.pose, self.until) = (pose, Some(now.saturating_add(self.max_age)));
-        host.set_pose(now, pose);
-        Ok(())
+impl Showing {
+    fn values(&self, end: &End) {
+        let Counts { asked, sent } = *self.counts.borrow();
+        end.values(vec![("Viewer/Requests", whole(asked)), ("Viewer/Sent", whole(sent))]);
+    }
+}
+
+impl Worker for Showing {
+    async fn poll(&mut self, end: &End) {
+        self.values(end);
     }
 
-    fn lost(&mut self) {
-        self.until = None;
+    async fn command(&mut self, command: &Command, end: &End) -> (Outcome, String) {
+        let Order { pose } = match order(&command.order) {
+            Ok(order) => order,
+            Err(why) => return (Outcome::Refused, why),
+        };
+        let mut showing = pin!(self.screen.show(pose));
+        let shown = loop {
+            select! {
+                shown = &mut showing => break shown,
+                () = sleep(self.report) => self.values(end),
+            }
+        };
+        match shown {
+            Ok(packet) => (Outcome::Done, format!("packet {}", packet.count)),
+            Err(error @ Error::Closed(_)) => (Outcome::Unknown, error.to_string()),
+            Err(error) => (Outcome::Refused, error.to_string()),
+        }
     }
 }

@@ -187,7 +187,6 @@ fn telemetry_that_cannot_be_is_null_with_a_quality_and_an_event() {
     }
 }
 
-/// A server that loses everything in the first 200 ms of each connection: without the pause the cell is never alive.
 #[test]
 fn a_device_that_closes_each_connection_is_tried_less_and_less_often_and_dies_once() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -205,7 +204,8 @@ fn a_device_that_closes_each_connection_is_tried_less_and_less_often_and_dies_on
     let mut bridge = robot(folder.path(), &broker, &place.to_string(), "");
     let mut peer = broker.accept(&[]);
     until("five connections", || connections.load(Ordering::Relaxed) >= 5);
-    assert!(begun.elapsed() >= Duration::from_millis(250 + 500 + 1000 + 2000), "{:?}", begun.elapsed());
+    // Half of each pause is random.
+    assert!(begun.elapsed() >= Duration::from_millis((250 + 500 + 1000 + 2000) / 2), "{:?}", begun.elapsed());
     until("their failures", || figure(&bridge, "link_failures_total{cell=\"robot\"}") >= 5);
     // Its first reason.
     let records = figure(&bridge, "record_number{cell=\"robot\"}");
@@ -214,6 +214,7 @@ fn a_device_that_closes_each_connection_is_tried_less_and_less_often_and_dies_on
     assert_eq!(bridge.signal("-TERM"), Some(0));
 }
 
+/// A server that loses everything in the first 200 ms of each connection: without the pause the cell is never alive.
 #[test]
 fn a_cell_sends_its_first_byte_after_the_pause_of_a_connection() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -250,7 +251,7 @@ fn a_cell_sends_its_first_byte_after_the_pause_of_a_connection() {
             // A reply of zeros was read.
             assert!(bridge.line("implausible").contains("quaternion"));
         } else {
-            assert!(bridge.line("\"disconnected\"").contains("the device closed the connection"));
+            assert!(bridge.line("\"disconnected\"").contains("the peer has closed the connection"));
         }
         bridge.signal("-TERM");
     }

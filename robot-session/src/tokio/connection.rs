@@ -51,6 +51,8 @@ pub(super) struct Connection<S: Service> {
     polls: Option<Polls>,
     /// Bytes were sent.
     pub(super) has_sent: bool,
+    /// Bytes were received.
+    pub(super) has_received: bool,
     /// The time that storing the state may take.
     stall: Duration,
     /// A caller has left this to the task.
@@ -129,6 +131,7 @@ impl<S: Service> Connection<S> {
             clock: Clock { now: now(), is_used: true },
             polls: None,
             has_sent: false,
+            has_received: false,
             stall,
             handed_over: None,
             span,
@@ -256,7 +259,7 @@ impl<S: Service> Connection<S> {
 
     /// Gives the result of a wait to the session.
     pub(super) fn take(&mut self, waited: Waited) -> ControlFlow<Over> {
-        let Self { served, input, left, clock, has_sent, .. } = self;
+        let Self { served, input, left, clock, has_sent, has_received, .. } = self;
         let passed = match waited {
             Waited::Over(over) | Waited::HandedOver(HandedOver::Over(over)) => {
                 return ControlFlow::Break(over);
@@ -276,6 +279,7 @@ impl<S: Service> Connection<S> {
             Waited::Passed(passed) => passed,
         };
         *has_sent |= passed.written.is_some_and(|written| written > 0);
+        *has_received |= passed.read.is_some_and(|read| read > 0);
         let has_only_written = passed.read.is_none() && passed.written.is_some();
         if !has_only_written {
             clock.next();

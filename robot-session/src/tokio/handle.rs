@@ -5,6 +5,7 @@ use core::future::Future;
 use core::pin::Pin;
 use core::task::{Context, Poll};
 use core::time::Duration;
+use std::io;
 use std::sync::Arc;
 
 use ::tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -154,6 +155,13 @@ impl<S: Service> Handle<S> {
         let mut link = self.link.clone();
         link.wait_for(|link| matches!(link, Link::Connected)).await.map_err(|_| Closed)?;
         Ok(())
+    }
+
+    /// Gives up the connection, if there is one: the task makes another one after a pause, as for a lost connection. For a caller who knows
+    /// better than the session that the connection is of no use, such as that the peer has been silent for too long.
+    pub fn reconnect(&self, why: io::Error) {
+        self.shared.give_up(why);
+        self.waker.wake();
     }
 
     /// Ends the connection and the task, and waits for that. Calls in progress have then ended, with the outcomes of a lost connection.

@@ -34,6 +34,8 @@ struct Contents<S: Service> {
     task: Option<Waker>,
     /// Whether the task serves a connection. If not, a connection that a caller returns is dropped.
     is_open: bool,
+    /// The reason for which a caller gives the connection up.
+    unusable: Option<io::Error>,
 }
 
 /// The task's ends of the channels to the handles. If they are dropped, all calls in the channel end.
@@ -79,7 +81,8 @@ impl Drop for LinkState {
 impl<S: Service> Shared<S> {
     /// The state of a task that does not run yet.
     pub(super) fn new(unrun: Unrun<S>) -> Self {
-        let contents = Contents { unrun: Some(unrun), connection: None, task: None, is_open: false };
+        let contents =
+            Contents { unrun: Some(unrun), connection: None, task: None, is_open: false, unusable: None };
         Self {
             contents: Mutex::new(contents),
             is_ending: AtomicBool::new(false),
@@ -111,6 +114,14 @@ impl<S: Service> Shared<S> {
     /// Returns whether new calls are refused, and all others have ended.
     pub(super) fn is_finished(&self) -> bool {
         self.is_ending() && Arc::strong_count(&self.in_progress) == 1
+    }
+
+    /// Gives up the connection that the task serves, if it serves one.
+    pub(super) fn give_up(&self, why: io::Error) {
+        let mut contents = self.contents();
+        if contents.is_open {
+            contents.unusable.get_or_insert(why);
+        }
     }
 
     /// Lends the connection to a caller, unless other calls wait in the channel.
@@ -145,6 +156,11 @@ impl<S: Service> Shared<S> {
             drop(contents);
             task.wake();
         }
+    }
+
+    /// Removes and returns the reason for which a caller has given the connection up.
+    pub(super) fn take_unusable(&self) -> Option<io::Error> {
+        self.contents().unusable.take()
     }
 
     /// Opens the place of the connection, until the value that is returned is dropped.
@@ -190,7 +206,7 @@ pub(super) struct Open<'a, S: Service>(&'a Shared<S>);
 impl<S: Service> Drop for Open<'_, S> {
     fn drop(&mut self) {
         let mut contents = self.0.contents();
-        contents.is_open = false;
+        (contents.is_open, contents.unusable) = (false, None);
         let connection = contents.connection.take();
         drop(contents);
         drop(connection);

@@ -101,7 +101,8 @@ impl<S: Service> Drop for Ends<S> {
 }
 
 /// The delays of a [`Task`] before it reconnects: doubled after each attempt, and half of it random, so that many tasks that
-/// lost the same peer do not reconnect at once. After a connection that lasted longer than the last pause it restarts.
+/// lost the same peer do not reconnect at once. After a connection that lasted longer than the last pause it restarts, unless the peer has
+/// sent nothing and the connection was [given up](Handle::reconnect) or unusable for the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reconnect {
     /// After the first. 100 ms.
@@ -181,12 +182,14 @@ impl<S: Service, C: Connector> Task<S, C> {
                     let (connection, over) =
                         span.instrument(serve(connection, &mut inbox, &mut connector)).await;
                     let lasted = begun.elapsed();
-                    let soon_unusable = matches!(over, Over::Unusable(_)) && lasted < give_up_after;
+                    let is_unusable = matches!(over, Over::Unusable(_));
+                    let soon_unusable = is_unusable && lasted < give_up_after;
                     if connection.has_sent && !soon_unusable {
                         outage = Outage::new(give_up_after);
                     }
+                    let is_silent = is_unusable && !connection.has_received;
                     served = span.within(|| connection.end());
-                    if lasted >= pause {
+                    if lasted >= pause && !is_silent {
                         pause = first;
                     }
                     match over {
@@ -282,6 +285,9 @@ async fn serve<S: Service>(
             };
             if shared.is_finished() {
                 return Poll::Ready((connection, Waited::Over(Over::Stopped)));
+            }
+            if let Some(why) = shared.take_unusable() {
+                return Poll::Ready((connection, Waited::Over(Over::Unusable(why))));
             }
             match connection.poll(context, &mut inputs) {
                 Poll::Ready(waited) => Poll::Ready((connection, waited)),

@@ -4,17 +4,21 @@
 
 use core::future::Future;
 use core::pin::pin;
+use core::sync::atomic::{AtomicUsize, Ordering};
 use core::task::{Context, Poll, Waker};
 use core::time::Duration;
 use std::io;
 use std::sync::Arc;
 
 use crate::common::{Asker, Event};
-use robot_session::tokio::{Closed, Connector, Dial, Handle, Link, Reply, Reports, Service, Task, spawn};
+use robot_session::tokio::{
+    Closed, Connector, Dial, Handle, Link, Reconnect, Reply, Reports, Service, Task, spawn,
+};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 const LONG: Duration = Duration::from_secs(3600);
+const MS: Duration = Duration::from_millis(1);
 
 /// Asks one thing after the other; it does not survive the question "panic".
 #[derive(Default)]
@@ -176,4 +180,46 @@ async fn a_task_that_nobody_runs_is_shut_down() {
     assert_eq!(waiting.await.map(drop), Err(Closed));
     assert_ended(&handle).await;
     drop(timeout(LONG, task.run()).await.unwrap());
+}
+
+/// The number of connections in 100 s if each is given up after 20 ms by its caller.
+async fn given_up(peer_speaks: bool) -> usize {
+    let attempts = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&attempts);
+    let dial = Dial(move || {
+        counted.fetch_add(1, Ordering::SeqCst);
+        let (near, mut far) = tokio::io::duplex(64);
+        tokio::spawn(async move {
+            if peer_speaks {
+                far.write_all(b"one\n").await.unwrap();
+            }
+            while far.read_u8().await.is_ok() {}
+        });
+        async { Ok(near) }
+    });
+    let pause = Reconnect { first: 10 * MS, longest: 160 * MS };
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), dial);
+    tokio::spawn(task.reconnect(pause).run());
+    let giving_up = async {
+        loop {
+            handle.connected().await.unwrap();
+            sleep(20 * MS).await;
+            handle.reconnect(io::Error::other("given up"));
+            let mut link = handle.link();
+            let failed = link.wait_for(|link| matches!(link, Link::Failed(_))).await.unwrap();
+            assert!(matches!(&*failed, Link::Failed(why) if why.to_string() == "given up"));
+        }
+    };
+    assert!(timeout(100_000 * MS, giving_up).await.is_err());
+    attempts.load(Ordering::SeqCst)
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_connection_that_its_caller_gives_up_is_replaced_with_delay_if_the_peer_was_silent() {
+    // A pause of 120 ms on average, after 20 ms.
+    let silent = given_up(false).await;
+    assert!((650..=760).contains(&silent), "{silent}");
+    // Of 7.5 ms, where the timer counts whole ones.
+    let speaking = given_up(true).await;
+    assert!((3200..=3800).contains(&speaking), "{speaking}");
 }

@@ -1,4 +1,4 @@
-//! The workstation in a task of its own, over TCP.
+//! Both ends in a task of their own, over TCP.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
@@ -9,11 +9,12 @@ use core::time::Duration;
 use std::io;
 use std::sync::Arc;
 
+use tokio::io::AsyncWriteExt as _;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
 use val2_viewer::robot_session::tokio::{Dial, Driver, Link, Reconnect, Tcp};
 use val2_viewer::robot_session::{Session as _, now};
-use val2_viewer::tokio::workstation;
+use val2_viewer::tokio::{Error, host, workstation};
 use val2_viewer::{ENQ, Host, HostConfig, HostEvent, WorkstationConfig};
 
 const LONG: Duration = Duration::from_secs(20);
@@ -127,4 +128,28 @@ async fn a_task_that_has_ended_or_is_not_run_any_more_has_no_pose() {
     assert_eq!(arm.pose.get(), None);
     assert!(matches!(&*arm.handle.link().borrow(), Link::Ended));
     timeout(LONG, async { while arm.pose.next().await.is_ok() {} }).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_pose_is_shown_when_the_workstation_asks_for_it_and_too_old_otherwise() {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
+    let to = Tcp::new(listener.local_addr().unwrap().to_string());
+    let config = HostConfig { max_age: 300 * MS, ..HostConfig::default() };
+    let (screen, task) = host(config, to).unwrap();
+    tokio::spawn(task.run());
+    let (mut workstation, _) = listener.accept().await.unwrap();
+    screen.handle().connected().await.unwrap();
+    let why = timeout(LONG, screen.show([7; 12])).await.unwrap().unwrap_err();
+    assert!(matches!(why, Error::Stale), "{why:?}");
+    let (first, second, ()) = tokio::join!(screen.show([8; 12]), screen.show([9; 12]), async {
+        sleep(10 * MS).await;
+        workstation.write_all(&[ENQ]).await.unwrap();
+    });
+    assert!(matches!(first, Err(Error::Replaced)), "{first:?}");
+    assert_eq!(second.unwrap().pose, [9; 12]);
+    drop((listener, workstation));
+    let why = timeout(LONG, screen.show([7; 12])).await.unwrap().unwrap_err();
+    assert!(matches!(why, Error::NotConnected(_) | Error::Stale), "{why:?}");
+    screen.handle().shutdown().await;
+    assert!(matches!(screen.show([7; 12]).await, Err(Error::Closed(_))));
 }

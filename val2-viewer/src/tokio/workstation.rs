@@ -1,20 +1,4 @@
-//! The workstation in a task of its own, which reopens its port automatically: the latest pose at any time.
-//!
-//! ```no_run
-//! use val2_viewer::WorkstationConfig;
-//! use val2_viewer::robot_session::tokio::Tcp;
-//!
-//! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
-//! let (mut arm, task) = val2_viewer::tokio::workstation(WorkstationConfig::default(), Tcp::new("192.168.0.7:4001"))?;
-//! tokio::spawn(task.run());
-//! while let Ok(pose) = arm.pose.next().await {
-//!     match pose {
-//!         Some(pose) => println!("{pose:?}"),
-//!         None => println!("the arm may be somewhere else"),
-//!     }
-//! }
-//! # Ok(()) }
-//! ```
+//! The workstation in a task of its own: the latest pose at any time.
 
 extern crate std;
 

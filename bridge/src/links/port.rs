@@ -1,0 +1,88 @@
+//! The connections to a device: over TCP, or on a serial line.
+
+use std::io;
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use robot_session::tokio::tokio_serial::SerialStream;
+use robot_session::tokio::{Connector, Tcp};
+use tokio::io::{AsyncRead, AsyncWrite};
+
+use crate::site::Cell;
+use cellwire_io::port::AnyPort;
+use cellwire_io::serial;
+
+/// Where a device is that waits for a connection.
+#[derive(Debug)]
+pub(super) struct Port {
+    place: String,
+    way: Way,
+}
+
+#[derive(Debug)]
+enum Way {
+    Tcp(Tcp),
+    Serial { baud: u32 },
+}
+
+/// A connection of either kind.
+pub(super) trait Bytes: AsyncRead + AsyncWrite + Unpin + Send {}
+
+impl<T: AsyncRead + AsyncWrite + Unpin + Send> Bytes for T {}
+
+impl Port {
+    /// `HOST:PORT`, or a serial port if the link has a baud rate.
+    ///
+    /// # Errors
+    /// When the cell has no such address.
+    pub(super) fn of(cell: &Cell, baud: Option<u32>) -> Result<Self> {
+        let place = cell
+            .address
+            .clone()
+            .context("this link's device does not connect to the bridge: give address instead of listen")?;
+        let is_serial = AnyPort::is_serial(&place);
+        let way = match baud {
+            Some(baud) if is_serial => Way::Serial { baud },
+            _ => Way::Tcp(Tcp::new(&place)),
+        };
+        ensure!(
+            baud.is_some() || !is_serial,
+            "{place} looks like a serial port, but this link uses TCP: give HOST:PORT"
+        );
+        Ok(Self { place, way })
+    }
+}
+
+impl Connector for Port {
+    type Transport = Box<dyn Bytes>;
+
+    async fn connect(&mut self) -> io::Result<Box<dyn Bytes>> {
+        let place = &self.place;
+        match &mut self.way {
+            Way::Tcp(tcp) => match tcp.connect().await {
+                Ok(stream) => Ok(Box::new(stream)),
+                Err(error) => {
+                    let why = match error.kind() {
+                        io::ErrorKind::TimedOut => "no answer in time".to_owned(),
+                        _ => error.to_string(),
+                    };
+                    Err(io::Error::new(error.kind(), format!("cannot connect to {place}: {why}")))
+                }
+            },
+            Way::Serial { baud } => match SerialStream::open(&serial::settings(place, *baud)) {
+                Ok(port) => Ok(Box::new(port)),
+                Err(error) => Err(io::Error::other(format!("{:#}", serial::advise(place, *baud, error)))),
+            },
+        }
+    }
+
+    fn discard_after(&mut self, after: Duration) {
+        if let Way::Tcp(tcp) = &mut self.way {
+            tcp.discard_after(after);
+        }
+    }
+
+    fn peer(&self) -> Option<String> {
+        Some(self.place.clone())
+    }
+}

@@ -95,6 +95,22 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Whether a pipe that is written has no reader any more.
+#[cfg(unix)]
+pub fn is_unread(pipe: &File) -> bool {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+    let mut polled = [PollFd::new(pipe, PollFlags::empty())];
+    let found = poll(&mut polled, Some(&Timespec::default()));
+    found.is_ok() && polled.iter().any(|it| it.revents().contains(PollFlags::ERR))
+}
+
+/// Always false: the next write shows it.
+#[cfg(not(unix))]
+pub fn is_unread(_pipe: &File) -> bool {
+    false
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

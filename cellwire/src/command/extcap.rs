@@ -5,10 +5,11 @@ use std::thread;
 
 use anyhow::{Context as _, Result};
 
-use super::tap::{Way, WayArgs, join};
-use crate::io::capture::write::Writer;
+use super::tap::{Last, Way, WayArgs, join};
+use crate::io::capture::write::{Ended, Writer};
 use crate::io::tap::Watch;
 use cellwire_io::interrupt::{Policy, on_interrupt};
+use cellwire_io::output::{self, remark};
 
 /// Adds the tap to Wireshark's list of interfaces.
 ///
@@ -95,11 +96,18 @@ fn capture(args: &WayArgs, pipe: &std::path::Path) -> Result<()> {
     on_interrupt(Policy::End)?;
     let mut watch = Watch::default();
     let seen = watch.add();
+    let written = Last::default().of(&watch);
     let writer = Writer::into_pipe(pipe, "cellwire")?;
     thread::scope(|scope| {
-        let passing = scope.spawn(move || way.run(args, &watch));
-        // Until Wireshark stops, or a port is gone; what passes is passed until this process is ended.
-        writer.record(&seen);
+        let passing = scope.spawn(move || way.pass(args, &watch));
+        let ended = writer.record(&seen);
+        let _ = written.send(ended);
+        if ended == Ended::Unread {
+            // The threads that pass bytes on wait for them.
+            remark("the capture has ended, and the tap with it");
+            output::finish();
+            std::process::exit(0);
+        }
         join(passing)
     })
 }

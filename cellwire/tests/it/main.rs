@@ -81,6 +81,8 @@ mod tap;
 #[cfg(unix)]
 mod tap_delay;
 #[cfg(unix)]
+mod tap_end;
+#[cfg(unix)]
 mod teleop;
 mod tls;
 mod tool;

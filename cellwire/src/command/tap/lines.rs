@@ -1,6 +1,6 @@
 //! The lines of a tap.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::RecvTimeoutError;
 
 use cellwire_links::shadow::Complaint;
 use humantime::format_rfc3339_micros;
@@ -8,21 +8,22 @@ use serde_json::{Map, Value, json};
 
 use super::SILENCE;
 use super::decoding::{Decoding, Entry, Told, UNKNOWN, hex};
-use crate::io::tap::{Place, Seen};
+use crate::io::tap::{Place, Seeing};
 use cellwire_io::output::{self, remark};
 
 /// Prints what is seen, until there is nothing more to see.
-pub(super) fn print(mut decoding: Decoding<'_>, seen: &Receiver<Seen>) {
+pub(super) fn print(mut decoding: Decoding<'_>, seen: &Seeing) {
     let mut tell = |entry: Entry| if admits(&entry) { output::log(&line(entry)) } else { Ok(()) };
     loop {
-        let outcome = match seen.recv_timeout(SILENCE) {
+        let outcome = match seen.next_within(SILENCE) {
             Ok(seen) => decoding.take(&seen, &mut tell),
             Err(RecvTimeoutError::Timeout) => decoding.silence(&mut tell),
             Err(RecvTimeoutError::Disconnected) => return,
         };
         if let Err(error) = outcome {
             remark(&format!("warning: {error:#}: no more lines; bytes are still forwarded"));
-            return seen.iter().for_each(drop);
+            while !matches!(seen.next_within(SILENCE), Err(RecvTimeoutError::Disconnected)) {}
+            return;
         }
     }
 }

@@ -7,6 +7,8 @@ mod split;
 mod way;
 
 use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, ScopedJoinHandle};
 use std::time::Duration;
 
@@ -15,9 +17,9 @@ use anyhow::{Result, bail};
 use self::decoding::Decoding;
 pub(super) use self::way::{Way, WayArgs};
 use super::codec::LinkArgs;
-use crate::io::capture::write::Writer;
+use crate::io::capture::write::{Ended, Writer};
 use crate::io::tap::Watch;
-use cellwire_io::interrupt::{Policy, on_interrupt};
+use cellwire_io::interrupt::{Policy, before_exit, on_interrupt};
 use cellwire_io::output::{self, EventArgs, remark};
 
 /// Shows the messages of both ends of a link: forwards their bytes unchanged, or only listens.
@@ -82,11 +84,13 @@ pub fn run(args: &Args) -> Result<bool> {
     on_interrupt(Policy::End)?;
     let mut watch = Watch::default();
     thread::scope(|scope| {
+        let mut last = Last::default();
         if !args.no_capture {
             let writer = Writer::create(&args.capture, args.of.link.short)?;
             remark(&format!("capture: {}", writer.path().display()));
             let seen = watch.add();
-            scope.spawn(move || writer.record(&seen));
+            let written = last.of(&watch);
+            scope.spawn(move || written.send(writer.record(&seen)));
         }
         let seen = watch.add();
         if !args.screen {
@@ -94,11 +98,12 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         // A server that is not there is said at once.
         let remarks = args.screen.then(screen::remarks);
-        let passing = scope.spawn(move || way.run(&args.way, &watch));
+        let passing = scope.spawn(move || way.pass(&args.way, &watch));
         if let Some(remarks) = remarks {
             screen::show(args.of.link.short, decoding, &seen, &remarks)?;
             if !passing.is_finished() {
                 // The threads that pass bytes on wait for them.
+                last.finish();
                 output::finish();
                 std::process::exit(0);
             }
@@ -109,6 +114,40 @@ pub fn run(args: &Args) -> Result<bool> {
         join(passing)
     })?;
     Ok(true)
+}
+
+/// Writes the rest of a capture when the program ends, also by a signal.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Last(Arc<Mutex<Option<Writing>>>);
+
+/// What is to be closed, and how the capture has ended then.
+type Writing = (Watch, Receiver<Ended>);
+
+/// How long the rest of a capture may take.
+const LAST: Duration = Duration::from_secs(5);
+
+impl Last {
+    /// Of the capture of what is seen; its writer sends how it has ended.
+    pub(super) fn of(&mut self, watch: &Watch) -> Sender<Ended> {
+        let (written, wait) = channel();
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((watch.clone(), wait));
+        let last = self.clone();
+        before_exit(move || last.finish());
+        written
+    }
+
+    /// Waits until everything that was seen is written.
+    pub(super) fn finish(&self) {
+        let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some((watch, written)) = last else { return };
+        watch.close();
+        if matches!(written.recv_timeout(LAST), Err(RecvTimeoutError::Timeout)) {
+            remark(&format!(
+                "warning: the capture lacks its end, which was not written within {} s",
+                LAST.as_secs()
+            ));
+        }
+    }
 }
 
 /// How a thread has ended.

@@ -99,7 +99,14 @@ impl Way {
         }
     }
 
-    pub(in crate::command) fn run(self, args: &WayArgs, watch: &Watch) -> Result<()> {
+    /// Passes bytes on until the ports are gone; nothing is seen after that.
+    pub(in crate::command) fn pass(self, args: &WayArgs, watch: &Watch) -> Result<()> {
+        let passed = self.run(args, watch);
+        watch.close();
+        passed
+    }
+
+    fn run(self, args: &WayArgs, watch: &Watch) -> Result<()> {
         let server = args.connect.as_deref().unwrap_or_default();
         match self {
             Self::Tcp(listener) => tap::tcp::run(&listener, server, args.dialing.dialing(), watch),

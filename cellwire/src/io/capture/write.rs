@@ -1,25 +1,29 @@
 //! Writes a capture while it grows: pcapng, whole after each batch of packets.
 //!
 //! Every connection is written as TCP or UDP over IP, a serial line as well: Wireshark puts its messages together, its dissectors know
-//! which end sends, and [`read`](super::read) finds it again. Bytes that are not in it are a gap in the sequence numbers.
+//! which end sends, and [`read`](super::read) finds it again. Bytes that are not in it are a gap in the sequence numbers, and a comment.
 
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Seek as _, SeekFrom, Write as _};
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::Receiver;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context as _, Result};
 use etherparse::{IpHeaders, IpNumber, Ipv4Header, Ipv6FlowLabel, Ipv6Header, PacketBuilder, TcpHeader};
 
-use crate::io::tap::{End, Place, Seen, What};
+use crate::io::tap::{End, Place, Seeing, Seen, What};
 use cellwire_io::files;
 use cellwire_io::output::remark;
 
 /// How much is collected at most before it is written.
 const BATCH: usize = 1 << 20;
+/// How often a pipe is checked for its reader.
+const GLANCE: Duration = Duration::from_millis(200);
+/// How often missing bytes are reported.
+const REPORT: Duration = Duration::from_secs(10);
 
 /// The ends of a serial line, which has no addresses (RFC 5737).
 pub const SERIAL: [([u8; 4], u16); 2] = [([192, 0, 2, 1], 49_152), ([192, 0, 2, 2], 9100)];
@@ -37,6 +41,25 @@ pub struct Writer {
     failed: Option<u64>,
     /// The reader of a pipe may be gone.
     is_pipe: bool,
+    missing: Missing,
+}
+
+/// Bytes that came faster than they could be written.
+#[derive(Debug, Default)]
+struct Missing {
+    count: u64,
+    /// How many of them were reported, and when.
+    reported: u64,
+    at: Option<Instant>,
+}
+
+/// Why a capture has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// There is nothing more to see.
+    Complete,
+    /// The pipe is not read any more.
+    Unread,
 }
 
 #[derive(Debug)]
@@ -69,7 +92,16 @@ impl Writer {
 
     fn begin(file: File, path: PathBuf, about: &str, is_pipe: bool) -> Result<Self> {
         let (waiting, connections) = (head(about)?, HashMap::new());
-        let mut writer = Self { file, path, length: 0, waiting, connections, failed: None, is_pipe };
+        let mut writer = Self {
+            file,
+            path,
+            length: 0,
+            waiting,
+            connections,
+            failed: None,
+            is_pipe,
+            missing: Missing::default(),
+        };
         writer.write().with_context(|| format!("cannot write {}", writer.path.display()))?;
         Ok(writer)
     }
@@ -79,20 +111,30 @@ impl Writer {
         &self.path
     }
 
-    /// Writes everything that is seen, until there is nothing more to see, or the pipe is closed.
-    pub fn record(mut self, seen: &Receiver<Seen>) {
-        while let Ok(first) = seen.recv() {
-            self.add(&first);
+    /// Writes everything that is seen, until there is nothing more to see, or the pipe is closed. What is missing is reported.
+    pub fn record(mut self, seen: &Seeing) -> Ended {
+        let ended = loop {
+            match seen.next_within(GLANCE) {
+                Ok(first) => self.add(&first),
+                Err(RecvTimeoutError::Timeout) if self.is_pipe && files::is_unread(&self.file) => {
+                    break Ended::Unread;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break Ended::Complete,
+            }
             while self.waiting.len() < BATCH
-                && let Ok(next) = seen.try_recv()
+                && let Some(next) = seen.next_now()
             {
                 self.add(&next);
             }
             self.flush();
             if self.is_pipe && self.failed.is_some() {
-                return;
+                break Ended::Unread;
             }
-        }
+            self.missing.report(&self.path, REPORT);
+        };
+        self.missing.report(&self.path, Duration::ZERO);
+        ended
     }
 
     /// Where the disk is full, packets are left out until there is room again.
@@ -135,7 +177,7 @@ impl Writer {
         let Some(connection) = self.connections.get_mut(&seen.connection) else { return };
         let mut add = |packet: Result<Vec<u8>>| {
             // What has no packet, such as a datagram that is too long for one, is a gap.
-            if let Ok(block) = packet.and_then(|packet| packet_block(seen.at, &packet)) {
+            if let Ok(block) = packet.and_then(|packet| packet_block(seen.at, &packet, "")) {
                 self.waiting.extend(block);
             }
         };
@@ -149,10 +191,36 @@ impl Writer {
                 add(connection.tcp(seen.from, bytes, |header| header.psh = true));
             }
             What::Bytes(bytes) => add(connection.udp(seen.from, bytes)),
-            What::Missed(count) => connection.skip(seen.from, *count),
+            What::Missed(count) => {
+                self.missing.count += count;
+                connection.skip(seen.from, *count);
+                // Without bytes after it a gap in the sequence numbers would not be seen, and datagrams have none.
+                let about =
+                    format!("{count} bytes are missing here: they came faster than the capture was written");
+                let block = match connection.is_tcp {
+                    true => connection
+                        .tcp(seen.from, &[], |_| {})
+                        .and_then(|packet| packet_block(seen.at, &packet, &about)),
+                    false => statistics_block(seen.at, &about),
+                };
+                self.waiting.extend(block.into_iter().flatten());
+            }
             What::Closed(_) if !connection.is_tcp => {}
             What::Closed(None) => add(connection.tcp(seen.from, &[], |header| header.fin = true)),
             What::Closed(Some(_)) => add(connection.tcp(seen.from, &[], |header| header.rst = true)),
+        }
+    }
+}
+
+impl Missing {
+    /// Reports what is missing, if anything was not reported, and the last report is as old as this.
+    fn report(&mut self, path: &Path, after: Duration) {
+        if self.count > self.reported && self.at.is_none_or(|at| at.elapsed() >= after) {
+            let (path, count) = (path.display(), self.count);
+            remark(&format!(
+                "warning: {path} lacks {count} bytes so far: they came faster than it was written; they were forwarded"
+            ));
+            (self.reported, self.at) = (count, Some(Instant::now()));
         }
     }
 }
@@ -237,7 +305,6 @@ fn head(about: &str) -> Result<Vec<u8>> {
     const LINK_RAW_IP: u32 = 101;
     const NANOSECONDS: u8 = 9;
     // Options of both blocks, of a section, and of an interface.
-    const END: u16 = 0;
     const PROGRAM: u16 = 4;
     const DESCRIPTION: u16 = 3;
     const RESOLUTION: u16 = 9;
@@ -254,14 +321,39 @@ fn head(about: &str) -> Result<Vec<u8>> {
     Ok([block(0x0A0D_0D0A, &section)?, block(1, &interface)?].concat())
 }
 
-fn packet_block(at: SystemTime, packet: &[u8]) -> Result<Vec<u8>> {
-    let at = u64::try_from(at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos())?;
+/// The option of any block that is shown to people.
+const COMMENT: u16 = 1;
+/// The end of the options of any block.
+const END: u16 = 0;
+
+/// A packet, with a comment if there is one.
+fn packet_block(at: SystemTime, packet: &[u8], comment: &str) -> Result<Vec<u8>> {
+    let at = nanoseconds(at)?;
     let length = u32::try_from(packet.len())?;
     // The interface, the time, and the lengths as captured and on the line.
     let mut body = Vec::with_capacity(packet.len() + 24);
     body.extend([0, low(at >> 32), low(at), length, length].into_iter().flat_map(u32::to_le_bytes));
     body.extend(packet);
+    if !comment.is_empty() {
+        body.resize(body.len().next_multiple_of(4), 0);
+        option(&mut body, COMMENT, comment.as_bytes())?;
+        option(&mut body, END, &[])?;
+    }
     block(6, &body)
+}
+
+/// Statistics of the interface, of which there is only a comment.
+fn statistics_block(at: SystemTime, comment: &str) -> Result<Vec<u8>> {
+    let at = nanoseconds(at)?;
+    let mut body: Vec<u8> = [0, low(at >> 32), low(at)].into_iter().flat_map(u32::to_le_bytes).collect();
+    option(&mut body, COMMENT, comment.as_bytes())?;
+    option(&mut body, END, &[])?;
+    block(5, &body)
+}
+
+/// A time as blocks have it.
+fn nanoseconds(at: SystemTime) -> Result<u64> {
+    Ok(u64::try_from(at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos())?)
 }
 
 /// Appends an option of a block: its code, its length and its value.

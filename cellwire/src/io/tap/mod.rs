@@ -9,9 +9,9 @@ pub mod udp;
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::SystemTime;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 /// How much is read and passed on at once.
 pub const CHUNK: usize = 16 * 1024;
@@ -84,22 +84,39 @@ pub struct Watch {
     sinks: Vec<Arc<Sink>>,
 }
 
-/// What looks at everything, by a thread of its own.
+/// The way to one that looks at everything, in a thread of its own.
 #[derive(Debug)]
 struct Sink {
     queue: SyncSender<Seen>,
-    /// Bytes that there was no room for, by connection and end.
-    missed: Mutex<Vec<Seen>>,
-    has_missed: AtomicBool,
+    rest: Arc<Rest>,
 }
 
+/// What there was no room for.
+#[derive(Debug, Default)]
+struct Rest {
+    /// The number of bytes, by connection and end, and everything else.
+    missed: Mutex<Vec<Seen>>,
+    has_missed: AtomicBool,
+    /// Nothing more is seen.
+    is_closed: AtomicBool,
+}
+
+/// Everything that was seen, for one that looks at it.
+#[derive(Debug)]
+pub struct Seeing {
+    queue: Receiver<Seen>,
+    rest: Arc<Rest>,
+}
+
+/// How often one that waits looks whether the tap ends.
+const GLANCE: Duration = Duration::from_millis(100);
+
 impl Watch {
-    /// Adds what looks at everything.
-    pub fn add(&mut self) -> Receiver<Seen> {
-        let (queue, seen) = sync_channel(WAITING);
-        let (missed, has_missed) = (Mutex::default(), AtomicBool::new(false));
-        self.sinks.push(Arc::new(Sink { queue, missed, has_missed }));
-        seen
+    /// Adds one that looks at everything.
+    pub fn add(&mut self) -> Seeing {
+        let ((queue, seen), rest) = (sync_channel(WAITING), Arc::<Rest>::default());
+        self.sinks.push(Arc::new(Sink { queue, rest: Arc::clone(&rest) }));
+        Seeing { queue: seen, rest }
     }
 
     /// What a connection does, for every sink.
@@ -109,23 +126,80 @@ impl Watch {
             sink.put(seen.clone());
         }
     }
+
+    /// From now on nothing is seen: each that looks gets the rest, and then the end.
+    pub fn close(&self) {
+        for sink in &self.sinks {
+            sink.rest.is_closed.store(true, Ordering::Release);
+        }
+    }
 }
 
 impl Sink {
     fn put(&self, seen: Seen) {
-        if self.has_missed.load(Ordering::Acquire) {
-            let mut missed = self.missed.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.rest.is_closed.load(Ordering::Acquire) {
+            return;
+        }
+        if self.rest.has_missed.load(Ordering::Acquire) {
+            let mut missed = self.rest.missed();
             while let Some(first) = missed.first() {
                 match self.queue.try_send(first.clone()) {
                     Ok(()) => drop(missed.remove(0)),
                     Err(_) => return miss(&mut missed, seen),
                 }
             }
-            self.has_missed.store(false, Ordering::Release);
+            self.rest.has_missed.store(false, Ordering::Release);
         }
         if let Err(TrySendError::Full(seen)) = self.queue.try_send(seen) {
-            miss(&mut self.missed.lock().unwrap_or_else(PoisonError::into_inner), seen);
-            self.has_missed.store(true, Ordering::Release);
+            miss(&mut self.rest.missed(), seen);
+            self.rest.has_missed.store(true, Ordering::Release);
+        }
+    }
+}
+
+impl Rest {
+    fn missed(&self) -> MutexGuard<'_, Vec<Seen>> {
+        self.missed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Seeing {
+    /// What was seen next; `None` if there is nothing now. Bytes that there was no room for are counted after those that there was.
+    pub fn next_now(&self) -> Option<Seen> {
+        if let Ok(seen) = self.queue.try_recv() {
+            return Some(seen);
+        }
+        if !self.rest.has_missed.load(Ordering::Acquire) {
+            return None;
+        }
+        // While this is locked nothing passes what was missed.
+        let mut missed = self.rest.missed();
+        let seen = self.queue.try_recv().ok();
+        seen.or_else(|| (!missed.is_empty()).then(|| missed.remove(0)))
+    }
+
+    /// As [`next_now`](Self::next_now), after a wait.
+    ///
+    /// # Errors
+    /// There is nothing in time, or there is nothing more to see.
+    pub fn next_within(&self, time: Duration) -> Result<Seen, RecvTimeoutError> {
+        let end = Instant::now() + time;
+        loop {
+            let is_closed = self.rest.is_closed.load(Ordering::Acquire);
+            if let Some(seen) = self.next_now() {
+                return Ok(seen);
+            }
+            let left = end.saturating_duration_since(Instant::now());
+            if is_closed {
+                return Err(RecvTimeoutError::Disconnected);
+            }
+            match self.queue.recv_timeout(left.min(GLANCE)) {
+                Ok(seen) => return Ok(seen),
+                Err(RecvTimeoutError::Timeout) if !left.is_zero() => {}
+                Err(RecvTimeoutError::Timeout) => return Err(RecvTimeoutError::Timeout),
+                // The last ones may have been missed just now.
+                Err(error) => return self.next_now().ok_or(error),
+            }
         }
     }
 }
@@ -151,21 +225,42 @@ mod tests {
         let mut watch = Watch::default();
         let (slow, quick) = (watch.add(), watch.add());
         let bytes: Arc<[u8]> = Arc::from([1, 2, 3]);
-        let reader = std::thread::spawn(move || quick.iter().count());
+        let long = Duration::from_secs(60);
+        let reader =
+            std::thread::spawn(move || (0..).take_while(|_| quick.next_within(long).is_ok()).count());
         for _ in 0..WAITING + 10 {
             watch.see(1, End::A, What::Bytes(Arc::clone(&bytes)));
             std::thread::yield_now();
         }
         watch.see(1, End::B, What::Bytes(Arc::clone(&bytes)));
         watch.see(1, End::A, What::Closed(None));
-        let before: Vec<Seen> = slow.try_iter().collect();
-        assert_eq!(before.len(), WAITING);
-        // What was missed comes before what is seen next, by its end.
+        let text = |it: Seen| format!("{} {:?} {:?}", it.connection, it.from, it.what);
+        let next = |count: usize| {
+            let texts = (0..count).map_while(|_| slow.next_now().map(text));
+            texts.collect::<Vec<String>>()
+        };
+        assert_eq!(next(2), ["1 A Bytes([1, 2, 3])"; 2]);
+        // What was missed comes before what is seen next, by its end, and without anything that is seen next.
+        watch.see(2, End::A, What::Bytes(Arc::clone(&bytes)));
+        let rest = next(usize::MAX);
+        let missed = ["1 A Missed(30)", "1 B Missed(3)", "1 A Closed(None)", "2 A Missed(3)"];
+        assert_eq!(rest.split_at(WAITING - 2).1, missed);
+        watch.see(2, End::A, What::Bytes(Arc::clone(&bytes)));
+        watch.close();
         watch.see(2, End::A, What::Bytes(bytes));
-        let after: Vec<String> =
-            slow.try_iter().map(|it| format!("{} {:?} {:?}", it.connection, it.from, it.what)).collect();
-        assert_eq!(after, ["1 A Missed(30)", "1 B Missed(3)", "1 A Closed(None)", "2 A Bytes([1, 2, 3])"]);
-        drop(watch);
+        assert_eq!(slow.next_within(long).ok().map(text).as_deref(), Some("2 A Bytes([1, 2, 3])"));
+        assert!(matches!(slow.next_within(long), Err(RecvTimeoutError::Disconnected)));
         assert!(reader.join().unwrap() > WAITING);
+    }
+
+    #[test]
+    fn when_the_tap_has_ended_there_is_nothing_more_to_see() {
+        let mut watch = Watch::default();
+        let seeing = watch.add();
+        assert!(matches!(seeing.next_within(Duration::from_millis(1)), Err(RecvTimeoutError::Timeout)));
+        watch.see(1, End::A, What::Closed(None));
+        drop(watch);
+        let next = || seeing.next_within(Duration::from_secs(60));
+        assert!(next().is_ok() && matches!(next(), Err(RecvTimeoutError::Disconnected)));
     }
 }

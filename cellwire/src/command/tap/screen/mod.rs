@@ -15,7 +15,7 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers
 use self::board::Board;
 use super::SILENCE;
 use super::decoding::{Decoding, Entry};
-use crate::io::tap::Seen;
+use crate::io::tap::Seeing;
 use crate::io::terminal::{self, Screen};
 use cellwire_io::output;
 
@@ -45,7 +45,7 @@ pub(super) fn remarks() -> Receiver<String> {
 pub(super) fn show(
     title: &str,
     mut decoding: Decoding<'_>,
-    seen: &Receiver<Seen>,
+    seen: &Seeing,
     remarks: &Receiver<String>,
 ) -> Result<()> {
     let mut board = Board::new(title, SystemTime::now());
@@ -66,7 +66,7 @@ fn run(
     screen: &mut Screen,
     board: &mut Board,
     decoding: &mut Decoding<'_>,
-    (seen, remarks): (&Receiver<Seen>, &Receiver<String>),
+    (seen, remarks): (&Seeing, &Receiver<String>),
 ) -> Result<()> {
     let mut next = Instant::now();
     loop {
@@ -76,7 +76,7 @@ fn run(
             board.take(&entry);
             Ok(())
         };
-        let outcome = match seen.recv_timeout(wait) {
+        let outcome = match seen.next_within(wait) {
             Ok(seen) => decoding.take(&seen, &mut tell),
             Err(RecvTimeoutError::Timeout) => decoding.silence(&mut tell),
             Err(RecvTimeoutError::Disconnected) => return Ok(()),

@@ -324,6 +324,11 @@ impl<'a> Hub<'a> {
                     cell.why = why.unwrap_or_default().to_owned();
                     (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
                 }
+                let has_values = named.iter().any(|(name, _)| *name != EVENT);
+                if let Some(cell) = self.cells.get_mut(place).filter(|cell| cell.is_connected && has_values) {
+                    // It was implausible until now.
+                    cell.why.clear();
+                }
                 let mut named = named;
                 let quality = (is_connected == Some(false)).then_some(Quality::Stale);
                 if let Some(cell) = self.cells.get(place)
@@ -345,11 +350,7 @@ impl<'a> Hub<'a> {
                 (self.log)(json!({"cell": cell.name, "link": event}));
             }
             Input::Cell(place, Report { at, what: What::Bad(named) }) => {
-                if let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get(place), named.first())
-                {
-                    let event = serde_json::from_str(event).unwrap_or(Json::Null);
-                    (self.log)(json!({"cell": cell.name, "values": event}));
-                }
+                self.implausible(place, &named);
                 self.record_with(place, at, named, Some(Quality::Bad), &mut turn.batch);
             }
             Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {

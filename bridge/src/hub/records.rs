@@ -6,7 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use super::{Hub, power};
 use crate::bucket::Rate;
@@ -28,6 +28,17 @@ const RETRY: Duration = Duration::from_secs(1);
 impl Hub<'_> {
     pub(super) fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
         self.record_with(place, at, named, None, batch);
+    }
+
+    /// A cell's values are implausible; the event says why.
+    pub(super) fn implausible(&mut self, place: usize, named: &[Named]) {
+        let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get_mut(place), named.first()) else {
+            return;
+        };
+        let event: Json = serde_json::from_str(event).unwrap_or(Json::Null);
+        let of = |name: &str| event.get(name).and_then(Json::as_str).unwrap_or_default();
+        cell.why = format!("implausible telemetry: {} ({})", of("fault"), of("value"));
+        (self.log)(json!({"cell": cell.name, "values": event}));
     }
 
     /// Gives a report its number, and puts it into the batch. With a quality the cell's own metrics are null.

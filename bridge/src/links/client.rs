@@ -153,7 +153,11 @@ async fn watch_over<L: Listener>(
     let limit = if silence.time.is_zero() { NEVER } else { silence.time };
     let mut check = pin!(sleep_until(Instant::now() + limit));
     loop {
-        end.flush().await;
+        select! {
+            biased;
+            () = end.flush() => {}
+            () = &mut over => return "the bridge ends".into(),
+        }
         select! {
             biased;
             () = &mut over => return "the bridge ends".into(),

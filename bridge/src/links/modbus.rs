@@ -211,8 +211,12 @@ impl Modbus {
     fn report(&mut self, registers: &[u16; 37], end: &End) {
         let block = match self.telemetry.read(registers, now()) {
             Read::Values(block) => block,
-            Read::Cannot(fault, value) => {
+            Read::Cannot(fault, value, 1) => {
                 return end.bad(&json!({"event": "implausible", "fault": fault, "value": value}));
+            }
+            Read::Cannot(fault, value, blocks) => {
+                let event = json!({"event": "implausible", "fault": fault, "value": value, "blocks": blocks});
+                return end.bad(&event);
             }
             Read::Still => return,
         };

@@ -11,8 +11,8 @@ use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 pub(super) enum Read {
     /// What the controller reports.
     Values(TelemetryBlock),
-    /// It cannot be: the fault's name, and the value that shows it.
-    Cannot(&'static str, &'static str),
+    /// It cannot be: the fault's name, the value that shows it, and how many blocks in a row had it. Once a minute for each fault.
+    Cannot(&'static str, &'static str, u32),
     /// It cannot be for the same reason as the one before.
     Still,
 }
@@ -27,8 +27,22 @@ pub(super) struct Telemetry {
     /// What the blocks have been read in, where neither says it yet.
     assumed: WordOrder,
     plausibility: Plausibility,
-    fault: Option<(&'static str, &'static str)>,
+    fault: Option<Fault>,
 }
+
+/// A fault that was reported.
+#[derive(Debug, Clone, Copy)]
+struct Fault {
+    name: &'static str,
+    value: &'static str,
+    /// The number of blocks in a row.
+    blocks: u32,
+    /// When it was reported last.
+    at: Duration,
+}
+
+/// A fault that goes on is reported again after this time.
+const AGAIN: Duration = Duration::from_secs(60);
 
 impl Telemetry {
     /// Of a controller whose blocks are read every `poll`.
@@ -71,12 +85,23 @@ impl Telemetry {
             None if found.is_some_and(|found| found != self.assumed) => Some(("word_order", "life_counter")),
             None => None,
         };
-        let is_news = fault != self.fault;
-        self.fault = fault;
-        match fault {
-            None => Read::Values(block),
-            Some((fault, value)) if is_news => Read::Cannot(fault, value),
-            Some(_) => Read::Still,
+        let Some((name, value)) = fault else {
+            self.fault = None;
+            return Read::Values(block);
+        };
+        match &mut self.fault {
+            Some(fault) if (fault.name, fault.value) == (name, value) => {
+                fault.blocks = fault.blocks.saturating_add(1);
+                if now.saturating_sub(fault.at) < AGAIN {
+                    return Read::Still;
+                }
+                fault.at = now;
+                Read::Cannot(name, value, fault.blocks)
+            }
+            fault => {
+                *fault = Some(Fault { name, value, blocks: 1, at: now });
+                Read::Cannot(name, value, 1)
+            }
         }
     }
 }
@@ -119,7 +144,7 @@ mod tests {
     fn a_word_order_that_cannot_be_is_said_once() {
         let mut telemetry = telemetry(Some(WordOrder::HighFirst));
         let read = telemetry.read(&registers(WordOrder::LowFirst, 12), POLL);
-        assert_eq!(read, Read::Cannot("denormal", "POS_X"));
+        assert_eq!(read, Read::Cannot("denormal", "POS_X", 1));
         assert_eq!(telemetry.read(&registers(WordOrder::LowFirst, 24), POLL * 2), Read::Still);
         assert!(matches!(telemetry.read(&registers(WordOrder::HighFirst, 36), POLL * 3), Read::Values(_)));
     }
@@ -127,13 +152,25 @@ mod tests {
     #[test]
     fn what_is_no_telemetry_is_said_with_its_fault() {
         let mut telemetry = telemetry(None);
-        assert_eq!(telemetry.read(&[u16::MAX; 37], POLL), Read::Cannot("nan", "POS_X"));
-        assert_eq!(telemetry.read(&[0; 37], POLL * 2), Read::Cannot("quaternion", "Q_1"));
+        assert_eq!(telemetry.read(&[u16::MAX; 37], POLL), Read::Cannot("nan", "POS_X", 1));
+        assert_eq!(telemetry.read(&[0; 37], POLL * 2), Read::Cannot("quaternion", "Q_1", 1));
         for at in 3..13 {
             assert!(matches!(
                 telemetry.read(&registers(WordOrder::LowFirst, 12 * at), POLL * at),
                 Read::Values(_)
             ));
         }
+    }
+
+    #[test]
+    fn a_fault_that_goes_on_is_said_once_a_minute_with_its_blocks() {
+        let mut telemetry = telemetry(None);
+        let said = (0..1300).filter_map(|at| match telemetry.read(&[0; 37], POLL * at) {
+            Read::Cannot(fault, value, blocks) => Some((at, fault, value, blocks)),
+            _ => None,
+        });
+        let (fault, value) = ("quaternion", "Q_1");
+        let expected = [(0, fault, value, 1), (600, fault, value, 601), (1200, fault, value, 1201)];
+        assert_eq!(said.collect::<Vec<_>>(), expected);
     }
 }

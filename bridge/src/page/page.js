@@ -62,7 +62,7 @@ function cell(now, it) {
   if (!rates.has(it.name)) rates.set(it.name, new Rate());
   const rate = rates.get(it.name).add(now, it.number);
   const [state, level] = !it.alive ? ["dead", "bad"] : it.held ? ["held", "warn"] : ["alive", "good"];
-  const why = it.held ? `the broker refuses its topic: ${whole.format(it.held)} records held` : it.alive ? "" : it.why;
+  const why = it.held ? `the broker refuses its topic: ${whole.format(it.held)} records held` : it.why;
   const last = it.last ? `${age(now - it.last)} ago` : "none yet";
   const texts = [it.name, `${state} ${it.since ? age(now - it.since) : ""}`, it.link, last, rated(rate), whole.format(it.number), why];
   return { key: it.name, mark: level, texts };

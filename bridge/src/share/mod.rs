@@ -1,4 +1,4 @@
-//! Bridges that share cells: which of them has which, found out over the broker alone. docs/bridge.md says why it holds.
+//! Bridges that share cells: which of them has which, found out over the broker alone. docs/bridge-shared.md says why it holds.
 //!
 //! Each bridge says every 1.5 s on a topic of its own which cells it offers and has, and which others it knows. What it has said comes
 //! back to it: so the broker has it, and everybody who is connected has it before whatever the broker takes later. Its cells are its

@@ -1,6 +1,7 @@
-//! The clauses of docs/bridge.md, "No id is executed twice", explored: two bridges that share a cell, a broker that stores pages, delays what
-//! it delivers and may lose what it has stored, and a sender that repeats an id with another time whenever it likes. In every state that can
-//! be reached the id was executed once at the most; without any one of the clauses there is a way to execute it twice.
+//! The clauses of docs/bridge.md and docs/bridge-shared.md by which no id is executed twice, explored: two bridges that share a cell, a broker
+//! that stores pages, delays what it delivers and may lose what it has stored, and a sender that repeats an id with another time whenever it
+//! likes. In every state that can be reached the id was executed once at the most; without any one of the clauses there is a way to execute
+//! it twice.
 
 use std::collections::HashSet;
 

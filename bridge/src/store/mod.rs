@@ -4,11 +4,13 @@
 //! What a [`Batch`] with names holds is on the disk as a whole once [`Store::write`] returns, or not at all: its records are bound to the
 //! names. Records alone outlive the process from then on, and a loss of power once [`SYNC`](crate::ring::SYNC) has passed.
 
+use std::cell::Cell;
 use std::fmt;
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
+use std::sync::Once;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -399,12 +401,27 @@ fn private(path: &Path) -> io::Result<File> {
     options.open(path)
 }
 
+thread_local! {
+    /// This thread's panics are not printed.
+    static IS_QUIET: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Wraps the process's panic hook, once: panics of other threads are printed as before.
+static QUIET: Once = Once::new();
+
 /// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
 fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
-    let hook = panic::take_hook();
-    panic::set_hook(Box::new(|_| {}));
+    QUIET.call_once(|| {
+        let hook = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !IS_QUIET.get() {
+                hook(info);
+            }
+        }));
+    });
+    IS_QUIET.set(true);
     let outcome = panic::catch_unwind(AssertUnwindSafe(open));
-    panic::set_hook(hook);
+    IS_QUIET.set(false);
     outcome.ok()
 }
 

@@ -7,7 +7,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets::UTF8_FULL_C
 use serde_json::{Map, Value, json};
 
 use crate::io::samples::Samples;
-use cellwire_io::output::counted;
+use cellwire_io::output::{counted, terminal_columns};
 use cellwire_sim::ledger::Counts;
 
 /// The result of one link's demo.
@@ -252,6 +252,14 @@ impl Timing {
     }
 }
 
+/// Fits a table into the terminal, which may not know its own size.
+fn fit(table: &mut Table) {
+    table.set_content_arrangement(ContentArrangement::Dynamic);
+    if let Some(columns) = terminal_columns().and_then(|columns| u16::try_from(columns).ok()) {
+        table.set_width(columns);
+    }
+}
+
 /// The title and the tables of a report.
 struct Figures<'a>(&'a Report);
 
@@ -261,7 +269,8 @@ impl fmt::Display for Figures<'_> {
         writeln!(f, "{}", report.title)?;
         if !report.facts.is_empty() {
             let mut table = Table::new();
-            table.load_style(UTF8_FULL_CONDENSED).set_content_arrangement(ContentArrangement::Dynamic);
+            table.load_style(UTF8_FULL_CONDENSED);
+            fit(&mut table);
             for (label, value) in &report.facts {
                 table.add_row([label, value]);
             }
@@ -270,9 +279,9 @@ impl fmt::Display for Figures<'_> {
         }
         if !report.timings.is_empty() {
             let mut table = Table::new();
+            fit(&mut table);
             table
                 .load_style(UTF8_FULL_CONDENSED)
-                .set_content_arrangement(ContentArrangement::Dynamic)
                 .set_header(["time", "p50", "p99", "max", "budget", "margin"]);
             for timing in &report.timings {
                 table.add_row(timing.row());

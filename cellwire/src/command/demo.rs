@@ -15,7 +15,7 @@ use crate::devices::link_parser;
 use crate::io::line::Lines;
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{self, Policy};
-use cellwire_io::output::{counted, quoted, remark, terminal_columns};
+use cellwire_io::output::{counted, quoted, remark, stdout, terminal_columns};
 use cellwire_io::trace::TraceArgs;
 use cellwire_links::LINKS;
 use cellwire_links::link::Link;
@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.short));
     let settings = args.set.read(&known)?;
     interrupt::on_interrupt(Policy::End)?;
-    let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), std::io::stdout());
+    let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), stdout());
     let layout = Layout::new(terminal_columns());
     let mut rest = links.as_slice();
     while let Some((link, others)) = rest.split_first() {

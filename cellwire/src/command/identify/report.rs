@@ -15,11 +15,11 @@ use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
 use super::settings::{or, plain, remarks, would_decide};
-use cellwire_io::output::{counted, log, printable, terminal_columns, wrapped};
+use cellwire_io::output::{counted, log, printable, stdout, terminal_columns, wrapped};
 
 /// Tables: the links, and the options of the best.
 pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = stdout();
     let bytes = conversation.len();
     writeln!(out, "{}: {}", printable(&conversation.name), counted(bytes, "byte"))?;
     let Some(best) = findings.first() else {
@@ -87,7 +87,7 @@ pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
         "One stop bit or two: a receiver hears no difference. Send with two: who expects one reads them.";
     let settings = shown(settings, terminal_columns().map(|columns| columns.saturating_sub(mark.len())));
     let text = format!("{}:\n{settings}\n\n  {decided}\n  {stop}\n\n", line.conversation.name);
-    let mut out = io::stdout().lock();
+    let mut out = stdout();
     for line in text.lines() {
         writeln!(out, "{}", format!("{mark}{line}").trim_end())?;
     }
@@ -210,7 +210,7 @@ pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()>
     } else {
         &module
     };
-    Ok(writeln!(io::stdout().lock(), "{text}\n{module}")?)
+    Ok(writeln!(stdout(), "{text}\n{module}")?)
 }
 
 /// The guessed table of messages and job of a plant of its own; none if the names and the job are those that the crate has.

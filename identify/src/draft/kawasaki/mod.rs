@@ -206,9 +206,7 @@ pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
     let constants = |kind: &Kind| (0..kind.width()).map(|at| fields.plain(kind, at, "unused")).collect();
     guesses.extend([
         draft.guess("end_ack", end_ack, "comes after the end of an order", |it| fields.of_end(it, last_job)),
-        draft.guess("status", status, "both ends send it, with the most fields", |_| {
-            fields.of_status(&both, job.first())
-        }),
+        draft.guess("status", status, "the most fields of all", |_| fields.of_status(&both, job.first())),
         draft.guess("filler", filler, "it has no fields", constants),
     ]);
     for guess in &mut guesses {

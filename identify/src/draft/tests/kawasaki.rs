@@ -128,7 +128,7 @@ header = ["=M", "=7"] # ? guessed from few messages
 fields = ["ended", "order", "executed"] # ? guessed from few messages
 
 [messages.status]
-name = "State" # 2 of them from both ends: both ends send it, with the most fields
+name = "State" # 2 of them from both ends: the most fields of all
 header = ["=M", "=7"]
 fields = ["order", "phase", "queued", "executed", "ended"] # ? guessed from few messages
 
@@ -212,7 +212,7 @@ header = [] # ? guessed from few messages
 fields = ["=up", "executed", "ended", "order"] # ? guessed from few messages
 
 [messages.status]
-name = "State" # 2 of them from both ends: both ends send it, with the most fields
+name = "State" # 2 of them from both ends: the most fields of all
 header = []
 fields = ["executed", "queued", "order", "unused"] # ? not recognized, and needed: order
 

@@ -84,7 +84,7 @@ fn a_plant_that_contradicts_itself_is_refused_with_its_line() {
         (field("places = 2"), 16, "`places` is of a field of the kind decimal"),
         (field("length = [1, 2]"), 16, "`length` is of a field of the kind text"),
         (field("range = [1.5, 2]"), 16, "its end 1.5 "),
-        (field("speed = 2"), 13, "unknown field `speed`"),
+        (field("speed = 2"), 16, "unknown field `speed`"),
         (SPEEDS.replace("tool", "way"), 8, "there are two of this name"),
         (SPEEDS.replace("tool", "to ol"), 8, "a name has 1 to 15 letters"),
         (SPEEDS.replace("pen", "pencil"), 11, "its default pencil has 6 characters, not from 1 to 4"),

@@ -92,7 +92,7 @@ fn a_full_disk_leaves_the_earlier_file() {
     assert_eq!(write("true").0, Some(0));
     let whole = fs::read(&file).unwrap();
     let (code, _, said) = write("ulimit -f 0");
-    assert_eq!(code, Some(2), "{said}");
+    assert_eq!(code, Some(7), "{said}");
     assert!(said.contains("cannot write"), "{said}");
     assert_eq!(fs::read(&file).unwrap(), whole);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");

@@ -128,12 +128,12 @@ header = ["=M", "=7"] # ? guessed from few messages
 fields = ["ended", "order", "executed"] # ? guessed from few messages
 
 [messages.status]
-name = "State" # 2 of them from both ends: the most fields of all
+name = "State" # 4 of them from both ends: the most fields of all
 header = ["=M", "=7"]
 fields = ["order", "phase", "queued", "executed", "ended"] # ? guessed from few messages
 
 [messages.filler]
-name = "Fill" # 2 of them from both ends: it has no fields
+name = "Fill" # 3 of them from both ends: it has no fields
 header = ["=M", "=7"]
 fields = []
 "#;
@@ -212,7 +212,7 @@ header = [] # ? guessed from few messages
 fields = ["=up", "executed", "ended", "order"] # ? guessed from few messages
 
 [messages.status]
-name = "State" # 2 of them from both ends: the most fields of all
+name = "State" # 3 of them from both ends: the most fields of all
 header = []
 fields = ["executed", "queued", "order", "unused"] # ? not recognized, and needed: order
 

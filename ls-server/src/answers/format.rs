@@ -1,5 +1,7 @@
 //! `textDocument/formatting` and `onTypeFormatting`: the layout of a controller, and the numbers of lines while they are typed.
 
+use core::ops::Range;
+
 use lsp_types::{DocumentFormattingParams, DocumentOnTypeFormattingParams, TextEdit};
 
 use super::rename::changed;
@@ -7,58 +9,112 @@ use crate::answer::{Answer, document};
 use crate::document::Document;
 use crate::edits;
 use crate::folder::Folder;
+use crate::position::Lines;
 
 pub(crate) fn format(folder: &Folder, params: DocumentFormattingParams) -> Answer<Option<Vec<TextEdit>>> {
     let document = document(folder, &params.text_document.uri)?;
     changed(document, fanuc_ls::Document::format).map(Some)
 }
 
-/// After a line end, the new line gets its number and the previous one its `;`; after a `;`, all lines get their numbers.
+/// After a line end, the new line gets its number and the previous one its `;`; after a `;`, all lines get their numbers. What is behind
+/// the cursor in its line stays, and the cursor is where typing goes on.
 pub(crate) fn on_type(
     folder: &Folder,
     params: DocumentOnTypeFormattingParams,
 ) -> Answer<Option<Vec<TextEdit>>> {
     let at = params.text_document_position;
     let document = document(folder, &at.text_document.uri)?;
-    let line = document.lines().line(document.offset(at.position));
-    let text = match params.ch.as_str() {
-        "\n" => match numbered(document, line) {
-            Some(text) => text,
-            None => return Ok(None),
-        },
-        ";" => document.text().to_owned(),
-        _ => return Ok(None),
-    };
-    Ok(fanuc_ls::Document::decode(&text).ok().and_then(|mut program| {
-        program.renumber_lines().ok()?;
-        Some(edits::between(document, program.as_str()))
-    }))
+    let cursor = document.offset(at.position);
+    Ok(match params.ch.as_str() {
+        "\n" => broken(document, cursor),
+        ";" => renumbered(document.text()).map(|new| edits::between(document, &new)),
+        _ => None,
+    })
 }
 
-/// The text with a statement in a new, empty line of `/MN` after a statement; the previous line is closed.
-fn numbered(document: &Document, line: usize) -> Option<String> {
+/// A program's text with the numbers of its lines; None where the text is not a program.
+fn renumbered(text: &str) -> Option<String> {
+    let mut program = fanuc_ls::Document::decode(text).ok()?;
+    program.renumber_lines().ok()?;
+    Some(program.as_str().to_owned())
+}
+
+/// The edits after a line of `/MN` was broken in two at the cursor.
+fn broken(document: &Document, cursor: usize) -> Option<Vec<TextEdit>> {
     let (text, lines) = (document.text(), document.lines());
+    let line = lines.line(cursor);
     let (before, own) = (lines.range(text, line.checked_sub(1)?), lines.range(text, line));
-    if !document.at(&own).trim().is_empty() || !is_in_main(text.get(..own.start)?) {
+    let (blanks, rest) = (text.get(own.start..cursor)?, text.get(cursor..own.end)?.trim());
+    if !blanks.trim().is_empty() || !is_in_main(text.get(..own.start)?) {
         return None;
     }
-    let previous = document.at(&before);
-    let is_statement =
-        previous.trim_start().trim_start_matches(|c: char| c.is_ascii_digit()).starts_with(':');
-    let is_first = previous.trim() == "/MN";
-    if !is_statement && !is_first {
+    let previous = document.at(&before).trim();
+    if previous.is_empty() && split(rest).is_some_and(|(number, _)| !number.is_empty()) {
+        // The line end is before a numbered line: what is above is a line of its own.
+        let new = [text.get(..before.start)?, "   0:   ;", text.get(before.end..)?].concat();
+        return Some(edits::between(document, &renumbered(&new)?));
+    }
+    let statement = split(previous);
+    if statement.is_none() && previous != "/MN" || split(rest).is_some() {
         return None;
     }
-    let end = before.start + previous.trim_end().len();
-    let mut new = text.get(..end)?.to_owned();
-    if is_statement && !previous.trim_end().ends_with(';') {
-        new.push_str(" ;");
+    let (number, body) = statement.unwrap_or(("", ";"));
+    let is_open = !body.is_empty() && !body.ends_with(';');
+    let next = document.at(&lines.range(text, line + 1));
+    let has_more = split(next.trim()).is_some_and(|(number, _)| number.is_empty());
+    let is_circle_begun = !number.is_empty() && is_circle_begun(body);
+    if is_open && (is_circle_begun || has_more || !matches!(rest, "" | ";")) {
+        return Some(vec![typed(document, own.start..cursor, "    :  ")]);
     }
+    let mut new = text.get(..before.start + document.at(&before).trim_end().len())?.to_owned();
+    new.push_str(if body.is_empty() {
+        "   ;"
+    } else if is_open {
+        " ;"
+    } else {
+        ""
+    });
     new.push_str(text.get(before.end..own.start)?);
     // The number is for `renumber_lines` to correct.
-    new.push_str("   0:   ;");
+    new.push_str("   0:  ");
+    new.push_str(rest);
+    new.push_str(if rest.ends_with(';') { "" } else { " ;" });
     new.push_str(text.get(own.end..)?);
-    Some(new)
+    let new = renumbered(&new)?;
+    let own_new = new.get(Lines::new(&new).range(&new, line))?;
+    let number = own_new.get(..own_new.find(':')?)?;
+    let mut edits = edits::between(document, &new);
+    edits.retain(|edit| edit.range.start.line as usize != line);
+    edits.push(typed(document, own.start..cursor, &format!("{number}:  ")));
+    Some(edits)
+}
+
+/// A line of `/MN` as its number, which a line that goes on with a statement lacks, and what is behind the colon. None for another line.
+fn split(line: &str) -> Option<(&str, &str)> {
+    let (number, body) = line.split_once(':')?;
+    let number = number.trim_end();
+    number.bytes().all(|byte| byte.is_ascii_digit()).then(|| (number, body.trim()))
+}
+
+/// Whether a circular motion has the first of its two positions only.
+fn is_circle_begun(body: &str) -> bool {
+    body.strip_prefix("C ").is_some_and(|rest| {
+        let positions = rest.match_indices('[').filter(|(at, _)| {
+            let head = rest.get(..*at).unwrap_or("");
+            head.ends_with('P') || head.ends_with("PR")
+        });
+        positions.count() == 1
+    })
+}
+
+/// Text in place of the blanks before the cursor, which is behind it then.
+fn typed(document: &Document, blanks: Range<usize>, text: &str) -> TextEdit {
+    let found = document.at(&blanks);
+    let (place, text) = match text.strip_prefix(found) {
+        Some(rest) => (blanks.end..blanks.end, rest),
+        None => (blanks, text),
+    };
+    TextEdit { range: document.converter().range(&place), new_text: text.to_owned() }
 }
 
 /// Whether the last section that begins in a text is `/MN`.

@@ -85,38 +85,6 @@ fn the_layout_is_that_of_ls_fmt() {
     );
 }
 
-#[test]
-fn a_new_line_gets_its_number() {
-    let typed = |text: &str, ch: &str| {
-        let cell = Cell::new(&[("A.LS", text)]);
-        let options = json!({"ch": ch, "options": {"tabSize": 4, "insertSpaces": true}});
-        match cell.ask("textDocument/onTypeFormatting", options) {
-            Value::Null => String::new(),
-            edits => cell.edited("A.LS", &edits),
-        }
-    };
-    let head = "/PROG A\n/ATTR\nLINE_COUNT = 2;\n/MN\n";
-    let text = typed(&format!("{head}   1:  ABORT\n|\n   2:  PAUSE ;\n/END\n"), "\n");
-    assert_eq!(
-        text,
-        "/PROG A\n/ATTR\nLINE_COUNT = 3;\n/MN\n   1:  ABORT ;\n   2:   ;\n   3:  PAUSE ;\n/END\n"
-    );
-    let text = typed("/PROG A\r\n/MN\r\n|\r\n/END\r\n", "\n");
-    assert_eq!(text, "/PROG A\r\n/MN\r\n   1:   ;\r\n/END\r\n");
-    let text = typed("/PROG A\n/MN\n   7:  ABORT ;|\n   9:  PAUSE ;\n/END\n", ";");
-    assert_eq!(text, "/PROG A\n/MN\n   1:  ABORT ;\n   2:  PAUSE ;\n/END\n");
-    // Elsewhere, and in a text that is not a program, nothing is added.
-    for text in [
-        "/PROG A\n/ATTR\n|\n/MN\n/END\n",
-        "/PROG A\n/MN\n/POS\n|\n/END\n",
-        "\n|\n",
-        "|",
-        "/PROG A\n/MN\n   1:  ABORT ;\nx|\n/END\n",
-    ] {
-        assert_eq!(typed(text, "\n"), "", "{text}");
-    }
-}
-
 /// The titles of the corrections at the cursor, and the text with the first of them.
 fn fixed(cell: &Cell) -> (Vec<String>, String) {
     let answer =

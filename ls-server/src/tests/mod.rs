@@ -2,6 +2,7 @@
 
 mod changes;
 mod looks;
+mod typing;
 
 use core::str::FromStr;
 use std::path::Path;

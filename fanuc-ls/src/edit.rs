@@ -161,6 +161,9 @@ impl Document {
     /// Does edits that do not overlap, all or none; how many of them change something.
     pub(crate) fn apply(&mut self, mut edits: Vec<Edit>) -> Result<usize, EncodeError> {
         edits.retain(|(place, new)| at(&self.text, place) != new);
+        if edits.is_empty() {
+            return Ok(0);
+        }
         edits.sort_by_key(|(place, _)| place.start);
         let (mut text, mut copied) = (String::with_capacity(self.text.len()), 0);
         for (place, new) in &edits {

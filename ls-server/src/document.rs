@@ -1,11 +1,12 @@
 //! A file: its text, the lines of it, and what it names.
 
-use core::cell::OnceCell;
+use core::cell::{OnceCell, RefCell};
 use core::ops::Range;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
-use fanuc_ls::{DecodeError, Reason};
-use lsp_types::{Location, Position, TextDocumentContentChangeEvent, Uri};
+use fanuc_ls::{DecodeError, Problem, Reason};
+use lsp_types::{Location, Position, TextDocumentContentChangeEvent, TextEdit, Uri};
 
 use crate::index::Index;
 use crate::position::{Converter, Encoding, Lines};
@@ -27,7 +28,14 @@ pub(crate) struct Document {
     encoding: Encoding,
     is_too_long: bool,
     index: OnceCell<Index>,
+    /// The findings, and the changes of the folder that they were found after.
+    found: RefCell<Option<(u64, Rc<[Found]>)>>,
+    /// The edits that number the lines.
+    numbering: OnceCell<Vec<TextEdit>>,
 }
+
+/// A problem, and its place in the text.
+pub(crate) type Found = (Problem, Range<usize>);
 
 impl Document {
     /// The document with this text; `version` is None for a file that is not open.
@@ -43,6 +51,8 @@ impl Document {
             encoding,
             is_too_long: false,
             index: OnceCell::new(),
+            found: RefCell::default(),
+            numbering: OnceCell::new(),
         };
         document.set_text(text);
         document
@@ -53,6 +63,8 @@ impl Document {
         self.text = if self.is_too_long { String::new() } else { text };
         self.lines = Lines::new(&self.text);
         self.index.take();
+        self.found.take();
+        self.numbering.take();
     }
 
     /// Applies the changes of the editor, each to the text that the previous one has made. A document that is too long ignores changes of
@@ -142,6 +154,23 @@ impl Document {
         self.index.get_or_init(|| {
             self.unfinished_program().map_or_else(Index::default, |program| Index::new(&program))
         })
+    }
+
+    /// The findings, which `find` finds where the text or the folder has changed since the last time.
+    pub(crate) fn found(&self, changes: u64, find: impl FnOnce() -> Vec<Found>) -> Rc<[Found]> {
+        if let Some((of, found)) = &*self.found.borrow()
+            && *of == changes
+        {
+            return Rc::clone(found);
+        }
+        let found: Rc<[Found]> = find().into();
+        self.found.replace(Some((changes, Rc::clone(&found))));
+        found
+    }
+
+    /// The edits that number the lines, which `find` finds where the text has changed since the last time.
+    pub(crate) fn numbering(&self, find: impl FnOnce() -> Vec<TextEdit>) -> &[TextEdit] {
+        self.numbering.get_or_init(find)
     }
 
     /// The program's name; of a text that is not a program, nothing.

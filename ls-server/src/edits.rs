@@ -12,6 +12,9 @@ use crate::folder::Folder;
 
 /// The edits that make `new` of a document: the parts of lines that differ, and lines that are inserted or removed in one place.
 pub(crate) fn between(document: &Document, new: &str) -> Vec<TextEdit> {
+    if document.text() == new {
+        return Vec::new();
+    }
     let converter = document.converter();
     let edit =
         |(place, text): (Range<usize>, String)| TextEdit { range: converter.range(&place), new_text: text };

@@ -37,6 +37,8 @@ pub(crate) struct Folder {
     listings: BTreeMap<PathBuf, BTreeMap<PathBuf, Listing>>,
     bytes: usize,
     is_cut: bool,
+    /// Counts the changes of what findings depend on beside their text: the files that are known, and the listings.
+    changes: u64,
 }
 
 /// What the client understands of edits.
@@ -60,26 +62,37 @@ impl Folder {
             return;
         }
         self.roots.push(root.to_path_buf());
-        let mut walk = Walk::new(root, ENDINGS).at_most(MAX_ENTRIES);
+        self.read_below(root);
+        self.settle();
+    }
+
+    fn read_below(&mut self, folder: &Path) {
+        let mut walk = Walk::new(folder, ENDINGS).at_most(MAX_ENTRIES);
         for path in walk.by_ref().flatten() {
             self.read_file(&path);
         }
         self.is_cut |= walk.is_cut();
-        self.settle();
     }
 
     /// Forgets the programs and listings below a folder of the workspace, except open documents.
     pub(crate) fn remove_root(&mut self, root: &Path) {
         self.roots.retain(|known| known != root);
-        let is_left = |path: &Path| !path.starts_with(root);
-        self.listings.retain(|folder, _| is_left(folder));
-        let bytes = &mut self.bytes;
-        self.documents.retain(|_, document| {
-            let stays = document.version().is_some() || document.path().is_none_or(is_left);
-            *bytes -= if stays { 0 } else { (*bytes).min(document.text().len()) };
-            stays
-        });
+        self.forget_below(root);
         self.settle();
+    }
+
+    /// Forgets the programs and listings below a folder, except open documents. Whether there were any.
+    fn forget_below(&mut self, folder: &Path) -> bool {
+        let start = uri::key_of_path(&folder.join(""));
+        let below = self.documents.range(start.clone()..).take_while(|(key, _)| key.starts_with(&start));
+        let closed = below.filter(|(_, document)| document.version().is_none());
+        let gone: Vec<String> = closed.map(|(key, _)| key.clone()).collect();
+        for document in gone.iter().filter_map(|key| self.documents.remove(key)) {
+            self.bytes -= document.text().len().min(self.bytes);
+        }
+        let listings = self.listings.len();
+        self.listings.retain(|of, _| !of.starts_with(folder));
+        !gone.is_empty() || self.listings.len() != listings
     }
 
     /// Whether files were left out because there are too many.
@@ -87,12 +100,35 @@ impl Folder {
         self.is_cut
     }
 
-    /// Reads a file again that has changed, or forgets it if it is gone. An open document is what the editor says.
-    pub(crate) fn read(&mut self, path: &Path) {
-        self.read_file(path);
-        if listing::is_one(path) {
+    /// Reads files again that have changed, or forgets them if they are gone; of a folder, all that is below it. An open document is
+    /// what the editor says. Whether any of them is a program or a listing.
+    pub(crate) fn read(&mut self, mut paths: Vec<PathBuf>) -> bool {
+        paths.sort();
+        let (mut is_known, mut walked) = (false, None::<PathBuf>);
+        for path in paths {
+            if walked.as_ref().is_some_and(|folder| path.starts_with(folder)) {
+                continue;
+            }
+            is_known |= self.forget_below(&path);
+            // As in a walk, links to folders are not followed.
+            if path.is_dir() && !path.is_symlink() && self.is_within(&path) {
+                self.read_below(&path);
+                is_known = true;
+                walked = Some(path);
+            } else if has_ending(&path, ENDINGS) {
+                self.read_file(&path);
+                is_known = true;
+            }
+        }
+        if is_known {
             self.settle();
         }
+        is_known
+    }
+
+    /// Whether a path is in a folder of the workspace.
+    fn is_within(&self, path: &Path) -> bool {
+        self.roots.iter().any(|root| path.starts_with(root))
     }
 
     fn read_file(&mut self, path: &Path) {
@@ -135,6 +171,7 @@ impl Folder {
 
     /// Adds a document and returns the one that it replaces.
     fn insert(&mut self, mut document: Document) -> Option<Document> {
+        self.changes += 1;
         document.controller = self.controller_of(document.path());
         self.documents.insert(uri::key(document.uri().as_str()), document)
     }
@@ -152,11 +189,15 @@ impl Folder {
     /// Closes a document; the file takes its place if it is one of the workspace.
     pub(crate) fn close(&mut self, uri: &Uri) {
         let Some(document) = self.documents.remove(&uri::key(uri.as_str())) else { return };
-        if let Some(path) = document.path()
-            && self.roots.iter().any(|root| path.starts_with(root))
-        {
-            self.read(path);
+        self.changes += 1;
+        if let Some(path) = document.path().filter(|path| self.is_within(path)) {
+            self.read(vec![path.to_path_buf()]);
         }
+    }
+
+    /// The changes so far of what findings depend on beside their text.
+    pub(crate) fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// The document with this URI.
@@ -194,6 +235,7 @@ impl Folder {
 
     /// Decides again which controller each document belongs to.
     fn settle(&mut self) {
+        self.changes += 1;
         self.controllers.clear();
         let mut documents = core::mem::take(&mut self.documents);
         for document in documents.values_mut() {

@@ -22,7 +22,7 @@ use lsp_types::{
     DidChangeWatchedFilesRegistrationOptions, DidChangeWorkspaceFoldersParams, DidCloseTextDocumentParams,
     DidOpenTextDocumentParams, ExecuteCommandParams, FileSystemWatcher, GlobPattern, InitializeParams,
     InitializeResult, MessageType, NumberOrString, PublishDiagnosticsParams, Registration,
-    RegistrationParams, ResourceOperationKind, ServerInfo, ShowMessageParams, Uri,
+    RegistrationParams, ResourceOperationKind, ServerInfo, ShowMessageParams, Uri, WatchKind,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -345,10 +345,10 @@ impl<W: Write> Server<W> {
                 Err(error) => Err(error),
             },
             DidChangeWatchedFiles::METHOD => read(params).map(|it: DidChangeWatchedFilesParams| {
-                for path in it.changes.iter().filter_map(|change| uri::to_path(change.uri.as_str())) {
-                    self.folder.read(&path);
+                let paths = it.changes.iter().filter_map(|change| uri::to_path(change.uri.as_str()));
+                if self.folder.read(paths.collect()) {
+                    self.all_changed();
                 }
-                self.all_changed();
             }),
             DidChangeWorkspaceFolders::METHOD => read(params).map(|it: DidChangeWorkspaceFoldersParams| {
                 for folder in it.event.removed {
@@ -379,7 +379,12 @@ impl<W: Write> Server<W> {
             return Ok(());
         }
         let glob = "**/*.{ls,LS,Ls,va,VA,Va,dg,DG,Dg}".to_owned();
-        let watchers = vec![FileSystemWatcher { glob_pattern: GlobPattern::String(glob), kind: None }];
+        let files = FileSystemWatcher { glob_pattern: GlobPattern::String(glob), kind: None };
+        // A folder that comes or goes is reported alone, without what is below it, and only a pattern for everything has it.
+        let all = GlobPattern::String("**/*".to_owned());
+        let folders =
+            FileSystemWatcher { glob_pattern: all, kind: Some(WatchKind::Create | WatchKind::Delete) };
+        let watchers = vec![files, folders];
         let options = serde_json::to_value(DidChangeWatchedFilesRegistrationOptions { watchers })?;
         let method = DidChangeWatchedFiles::METHOD.to_owned();
         let registrations =

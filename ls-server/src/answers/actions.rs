@@ -13,7 +13,7 @@ use lsp_types::{
 use super::diagnostics::{diagnostic, found};
 use super::rename::changed;
 use crate::answer::{Answer, document};
-use crate::document::Document;
+use crate::document::{Document, Found};
 use crate::edits;
 use crate::files::stem;
 use crate::folder::Folder;
@@ -32,31 +32,31 @@ pub(crate) fn actions(folder: &Folder, params: CodeActionParams) -> Answer<Optio
     };
     let mut actions = Vec::new();
     if is_wanted(&CodeActionKind::QUICKFIX) {
-        let there =
-            |(_, place): &(Problem, Range<usize>)| place.start <= range.end && range.start <= place.end;
-        for (problem, place) in found(folder, document).into_iter().filter(there).take(MAX_FIXES) {
-            let Some((title, edits)) = fix(document, problem, &place).filter(|(_, edits)| !edits.is_empty())
+        let there = |(_, place): &&Found| place.start <= range.end && range.start <= place.end;
+        for (problem, place) in found(folder, document).iter().filter(there).take(MAX_FIXES) {
+            let Some((title, edits)) = fix(document, *problem, place).filter(|(_, edits)| !edits.is_empty())
             else {
                 continue;
             };
             actions.push(CodeActionOrCommand::CodeAction(CodeAction {
                 title,
                 kind: Some(CodeActionKind::QUICKFIX),
-                diagnostics: Some(vec![diagnostic(document, &document.converter(), problem, &place)]),
+                diagnostics: Some(vec![diagnostic(document, &document.converter(), *problem, place)]),
                 edit: Some(edits::workspace(folder, vec![(document, edits)])),
                 is_preferred: Some(true),
                 ..CodeAction::default()
             }));
         }
     }
+    let numbering = || changed(document, Program::renumber_lines).unwrap_or_default();
     if is_wanted(&RENUMBER)
-        && let Ok(edits) = changed(document, Program::renumber_lines)
+        && let edits = document.numbering(numbering)
         && !edits.is_empty()
     {
         actions.push(CodeActionOrCommand::CodeAction(CodeAction {
             title: "Number the lines from 1".into(),
             kind: Some(RENUMBER),
-            edit: Some(edits::workspace(folder, vec![(document, edits)])),
+            edit: Some(edits::workspace(folder, vec![(document, edits.to_vec())])),
             ..CodeAction::default()
         }));
     }

@@ -1,6 +1,7 @@
 //! Findings as diagnostics.
 
 use core::ops::Range;
+use std::rc::Rc;
 
 use fanuc_ls::{DecodeError, Finding, ItemKind, Level, Mistake, Problem, Reason, Warning};
 use lsp_types::{
@@ -9,7 +10,7 @@ use lsp_types::{
 };
 use serde_json::Value;
 
-use crate::document::Document;
+use crate::document::{Document, Found};
 use crate::folder::Folder;
 use crate::position::Converter;
 
@@ -42,8 +43,26 @@ fn diagnostics(folder: &Folder, document: &Document) -> Vec<Diagnostic> {
         }];
     }
     let converter = document.converter();
-    let found = found(folder, document).into_iter().take(MAX_FINDINGS);
-    found.map(|(problem, place)| diagnostic(document, &converter, problem, &place)).collect()
+    let found = found(folder, document);
+    let found = found.iter().take(MAX_FINDINGS);
+    let found = found.map(|(problem, place)| diagnostic(document, &converter, *problem, place));
+    lost_letter(document, &converter).into_iter().chain(found).collect()
+}
+
+/// The warning that letters were lost, at the first: an editor that saves the text spoils the file.
+fn lost_letter(document: &Document, converter: &Converter<'_>) -> Option<Diagnostic> {
+    let start = document.text().find(char::REPLACEMENT_CHARACTER)?;
+    let message = "a letter is lost: the file was read as UTF-8, but has another encoding\n\
+                   do not save it, and open it again with its encoding, such as Windows-1252"
+        .to_owned();
+    Some(Diagnostic {
+        range: converter.range(&(start..start + char::REPLACEMENT_CHARACTER.len_utf8())),
+        severity: Some(DiagnosticSeverity::WARNING),
+        code: Some(NumberOrString::String("lost-letter".to_owned())),
+        source: source(),
+        message,
+        ..Diagnostic::default()
+    })
 }
 
 /// A problem of a document as a diagnostic.
@@ -70,7 +89,11 @@ pub(crate) fn diagnostic(
 }
 
 /// The problems of a document, each with its place.
-pub(crate) fn found(folder: &Folder, document: &Document) -> Vec<(Problem, Range<usize>)> {
+pub(crate) fn found(folder: &Folder, document: &Document) -> Rc<[Found]> {
+    document.found(folder.changes(), || find(folder, document))
+}
+
+fn find(folder: &Folder, document: &Document) -> Vec<Found> {
     let text = document.text();
     match document.program() {
         Ok(program) => {

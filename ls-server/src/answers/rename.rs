@@ -50,7 +50,14 @@ fn renamed(folder: &Folder, document: &Document, item: Item, new: &str) -> Answe
     let (kind, number) = item;
     let inner =
         new.strip_prefix(&kind.to_string()).and_then(|rest| rest.strip_prefix('[')?.strip_suffix(']'));
-    let to: Option<u32> = inner.unwrap_or(new).trim().parse().ok();
+    // A number that is negative or too large is not a comment.
+    let to: Option<i128> = inner.unwrap_or(new).trim().parse().ok();
+    let none = |to: i128| Failure::refused(format_args!("there is no {kind}[{to}]"));
+    let to = to.map(|to| u32::try_from(to).map_err(|_| none(to))).transpose()?;
+    if to.is_none() {
+        // The name is refused before a program that is typed at the moment.
+        probe()?.set_item_name(kind, number, new).map_err(Failure::refused)?;
+    }
     let documents =
         folder.neighbours(document).filter(|other| !is_local(item) || other.uri() == document.uri());
     let mut found = Vec::new();
@@ -89,8 +96,7 @@ pub(crate) fn changed<T>(
 fn program(folder: &Folder, document: &Document, old: &str, new: &str) -> Answer<WorkspaceEdit> {
     let target = folder.program(document, old);
     let limit = folder.rules.name_limit;
-    let mut probe = Program::decode("/PROG A\n/MN\n/END\n").map_err(Failure::refused)?;
-    probe.set_name(new).map_err(Failure::refused)?;
+    probe()?.set_name(new).map_err(Failure::refused)?;
     if new.len() > limit {
         return Err(Failure::refused(EncodeError::NameLength { found: new.len(), limit }));
     }
@@ -122,6 +128,11 @@ fn program(folder: &Folder, document: &Document, old: &str, new: &str) -> Answer
         document_changes: Some(DocumentChanges::Operations(operations)),
         ..WorkspaceEdit::default()
     })
+}
+
+/// A program to try names on.
+fn probe() -> Answer<Program> {
+    Program::decode("/PROG A\n/MN\n/END\n").map_err(Failure::refused)
 }
 
 /// The file of a program under its new name, if the file has the old one.

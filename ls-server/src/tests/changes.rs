@@ -22,6 +22,12 @@ fn a_comment_is_renamed_in_every_program_of_the_controller() {
     assert_eq!(rename(&cell, "2"), Err("R[2] is used in A".to_owned()));
     assert_eq!(rename(&cell, "0"), Err("there is no R[0]: the numbers are 1 to 32767".to_owned()));
     assert_eq!(rename(&cell, "a]"), Err("a name must not have brackets, quotes or line ends".to_owned()));
+    assert_eq!(rename(&cell, "-1"), Err("there is no R[-1]".to_owned()));
+    assert_eq!(rename(&cell, "R[99999999999]"), Err("there is no R[99999999999]".to_owned()));
+    // While another program is typed, its end is missing; a wrong name is refused as such.
+    let typed = Cell::new(&[("A.LS", "/PROG A\n/MN\n1:  R[1]=5 ;\n"), ("B.LS", &a)]);
+    assert_eq!(rename(&typed, "a]"), Err("a name must not have brackets, quotes or line ends".to_owned()));
+    assert!(rename(&typed, "a").unwrap_err().starts_with("/w/A.LS: line 4, column 1: "));
     let prepared = cell.ask("textDocument/prepareRename", json!({}));
     assert_eq!(
         (&prepared["placeholder"], places(&json!([prepared]))),
@@ -177,4 +183,31 @@ fn lines_are_numbered_on_demand() {
     let none = Cell::of("  ABORT")
         .ask("textDocument/codeAction", json!({"context": {"diagnostics": [], "only": ["source"]}}));
     assert_eq!(none, json!([]));
+}
+
+#[test]
+fn a_text_is_checked_once() {
+    let mut cell = Cell::of("  |CALL B");
+    let quickfix = json!({"context": {"diagnostics": [], "only": ["quickfix"]}});
+    cell.ask("textDocument/codeAction", quickfix.clone());
+    cell.ask("textDocument/codeAction", json!({"context": {"diagnostics": []}}));
+    let count = |cell: &Cell| {
+        let document = cell.folder.get(&super::uri("A.LS")).unwrap();
+        document.numbering(|| panic!("the lines are numbered again"));
+        document.found(cell.folder.changes(), || panic!("the text is checked again")).len()
+    };
+    // `CALL B`, P[1] that is not used and not taught.
+    let missing = count(&cell);
+    // Another program, and another text, are seen.
+    cell.folder.open(super::uri("B.LS"), 1, program("B", "  ABORT"));
+    cell.ask("textDocument/codeAction", quickfix.clone());
+    assert_eq!(count(&cell), missing - 1);
+    cell.folder.close(&super::uri("B.LS"));
+    cell.ask("textDocument/codeAction", quickfix);
+    assert_eq!(count(&cell), missing);
+    let text = "/PROG A\n/MN\n   2:  ABORT ;\n/END\n".to_owned();
+    let change = lsp_types::TextDocumentContentChangeEvent { range: None, range_length: None, text };
+    cell.folder.get_mut(&super::uri("A.LS")).unwrap().change(2, vec![change]);
+    let answer = cell.ask("textDocument/codeAction", json!({"context": {"diagnostics": []}}));
+    assert_eq!(cell.changed("A.LS", &answer[0]["edit"]), "/PROG A\n/MN\n   1:  ABORT ;\n/END\n");
 }

@@ -1,5 +1,6 @@
 //! Requests that change nothing.
 
+use lsp_types::{DiagnosticSeverity, NumberOrString};
 use serde_json::{Value, json};
 
 use super::{Cell, places, program};
@@ -232,4 +233,21 @@ fn findings_have_codes_places_and_the_other_label() {
     // A log of the controller is not a program.
     let log = Cell::new(&[("ERRALL.LS", "ERRALL.LS   Robot Name\n 1\" SRVO-001\n")]);
     assert_eq!(published(&log.folder, log.folder.documents().next().unwrap()).diagnostics, []);
+}
+
+#[test]
+fn a_lost_letter_is_a_warning() {
+    let lost = |text: &str| {
+        let cell = Cell::new(&[("A.LS", text)]);
+        let found = published(&cell.folder, cell.folder.documents().next().unwrap()).diagnostics;
+        let found =
+            found.into_iter().find(|it| it.code == Some(NumberOrString::String("lost-letter".into())));
+        found.map(|it| (it.severity, it.range.start.line, it.range.start.character, it.range.end.character))
+    };
+    let place = Some((Some(DiagnosticSeverity::WARNING), 2, 11, 12));
+    let text = "/PROG A\n/MN\n   1:  R[1:Z\u{fffd}hler]=1 ;\n   2:  !\u{fffd} ;\n/END\n";
+    assert_eq!(lost(&text.replace('Z', "")), place);
+    // A text that is no program too, and one that was read right is none of these.
+    assert_eq!(lost("1\n2\n           \u{fffd}"), place);
+    assert_eq!(lost(&text.replace('\u{fffd}', "\u{e4}")), None);
 }

@@ -130,6 +130,73 @@ fn a_workspace_has_programs_and_listings() {
     assert!(server.join().unwrap().unwrap());
 }
 
+/// An editor reports a folder that comes or goes alone, without the files below it.
+#[test]
+fn a_folder_comes_and_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |name: &str| {
+        std::fs::create_dir_all(folder.path().join(name).join("deep")).unwrap();
+        let text = "/PROG B\n/MN\n1:  R[1]=6 ;\n/END\n";
+        std::fs::write(folder.path().join(name).join("deep/B.LS"), text).unwrap();
+        std::fs::write(folder.path().join(name).join("NUMREG.VA"), b"[*NUMREG*]$NUMREG\n [1] = 7  'count'\n")
+            .unwrap();
+    };
+    let root = cellwire_ls_server::uri(folder.path());
+    let (mut client, server) = start(Options::default());
+    let watched = json!({"workspace": {"didChangeWatchedFiles": {"dynamicRegistration": true}}});
+    client.request("initialize", json!({"rootUri": root, "capabilities": watched}));
+    client.notify("initialized", json!({}));
+    let asked = client.notification("client/registerCapability");
+    let watchers = asked["registrations"][0]["registerOptions"]["watchers"].clone();
+    assert_eq!(watchers[1], json!({"globPattern": "**/*", "kind": 5}));
+    let uri = format!("{root}/A.LS");
+    client.open(&uri, "/PROG A\n/MN\n1:  CALL B ;\n/END\n");
+    let findings = |client: &mut Piped| {
+        let found = client.notification("textDocument/publishDiagnostics");
+        found["diagnostics"].as_array().unwrap().iter().map(|it| it["code"].clone()).collect::<Vec<_>>()
+    };
+    let known = |client: &mut Piped| {
+        let symbols = client.request("workspace/symbol", json!({"query": "B"}));
+        symbols.as_array().unwrap().iter().map(|it| it["location"]["uri"].clone()).collect::<Vec<_>>()
+    };
+    let tell = |client: &mut Piped, changes: &[(&str, u8)]| {
+        let change = |(name, kind): &(&str, u8)| json!({"uri": format!("{root}/{name}"), "type": kind});
+        let changes: Vec<Value> = changes.iter().map(change).collect();
+        client.notify("workspace/didChangeWatchedFiles", json!({"changes": changes}));
+    };
+    assert_eq!(findings(&mut client), ["missing-program"]);
+    make("sub");
+    tell(&mut client, &[("sub/deep", 1), ("sub", 1), ("sub/deep/B.LS", 1)]);
+    // The folder has a listing, so it is another controller.
+    assert_eq!(findings(&mut client), ["missing-program"]);
+    assert_eq!(known(&mut client), [format!("{root}/sub/deep/B.LS")]);
+    std::fs::remove_file(folder.path().join("sub/NUMREG.VA")).unwrap();
+    tell(&mut client, &[("sub/NUMREG.VA", 3)]);
+    assert!(findings(&mut client).is_empty());
+    std::fs::rename(folder.path().join("sub"), folder.path().join("sub two")).unwrap();
+    tell(&mut client, &[("sub", 3), ("sub%20two", 1)]);
+    assert!(findings(&mut client).is_empty());
+    assert_eq!(known(&mut client), [format!("{root}/sub%20two/deep/B.LS")]);
+    // What is no program changes nothing, nor does a folder elsewhere with the same beginning.
+    tell(&mut client, &[("notes.txt", 1), ("sub", 3), ("sub%20tw", 3)]);
+    assert_eq!(known(&mut client).len(), 1);
+    std::fs::remove_dir_all(folder.path().join("sub two")).unwrap();
+    tell(&mut client, &[("sub%20two", 3)]);
+    assert_eq!(findings(&mut client), ["missing-program"]);
+    assert!(known(&mut client).is_empty());
+    // A link to a folder is not followed, as when the workspace is read.
+    #[cfg(unix)]
+    {
+        let outside = tempfile::tempdir().unwrap();
+        std::fs::write(outside.path().join("B.LS"), "/PROG B\n/MN\n/END\n").unwrap();
+        std::os::unix::fs::symlink(outside.path(), folder.path().join("link")).unwrap();
+        tell(&mut client, &[("link", 1)]);
+        assert!(known(&mut client).is_empty());
+    }
+    client.exit();
+    assert!(server.join().unwrap().unwrap());
+}
+
 #[test]
 fn a_request_is_cancelled_while_it_waits_and_while_it_runs() {
     let simulate = |path: &std::path::Path, stop: &AtomicBool| {

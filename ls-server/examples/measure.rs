@@ -64,7 +64,7 @@ fn main() {
     client.notification("textDocument/publishDiagnostics");
     let document = json!({"uri": uri});
     let screen = json!({"start": {"line": 2480, "character": 0}, "end": {"line": 2540, "character": 0}});
-    let at = json!({"line": 2498, "character": 8});
+    let at = json!({"line": 2497, "character": 8}); // of a register
     let requests: [(&str, Value); 5] = [
         ("textDocument/completion", json!({"textDocument": document, "position": at})),
         ("textDocument/hover", json!({"textDocument": document, "position": at})),
@@ -116,9 +116,9 @@ fn main() {
 
 /// Writes a letter into a comment in the middle of the file, or deletes it again.
 fn press(client: &mut Client<std::process::ChildStdout, std::process::ChildStdin>, uri: &str, key: usize) {
-    let position = |character| json!({"line": 2497, "character": character});
-    let (end, text) = if key.is_multiple_of(2) { (8, "x") } else { (9, "") };
-    let range = json!({"start": position(8), "end": position(end)});
+    let position = |character| json!({"line": 2494, "character": character});
+    let (end, text) = if key.is_multiple_of(2) { (12, "x") } else { (13, "") };
+    let range = json!({"start": position(12), "end": position(end)});
     let document = json!({"uri": uri, "version": key + 2});
     client.notify(
         "textDocument/didChange",

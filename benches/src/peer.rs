@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread;
 
-/// What a link's peer does with one connection.
+/// The work of a link's peer on one connection.
 pub type Serve = fn(TcpStream);
 
 /// A peer, which ends when this is dropped.

@@ -119,7 +119,7 @@ pub struct End {
     state: Mutex<State>,
 }
 
-/// What is known of the device and its command.
+/// The state of the device and of its command.
 #[derive(Debug, Default)]
 struct State {
     /// The command that has no outcome yet.
@@ -325,7 +325,7 @@ impl End {
         }
     }
 
-    /// What must not be lost waits for the hub.
+    /// Waits for room at the hub for reports that must not be lost.
     fn send(&self, state: &mut State, what: What) {
         state.unsent.push_back(Input::Cell(self.cell, Report { at: metric::now(), what }));
         self.try_flush(state);

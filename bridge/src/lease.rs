@@ -1,4 +1,4 @@
-//! Until when cells that several bridges share are this one's: what a cell's task asks before it does anything.
+//! The time until which cells that several bridges share are this one's. A cell's task looks at it before it does anything.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;

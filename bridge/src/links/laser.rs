@@ -174,7 +174,7 @@ impl Worker for Sender {
 }
 
 impl Sender {
-    /// What there is to say of a frame that was sent several times without an answer.
+    /// A sentence about a frame that was sent several times without an answer; empty for any other.
     fn without_answer(&self) -> String {
         match self.unanswered.swap(0, Ordering::Relaxed) {
             0 => String::new(),
@@ -183,7 +183,7 @@ impl Sender {
     }
 }
 
-/// What an error of one frame means.
+/// The outcome of a frame with this error, and why.
 fn outcome_of(error: &Error) -> (Outcome, String) {
     match error {
         Error::Refused { refusal, .. } => (Outcome::Refused, format!("the controller refuses: {refusal}")),

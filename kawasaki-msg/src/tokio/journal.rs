@@ -70,8 +70,8 @@ impl Keep for () {
     }
 }
 
-/// A file that keeps it: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for every change, of which the last counts. The
-/// checksum is the CRC-32 of the line before it, in hex.
+/// A file that keeps it: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for every change, of which the
+/// last counts. The checksum is the CRC-32 of the line before it, in hex.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
 #[derive(Debug)]

@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(all)
 }
 
-/// What was written, and what is left to be checked.
+/// A remark: the file that was written, and how much of it is left to be checked.
 fn written(file: &Path, finding: &Finding, text: &str, is_draft: bool) -> String {
     let is_undecided = |option: &&Open| matches!(option.decided, Decided::Not { .. });
     let left = match is_draft {

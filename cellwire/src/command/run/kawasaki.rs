@@ -29,8 +29,8 @@ use cellwire_links::settings;
 /// is a line of it.
 ///
 /// A table (.csv): the first line names fields of a job, in any order; each other line is a job. The plant's settings have the fields as
-/// tables [[job]] (`cellwire settings run kawasaki` describes them); without them a job is a line of a drawing: kind (1 draws, 2 moves), x1, y1, x2, y2
-/// in hundredths of a millimetre. Every invalid line is reported before anything is sent.
+/// tables [[job]] (`cellwire settings run kawasaki` describes them); without them a job is a line of a drawing: kind (1 draws, 2 moves),
+/// x1, y1, x2, y2 in hundredths of a millimetre. Every invalid line is reported before anything is sent.
 ///
 /// The robot connects, and reconnects when a connection is lost; over UDP (setting udp) it sends first. "Done" means executed, as the
 /// robot reports it.

@@ -120,7 +120,7 @@ pub fn run(args: &Args) -> Result<bool> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Last(Arc<Mutex<Option<Writing>>>);
 
-/// What is to be closed, and how the capture has ended then.
+/// The watch to be closed, and the message of the writer when the capture has ended.
 type Writing = (Watch, Receiver<Ended>);
 
 /// How long the rest of a capture may take.

@@ -91,7 +91,7 @@ struct Sink {
     rest: Arc<Rest>,
 }
 
-/// What there was no room for.
+/// Events for which a queue had no room, and whether the tap ends.
 #[derive(Debug, Default)]
 struct Rest {
     /// The number of bytes, by connection and end, and everything else.
@@ -164,7 +164,7 @@ impl Rest {
 }
 
 impl Seeing {
-    /// What was seen next; `None` if there is nothing now. Bytes that there was no room for are counted after those that there was.
+    /// The next event; `None` if there is none now. Bytes without room in the queue are counted behind those in it.
     pub fn next_now(&self) -> Option<Seen> {
         if let Ok(seen) = self.queue.try_recv() {
             return Some(seen);

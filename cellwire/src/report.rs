@@ -212,10 +212,14 @@ impl Report {
     }
 }
 
+/// The verb after a number of things.
+pub fn was<N: PartialEq + From<u8>>(number: N) -> &'static str {
+    if number == N::from(1) { "was" } else { "were" }
+}
+
 /// A number of things, with its verb: `1 job was`, `2 jobs were`.
 pub fn were(number: u64, what: &str) -> String {
-    let verb = if number == 1 { "was" } else { "were" };
-    format!("{} {verb}", counted(number, what))
+    format!("{} {}", counted(number, what), was(number))
 }
 
 /// A number of times: `once`, `2 times`.
@@ -252,11 +256,11 @@ impl Timing {
     }
 }
 
-/// Fits a table into the terminal, which may not know its own size.
-fn fit(table: &mut Table) {
-    table.set_content_arrangement(ContentArrangement::Dynamic);
-    if let Some(columns) = terminal_columns().and_then(|columns| u16::try_from(columns).ok()) {
-        table.set_width(columns);
+/// Fits a table into this many columns; with `None`, as in a pipe, each row is one line.
+pub fn fit(table: &mut Table, columns: Option<usize>) {
+    if let Some(columns) = columns {
+        table.set_content_arrangement(ContentArrangement::Dynamic);
+        table.set_width(u16::try_from(columns).unwrap_or(u16::MAX));
     }
 }
 
@@ -270,7 +274,7 @@ impl fmt::Display for Figures<'_> {
         if !report.facts.is_empty() {
             let mut table = Table::new();
             table.load_style(UTF8_FULL_CONDENSED);
-            fit(&mut table);
+            fit(&mut table, terminal_columns());
             for (label, value) in &report.facts {
                 table.add_row([label, value]);
             }
@@ -279,7 +283,7 @@ impl fmt::Display for Figures<'_> {
         }
         if !report.timings.is_empty() {
             let mut table = Table::new();
-            fit(&mut table);
+            fit(&mut table, terminal_columns());
             table
                 .load_style(UTF8_FULL_CONDENSED)
                 .set_header(["time", "p50", "p99", "max", "budget", "margin"]);

@@ -19,6 +19,19 @@ use crate::text::{Fault, joint};
 /// A part of a text, and what takes its place.
 pub(crate) type Edit = (Range<usize>, String);
 
+/// The instruction of the statement `index` as a controller prints it, from its text.
+///
+/// # Errors
+/// When the text would be read as something else.
+pub(crate) fn printed(index: usize, text: &str) -> Result<String, EncodeError> {
+    let line = index.saturating_add(1);
+    let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
+    let mut written = String::new();
+    new.encode(&mut written);
+    new.check(line, false, &written)?;
+    Ok(written)
+}
+
 impl Document {
     /// Sets the name; the file's must be the same.
     ///
@@ -94,11 +107,7 @@ impl Document {
     /// # Errors
     /// When there is no such statement, it is nested or has no number, or the text would be read as something else.
     pub fn set_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
-        let line = index.saturating_add(1);
-        let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
-        let mut written = String::new();
-        new.encode(&mut written);
-        new.check(line, false, &written)?;
+        let written = printed(index, text)?;
         let old = self.body(index)?;
         // A motion's letter is right after the colon, anything else after two blanks; what is there stays.
         let blanks = self.text.get(..old.start).is_some_and(|before| before.ends_with([' ', '\t']));

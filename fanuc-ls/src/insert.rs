@@ -4,9 +4,9 @@ use alloc::format;
 use alloc::string::String;
 
 use crate::document::Document;
+use crate::edit::printed;
 use crate::error::EncodeError;
 use crate::expression::ItemKind;
-use crate::instruction::Instruction;
 use crate::parts::at;
 use crate::position::Position;
 
@@ -26,15 +26,11 @@ impl Document {
     /// # Errors
     /// When the text would be read as something else, or the statement would be within the block of a motion.
     pub fn insert_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
-        let line = index.saturating_add(1);
-        let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
-        let mut written = String::new();
-        new.encode(&mut written);
-        new.check(line, false, &written)?;
+        let written = printed(index, text)?;
         let (before, rest) =
             self.parts.statements.split_at_checked(index).unwrap_or((&self.parts.statements, &[]));
         let place = match rest.first() {
-            Some((_, true)) => return Err(EncodeError::Instruction { line }),
+            Some((_, true)) => return Err(EncodeError::Instruction { line: index.saturating_add(1) }),
             Some((range, false)) => range.start,
             None => self.parts.main.end,
         };

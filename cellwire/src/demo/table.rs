@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::report::{Done, Report, were};
+use crate::report::{Done, Report, was, were};
 use cellwire_io::output::{counted, wrapped};
 use cellwire_sim::ledger::Counts;
 
@@ -67,7 +67,7 @@ impl Layout {
         legend.lines().map(|line| self.wrapped(line, 0)).collect()
     }
 
-    /// What to try next.
+    /// Commands to try next.
     pub fn next(self) -> String {
         let mut text = String::from("Next:\n");
         let column = NEXT.iter().map(|(command, _)| command.len()).max().unwrap_or_default();
@@ -242,10 +242,6 @@ fn deadlines(all: &[Judged]) -> String {
             format!("{missed} of {} {verb} missed: {}.{more}", counted(count, "deadline"), late.join(", "))
         }
     }
-}
-
-fn was<N: PartialEq + From<u8>>(number: N) -> &'static str {
-    if number == N::from(1) { "was" } else { "were" }
 }
 
 /// The last sentence, if a check failed.

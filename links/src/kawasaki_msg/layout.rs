@@ -163,6 +163,15 @@ impl Layout {
         &self.0
     }
 
+    /// Whether a job is a line of a drawing, which kawasaki-msg has as a type.
+    pub fn is_line(&self) -> bool {
+        let line = Self::default();
+        let is_alike = |(field, of_line): (&Field, &Field)| {
+            field.name == of_line.name && matches!(field.holds, Holds::Number { places: 0, .. })
+        };
+        self.0.len() == line.0.len() && self.0.iter().zip(&*line.0).all(is_alike)
+    }
+
     /// The place of a field.
     pub fn place(&self, name: &str) -> Option<usize> {
         self.0.iter().position(|field| field.name == name)

@@ -16,7 +16,7 @@ pub(super) fn rust(given: &Map<String, Value>) -> Result<String> {
     let (dialect, layout) = (plant.dialect()?, plant.layout()?);
     let is_default = dialect.entries().len() == Dialect::DEFAULT.entries().len()
         && dialect.entries().iter().all(|entry| Dialect::DEFAULT.entries().contains(entry));
-    let work = (!is_line(&layout)).then(|| work(&layout)).transpose()?;
+    let work = (!layout.is_line()).then(|| work(&layout)).transpose()?;
     let mut used = vec!["Charset"];
     if !is_default {
         used.extend(["ConfigError", "Dialect", "Entry", "Field", "Role"]);
@@ -32,15 +32,6 @@ pub(super) fn rust(given: &Map<String, Value>) -> Result<String> {
     let table = if is_default { charset(plant.charset) } else { table(&dialect, plant.charset)? };
     let work = work.map(|work| format!("\n\n{work}")).unwrap_or_default();
     Ok(format!("use kawasaki_msg::{used};\n\n{table}{work}"))
-}
-
-/// Whether a job is a line of a drawing, which the crate has.
-fn is_line(layout: &Layout) -> bool {
-    let line = Layout::default();
-    let alike = |(a, b): (&super::layout::Field, &super::layout::Field)| {
-        a.name == b.name && matches!(a.holds, Holds::Number { places: 0, .. })
-    };
-    layout.fields().len() == line.fields().len() && layout.fields().iter().zip(line.fields()).all(alike)
 }
 
 fn charset(charset: Charset) -> String {

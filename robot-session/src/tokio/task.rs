@@ -422,10 +422,23 @@ async fn until(at: Option<Duration>) {
 
 /// Waits for the end of the task, or for a connection that replaces this one.
 async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Connector) -> Over {
-    let (mut stopped, mut replaced) = (pin!(stopped(stop.clone())), pin!(connector.replaced()));
-    poll_fn(|context| match stopped.as_mut().poll(context) {
-        Poll::Ready(()) => Poll::Ready(Over::Stopped),
-        Poll::Pending => replaced.as_mut().poll(context).map(|()| Over::Replaced),
+    let stopped = async {
+        stopped(stop.clone()).await;
+        Over::Stopped
+    };
+    let replaced = async {
+        connector.replaced().await;
+        Over::Replaced
+    };
+    first(stopped, replaced).await
+}
+
+/// The value of the future that is ready first; of the first one if both are.
+async fn first<T>(one: impl Future<Output = T>, other: impl Future<Output = T>) -> T {
+    let (mut one, mut other) = (pin!(one), pin!(other));
+    poll_fn(|context| match one.as_mut().poll(context) {
+        Poll::Ready(value) => Poll::Ready(value),
+        Poll::Pending => other.as_mut().poll(context),
     })
     .await
 }
@@ -434,12 +447,11 @@ async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Con
 async fn stopped(mut stop: watch::Receiver<Option<Duration>>) {
     loop {
         let at = *stop.borrow_and_update();
-        let (mut changed, mut over) = (pin!(stop.changed()), pin!(until(at)));
-        let is_over = poll_fn(|context| match changed.as_mut().poll(context) {
-            Poll::Ready(changed) => Poll::Ready(changed.is_err()),
-            Poll::Pending => over.as_mut().poll(context).map(|()| true),
-        });
-        if is_over.await {
+        let over = async {
+            until(at).await;
+            true
+        };
+        if first(async { stop.changed().await.is_err() }, over).await {
             return;
         }
     }

@@ -21,7 +21,7 @@ const PRINTED: usize = 5;
 #[allow(missing_debug_implementations, reason = "a codec has none")]
 pub(super) struct Compare {
     expected: Vec<Value>,
-    /// Which of them have no content: they are not compared.
+    /// For each of them, whether it has no content: then it is not compared.
     fillers: Vec<bool>,
     /// How many messages without content have come.
     filled: usize,
@@ -121,10 +121,12 @@ impl Compare {
 
     /// These messages have not come so far.
     pub(super) fn missed(&mut self, count: usize) {
-        let missed = self.passed..self.passed + count;
-        self.outstanding
-            .extend(missed.clone().filter(|index| !self.fillers.get(*index).is_some_and(|it| *it)));
-        self.passed = missed.end;
+        for index in self.passed..self.passed + count {
+            if !self.is_filler(index) {
+                self.outstanding.push(index);
+            }
+        }
+        self.passed += count;
     }
 
     /// The expected message before the one at this place that has content.

@@ -6,8 +6,10 @@ use anyhow::Result;
 use cellwire_identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
 use cellwire_identify::{Decided, Finding, Open, draft};
 use cellwire_links::LINKS;
+use cellwire_links::kawasaki_msg::layout::Layout;
+use comfy_table::Table;
 use comfy_table::presets::NOTHING;
-use comfy_table::{ContentArrangement, Table};
+use kawasaki_msg::Charset;
 use serde_json::{Map, Value, json};
 
 use super::super::encode::hex;
@@ -15,6 +17,7 @@ use super::input::Conversation;
 #[cfg(unix)]
 use super::live::Line;
 use super::settings::{or, plain, remarks, would_decide};
+use crate::report::fit;
 use cellwire_io::output::{counted, log, printable, stdout, terminal_columns, wrapped};
 
 /// Tables: the links, and the options of the best.
@@ -221,8 +224,10 @@ fn own_plant(finding: &Finding, conversation: &Conversation) -> Result<Option<Ma
     let Ok(drafted) = draft(finding, &conversation.streams) else { return Ok(None) };
     let drafted: Map<String, Value> = toml::from_str(&drafted)?;
     let has_own_names = !(finding.link.open.notes)(&finding.read).is_empty();
-    let draws =
-        drafted.get("job").is_none_or(|job| job.pointer("/0/name").is_some_and(|name| name == "kind"));
+    let draws = match drafted.get("job").and_then(Value::as_array) {
+        Some(job) => Layout::read(job, Charset::Ascii).is_ok_and(|layout| layout.is_line()),
+        None => true,
+    };
     Ok((has_own_names || !draws).then_some(drafted))
 }
 
@@ -278,10 +283,7 @@ fn table<const N: usize>(header: [&str; N]) -> Table {
 
 /// The text of a table: at a terminal in its columns, elsewhere each row in one line. No row ends with blanks.
 fn shown(mut table: Table, columns: Option<usize>) -> String {
-    if let Some(columns) = columns {
-        table.set_content_arrangement(ContentArrangement::Dynamic);
-        table.set_width(u16::try_from(columns).unwrap_or(u16::MAX));
-    }
+    fit(&mut table, columns);
     let text = table.to_string();
     text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
 }

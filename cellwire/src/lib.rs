@@ -12,9 +12,10 @@ pub mod report;
 pub mod run;
 pub mod telemetry;
 
+use std::env;
 use std::process::ExitCode;
 
-use clap::error::{ContextKind, ContextValue};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::command::{
@@ -166,7 +167,8 @@ pub fn main() -> ExitCode {
 
 fn parse() -> Cli {
     let matches = command_line().try_get_matches().map_err(|mut error| {
-        suggest(&mut error);
+        let words: Vec<String> = env::args().skip(1).collect();
+        suggest(&mut error, &words);
         error
     });
     match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
@@ -175,16 +177,47 @@ fn parse() -> Cli {
     }
 }
 
-/// Names that people try, which are not similar to that of the command that does it.
-fn suggest(error: &mut clap::Error) {
-    let Some(ContextValue::String(name)) = error.get(ContextKind::InvalidSubcommand) else { return };
-    let command = match name.as_str() {
-        "laser" | "mma" | "kawasaki" => format!("run {name}"),
-        "read" | "write" => "send".to_owned(),
-        "draw" => "run".to_owned(),
-        _ => return,
+/// Adds to an error what these words of the command line meant: clap suggests names that are spelled alike.
+fn suggest(error: &mut clap::Error, words: &[String]) {
+    let (is_help, words) = match words.split_first() {
+        Some((first, others)) if first == "help" => (true, others),
+        _ => (false, words),
     };
-    error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![command]));
+    let mut line = command_line();
+    line.build();
+    let (mut command, mut path) = (&line, String::new());
+    for word in words {
+        let Some(inner) = command.find_subcommand(word) else { break };
+        (command, path) = (inner, format!("{path} {word}"));
+    }
+    let tip = |tip: String| ContextValue::StyledStrs(vec![tip.into()]);
+    match (error.get(ContextKind::InvalidSubcommand), error.get(ContextKind::InvalidArg)) {
+        (Some(ContextValue::String(name)), _) if is_help && command.get_positionals().next().is_some() => {
+            let settings = format!("`cellwire settings{path} {name}` prints its settings");
+            let about = tip(format!("`cellwire help{path}` explains {name}; {settings}"));
+            error.insert(ContextKind::Suggested, about);
+        }
+        (Some(ContextValue::String(name)), _) => {
+            let command = match name.as_str() {
+                "laser" | "mma" | "kawasaki" => format!("run {name}"),
+                "read" | "write" => "send".to_owned(),
+                "draw" => "run".to_owned(),
+                _ => return,
+            };
+            error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![command]));
+        }
+        (_, Some(ContextValue::String(name))) if error.kind() == ErrorKind::UnknownArgument => {
+            let has = |long: &str| command.get_arguments().any(|it| it.get_long() == Some(long));
+            let name = name.clone();
+            error.remove(ContextKind::Suggested); // "to pass '--name' as a value, use '-- --name'"
+            if matches!(name.as_str(), "--connect" | "--tcp" | "--port") && has("serial") && !has("connect") {
+                error.remove(ContextKind::SuggestedArg);
+                error.insert(ContextKind::Suggested, tip("--serial takes HOST:PORT too".to_owned()));
+            }
+            error.insert(ContextKind::Usage, ContextValue::StyledStr(command.clone().render_usage()));
+        }
+        _ => {}
+    }
 }
 
 /// The command line.

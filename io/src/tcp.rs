@@ -104,7 +104,7 @@ pub struct ConnectArgs {
     #[command(flatten)]
     timeout: TimeoutArgs,
     /// Wait between a new connection and the first byte, for devices that lose what comes sooner
-    #[arg(long, value_name = "TIME", default_value = "0s", value_parser = time(Duration::ZERO..=MAX_PAUSE))]
+    #[arg(long, value_name = "TIME", default_value = "0s", hide_short_help = true, value_parser = time(Duration::ZERO..=MAX_PAUSE))]
     connect_pause: Duration,
 }
 

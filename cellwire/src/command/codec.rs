@@ -22,7 +22,7 @@ pub(super) struct CodecArgs {
 /// The link whose bytes they are.
 #[derive(Debug, clap::Args)]
 pub(super) struct LinkArgs {
-    /// The link's crate name
+    /// The link, or its crate's name
     #[arg(value_parser = link_parser())]
     pub(super) link: &'static Link,
     #[command(flatten)]

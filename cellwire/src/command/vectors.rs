@@ -12,7 +12,7 @@ use cellwire_links::vectors::vectors_in;
 use clap::Subcommand;
 use include_dir::{Dir, include_dir};
 
-use cellwire_io::output::{printable, stdout};
+use cellwire_io::output::{counted, printable, stdout};
 
 /// The reference vectors.
 #[derive(Debug, clap::Args)]
@@ -105,6 +105,6 @@ fn report<'a>(name: &str, checked: impl Iterator<Item = (u32, &'a str, Result<()
             writeln!(out, "{line}")?;
         }
     }
-    writeln!(out, "{name}: {all} vectors, {disagree} disagree")?;
+    writeln!(out, "{name}: {}, {disagree} disagree", counted(all, "vector"))?;
     Ok(disagree == 0)
 }

@@ -136,6 +136,11 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
         ("modbus read 127.0.0.1:1", "a similar subcommand exists: 'send'"),
         ("laser run x.nc", "a similar subcommand exists: 'run laser'"),
         ("ls chek A.LS", "a similar subcommand exists: 'check'"),
+        ("help simulate fanuc", "`cellwire help simulate` explains fanuc"),
+        (
+            "run laser --connect h:1 x.nc",
+            "tip: --serial takes HOST:PORT too\n\nUsage: cellwire run laser [OPTIONS] <FILE> --serial <PORT>",
+        ),
         ("fanuc log", "<"),
         ("fanuc evaluate", "<"),
         ("ls check", "<"),

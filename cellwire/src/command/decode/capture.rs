@@ -17,7 +17,7 @@ use crate::io::capture::connections::{self, Directions};
 use crate::io::capture::reassembly::Piece;
 use crate::io::capture::write::SERIAL;
 use crate::io::capture::{Fault, Flow, Line, Reading};
-use cellwire_io::output::remark;
+use cellwire_io::output::{counted, remark};
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 
@@ -186,7 +186,8 @@ impl Directions for Decoding<'_> {
         }
         stream.finish(|item| write(&label, &mut polls, self.out, item))?;
         if let Some(bytes @ 1..) = polls {
-            remark(&format!("skipped {bytes} bytes of the end that sends no messages"));
+            let bytes = counted(bytes, "byte");
+            remark(&format!("skipped {bytes} of the end that sends no messages"));
         }
         Ok(())
     }

@@ -157,7 +157,10 @@ impl Args {
         if after.len() > before.len() {
             let is_new = |error: &&Finding| !before.iter().any(|old| old.problem == error.problem);
             let new = after.iter().find(is_new).or(after.first());
-            bail!("this would be an error: {}", new.map_or_else(String::new, ToString::to_string));
+            let Some(Finding { problem, line, .. }) = new else { bail!("this would be an error") };
+            let text = document.to_string();
+            let line = text.lines().nth(line - 1).unwrap_or_default();
+            bail!("this would be an error: {problem}, in `{}`", line.trim());
         }
         Ok(())
     }

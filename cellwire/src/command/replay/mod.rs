@@ -86,7 +86,7 @@ Examples:
       a captured laser controller, for a program that opens /tmp/laser
   cellwire replay kawasaki day.pcapng --as robot --connect 127.0.0.1:9105
       a robot that connects to a PC
-  cellwire replay fanuc day.pcapng --as client --connect 192.168.0.10:502 --pace times
+  cellwire replay fanuc day.pcapng --as client --connect 192.168.0.10:502
       the requests of a client, to a server
 
 Exit status: 0 the other end did what it did then   1 it departed from it";

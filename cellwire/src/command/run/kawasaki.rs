@@ -44,7 +44,7 @@ use cellwire_links::settings;
 /// an order, and wait 30 s at most; a second signal ends the command at once: the robot executes what it has queued, and the next run
 /// takes that over. The end of standard input is not a stop.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER)]
+#[command(after_help = AFTER, override_usage = USAGE)]
 pub(super) struct Args {
     /// The picture (.svg) or the table of jobs (.csv)
     file: PathBuf,
@@ -65,6 +65,11 @@ pub(super) struct Args {
     #[command(flatten)]
     work: WorkArgs,
 }
+
+const USAGE: &str = "\
+cellwire run kawasaki [OPTIONS] <FILE> --listen <ADDR>
+       cellwire run kawasaki [OPTIONS] <FILE> --connect <ADDR>
+       cellwire run kawasaki [OPTIONS] <FILE> --dry-run";
 
 const AFTER: &str = "\
 Type while it runs:

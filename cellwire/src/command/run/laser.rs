@@ -36,7 +36,7 @@ use cellwire_links::settings;
 ///
 /// "Done" means queued: after a stop the controller executes its queue, and one that loses its power has not executed all of it.
 #[derive(Debug, clap::Args)]
-#[command(after_help = AFTER)]
+#[command(after_help = AFTER, override_usage = USAGE)]
 pub(super) struct Args {
     /// G-code, .svg with lines and curves, or .csv with a word and its floats per line
     file: PathBuf,
@@ -49,6 +49,10 @@ pub(super) struct Args {
     #[command(flatten)]
     work: WorkArgs,
 }
+
+const USAGE: &str = "\
+cellwire run laser [OPTIONS] <FILE> --serial <PORT>
+       cellwire run laser [OPTIONS] <FILE> --dry-run";
 
 const AFTER: &str = "\
 Type while it runs:

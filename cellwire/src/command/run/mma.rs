@@ -45,7 +45,7 @@ const MAY_MOVE: &str = "a device may still finish its last motion";
 /// `slot [mm,mm,mm,rad]` (camera 2) or `none`, a valve with `ok`, and either with `error TEXT`
 /// on failure. It writes `switch high` and `switch low` whenever the vacuum switch changes.
 #[derive(Debug, clap::Args)]
-#[command(verbatim_doc_comment, after_help = AFTER)]
+#[command(verbatim_doc_comment, after_help = AFTER, override_usage = USAGE)]
 pub(super) struct Args {
     /// The task: a TOML file with the parts and the settings of this command
     #[arg(value_name = "TASK.toml")]
@@ -62,6 +62,10 @@ pub(super) struct Args {
     #[command(flatten)]
     work: WorkArgs,
 }
+
+const USAGE: &str = "\
+cellwire run mma [OPTIONS] <TASK.toml> --robot <ADDR> --platform <ADDR>
+       cellwire run mma [OPTIONS] <TASK.toml> --dry-run";
 
 const AFTER: &str = "\
 Type while it runs:

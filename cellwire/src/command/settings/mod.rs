@@ -23,8 +23,10 @@ pub use self::list::{Args, run};
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SetArgs {
-    /// A setting, such as baud=19200. Overrides --settings; an option for the same setting overrides both. `cellwire settings COMMAND
-    /// NAME` prints all of a command, with their values and defaults
+    /// A setting, such as baud=19200; `cellwire settings` prints all
+    ///
+    /// It overrides --settings; an option for the same setting overrides both. `cellwire settings COMMAND NAME` prints all settings of a
+    /// command, with their values and defaults.
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
     /// A TOML file of settings, as `cellwire settings COMMAND NAME` prints one

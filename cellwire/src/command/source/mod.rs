@@ -22,10 +22,10 @@ pub(super) struct SourceArgs {
     #[arg(long, value_name = "N")]
     port: Option<u16>,
     /// In a USB capture, the kind of a device whose descriptor was not captured
-    #[arg(long, value_enum, value_name = "KIND")]
+    #[arg(long, value_enum, value_name = "KIND", hide_short_help = true)]
     adapter: Option<Adapter>,
     /// In strace output, read only this file descriptor [default: all but standard input and output and regular files]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     fd: Option<u32>,
     /// The input; - is standard input [default: -]
     file: Option<PathBuf>,

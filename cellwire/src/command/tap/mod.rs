@@ -59,14 +59,14 @@ Examples:
   cellwire tap kawasaki --listen 0.0.0.0:9105 --connect 192.168.0.10:9105
       the robot connects to this machine instead of its PC
   cellwire tap laser --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 115200
-      a PC at one adapter, the laser's controller at the other, and this machine between them
-  cellwire tap alter --a /dev/ttyUSB0 --b /dev/ttyUSB1 --baud 19200 --listen-only
+      this machine between the PC, at one adapter, and the controller
+  cellwire tap alter --a COM3 --b COM4 --baud 19200 --listen-only
       two receive lines of a Y cable
-  cellwire decode kawasaki --format pcap tap.pcapng
+  cellwire decode kawasaki tap.pcapng
       the same messages again, from the capture
 
-The ends see only a delay of some microseconds. RTS, DTR and breaks of a serial line are not forwarded: a line
-that needs them is listened to with a Y cable (--listen-only).";
+The ends see only a delay of some microseconds. RTS, DTR and breaks of a serial
+line are not forwarded: use a Y cable (--listen-only) where they are needed.";
 
 /// On a line that carries both directions nothing more comes of what was sent before such a silence.
 const SILENCE: Duration = Duration::from_millis(100);

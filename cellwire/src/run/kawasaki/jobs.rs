@@ -14,6 +14,7 @@ use crate::io::journal::Outcome;
 use crate::io::sheet;
 use crate::run::Bounds;
 use cellwire_io::input;
+use cellwire_io::output::counted;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
 
@@ -228,6 +229,6 @@ fn refuse(bad: Vec<String>) -> Result<()> {
     let named = bad.iter().take(MOST_NAMED).cloned().collect::<Vec<_>>().join("\n  ");
     match more.saturating_sub(MOST_NAMED - 1) {
         0 => bail!("nothing is sent:\n  {named}"),
-        more => bail!("nothing is sent:\n  {named}\n  and {more} lines more"),
+        more => bail!("nothing is sent:\n  {named}\n  and {} more", counted(more, "line")),
     }
 }

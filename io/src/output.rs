@@ -205,6 +205,11 @@ pub fn terminal_columns() -> Option<usize> {
     out.is_terminal().then(|| columns(terminal_size::terminal_size_of(&out)))
 }
 
+/// A message as people read it, on one line.
+pub fn message(message: &Value) -> String {
+    printable(&plain::message(message))
+}
+
 fn put(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
     if is_for_people() {

@@ -57,18 +57,7 @@ fn said(mut fields: Map<String, Value>, width: usize) -> String {
         take("connection").filter(|it| *it != 1).map_or_else(String::new, |it| format!(" #{it}"));
     let from = take("from").map_or_else(String::new, |from| value(&from));
     let (name, rest) = match (take("message"), take("error"), take("shadow"), take("event")) {
-        (Some(Value::Object(mut message)), ..) => {
-            message.retain(|_, it| it.as_array().is_none_or(|it| !it.is_empty()));
-            let name = match message.iter().next() {
-                Some((first, Value::String(name))) => Some((first.clone(), name.clone())),
-                _ => None,
-            };
-            if let Some((first, _)) = &name {
-                message.shift_remove(first);
-            }
-            (name.map(|(_, name)| name), pairs(&message))
-        }
-        (Some(message), ..) => (None, vec![value(&message)]),
+        (Some(message), ..) => named(message),
         (_, Some(error), ..) => {
             let length = length.filter(|it| *it != 0).map(|it| format!("{it} bytes"));
             (
@@ -96,6 +85,31 @@ fn said(mut fields: Map<String, Value>, width: usize) -> String {
         None => pieces.push(head),
     }
     wrapped(&pieces, width)
+}
+
+/// A message: its name, which is its first field if that is a text, and its other fields.
+fn named(message: Value) -> (Option<String>, Vec<String>) {
+    let Value::Object(mut message) = message else { return (None, vec![value(&message)]) };
+    message.retain(|_, it| it.as_array().is_none_or(|it| !it.is_empty()));
+    let name = match message.iter().next() {
+        Some((first, Value::String(name))) => Some((first.clone(), name.clone())),
+        _ => None,
+    };
+    if let Some((first, _)) = &name {
+        message.shift_remove(first);
+    }
+    (name.map(|(_, name)| name), pairs(&message))
+}
+
+/// A message on one line: `Status: 7; 0`.
+pub(super) fn message(message: &Value) -> String {
+    let (name, fields) = named(message.clone());
+    let fields = fields.join("; ");
+    match name {
+        Some(name) if fields.is_empty() => name,
+        Some(name) => format!("{name}: {fields}"),
+        None => fields,
+    }
 }
 
 /// Each field as `name: value`.

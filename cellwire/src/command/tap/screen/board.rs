@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use super::super::decoding::{Entry, Told, UNKNOWN, hex};
 use crate::io::samples::Samples;
 use crate::io::tap::Place;
-use cellwire_io::output::counted;
+use cellwire_io::output::{self, counted};
 use cellwire_links::shadow::{Complaint, Kind};
 
 /// How many of the last lines are kept.
@@ -105,7 +105,7 @@ impl Board {
             }
             Told::Message { length, content, .. } => {
                 self.count_message(*at, *connection, end, *length);
-                (content.to_string(), false)
+                (output::message(content), false)
             }
             Told::Corrupt { error, clause, bytes, .. } => {
                 let kind = error.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?");

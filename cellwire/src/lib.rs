@@ -213,6 +213,11 @@ fn suggest(error: &mut clap::Error, words: &[String]) {
             if matches!(name.as_str(), "--connect" | "--tcp" | "--port") && has("serial") && !has("connect") {
                 error.remove(ContextKind::SuggestedArg);
                 error.insert(ContextKind::Suggested, tip("--serial takes HOST:PORT too".to_owned()));
+            } else if let Some(setting) = settings::named(&name)
+                && has("set")
+            {
+                error.remove(ContextKind::SuggestedArg);
+                error.insert(ContextKind::Suggested, tip(format!("it is a setting: --set {setting}=VALUE")));
             }
             error.insert(ContextKind::Usage, ContextValue::StyledStr(command.clone().render_usage()));
         }

@@ -141,6 +141,8 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
             "run laser --connect h:1 x.nc",
             "tip: --serial takes HOST:PORT too\n\nUsage: cellwire run laser [OPTIONS] <FILE> --serial <PORT>",
         ),
+        ("modbus send h:1 --timeout 5s", "tip: it is a setting: --set timeout=VALUE"),
+        ("run laser --answer-timeout 1s", "tip: it is a setting: --set answer_timeout=VALUE"),
         ("fanuc log", "<"),
         ("fanuc evaluate", "<"),
         ("ls check", "<"),

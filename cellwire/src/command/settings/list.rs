@@ -110,6 +110,13 @@ pub(super) fn settings_of_command_line() -> Option<(String, Vec<Setting>)> {
     named.or_else(|| of_command(command, None).ok())
 }
 
+/// The setting of the command line's command that has the name of this option.
+pub fn named(option: &str) -> Option<String> {
+    let name = option.trim_start_matches('-').replace('-', "_");
+    let (_, settings) = settings_of_command_line()?;
+    settings.into_iter().map(|setting| setting.name).find(|setting| *setting == name)
+}
+
 /// The lines of a file of settings, each behind a `#`; the settings in tables come last.
 fn file(settings: &[Setting]) -> String {
     let (within, own): (Vec<_>, Vec<_>) = settings.iter().partition(|it| it.name.contains('.'));

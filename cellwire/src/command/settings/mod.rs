@@ -18,7 +18,7 @@ use cellwire_links::fanuc_hmi_modbus::{ClientSettings, ViewSettings, client_sett
 use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
 
 pub(super) use self::list::toml_value;
-pub use self::list::{Args, run};
+pub use self::list::{Args, named, run};
 
 /// Settings other than the defaults.
 #[derive(Debug, Clone, clap::Args)]

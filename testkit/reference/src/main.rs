@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run -p reference -- write [LINK]     writes every file of `reference/` that is made from `testkit/reference/inputs`,
-//!                                            and the tables of configurations on the crates' pages
+//!                                            and docs/settings.md and docs/costs.md
 //! cargo run -p reference -- check [LINK]     fails where a file differs, or a story or vector does not hold
 //! ```
 

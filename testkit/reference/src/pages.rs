@@ -1,5 +1,5 @@
-//! The tables of a crate's page that are made: every field of its configurations from the code, and its costs from the last results
-//! of `.ci/size` and of the bench `budgets`; and the figures of the first page, from the same counts.
+//! The pages whose tables are made: every field of each link's configurations from the code, and the costs of each crate from the last results
+//! of `.ci/size` and of the bench `budgets`.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -10,17 +10,11 @@ use cellwire_links::LINKS;
 use serde::Deserialize;
 use serde_json::Value;
 
-const CONFIGURATIONS: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
-const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -->\n";
+const BEGIN: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
 const END: &str = "<!-- End -->\n";
 
-/// The crates with costs that are no links: the name, and the folder.
-const OTHERS: [(&str, &str); 4] = [
-    ("fanuc-ls", "fanuc-ls"),
-    ("mmacell-task", "mmacell-task"),
-    ("robot-session", "robot-session"),
-    ("robot-work-queue", "work-queue"),
-];
+/// The crates with costs that are not links.
+const OTHERS: [&str; 4] = ["fanuc-ls", "mmacell-task", "robot-session", "robot-work-queue"];
 
 /// A row of `benches/results.json`: the instructions of one piece of work.
 #[derive(Deserialize)]
@@ -38,33 +32,39 @@ impl Count {
     }
 }
 
-/// The page of each crate.
+/// The page of the settings, and that of the costs.
 pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)>> {
     let defaults: Value = serde_json::from_str(defaults)?;
     let fields = defaults.get("fields").and_then(Value::as_array).context("no fields")?;
     let sizes = std::fs::read_to_string(root.join("testkit/reference/inputs/sizes.txt"))?;
     let counts = std::fs::read_to_string(root.join("benches/results.json"))?;
     let counts: Vec<Count> = serde_json::from_str(&counts).context("benches/results.json")?;
-    let page = |(name, folder): (&str, &str)| {
-        let path = root.join(folder).join("README.md");
-        let mut page = std::fs::read_to_string(&path)?;
+    let settings = |name: &str| {
         let rows: Vec<&Value> = fields.iter().filter(|row| text(row, "link") == name).collect();
-        if !rows.is_empty() {
-            page = put(&page, CONFIGURATIONS, &table(&rows)).with_context(|| path.display().to_string())?;
-        }
-        page =
-            put(&page, COSTS, &costs(name, &sizes, &counts)).with_context(|| path.display().to_string())?;
-        Ok((path, page))
+        table(&rows)
     };
-    let pages = LINKS.iter().map(|link| (link.name, link.name)).chain(OTHERS).map(page);
-    pages.collect()
+    let links = || LINKS.iter().map(|link| link.name);
+    let page = |name: &str, sections: String| {
+        let path = root.join("docs").join(name);
+        let page = std::fs::read_to_string(&path)?;
+        let page = put(&page, &sections).with_context(|| path.display().to_string())?;
+        anyhow::Ok((path, page))
+    };
+    let section = |name: &str, table: String| format!("\n## {name}\n\n{table}");
+    Ok(vec![
+        page("settings.md", links().chain(["fanuc-ls"]).map(|name| section(name, settings(name))).collect())?,
+        page(
+            "costs.md",
+            links().chain(OTHERS).map(|name| section(name, costs(name, &sizes, &counts))).collect(),
+        )?,
+    ])
 }
 
-/// A page with another table after this mark.
-fn put(page: &str, begin: &str, table: &str) -> Result<String> {
-    let (before, rest) = page.split_once(begin).with_context(|| format!("no {begin}"))?;
+/// A page with these sections between its marks.
+fn put(page: &str, sections: &str) -> Result<String> {
+    let (before, rest) = page.split_once(BEGIN).with_context(|| format!("no {BEGIN}"))?;
     let (_, after) = rest.split_once(END).with_context(|| format!("no {END}"))?;
-    Ok(format!("{before}{begin}\n{table}\n{END}{after}"))
+    Ok(format!("{before}{BEGIN}{sections}\n{END}{after}"))
 }
 
 /// The bytes of each end, and the instructions of what an end does in normal operation.

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import threading
 import time
+import uuid
 from pathlib import Path
 
 import paho.mqtt.client as mqtt
@@ -22,9 +23,11 @@ parser = argparse.ArgumentParser()
 parser.add_argument("cellwire")
 parser.add_argument("place", type=Path)
 parser.add_argument("--times", type=int, default=1, help="each fault so often, of either bridge")
+parser.add_argument("--minutes", type=int, help="a fault a minute, one kind after the other, for so long, while the bridges' clocks jump")
 parser.add_argument("--longest", type=float, default=30, help="every cell is one bridge's again after so many seconds at the most")
 parser.add_argument("faults", nargs="*", help="some of: kill, end, cut, stop, both, broker")
 args = parser.parse_intermixed_args()
+FAKETIME = "/usr/$LIB/faketime/libfaketime.so.1"  # the loader knows what $LIB is
 NODES, BROKER, GROUP = ("bridge-1", "bridge-2"), "10.77.0.1", "site"
 run = lambda *command, **options: subprocess.run(command, check=True, **options)
 
@@ -61,6 +64,8 @@ devices = {cell.name: cell for cell in ground.cells}
 class Bridge:
     def __init__(self, node):
         self.node, self.site = node, ground.folder / f"{node}.toml"
+        self.offset = ground.folder / f"{node}.clock"
+        self.set_clock(0)
         tables = "\n".join(cell.table().replace("\nlink", "\nshared = true\nlink") for cell in ground.cells)
         self.site.write_text(f"""\
 [broker]
@@ -78,8 +83,18 @@ bridges = {json.dumps(NODES)}
 """)
         self.start()
 
+    def set_clock(self, seconds):
+        """Its clock differs from this machine's by so much from now on; its monotonic clock runs on."""
+        part = self.offset.with_suffix(".part")
+        part.write_text(f"{seconds:+}")
+        part.rename(self.offset)
+
     def start(self):
         command = [str(Path(args.cellwire).with_name("cellwire-bridge")), "--config", str(self.site)]
+        if args.minutes:
+            faked = {"LD_PRELOAD": FAKETIME, "FAKETIME_TIMESTAMP_FILE": self.offset, "FAKETIME_NO_CACHE": 1, "DONT_FAKE_MONOTONIC": 1,
+                     "NO_FAKE_STAT": 1, "FAKETIME_DISABLE_SHM": 1}
+            command = ["env", *(f"{name}={value}" for name, value in faked.items()), *command]
         self.process = ground.spawn(["ip", "netns", "exec", f"cw-{self.node}", *command], f"{self.node}.log", stderr=subprocess.STDOUT)
 
     def kill(self):
@@ -180,14 +195,16 @@ class Commander(threading.Thread):
             number += 1
             cell = list(devices.values())[number % len(devices)]
             # A value says which command it was: the device reports it. A device that was let go has its servo off.
-            id, order = f"{cell.name}/{number}", ORDERS[cell.NAME](number)
+            moved, order = f"{cell.name}/{number}", ORDERS[cell.NAME](number)
             if cell.NAME == "mmacell-proto" and number // len(devices) % 3 == 0:
-                id, order = f"{id}/servo", {"command": "SRV", "on": True}
+                moved, order = None, {"command": "SRV", "on": True}
+            # Half of the ids have their time in them.
+            id = f"{cell.name}/{number}" if number // len(devices) % 2 else uuid7()
             order = {"id": id, **order}
             # Most go to the bridge that has the cell, and some to both at once.
             nodes = sorted(NODES, key=lambda node: node not in host.places()[cell.name])
             host.command(nodes[0], cell.name, order)
-            self.sent[id] = (cell.name, order)
+            self.sent[id] = (cell.name, order, moved)
             if number % 4 == 0:
                 host.command(nodes[1], cell.name, order)
             late.append((time.time() + random.uniform(1, 25), cell.name, order))
@@ -199,9 +216,14 @@ class Commander(threading.Thread):
     def repeat(self):
         """Up to 200 earlier ones go to both again, each in another message with the time of now, as libraries do when they retry."""
         sent = list(self.sent.values())
-        for cell, order in random.sample(sent, min(200, len(sent))):
+        for cell, order, _ in random.sample(sent, min(200, len(sent))):
             for node in NODES:
                 host.command(node, cell, order)
+
+
+def uuid7():
+    """A UUID of version 7, with the time of now."""
+    return str(uuid.UUID(int=int(time.time() * 1000) << 80 | 7 << 76 | 2 << 62 | random.getrandbits(62)))
 
 
 ORDERS = {
@@ -238,6 +260,19 @@ class Watch(threading.Thread):
                 self.both.append(common)
             self.looks += 1
             time.sleep(0.1)
+
+
+class Clocks(threading.Thread):
+    """Every some seconds the clock of a bridge jumps: to the right time, 25 s ahead or 25 s behind."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.jumps, self.stopped = 0, threading.Event()
+
+    def run(self):
+        while not self.stopped.wait(random.uniform(2, 20)):
+            random.choice(bridges).set_clock(random.choice((-25, 0, 25)))
+            self.jumps += 1
 
 
 def settled(wanted):
@@ -310,11 +345,22 @@ def broker(at):
     back(f"the broker is away for {(1, 12)[at]} s", lambda: host.connections > before and settled(shares)())
 
 
+def schedule():
+    kinds, began = args.faults or list(FAULTS), time.time()
+    if args.minutes is None:
+        yield from ((name, at % 2) for name in kinds for at in range(2 * args.times))
+        return
+    for minute in range(args.minutes):
+        print(f"{minute} min: {len(commander.sent)} commands, {host.records} records, {host.lost} lost, {clocks.jumps} jumps", flush=True)
+        yield kinds[minute % len(kinds)], minute // len(kinds) % 2
+        time.sleep(max(0.0, began + (minute + 1) * 60 - time.time()))
+
+
 FAULTS = {"kill": kill, "end": end, "cut": cut, "stop": stop, "both": both, "broker": broker}
 host = Host()
 bridges = [Bridge(node) for node in NODES]
 took = collections.defaultdict(list)
-watch, commander = Watch(), Commander()
+watch, commander, clocks = Watch(), Commander(), Clocks()
 back("both are started", whole)
 time.sleep(3)
 shares = host.places()
@@ -323,10 +369,12 @@ if not whole() or len({node for [node] in shares.values()}) != 2:
 print("  " + ", ".join(f"{cell}: {node}" for cell, [node] in shares.items()), flush=True)
 watch.start()
 commander.start()
-for name in args.faults or FAULTS:
-    for at in range(2 * args.times):
-        FAULTS[name](at % 2)
-        time.sleep(random.uniform(1, 3))
+if args.minutes:
+    clocks.start()
+for name, at in schedule():
+    FAULTS[name](at)
+    time.sleep(random.uniform(1, 3))
+clocks.stopped.set()
 commander.stopped.set()
 commander.join()
 final = lambda id: [it for it in host.outcomes[id] if it[0] != "accepted"]
@@ -337,25 +385,27 @@ def all_final():
     missing = [id for id in commander.sent if not final(id)]
     for id in missing:
         for node in NODES:
-            host.command(node, *commander.sent[id])
+            host.command(node, *commander.sent[id][:2])
     return not missing or time.sleep(2)
 
 
 ground.wait("an outcome of every command", all_final)
 time.sleep(3)
 counts, wrong = executed(), []
-for id in commander.sent:
-    if id.endswith("servo"):
+for id, (_, _, moved) in commander.sent.items():
+    if moved is None:
         continue
     outcomes = {outcome for outcome, *_ in final(id)}
     allowed = {1} if "done" in outcomes else {0, 1} if "unknown" in outcomes else {0}
-    if counts[id] not in allowed:
-        wrong.append((id, counts[id], host.outcomes[id]))
+    if counts[moved] not in allowed:
+        wrong.append((id, counts[moved], host.outcomes[id]))
 kinds = collections.Counter("done" if "done" in found else "unknown" if "unknown" in found else "refused"
                             for found in ({outcome for outcome, *_ in final(id)} for id in commander.sent))
-unknown = [id for id in commander.sent if counts[id] and not any(it[0] == "done" for it in final(id))]
+unknown = [id for id, (_, _, moved) in commander.sent.items() if counts[moved] and not any(it[0] == "done" for it in final(id))]
 print(f"\n{len(commander.sent)} commands, each sent three times at least, to both: {dict(kinds)}; executed {sum(counts.values())}, of "
       f"which {len(unknown)} are unknown; more than once: {sum(count > 1 for count in counts.values())}")
+if args.minutes:
+    print(f"{clocks.jumps} jumps of a bridge's clock, between 25 s behind and 25 s ahead")
 print(f"{host.records} records, {host.lost} lost, {host.again} came again; {watch.looks} looks at the connections of the devices: "
       f"{len(watch.both)} with both bridges")
 for what, times in took.items():

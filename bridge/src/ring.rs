@@ -59,6 +59,8 @@ pub struct Known {
     pub end: u64,
     /// The key of the next record is this or higher.
     pub next: u64,
+    /// How often this was kept.
+    pub commits: u64,
 }
 
 /// Where a frame is.
@@ -91,6 +93,9 @@ struct Frame {
     removed: Vec<u64>,
     #[prost(bytes = "vec", repeated, tag = "6")]
     records: Vec<Vec<u8>>,
+    /// What is known of the ring was kept so often when this frame was written.
+    #[prost(uint64, tag = "7")]
+    commits: u64,
 }
 
 impl Ring {
@@ -114,6 +119,9 @@ impl Ring {
         let mut found = ring.scan()?;
         found.sort_unstable_by_key(|(frame, ..)| frame.number);
         let synced = found.iter().map(|(frame, ..)| frame.synced).max().unwrap_or_default();
+        if cut.is_none() && found.iter().any(|(frame, ..)| frame.commits > known.commits) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "the store is older than its records"));
+        }
         let mut found = found.into_iter().peekable();
         let counts = |ring: &Self, frame: &Frame| {
             frame.number == ring.number
@@ -190,7 +198,19 @@ impl Ring {
     pub fn known(&self) -> Known {
         let first =
             self.places.iter().find(|place| place.alive != 0).map_or(self.number, |place| place.number);
-        Known { first, end: self.number, next: self.next, ..self.known }
+        Known { first, end: self.number, next: self.next, commits: self.known.commits + 1, ..self.known }
+    }
+
+    /// Writes, where there is room, a frame that has nothing but how often what is known was kept: what is kept is then never an earlier
+    /// state in silence.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn mark(&mut self) -> io::Result<()> {
+        let frame = self.pack(Frame { number: self.number, first: self.next, ..Frame::default() });
+        let end = self.at + frame.len() as u64;
+        let is_free = !self.places.front().is_some_and(|place| (self.at..end).contains(&place.offset));
+        if is_free && end <= self.file.metadata()?.len() { self.write(&[frame], 0) } else { Ok(()) }
     }
 
     /// It is kept.
@@ -267,15 +287,14 @@ impl Ring {
         while next.is_some() || !runs.is_empty() {
             let records = next.unwrap_or_default().to_vec();
             let count = records.len() as u64;
-            let frame = Frame {
+            frames.push(self.pack(Frame {
                 number: self.number + frames.len() as u64,
                 first,
-                synced: self.synced,
                 is_bound,
                 removed: core::mem::take(&mut runs),
                 records,
-            };
-            frames.push(pack(self.known.seed, &frame));
+                ..Frame::default()
+            }));
             first += count;
             next = chunks.next();
         }
@@ -394,6 +413,12 @@ impl Ring {
             self.frame(place)?.records.iter().for_each(|record| see(record));
         }
         Ok(())
+    }
+
+    /// The bytes of a frame, with what each one says of the frames before it.
+    fn pack(&self, frame: Frame) -> Vec<u8> {
+        let frame = Frame { synced: self.synced, commits: self.known.commits, ..frame };
+        pack(self.known.seed, &frame)
     }
 
     fn frame(&mut self, place: Place) -> io::Result<Frame> {

@@ -235,6 +235,7 @@ impl Store {
         ring.write(&frames, append.len())?;
         if is_bound {
             commit(database, ring, more(Kept::Now).into_iter().chain(batch.names.iter().cloned()).collect())?;
+            ring.mark()?;
             written.kept = Some(Kept::Now);
         } else if ring.sync_due().is_some_and(|due| due <= Instant::now()) {
             ring.sync()?;
@@ -321,8 +322,8 @@ impl std::error::Error for Busy {}
 fn commit(database: &Database, ring: &mut Ring, mut changed: Names) -> Result<()> {
     ring.sync()?;
     let known = ring.known();
-    let Known { seed, first, end, next } = known;
-    changed.push((RING.into(), Some(format!("{seed} {first} {end} {next}"))));
+    let Known { seed, first, end, next, commits } = known;
+    changed.push((RING.into(), Some(format!("{seed} {first} {end} {next} {commits}"))));
     put(database, changed)?;
     ring.set_known(known);
     Ok(())
@@ -356,7 +357,9 @@ fn begin(database: &Database) -> Result<WriteTransaction, TransactionError> {
 fn known_of(text: &str) -> Option<Known> {
     let mut numbers = text.split(' ').map(str::parse::<u64>);
     let mut number = || numbers.next()?.ok();
-    Some(Known { seed: number()?, first: number()?, end: number()?, next: number()? })
+    // A store of an earlier version has four numbers.
+    let (seed, first, end, next) = (number()?, number()?, number()?, number()?);
+    Some(Known { seed, first, end, next, commits: number().unwrap_or_default() })
 }
 
 fn get(database: &Database, name: &str) -> Result<Option<String>> {

@@ -139,7 +139,14 @@ fn records_are_bound_to_the_names_of_their_batch() {
     write(&mut store, &append(&["telemetry"]));
     write(&mut store, &Batch { names: named("second").names, ..append(&["accepted"]) });
     drop(store);
-    // The power has gone before the names were written.
+    // A commit that came to its end is missing.
+    std::fs::write(&path, &before).unwrap();
+    assert!(fault(&path).contains("store.records: the store is older than its records: "), "{}", fault(&path));
+    // The power has gone before the names were written, and so before the frame after them.
+    let mut records = std::fs::read(beside(&path)).unwrap();
+    let last = records.windows(4).rposition(|bytes| bytes == b"cwR1").unwrap();
+    records[last] = 0;
+    std::fs::write(beside(&path), records).unwrap();
     std::fs::write(&path, before).unwrap();
     let mut store = Store::open(&path, MOST).unwrap();
     assert_eq!(texts(&mut store), keyed(&[(0, "a"), (1, "telemetry")]));
@@ -187,7 +194,7 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     let mut bytes = good.clone();
     bytes[at("lost")] ^= 1;
     std::fs::write(beside(&path), bytes).unwrap();
-    assert!(fault(&path).contains("store.records: its frame 1 is damaged or missing"), "{}", fault(&path));
+    assert!(fault(&path).contains("store.records: its frame 2 is damaged or missing"), "{}", fault(&path));
     std::fs::remove_file(beside(&path)).unwrap();
     assert!(fault(&path).contains("store.records has 0 bytes of 65536"), "{}", fault(&path));
     std::fs::write(beside(&path), &good).unwrap();
@@ -290,6 +297,41 @@ fn a_bit_that_is_flipped_is_an_error_or_changes_nothing() {
         }
         assert!(damaged > 0);
     }
+}
+
+/// A bit of the database's header says which of its last two commits counts: with the earlier one, what has the last would be forgotten.
+#[test]
+fn a_bit_of_the_header_that_is_flipped_is_an_error_or_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store");
+    let mut store = Store::open(&path, MOST).unwrap();
+    for name in ["command/cell/first", "command/cell/last"] {
+        write(&mut store, &Batch { names: named(name).names, ..append(&[name]) });
+    }
+    write(&mut store, &named("command/cell/without a record"));
+    let content = |store: &mut Store| (texts(store), store.names("").unwrap());
+    let whole = content(&mut store);
+    let (killed, records) = (std::fs::read(&path).unwrap(), std::fs::read(beside(&path)).unwrap());
+    drop(store);
+    let mut older = 0;
+    for good in [killed, std::fs::read(&path).unwrap()] {
+        let mut errors = Vec::new();
+        for (at, bit) in (0..20).map(|at| (at * 16 + 3, at % 8)).chain((0..8).map(|bit| (9, bit))) {
+            let mut bytes = good.clone();
+            bytes[at] ^= 1 << bit;
+            std::fs::write(&path, bytes).unwrap();
+            std::fs::write(beside(&path), &records).unwrap();
+            match Store::open(&path, MOST) {
+                Ok(mut store) => assert!(content(&mut store) == whole, "bit {bit} of byte {at}"),
+                Err(error) => errors.push(format!("{error:#}")),
+            }
+        }
+        let damaged = format!("the store {} is damaged", path.display());
+        assert!(errors.iter().all(|error| error.starts_with(&damaged)), "{errors:?}");
+        older += errors.iter().filter(|error| error.contains("the store is older than its records")).count();
+    }
+    // The commit that ends a process changes no name.
+    assert_eq!(older, 1);
 }
 
 /// Outcomes of commands, one a commit; the last one without a record. Each byte of each of them in the file, also of what a commit

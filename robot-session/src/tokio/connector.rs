@@ -1,5 +1,6 @@
 //! How a [`Task`](super::Task) comes to a connection, and to the next one.
 
+use core::fmt;
 use core::future::{Future, pending};
 use core::net::SocketAddr;
 use core::pin::Pin;
@@ -7,6 +8,8 @@ use core::task::{Context, Poll, ready};
 use core::time::Duration;
 use std::io;
 use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
 
 use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket, lookup_host};
@@ -112,7 +115,8 @@ impl Connector for Tcp {
 /// its first connection is known to be dead.
 #[derive(Debug)]
 pub struct Listen {
-    listener: TcpListener,
+    address: String,
+    listener: Option<TcpListener>,
     next: Option<TcpStream>,
     peer: Option<SocketAddr>,
     discard_after: Option<Duration>,
@@ -124,15 +128,23 @@ impl Listen {
     /// # Errors
     /// The system's: the address is in use, or not this machine's.
     pub async fn bind(address: impl ToSocketAddrs) -> io::Result<Self> {
-        Ok(Self { listener: TcpListener::bind(address).await?, next: None, peer: None, discard_after: None })
+        let listener = TcpListener::bind(address).await?;
+        let address = listener.local_addr()?.to_string();
+        Ok(Self { listener: Some(listener), ..Self::at(address) })
+    }
+
+    /// Listens at an address, such as `"0.0.0.0:9105"`, from the first attempt to connect on. An address that cannot be listened at now,
+    /// such as one that is in use, is the reason of a failed connection, and tried again.
+    pub fn at(address: impl Into<String>) -> Self {
+        Self { address: address.into(), listener: None, next: None, peer: None, discard_after: None }
     }
 
     /// Where it listens: of port 0 the one that the system has chosen.
     ///
     /// # Errors
-    /// The system's.
+    /// The system's. It does not listen yet ([`at`](Self::at)).
     pub fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+        self.listener.as_ref().ok_or(io::ErrorKind::NotConnected)?.local_addr()
     }
 }
 
@@ -144,7 +156,13 @@ impl Connector for Listen {
     async fn connect(&mut self) -> io::Result<TcpStream> {
         let stream = match self.next.take() {
             Some(stream) => stream,
-            None => self.listener.accept().await?.0,
+            None => {
+                let listener = match &mut self.listener {
+                    Some(listener) => listener,
+                    none => none.insert(listen(&self.address, TcpListener::bind(&self.address).await)?),
+                };
+                listener.accept().await?.0
+            }
         };
         self.peer = stream.peer_addr().ok();
         prepare(&stream, self.discard_after)?;
@@ -160,14 +178,20 @@ impl Connector for Listen {
     }
 
     async fn replaced(&mut self) {
+        let Some(listener) = &self.listener else { return pending().await };
         while self.next.is_none() {
-            match self.listener.accept().await {
+            match listener.accept().await {
                 Ok((stream, _)) => self.next = Some(stream),
                 // Of descriptors there are none just now, or the peer has gone already.
                 Err(_) => sleep(Duration::from_millis(100)).await,
             }
         }
     }
+}
+
+/// The result of an attempt to listen; an error names the address.
+fn listen<T>(address: &str, bound: io::Result<T>) -> io::Result<T> {
+    bound.map_err(|error| io::Error::new(error.kind(), std::format!("cannot listen at {address}: {error}")))
 }
 
 /// What is small and late is useless; a peer without power says nothing.
@@ -203,7 +227,7 @@ impl Connector for Udp {
         let of_its_kind = |peer: &SocketAddr| peer.is_ipv4() == self.local.is_ipv4();
         let peer = lookup_host(&self.peer).await?.find(of_its_kind).ok_or(io::ErrorKind::AddrNotAvailable)?;
         socket.connect(peer).await?;
-        Ok(Datagrams(socket))
+        Ok(Datagrams::from(socket))
     }
 
     fn peer(&self) -> Option<String> {
@@ -211,10 +235,89 @@ impl Connector for Udp {
     }
 }
 
+/// Datagrams to and from a peer that sends first: the sender of the first datagram that is accepted, one peer at a time. What others send
+/// is not read until the connection has ended, such as by the silence of its peer.
+pub struct UdpListen<F> {
+    address: String,
+    accepts: F,
+    peer: Option<SocketAddr>,
+}
+
+impl<F: FnMut(&[u8]) -> bool> UdpListen<F> {
+    /// At an address, such as `"0.0.0.0:9105"`; `accepts` returns whether a datagram can be the first one of a peer. An address that
+    /// cannot be listened at now is the reason of a failed connection, and tried again.
+    pub fn at(address: impl Into<String>, accepts: F) -> Self {
+        Self { address: address.into(), accepts, peer: None }
+    }
+}
+
+impl<F: FnMut(&[u8]) -> bool + Send> Connector for UdpListen<F> {
+    type Transport = Datagrams;
+
+    const DIALS: bool = false;
+
+    async fn connect(&mut self) -> io::Result<Datagrams> {
+        self.peer = None;
+        let socket = listen(&self.address, UdpSocket::bind(&self.address).await)?;
+        let mut first = vec![0; LONGEST];
+        loop {
+            match socket.recv_from(&mut first).await {
+                Ok((length, peer)) => {
+                    first.truncate(length);
+                    if (self.accepts)(&first) {
+                        socket.connect(peer).await?;
+                        self.peer = Some(peer);
+                        return Ok(Datagrams { socket, only: Some(peer), first: Some(first) });
+                    }
+                    first.resize(LONGEST, 0);
+                }
+                Err(error) if is_lost_datagram(&error) => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    fn peer(&self) -> Option<String> {
+        self.peer.map(|peer| peer.to_string())
+    }
+}
+
+impl<F> fmt::Debug for UdpListen<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("UdpListen").field("address", &self.address).finish_non_exhaustive()
+    }
+}
+
+/// The longest datagram.
+const LONGEST: usize = 65536;
+
 /// A connected UDP socket as a transport: what is written at once is a datagram, and what is read is one. A lost one is no error,
 /// nor is an absent peer; an empty one is skipped.
 #[derive(Debug)]
-pub struct Datagrams(pub UdpSocket);
+pub struct Datagrams {
+    socket: UdpSocket,
+    /// The socket has been open for others: their datagrams may still be in it.
+    only: Option<SocketAddr>,
+    /// The datagram that has made its sender the peer.
+    first: Option<Vec<u8>>,
+}
+
+impl Datagrams {
+    /// The address that it sends from.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.socket.local_addr()
+    }
+}
+
+/// Over a socket that is connected to its peer.
+impl From<UdpSocket> for Datagrams {
+    fn from(socket: UdpSocket) -> Self {
+        Self { socket, only: None, first: None }
+    }
+}
 
 impl AsyncRead for Datagrams {
     fn poll_read(
@@ -222,12 +325,19 @@ impl AsyncRead for Datagrams {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        let Self { socket, only, first } = self.get_mut();
+        if let Some(first) = first.take() {
+            // What does not fit is lost, as of any datagram.
+            buffer.put_slice(first.get(..buffer.remaining()).unwrap_or(&first));
+            return Poll::Ready(Ok(()));
+        }
         let before = buffer.filled().len();
         loop {
-            match ready!(self.0.poll_recv(context, buffer)) {
-                Ok(()) if buffer.filled().len() > before => return Poll::Ready(Ok(())),
+            match ready!(socket.poll_recv_from(context, buffer)) {
+                Ok(peer) if only.is_some_and(|only| peer != only) => buffer.set_filled(before),
+                Ok(_) if buffer.filled().len() > before => return Poll::Ready(Ok(())),
                 Err(error) if !is_lost_datagram(&error) => return Poll::Ready(Err(error)),
-                Ok(()) | Err(_) => {}
+                Ok(_) | Err(_) => {}
             }
         }
     }
@@ -235,7 +345,7 @@ impl AsyncRead for Datagrams {
 
 impl AsyncWrite for Datagrams {
     fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        match ready!(self.0.poll_send(context, bytes)) {
+        match ready!(self.socket.poll_send(context, bytes)) {
             // As good as lost on its way, apart from one that no socket sends.
             Err(error) if error.kind() == io::ErrorKind::InvalidInput => Poll::Ready(Err(error)),
             _ => Poll::Ready(Ok(bytes.len())),

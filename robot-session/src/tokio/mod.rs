@@ -26,7 +26,7 @@ pub use ::tokio::task::{JoinHandle, spawn_blocking};
 pub use codec::Codec;
 #[cfg(feature = "tokio-serial")]
 pub use connector::Serial;
-pub use connector::{Connector, Datagrams, Dial, Listen, Tcp, Udp};
+pub use connector::{Connector, Datagrams, Dial, Listen, Tcp, Udp, UdpListen};
 pub use driver::{Driver, Waker};
 pub use handle::{Closed, Handle, Outcome, Reply};
 pub use latest::{Latest, Source, latest};

@@ -79,7 +79,7 @@ fn an_error_of_a_socket_itself_is_no_lost_datagram() {
 
 #[cfg(feature = "tokio")]
 mod with_tokio {
-    use robot_session::tokio::{Connector as _, Datagrams, Udp};
+    use robot_session::tokio::{Connector as _, Datagrams, Udp, UdpListen};
     use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
     use tokio::time::timeout;
 
@@ -89,7 +89,7 @@ mod with_tokio {
     async fn a_lost_datagram_and_an_empty_one_are_skipped_by_a_read() {
         let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
         let mut here = Udp::new((Ipv4Addr::LOCALHOST, 0).into(), place.to_string()).connect().await.unwrap();
-        let address = here.0.local_addr().unwrap();
+        let address = here.local_addr().unwrap();
         assert_eq!(here.write(b"lost").await.unwrap(), 4, "nobody is there");
         let peer = UdpSocket::bind(place).unwrap();
         peer.send_to(&[], address).unwrap();
@@ -99,12 +99,46 @@ mod with_tokio {
         assert_eq!(&buffer[..5], b"found");
     }
 
+    /// A robot that sends first: its port is not known before.
+    #[tokio::test]
+    async fn the_sender_of_the_first_datagram_that_is_accepted_is_the_peer() {
+        let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let address = place.local_addr().unwrap();
+        let mut listen = UdpListen::at(address.to_string(), |first: &[u8]| first.starts_with(b"robot"));
+        // Something else has the port.
+        let error = listen.connect().await.unwrap_err();
+        let why = format!("cannot listen at {address}: ");
+        assert!(error.kind() == ErrorKind::AddrInUse && error.to_string().starts_with(&why), "{error}");
+        drop(place);
+        let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let robots = [(), ()].map(|()| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
+        for robot in robots {
+            let sent = [(&stranger, "noise"), (&robot, "robot 1"), (&stranger, "robot"), (&robot, "2")];
+            // It listens from its first poll on.
+            let sends = async {
+                for (from, bytes) in sent {
+                    from.send_to(bytes.as_bytes(), address).unwrap();
+                }
+            };
+            let (here, ()) = tokio::join!(timeout(LONG, listen.connect()), sends);
+            let mut here = here.unwrap().unwrap();
+            assert_eq!(listen.peer(), Some(robot.local_addr().unwrap().to_string()));
+            let mut buffer = [0; 16];
+            for expected in ["robot 1", "2"] {
+                let length = timeout(LONG, here.read(&mut buffer)).await.unwrap().unwrap();
+                assert_eq!(&buffer[..length], expected.as_bytes());
+            }
+            assert_eq!(here.write(b"answer").await.unwrap(), 6);
+            assert_eq!(robot.recv(&mut buffer).unwrap(), 6);
+        }
+    }
+
     #[cfg(unix)]
     #[tokio::test]
     async fn an_error_of_a_socket_itself_ends_a_read() {
         let (socket, _peer) = no_datagrams();
         socket.set_nonblocking(true).unwrap();
-        let mut here = Datagrams(tokio::net::UdpSocket::from_std(socket).unwrap());
+        let mut here = Datagrams::from(tokio::net::UdpSocket::from_std(socket).unwrap());
         let error = timeout(LONG, here.read(&mut [0; 8])).await.unwrap().unwrap_err();
         assert_eq!(error.kind(), ErrorKind::NotConnected);
     }

@@ -125,6 +125,29 @@ async fn a_peer_that_is_back_at_once_is_taken_at_once() {
     }
 }
 
+#[tokio::test]
+async fn an_address_that_is_in_use_is_listened_at_when_it_is_free() {
+    let other = std::net::TcpListener::bind(any()).unwrap();
+    let address = other.local_addr().unwrap();
+    let listen = Listen::at(address.to_string());
+    assert_eq!(listen.address().unwrap_err().kind(), io::ErrorKind::NotConnected);
+    let handle = run(listen);
+    let mut link = handle.link();
+    let link =
+        timeout(LONG, link.wait_for(|link| matches!(link, Link::Failed(_)))).await.unwrap().unwrap().clone();
+    let Link::Failed(why) = link else { unreachable!() };
+    assert!(why.to_string().starts_with(&format!("cannot listen at {address}: ")), "{why}");
+    drop(other);
+    let stream = loop {
+        match TcpStream::connect(address).await {
+            Ok(stream) => break stream,
+            Err(_) => sleep(MS).await,
+        }
+    };
+    tokio::spawn(echo(stream));
+    assert_eq!(ask(&handle, "one").await, Ok("one".into()));
+}
+
 /// Those beyond that wait in the order in which they came.
 #[tokio::test]
 async fn a_listener_serves_so_many_peers_at_a_time() {

@@ -37,18 +37,21 @@ use core::pin::Pin;
 use core::task::{Context, Poll};
 use std::boxed::Box;
 use std::io;
+use std::string::String;
 use std::sync::Arc;
 use std::vec::Vec;
 
-use robot_session::tokio::{self as session, Closed, Connector, Handle, Outcome, Task, watch};
+use robot_session::tokio::{self as session, Closed, Connector, Handle, Outcome, Task, UdpListen, watch};
 
 pub use journal::{Journal, Keep, Kept, LastOrder};
 pub use robot::{Job, Motion, Queueing, Robot, RobotError, SpawnedRobot, robot};
 use service::{Begun, Call};
 pub use service::{Orders, Source};
 
+use crate::dialect::Dialect;
 use crate::error::{ConfigError, FieldError, SessionError};
 use crate::job::Work;
+use crate::message::Message;
 use crate::pc::{CommandOutcome, LargePc, PcConfig, Supply};
 
 /// Gives a robot orders, one after the other. Cloning it is cheap.
@@ -62,16 +65,43 @@ pub struct Pc<W: Job, K: Keep> {
 /// A PC, and the task that it works through. Nothing is sent before `keep` has stored it.
 ///
 /// # Errors
-/// As [`LargePc::with_ranges`].
+/// As [`LargePc::new`].
 pub fn pc<W, K, C>(config: PcConfig, keep: K, connector: C) -> Result<Spawned<W, K, C>, ConfigError>
 where
     W: Job,
     K: Keep,
     C: Connector,
 {
-    let session = LargePc::with_ranges(config, Default::default())?;
+    pc_with_ranges(config, Default::default(), keep, connector)
+}
+
+/// As [`pc`], for jobs whose fields are in `ranges`.
+///
+/// # Errors
+/// As [`LargePc::with_ranges`].
+pub fn pc_with_ranges<W, K, C>(
+    config: PcConfig,
+    ranges: W::Ranges,
+    keep: K,
+    connector: C,
+) -> Result<Spawned<W, K, C>, ConfigError>
+where
+    W: Job,
+    K: Keep,
+    C: Connector,
+{
+    let session = LargePc::with_ranges(config, ranges)?;
     let (handle, task) = session::spawn(session, Orders::new(keep), connector);
     Ok((Pc { handle }, task))
+}
+
+/// The connector of a [`pc`] over UDP, whose robot sends first: its peer is the sender of the first datagram that is a message of this
+/// dialect. What others send is not answered.
+pub fn udp(address: impl Into<String>, dialect: Dialect) -> UdpListen<impl FnMut(&[u8]) -> bool + Send> {
+    UdpListen::at(address, move |datagram| {
+        let message = Message::decode(datagram, dialect.charset());
+        matches!(message, Ok(Some((message, _))) if dialect.read(&message).is_ok())
+    })
 }
 
 /// A handle, and the task that it works through.

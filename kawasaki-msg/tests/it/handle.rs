@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::thread;
 
 use kawasaki_msg::robot_session::tokio::Listen;
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Over, Pc, pc};
-use kawasaki_msg::{Job, JobKind, Line, PcConfig, PcEvent, Point, RobotConfig, SessionError};
+use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Over, Pc, pc, pc_with_ranges};
+use kawasaki_msg::{Bounds, Job, JobKind, Line, PcConfig, PcEvent, Point, RobotConfig, SessionError};
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
@@ -40,6 +40,19 @@ async fn listening<K: Keep>(at: SocketAddr, keep: K) -> (Pc<Line, K>, SocketAddr
 
 fn any() -> SocketAddr {
     SocketAddr::from(([127, 0, 0, 1], 0))
+}
+
+#[tokio::test]
+async fn a_job_out_of_the_ranges_of_the_plant_is_not_sent() {
+    let board = Bounds { min: Point::new(0, 0), max: Point::new(2, 2) };
+    let listen = Listen::bind(any()).await.unwrap();
+    let address = listen.address().unwrap();
+    let (pc, task) = pc_with_ranges(PcConfig::TCP, board, (), listen).unwrap();
+    tokio::spawn(task.run());
+    let robot = robot(address);
+    let over = pc.run(50, jobs(4)).await.unwrap();
+    assert_eq!((over.executed, over.complete, over.unfit.unwrap().0), (2, false, 2));
+    assert_eq!(robot.join().unwrap().len(), 2);
 }
 
 /// A robot that executes one order.

@@ -348,13 +348,6 @@ impl End {
             time::sleep(AGAIN).await;
         }
     }
-
-    /// As [`flush`](Self::flush), for a cell in a thread of its own.
-    pub fn flush_in_thread(&self) {
-        while !self.try_flush(&mut self.state()) {
-            std::thread::sleep(AGAIN);
-        }
-    }
 }
 
 #[cfg(test)]
@@ -426,7 +419,7 @@ mod tests {
         end.answered();
         end.values(vec![("v", Value::Boolean(true))]);
         assert_eq!((reports.try_iter().count(), end.dropped.load(Ordering::Relaxed)), (9, 3));
-        end.flush_in_thread();
+        assert!(end.try_flush(&mut end.state()));
         assert_eq!(reports.try_iter().count(), 2);
     }
 

@@ -6,7 +6,7 @@ use std::io;
 use std::pin::pin;
 use std::time::Duration;
 
-use robot_session::tokio::{Handle, Link, Reconnect, Service, Task};
+use robot_session::tokio::{Connector, Handle, Link, Reconnect, Service, Task};
 use serde_json::json;
 use tokio::select;
 use tokio::sync::broadcast::error::RecvError;
@@ -14,7 +14,6 @@ use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until};
 
 use super::Client;
-use super::port::Port;
 use crate::end::{End, Inbox};
 use crate::metric::Definition;
 use crate::report::{Command, Outcome};
@@ -41,6 +40,11 @@ impl Silence {
     /// Of a device that sends unsolicited messages.
     pub(super) fn of_speaker(time: Duration) -> Self {
         Self { time, is_asked: false }
+    }
+
+    /// Of a device whose session itself ends the connection if it is silent.
+    pub(super) fn of_session() -> Self {
+        Self { time: NEVER, is_asked: true }
     }
 
     /// For a device polled with this period: at least three requests without an answer.
@@ -81,6 +85,11 @@ pub(super) trait Worker: Send + 'static {
 
     /// Has the device execute a command; returns the outcome, and why.
     fn command(&mut self, command: &Command, end: &End) -> impl Future<Output = (Outcome, String)> + Send;
+
+    /// The detail of a command that has no outcome when the cell ends, and why it ends.
+    fn unfinished(&self, why: &str, _end: &End) -> String {
+        format!("the connection has ended: {why}")
+    }
 }
 
 /// Refuses every command, with this reason.
@@ -104,17 +113,18 @@ pub(super) struct Terms {
 }
 
 /// The client of a cell whose device has a handle.
-pub(super) fn of<L, W>(
+pub(super) fn of<L, W, C>(
     cell: &Cell,
     metrics: &'static [Definition],
     terms: Terms,
-    (handle, task): (Handle<L::Service>, Task<L::Service, Port>),
+    (handle, task): (Handle<L::Service>, Task<L::Service, C>),
     mut listener: L,
     mut worker: W,
 ) -> Client
 where
     L: Listener,
     W: Worker,
+    C: Connector + 'static,
     <L::Service as Service>::Session: 'static,
     <L::Service as Service>::Call: 'static,
     <L::Service as Service>::Event: 'static,
@@ -130,7 +140,7 @@ where
             why = watch_over(&handle, terms.silence, advice, &mut listener, &end) => why,
             never = work(link, terms, &mut worker, &mut inbox, &end) => match never {},
         };
-        end.finish(Outcome::Unknown, format!("the connection has ended: {why}"));
+        end.finish(Outcome::Unknown, worker.unfinished(&why, &end));
         handle.shutdown().await;
         end.unlinked(&why);
         inbox.refuse(&end, &why);

@@ -1,31 +1,34 @@
 //! The jobs of a Kawasaki robot: a command is an order of jobs, and its outcome is the order's.
 
-use std::time::{Duration, Instant};
+use std::convert::Infallible;
+use std::io;
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use kawasaki_msg::{Charset, JobSource, LargePc, PcConfig, PcEvent, SessionError, Supply};
+use kawasaki_msg::tokio::{self as kawasaki, Error, Keep, LastOrder, Orders, Over, Pc};
+use kawasaki_msg::{Charset, PcConfig, PcEvent, SessionError};
+use robot_session::tokio::{Connector, Listen};
 use serde::Deserialize;
 use serde_json::{Map, Value as Json, json};
+use tokio::select;
+use tokio::sync::watch;
+use tokio::time::sleep;
 
+use super::client::{self, Listener, Silence, Terms, Worker};
 use super::order;
-use crate::end::{ENDS, End, Inbox};
-use crate::metric::{Definition, EVENT, Named, define, text, whole};
+use super::port::{Noting, Peer, Port};
+use crate::end::End;
+use crate::metric::{Definition, EVENT, define, text, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire_io::endpoint::Endpoint;
-use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::kawasaki::pc::{self, Notification, Program};
-use cellwire_io::tcp::Dialing;
-use cellwire_io::trace::TraceArgs;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{Configure, Fields};
 
-/// How often a failed open is retried.
-const RETRY: Duration = Duration::from_secs(5);
-/// How often commands are looked for meanwhile.
+/// How often it is looked whether an order is to be broken off.
 const LOOK: Duration = Duration::from_millis(100);
 /// The most jobs of a command.
 const MOST: usize = 10_000;
@@ -66,32 +69,44 @@ struct Order {
     jobs: Vec<Map<String, Json>>,
 }
 
-/// The jobs of an order.
-struct Jobs(Vec<AnyWork>);
+/// How far the order is.
+#[derive(Debug, Clone, Copy, Default)]
+struct Course {
+    /// The robot has accepted it.
+    is_begun: bool,
+    executed: u32,
+    sent: u32,
+}
 
-impl JobSource for Jobs {
-    type Work = AnyWork;
+/// Counts the jobs that are sent.
+struct Sent(watch::Sender<Course>);
 
-    fn job(&mut self, index: u32) -> Supply<AnyWork> {
-        let index = usize::try_from(index).unwrap_or(usize::MAX);
-        self.0.get(index).map_or(Supply::End, |work| Supply::Job(*work))
+impl Keep for Sent {
+    async fn keep(&mut self, last: &LastOrder) -> io::Result<()> {
+        if let LastOrder::Active(kept) = last {
+            self.0.send_modify(|course| course.sent = kept.sent);
+        }
+        Ok(())
     }
 }
 
-struct Kawasaki<'a> {
-    end: &'a End,
-    inbox: &'a mut Inbox,
+/// Reports the robot's state.
+struct State {
+    course: watch::Sender<Course>,
+    peer: Peer,
+    /// The connection of the last status, and what was reported of it.
+    connection: u64,
+    status: String,
+}
+
+/// Gives the robot orders.
+struct Kawasaki {
+    pc: Pc<AnyWork, Sent>,
+    course: watch::Sender<Course>,
     layout: Layout,
     charset: Charset,
     /// The number of the next order: an earlier process may have used any.
     next: u16,
-    /// How many jobs the order has.
-    jobs: usize,
-    /// What the robot's status was when it was reported last.
-    status: Option<String>,
-    is_connected: bool,
-    /// Where the robot is that has connected, until its first message.
-    place: Option<String>,
 }
 
 pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Result<super::Client> {
@@ -100,137 +115,159 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
         !config.datagrams || cell.listen.is_some(),
         "over UDP the robot sends first: give listen instead of address"
     );
-    let (layout, charset, dialing) = (plant.layout()?, plant.charset, super::dialing(cell));
-    let endpoint = match (&cell.address, &cell.listen) {
-        (Some(address), _) => Endpoint::Connect(address.clone()),
-        (None, listen) => Endpoint::Listen(listen.clone().unwrap_or_default()),
+    let layout = plant.layout()?;
+    let Some(listen) = &cell.listen else {
+        return of(cell, config, layout, plant.charset, Port::of(cell, None)?);
     };
-    Ok(super::Client::new(&METRICS, async move |end: End, mut inbox: Inbox| {
-        // It waits for its robot by itself.
-        let cell = move || {
-            let mut next = fastrand::u16(1..);
-            while !end.is_stopped() {
-                let ends = (&end, &mut inbox);
-                let ended = run(ends, (&endpoint, dialing), config, &layout, charset, &mut next);
-                let why =
-                    ended.err().map_or_else(|| "the bridge ends".to_owned(), |error| format!("{error:#}"));
-                end.finish(Outcome::Unknown, why.clone());
-                end.disconnected(&why);
-                wait(&end, &mut inbox);
-            }
-            inbox.refuse(&end, ENDS);
-            end.flush_in_thread();
-        };
-        let _ = tokio::task::spawn_blocking(cell).await;
-    }))
-}
-
-/// Waits for the next attempt; commands are refused meanwhile.
-fn wait(end: &End, inbox: &mut Inbox) {
-    let until = Instant::now() + RETRY;
-    while Instant::now() < until && !end.is_stopped() {
-        inbox.refuse(end, "the link is not connected");
-        end.flush_in_thread();
-        std::thread::sleep(LOOK);
+    // A port alone is one of this machine's loopback address.
+    let listen = listen.parse().map_or_else(|_| listen.clone(), |port: u16| format!("127.0.0.1:{port}"));
+    match config.datagrams {
+        true => of(cell, config, layout, plant.charset, kawasaki::udp(listen, config.dialect)),
+        false => of(cell, config, layout, plant.charset, Listen::at(listen)),
     }
 }
 
-fn run(
-    (end, inbox): (&End, &mut Inbox),
-    (endpoint, dialing): (&Endpoint, Dialing),
+fn of<C: Connector + 'static>(
+    cell: &Cell,
     config: PcConfig,
-    layout: &Layout,
+    layout: Layout,
     charset: Charset,
-    next: &mut u16,
-) -> Result<()> {
-    let (mut meeting, ..) = Meeting::of_pc(endpoint, config.datagrams, config.dialect, dialing)?;
-    let session = LargePc::<Jobs>::with_ranges(config, layout.clone())?;
-    let mut program = Kawasaki {
-        end,
-        inbox,
-        layout: layout.clone(),
-        charset,
-        next: *next,
-        jobs: 0,
-        status: None,
-        is_connected: false,
-        place: None,
-    };
-    let ended = pc::run(&mut meeting, session, &TraceArgs::off().start("kawasaki"), &mut program);
-    *next = program.next;
-    ended.map(drop)
+    connector: C,
+) -> Result<super::Client> {
+    let (course, peer) = (watch::Sender::new(Course::default()), Peer::default());
+    let connector = Noting { connector, peer: Arc::clone(&peer) };
+    let (pc, task) = kawasaki::pc_with_ranges(config, layout.clone(), Sent(course.clone()), connector)?;
+    // An order goes on with the next connection, whenever that is.
+    let (task, handle) = (task.give_up_after(Duration::MAX), pc.handle().clone());
+    let terms = Terms { silence: Silence::of_session(), every: None, deadline: None };
+    let state = State { course: course.clone(), peer, connection: 0, status: String::new() };
+    let worker = Kawasaki { pc, course, layout, charset, next: fastrand::u16(1..) };
+    Ok(client::of(cell, &METRICS, terms, (handle, task), state, worker))
 }
 
-impl Program for Kawasaki<'_> {
-    type Session = LargePc<Jobs>;
+impl Listener for State {
+    type Service = Orders<AnyWork, Sent>;
 
-    fn step(&mut self, session: &mut Self::Session) -> Result<bool> {
-        self.end.flush_in_thread();
-        if session.order().is_none()
-            && let Some(command) = self.inbox.try_next(self.end)
-            && let Err(why) = self.begin(session, &command)
-        {
-            self.end.finish(Outcome::Refused, why);
-        }
-        if self.end.is_over() {
-            if session.order().is_some() {
-                let (first, sent) = (session.executed() + 1, session.sent());
-                let why = match self.is_connected {
-                    _ if first > sent => "no job of the order is known to be sent".into(),
-                    true => format!(
-                        "jobs {first} to {sent} may still be executed: the robot did not end the order in time"
-                    ),
-                    false => {
-                        format!("jobs {first} to {sent} may still be executed: the robot is not connected")
-                    }
-                };
-                self.end.finish(Outcome::Unknown, format!("the bridge has ended; {why}"));
+    fn event(&mut self, event: PcEvent, end: &End) -> Result<(), String> {
+        match event {
+            PcEvent::Progress { executed, queued } => {
+                self.course.send_modify(|course| course.executed = executed);
+                end.values(vec![("Order/Executed", whole(executed)), ("Order/Queued", whole(queued))]);
             }
-            return Ok(false);
-        }
-        if self.end.is_stopped() && session.order().is_some() {
-            pc::break_off(session);
-        }
-        Ok(true)
-    }
-
-    fn notify(&mut self, _: &mut Self::Session, notification: Notification<'_>) -> Result<()> {
-        match notification {
-            Notification::Connected(place) => self.place = Some(place),
-            Notification::Disconnected(why) => {
-                (self.is_connected, self.place) = (false, None);
-                self.end.disconnected(why);
+            PcEvent::PeerStatus { phase, order, .. } => {
+                let before = core::mem::replace(&mut self.connection, end.connections());
+                let is_new = before != self.connection;
+                if is_new {
+                    end.connected(&self.peer.lock().unwrap_or_else(PoisonError::into_inner));
+                }
+                end.answered();
+                // It comes in every cycle of the robot: only another one is news.
+                let phase = serde_json::to_value(phase).unwrap_or_default();
+                let phase = phase.as_str().map_or_else(|| phase.to_string(), str::to_owned);
+                let before = core::mem::replace(&mut self.status, format!("{phase} {order}"));
+                if before != self.status || is_new {
+                    let shown = serde_json::to_string(&event).unwrap_or_default();
+                    let values = [("Robot/Phase", text(phase)), ("Robot/Order", whole(order))];
+                    end.values(values.into_iter().chain([(EVENT, text(shown))]).collect());
+                }
             }
-            Notification::Event(event) => self.event(event),
-            Notification::Traced(_) => {}
+            PcEvent::JobUnfit { index, error, .. } => {
+                end.event(&json!({"event": "job_unfit", "index": index, "why": error.to_string()}));
+            }
+            event => {
+                if let PcEvent::OrderStarted { .. } = event {
+                    self.course.send_modify(|course| course.is_begun = true);
+                }
+                end.event(&event);
+            }
         }
         Ok(())
     }
 }
 
-impl Kawasaki<'_> {
-    fn begin(&mut self, session: &mut LargePc<Jobs>, command: &Command) -> Result<(), String> {
-        // The session would begin it with the next connection, whenever that is.
-        if !self.is_connected {
-            return Err("the link is not connected".into());
+impl Worker for Kawasaki {
+    async fn command(&mut self, command: &Command, end: &End) -> (Outcome, String) {
+        let works = match self.works(command) {
+            Ok(works) => works,
+            Err(why) => return (Outcome::Refused, why),
+        };
+        let (number, all) = (self.next, works.len());
+        self.next = number.checked_add(1).unwrap_or(1);
+        self.course.send_replace(Course::default());
+        let order = match self.pc.start(number, works).await {
+            Ok(order) => order,
+            Err(closed) => return (Outcome::Unknown, closed.to_string()),
+        };
+        end.values(vec![
+            ("Order/Number", whole(number)),
+            ("Order/Executed", whole(0)),
+            ("Order/Queued", whole(0)),
+        ]);
+        let over = select! {
+            biased;
+            over = order => over,
+            never = self.break_off(end) => match never {},
+        };
+        match over {
+            Ok(Over { executed, complete: true, .. }) => (Outcome::Done, format!("{executed} jobs")),
+            Ok(Over { executed: 0, .. }) => (Outcome::Refused, "the order ended before its first job".into()),
+            Ok(Over { executed, .. }) => {
+                (Outcome::Partial, format!("{executed} of {all} jobs were executed; the rest will not be"))
+            }
+            Err(Error::OutcomeUnknown { executed, sent }) => (
+                Outcome::Unknown,
+                format!(
+                    "jobs {} to {sent} are unknown; earlier ones are executed, later ones are not",
+                    executed + 1
+                ),
+            ),
+            Err(Error::Refused { active }) => (Outcome::Refused, format!("the robot is in order {active}")),
+            Err(error @ (Error::Call(_) | Error::NotConnected(_))) => (Outcome::Refused, error.to_string()),
+            Err(error) => (Outcome::Unknown, error.to_string()),
         }
+    }
+
+    fn unfinished(&self, why: &str, end: &End) -> String {
+        let Course { executed, sent, .. } = *self.course.borrow();
+        let first = executed + 1;
+        let rest = match end.refusal(true) {
+            _ if first > sent => "no job of the order is known to be sent".into(),
+            None => {
+                format!(
+                    "jobs {first} to {sent} may still be executed: the robot did not end the order in time"
+                )
+            }
+            Some(_) => format!("jobs {first} to {sent} may still be executed: the robot is not connected"),
+        };
+        format!("{why}; {rest}")
+    }
+}
+
+impl Kawasaki {
+    fn works(&self, command: &Command) -> Result<Vec<AnyWork>, String> {
         let Order { jobs } = order(&command.order)?;
         if jobs.is_empty() || jobs.len() > MOST {
             return Err(format!("give 1 to {MOST} jobs"));
         }
         let works =
             (1..).zip(&jobs).map(|(place, job)| self.job(job).map_err(|why| format!("job {place}: {why}")));
-        let works = works.collect::<Result<Vec<AnyWork>, String>>()?;
-        self.jobs = works.len();
-        let number = self.next;
-        self.next = number.checked_add(1).unwrap_or(1);
-        session.start(number, Jobs(works)).map_err(|error: SessionError| error.to_string())?;
-        self.end.values(vec![
-            ("Order/Number", whole(number)),
-            ("Order/Executed", whole(0)),
-            ("Order/Queued", whole(0)),
-        ]);
-        Ok(())
+        works.collect()
+    }
+
+    /// Breaks the order off when the bridge ends, or if the connection is lost before the robot has accepted it: it would begin with the
+    /// next one, whenever that is. It ends after the job that is being executed; if the plant has no message for that, after those that
+    /// the robot has queued.
+    async fn break_off(&self, end: &End) -> Infallible {
+        loop {
+            let is_lost = end.refusal(false).is_some() && !self.course.borrow().is_begun;
+            if (end.is_stopped() || is_lost)
+                && let Err(Error::Call(SessionError::Lacks { .. })) = self.pc.interrupt().await
+            {
+                // It is ending already, or has not begun: then it is retried.
+                let _ = self.pc.end().await;
+            }
+            sleep(LOOK).await;
+        }
     }
 
     /// A job from its fields by their names, as in a table of `cellwire run kawasaki`.
@@ -255,64 +292,5 @@ impl Kawasaki<'_> {
         }
         let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
         self.layout.job(&texts, self.charset).map_err(|error| error.to_string())
-    }
-
-    fn event(&mut self, event: PcEvent) {
-        let shown = serde_json::to_string(&event).unwrap_or_default();
-        let mut values: Vec<Named> = Vec::new();
-        match event {
-            PcEvent::Progress { executed, queued } => {
-                values.extend([("Order/Executed", whole(executed)), ("Order/Queued", whole(queued))]);
-                return self.end.values(values);
-            }
-            PcEvent::PeerStatus { phase, order, .. } => {
-                if let Some(place) = self.place.take() {
-                    self.is_connected = true;
-                    self.end.connected(&place);
-                    self.status = None;
-                }
-                // It comes in every cycle of the robot: only another one is news.
-                let phase = serde_json::to_value(phase).unwrap_or_default();
-                let phase = phase.as_str().map_or_else(|| phase.to_string(), str::to_owned);
-                let status = format!("{phase} {order}");
-                if self.status.as_deref() == Some(&status) {
-                    return;
-                }
-                self.status = Some(status);
-                values.extend([("Robot/Phase", text(phase)), ("Robot/Order", whole(order))]);
-            }
-            PcEvent::OrderOver { executed, complete: true, .. } => {
-                self.end.finish(Outcome::Done, format!("{executed} jobs"));
-            }
-            PcEvent::OrderOver { executed: 0, .. } => {
-                self.end.finish(Outcome::Refused, "the order ended before its first job");
-            }
-            PcEvent::OrderOver { executed, .. } => {
-                let all = self.jobs;
-                self.end.finish(
-                    Outcome::Partial,
-                    format!("{executed} of {all} jobs were executed; the rest will not be"),
-                );
-            }
-            PcEvent::OutcomeUnknown { executed, sent, .. } => {
-                self.end.finish(
-                    Outcome::Unknown,
-                    format!(
-                        "jobs {} to {sent} are unknown; earlier ones are executed, later ones are not",
-                        executed + 1
-                    ),
-                );
-            }
-            PcEvent::OrderRefused { given_up: true, active, .. } => {
-                self.end.finish(Outcome::Refused, format!("the robot is in order {active}"));
-            }
-            PcEvent::JobUnfit { index, error, .. } => {
-                let event = json!({"event": "job_unfit", "index": index, "why": error.to_string()});
-                return self.end.event(&event);
-            }
-            _ => {}
-        }
-        values.push((EVENT, text(shown)));
-        self.end.values(values);
     }
 }

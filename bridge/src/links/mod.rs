@@ -25,7 +25,6 @@ use super::bands::Bands;
 use super::end::{End, Inbox};
 use super::metric::{COMMON, Definition};
 use super::site::{Cell, Site};
-use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
@@ -109,11 +108,6 @@ pub fn client(cell: &Cell) -> Result<Client> {
 
 /// The longest pause after a connection.
 const LONGEST_PAUSE: Duration = Duration::from_secs(60);
-
-/// How the connections of a cell are opened.
-fn dialing(cell: &Cell) -> Dialing {
-    Dialing { pause: cell.connect_pause, ..Dialing::default() }
-}
 
 /// A dead band is wrong.
 #[derive(Debug)]

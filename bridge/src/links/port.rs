@@ -1,6 +1,7 @@
 //! The connections to a device: over TCP, or on a serial line.
 
 use std::io;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
@@ -23,6 +24,39 @@ pub(super) struct Port {
 enum Way {
     Tcp(Tcp),
     Serial { baud: u32 },
+}
+
+/// The peer of the last connection.
+pub(super) type Peer = Arc<Mutex<String>>;
+
+/// A connector that notes the peer of its connections.
+pub(super) struct Noting<C> {
+    pub connector: C,
+    pub peer: Peer,
+}
+
+impl<C: Connector> Connector for Noting<C> {
+    type Transport = C::Transport;
+
+    const DIALS: bool = C::DIALS;
+
+    async fn connect(&mut self) -> io::Result<C::Transport> {
+        let transport = self.connector.connect().await?;
+        *self.peer.lock().unwrap_or_else(PoisonError::into_inner) = self.peer().unwrap_or_default();
+        Ok(transport)
+    }
+
+    fn discard_after(&mut self, after: Duration) {
+        self.connector.discard_after(after);
+    }
+
+    fn peer(&self) -> Option<String> {
+        self.connector.peer()
+    }
+
+    async fn replaced(&mut self) {
+        self.connector.replaced().await;
+    }
 }
 
 /// A connection of either kind.

@@ -141,7 +141,11 @@ fn records_are_bound_to_the_names_of_their_batch() {
     drop(store);
     // A commit that came to its end is missing.
     std::fs::write(&path, &before).unwrap();
-    assert!(fault(&path).contains("store.records: the store is older than its records: "), "{}", fault(&path));
+    assert!(
+        fault(&path).contains("store.records: the store is older than its records: "),
+        "{}",
+        fault(&path)
+    );
     // The power has gone before the names were written, and so before the frame after them.
     let mut records = std::fs::read(beside(&path)).unwrap();
     let last = records.windows(4).rposition(|bytes| bytes == b"cwR1").unwrap();

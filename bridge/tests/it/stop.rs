@@ -121,7 +121,7 @@ fn an_order_that_does_not_end_in_time_is_unknown_and_a_second_signal_ends_at_onc
     let took = begin.elapsed();
     assert!(took >= Duration::from_secs(5) && took < Duration::from_secs(9), "{took:?}");
     let why = "may still be executed: the robot did not end the order in time";
-    assert!(detail.starts_with("the bridge has ended; jobs 1 to ") && detail.ends_with(why), "{detail}");
+    assert!(detail.starts_with("the bridge ends; jobs 1 to ") && detail.ends_with(why), "{detail}");
     assert_eq!((outcome.as_str(), bridge.status()), ("unknown", Some(0)));
 
     let folder = tempfile::tempdir().unwrap();
@@ -134,6 +134,31 @@ fn an_order_that_does_not_end_in_time_is_unknown_and_a_second_signal_ends_at_onc
     bridge.line(
         "a second signal ended the program: commands without an outcome are reported as unknown at the next start",
     );
+}
+
+/// Over TCP its address is in use at first; over UDP the robot sends first.
+#[test]
+fn a_robot_that_connects_draws_over_tcp_and_udp() {
+    for settings in ["", "settings = { udp = true }"] {
+        let folder = tempfile::tempdir().unwrap();
+        let broker = Broker::new();
+        let other = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = other.local_addr().unwrap().to_string();
+        let cell = format!("link = \"kawasaki-msg\"\nlisten = \"{address}\"\n{settings}");
+        let _bridge = start(folder.path(), &broker, &cell);
+        let mut peer = broker.accept(&[]);
+        if settings.is_empty() {
+            see(&mut peer, &format!("cannot listen at {address}: "));
+        }
+        drop(other);
+        let mut robot = vec!["kawasaki-robot", "--connect", &address];
+        robot.extend(if settings.is_empty() { [].as_slice() } else { &["--set", "udp=true"] });
+        let _robot = simulated(&robot);
+        see(&mut peer, "{\"event\":\"connected\",\"place\":\"127.0.0.1:");
+        order(&mut peer, &lines(2));
+        assert_eq!(outcome(&mut peer)[1], "accepted");
+        assert_eq!(outcome(&mut peer), ["lines", "done", "2 jobs"]);
+    }
 }
 
 /// Answers reads at once, and writes 1.5 s late. Returns its address, the written registers, and whether a write is in flight.

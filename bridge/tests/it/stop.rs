@@ -1,7 +1,7 @@
 //! A bridge that ends while commands are executed: their outcomes are waited for.
 
 use std::io::{Read as _, Write as _};
-use std::net::{TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -159,6 +159,65 @@ fn a_robot_that_connects_draws_over_tcp_and_udp() {
         assert_eq!(outcome(&mut peer)[1], "accepted");
         assert_eq!(outcome(&mut peer), ["lines", "done", "2 jobs"]);
     }
+}
+
+/// Between a robot and its PC. Returns its address, whether the robot receives anything, and the connections, to cut them.
+fn between(pc: String) -> (String, Arc<AtomicBool>, Arc<Mutex<Vec<TcpStream>>>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let (address, is_open) = (listener.local_addr().unwrap().to_string(), Arc::new(AtomicBool::new(true)));
+    let (connections, open) = (Arc::<Mutex<Vec<TcpStream>>>::default(), Arc::clone(&is_open));
+    let kept = Arc::clone(&connections);
+    thread::spawn(move || {
+        for robot in listener.incoming() {
+            let (robot, pc) = (robot.unwrap(), TcpStream::connect(&pc).unwrap());
+            kept.lock().unwrap().extend([robot.try_clone().unwrap(), pc.try_clone().unwrap()]);
+            for (mut from, mut to, is_to_robot) in
+                [(robot.try_clone().unwrap(), pc.try_clone().unwrap(), false), (pc, robot, true)]
+            {
+                let open = Arc::clone(&open);
+                thread::spawn(move || {
+                    let mut bytes = [0; 4096];
+                    while let Ok(length @ 1..) = from.read(&mut bytes) {
+                        if (!is_to_robot || open.load(Ordering::SeqCst))
+                            && to.write_all(&bytes[..length]).is_err()
+                        {
+                            return;
+                        }
+                    }
+                });
+            }
+        }
+    });
+    (address, is_open, connections)
+}
+
+#[test]
+fn an_order_that_the_robot_has_not_accepted_does_not_begin_with_the_next_connection() {
+    let folder = tempfile::tempdir().unwrap();
+    let broker = Broker::new();
+    let address = free_port();
+    let cell = format!("link = \"kawasaki-msg\"\nlisten = \"{address}\"");
+    let _bridge = start(folder.path(), &broker, &cell);
+    let mut peer = broker.accept(&[]);
+    let (through, is_open, connections) = between(address);
+    let record = format!("record={}", folder.path().join("record").display());
+    let _robot = simulated(&["kawasaki-robot", "--connect", &through, "--set", &record]);
+    see(&mut peer, "\"connected\"");
+    is_open.store(false, Ordering::SeqCst);
+    order(&mut peer, &lines(2));
+    assert_eq!(outcome(&mut peer)[1], "accepted");
+    // The start of the order is sent, and lost.
+    thread::sleep(Duration::from_millis(300));
+    for connection in connections.lock().unwrap().drain(..) {
+        let _ = connection.shutdown(Shutdown::Both);
+    }
+    is_open.store(true, Ordering::SeqCst);
+    let refused = ["lines", "refused", "the order ended before its first job"];
+    assert_eq!(outcome(&mut peer), refused);
+    order(&mut peer, &lines(3).replace("\"lines\"", "\"next\""));
+    assert_eq!(outcome(&mut peer)[1], "accepted");
+    assert_eq!(outcome(&mut peer), ["next", "done", "3 jobs"]);
+    assert_eq!(executed(folder.path()), 3);
 }
 
 /// Answers reads at once, and writes 1.5 s late. Returns its address, the written registers, and whether a write is in flight.

@@ -13,7 +13,7 @@ use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::{self, EventArgs};
 use cellwire_io::tcp::{self, ConnectArgs};
-use cellwire_io::tls;
+use cellwire_io::tls::TlsArgs;
 use cellwire_io::trace::TraceArgs;
 
 /// Simulates a device until interrupted.
@@ -45,7 +45,7 @@ pub struct Args {
     #[command(flatten)]
     connect: ConnectArgs,
     #[command(flatten)]
-    tls: tls::ServerArgs,
+    tls: TlsArgs,
     /// Disconnect a client after this time without a byte in either direction, or `never`
     #[arg(long, value_name = "TIME", default_value = "600s", value_parser = time(Duration::from_millis(1)..=Duration::MAX))]
     idle_timeout: Duration,
@@ -60,8 +60,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// The devices that are TCP servers: their clients may speak TLS.
-const TLS: [&str; 3] = ["fanuc", "mma-robot", "mma-platform"];
+/// The devices whose link is TCP. Those on a serial line are reached through a device server of another protocol.
+const TLS: [&str; 5] = ["fanuc", "kawasaki-pc", "kawasaki-robot", "mma-robot", "mma-platform"];
 
 const USAGE: &str = "\
 cellwire simulate [OPTIONS] <DEVICE> --listen <ADDR>
@@ -94,10 +94,9 @@ pub fn run(args: &Args) -> Result<bool> {
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
     let settings = args.set.read(&(args.device.settings)())?;
-    let tls = args.tls.read()?;
     ensure!(
-        tls.is_none() || TLS.contains(&args.device.name) && matches!(endpoint, Endpoint::Listen(_)),
-        "--tls-cert is for a TCP server with --listen: {}",
+        !args.tls.is_given() || TLS.contains(&args.device.name) && !matches!(endpoint, Endpoint::Pty(_)),
+        "--tls is for a device on TCP, with --listen or --connect: {}",
         TLS.join(", ")
     );
     args.events.choose();
@@ -109,8 +108,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let options = SimulateOptions {
         endpoint,
         dialing: args.connect.dialing(),
-        tls,
-        verifies_clients: args.tls.verifies_clients(),
+        tls: args.tls.clone(),
         idle_timeout: (args.idle_timeout < Duration::MAX).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,

@@ -1,7 +1,6 @@
 //! A simulated end of a link, and where its peer reaches it.
 
 use std::net::TcpListener;
-use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -14,7 +13,7 @@ use cellwire_io::clock::Clock;
 pub use cellwire_io::endpoint::Endpoint;
 use cellwire_io::serial::PtyLink;
 use cellwire_io::tcp::{self, Dialing};
-use cellwire_io::tls::ServerConfig;
+use cellwire_io::tls::TlsArgs;
 use cellwire_io::trace::{Trace, TraceArgs, Way};
 use cellwire_links::Link;
 use cellwire_links::settings::Setting;
@@ -54,10 +53,8 @@ pub struct SimulateOptions {
     pub endpoint: Endpoint,
     /// How a connection is opened, for a device that is a TCP client.
     pub dialing: Dialing,
-    /// The clients of the device have to speak TLS, with this.
-    pub tls: Option<Arc<ServerConfig>>,
-    /// Their certificates are verified.
-    pub verifies_clients: bool,
+    /// The TLS of the device's connections.
+    pub tls: TlsArgs,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
     /// The options of traces: where the bytes of a session that ended are kept.
@@ -72,11 +69,11 @@ impl SimulateOptions {
     /// The server of a device. Without `--control`, everything that happens to the device comes from its clients.
     ///
     /// # Errors
-    /// The listener cannot be made not to block.
+    /// The listener cannot be made not to block; the files of TLS cannot be used.
     pub fn server(&self, listener: TcpListener, clock: Clock) -> Result<Server<impl Fn() -> Duration>> {
         let look = self.control.as_ref().map(|_| LOOK);
         let listener = Listener::new(listener)?;
-        let (idle_timeout, tls) = (self.idle_timeout, self.tls.clone());
+        let (idle_timeout, tls) = (self.idle_timeout, self.tls.server()?);
         Ok(Server { idle_timeout, look, tls, ..Server::new(listener, move || clock.now()) })
     }
 }

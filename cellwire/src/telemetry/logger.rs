@@ -71,11 +71,8 @@ const TURN: Duration = Duration::from_millis(100);
 
 impl Source {
     fn connect(&self) -> Result<Driver<Carrier<TcpStream>>> {
-        let stream = tcp::connect(&self.server, self.dialing)?;
-        Ok(Driver::new(match &self.tls {
-            None => Carrier::Plain(stream),
-            Some(tls) => Carrier::Secure(Box::new(tls.secure(stream, &self.server)?)),
-        }))
+        let tls = self.tls.as_ref();
+        Ok(Driver::new(Carrier::connect(&self.server, self.dialing, tls, |stream| stream)?))
     }
 }
 

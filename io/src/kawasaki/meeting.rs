@@ -1,21 +1,28 @@
 //! How the two ends meet: over TCP one of them listens, by default the PC (thesis, section 10.4); over UDP the robot sends first.
 
+use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpStream, UdpSocket};
+use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use cellwire_sim::host::{Arrival, Listener};
 use kawasaki_msg::{Dialect, Message};
+use robot_session::tls::Secure;
 use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
 use crate::backoff::Backoff;
 use crate::drive::Lost;
 use crate::endpoint::Endpoint;
-use crate::output::remark;
+use crate::output::{admits, remark};
 use crate::stream::Stream;
 use crate::tcp::{self, Dialing};
+use crate::tls::{self, ServerConfig, Tls, TlsArgs};
 use crate::udp::{self, Datagrams};
+
+/// The most handshakes at once; the oldest one ends for another.
+const MAX_HANDSHAKES: usize = 64;
 
 /// The longest datagram.
 const LONGEST: usize = 65536;
@@ -24,7 +31,7 @@ const LONGEST: usize = 65536;
 #[derive(Debug)]
 pub enum Meeting {
     /// It connects.
-    Listen(Listener),
+    Listen(Arrivals),
     /// It listens there.
     Connect {
         /// Where.
@@ -33,6 +40,8 @@ pub enum Meeting {
         dialing: Dialing,
         /// The pauses between connections.
         backoff: Backoff,
+        /// The TLS of the connections; `None` without.
+        tls: Option<Tls>,
     },
     /// It sends datagrams; what it sends has to be a message of this table.
     Datagrams(UdpSocket, Dialect),
@@ -44,9 +53,18 @@ pub enum Meeting {
 #[derive(Debug)]
 pub enum Carrier {
     /// A TCP connection.
-    Tcp(Stream),
+    Tcp(tls::Carrier<Stream>),
     /// Datagrams.
     Udp(Datagrams),
+}
+
+/// The clients that arrive.
+#[derive(Debug)]
+pub struct Arrivals {
+    listener: Listener,
+    tls: Option<Arc<ServerConfig>>,
+    /// The clients whose TLS handshake is not over, the oldest first.
+    handshakes: VecDeque<(Box<Secure>, SocketAddr)>,
 }
 
 impl Meeting {
@@ -59,7 +77,9 @@ impl Meeting {
         datagrams: bool,
         dialect: Dialect,
         dialing: Dialing,
+        tls: &TlsArgs,
     ) -> Result<(Self, &'static str, String)> {
+        ensure!(!(datagrams && tls.is_given()), "--tls is for TCP, and the setting udp is given");
         match endpoint {
             Endpoint::Listen(address) if datagrams => {
                 let socket = udp::bind(address)?;
@@ -67,7 +87,7 @@ impl Meeting {
                 Ok((Self::Datagrams(socket, dialect), "listen", place))
             }
             Endpoint::Connect(_) if datagrams => bail!("over UDP the robot sends first: use --listen"),
-            endpoint => Self::tcp(endpoint, dialing),
+            endpoint => Self::tcp(endpoint, dialing, tls),
         }
     }
 
@@ -79,26 +99,31 @@ impl Meeting {
         endpoint: &Endpoint,
         datagrams: bool,
         dialing: Dialing,
+        tls: &TlsArgs,
     ) -> Result<(Self, &'static str, String)> {
+        ensure!(!(datagrams && tls.is_given()), "--tls is for TCP, and the setting udp is given");
         match endpoint {
             Endpoint::Connect(address) if datagrams => {
                 Ok((Self::Peer(udp::connect(address)?, address.clone()), "connect", address.clone()))
             }
             Endpoint::Listen(_) if datagrams => bail!("over UDP the robot sends first: use --connect"),
-            endpoint => Self::tcp(endpoint, dialing),
+            endpoint => Self::tcp(endpoint, dialing, tls),
         }
     }
 
-    fn tcp(endpoint: &Endpoint, dialing: Dialing) -> Result<(Self, &'static str, String)> {
+    fn tcp(endpoint: &Endpoint, dialing: Dialing, tls: &TlsArgs) -> Result<(Self, &'static str, String)> {
         match endpoint {
             Endpoint::Listen(address) => {
+                let tls = tls.server()?;
                 let listener = tcp::listen(address)?;
                 let place = listener.local_addr()?.to_string();
-                Ok((Self::Listen(Listener::new(listener)?), "listen", place))
+                let arrivals =
+                    Arrivals { listener: Listener::new(listener)?, tls, handshakes: VecDeque::new() };
+                Ok((Self::Listen(arrivals), "listen", place))
             }
             Endpoint::Connect(address) => {
-                let meeting =
-                    Self::Connect { address: address.clone(), dialing, backoff: Backoff::default() };
+                let (backoff, tls) = (Backoff::default(), tls.client()?);
+                let meeting = Self::Connect { address: address.clone(), dialing, backoff, tls };
                 Ok((meeting, "connect", address.clone()))
             }
             Endpoint::Pty(_) => bail!("the link is TCP or UDP: use --listen or --connect"),
@@ -110,19 +135,16 @@ impl Meeting {
     /// # Errors
     /// What a person has to change; that a connection cannot be opened now is the inner error.
     pub fn meet(&mut self) -> Result<Result<Option<(Carrier, String)>, String>> {
-        let stream = |stream| Carrier::Tcp(Stream::new(stream));
         Ok(match self {
-            Self::Listen(listener) => match newest(listener) {
-                Some((client, peer)) => {
-                    client.set_nonblocking(false)?;
-                    Ok(Some((stream(client), peer.to_string())))
+            Self::Listen(arrivals) => {
+                Ok(arrivals.newest()?.map(|(client, peer)| (Carrier::Tcp(client), peer.to_string())))
+            }
+            Self::Connect { address, dialing, tls, .. } => {
+                match tls::Carrier::connect(address, *dialing, tls.as_ref(), Stream::new) {
+                    Ok(client) => Ok(Some((Carrier::Tcp(client), address.clone()))),
+                    Err(error) => Err(format!("{error:#}")),
                 }
-                None => Ok(None),
-            },
-            Self::Connect { address, dialing, .. } => match tcp::connect(address, *dialing) {
-                Ok(client) => Ok(Some((stream(client), address.clone()))),
-                Err(error) => Err(format!("{error:#}")),
-            },
+            }
             Self::Datagrams(socket, dialect) => Ok(first(socket, *dialect)?.map(|(socket, peer, first)| {
                 (Carrier::Udp(Datagrams::of(socket, peer, first)), peer.to_string())
             })),
@@ -150,27 +172,49 @@ impl Meeting {
     }
 }
 
-/// The client that has connected last, of those that have not left again: each later one takes the place of the one before it.
-fn newest(listener: &mut Listener) -> Option<(TcpStream, SocketAddr)> {
-    let mut found = None;
-    loop {
-        match listener.accept() {
-            Ok(Arrival::Client(client, peer)) => {
-                let client = TcpStream::from(client);
-                let has_left = match client.peek(&mut [0]) {
-                    Ok(length) => length == 0,
-                    Err(error) => error.kind() != ErrorKind::WouldBlock,
-                };
-                if !has_left {
-                    found = Some((client, peer));
+impl Arrivals {
+    /// The client that has connected last, of those that have not left again: each later one takes the place of the one before it. In TLS
+    /// a client has connected when its handshake is over.
+    fn newest(&mut self) -> Result<Option<(tls::Carrier<Stream>, SocketAddr)>> {
+        let mut found = None;
+        loop {
+            match self.listener.accept() {
+                Ok(Arrival::Client(client, peer)) => {
+                    let client = TcpStream::from(client);
+                    let has_left = match client.peek(&mut [0]) {
+                        Ok(length) => length == 0,
+                        Err(error) => error.kind() != ErrorKind::WouldBlock,
+                    };
+                    if has_left {
+                        continue;
+                    }
+                    client.set_nonblocking(false)?;
+                    let Some(tls) = &self.tls else {
+                        found = Some((tls::Carrier::Plain(Stream::new(client)), peer));
+                        continue;
+                    };
+                    if self.handshakes.len() == MAX_HANDSHAKES {
+                        self.handshakes.pop_front();
+                    }
+                    self.handshakes.push_back((Box::new(Secure::begin(client, Arc::clone(tls))?), peer));
                 }
+                Ok(Arrival::Refused(peer)) => {
+                    remark(&format!("refused {peer}: too many open files, see ulimit -n"));
+                }
+                // A client without room may be accepted at the next turn.
+                Ok(Arrival::Nobody) | Err(_) => break,
             }
-            Ok(Arrival::Refused(peer)) => {
-                remark(&format!("refused {peer}: too many open files, see ulimit -n"));
-            }
-            // A client without room may be accepted at the next turn.
-            Ok(Arrival::Nobody) | Err(_) => return found,
         }
+        for _ in 0..self.handshakes.len() {
+            let Some((mut client, peer)) = self.handshakes.pop_front() else { break };
+            match client.is_ready() {
+                Ok(true) => found = Some((tls::Carrier::Secure(client), peer)),
+                Ok(false) => self.handshakes.push_back((client, peer)),
+                Err(error) if admits("refused_client") => remark(&format!("refused {peer}: {error}")),
+                Err(_) => {}
+            }
+        }
+        Ok(found)
     }
 }
 
@@ -216,6 +260,13 @@ impl Transport for Carrier {
         match self {
             Self::Tcp(stream) => stream.discard_after(after),
             Self::Udp(datagrams) => datagrams.discard_after(after),
+        }
+    }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> std::io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.wait_for_room(wait),
+            Self::Udp(datagrams) => datagrams.wait_for_room(wait),
         }
     }
 }

@@ -111,8 +111,17 @@ impl Transport for Peer<'_> {
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.packets.add(bytes);
-        self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)
+        let sent = self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)?;
+        match sent {
+            Sent::Part(0) => {}
+            Sent::Part(length) => self.packets.add(bytes.get(..length).unwrap_or_default()),
+            Sent::Buffered | Sent::Transmitted => self.packets.add(bytes),
+        }
+        Ok(sent)
+    }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        self.carrier.as_mut().map_or(Ok(()), |carrier| carrier.wait_for_room(wait))
     }
 
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {

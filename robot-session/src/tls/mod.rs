@@ -31,7 +31,7 @@ pub use self::files::{FileError, Identity, client, server};
 use crate::{Received, Sent, Transport, Wait, discard_unacknowledged, is_silence};
 
 /// The time that a handshake may take.
-pub(crate) const HANDSHAKE: Duration = Duration::from_secs(10);
+pub const HANDSHAKE: Duration = Duration::from_secs(10);
 
 /// The name of a server: a host name or an IP address.
 pub(crate) fn server_name(name: &str) -> io::Result<ServerName<'static>> {
@@ -40,7 +40,7 @@ pub(crate) fn server_name(name: &str) -> io::Result<ServerName<'static>> {
 }
 
 pub(crate) fn late() -> io::Error {
-    io::Error::new(ErrorKind::TimedOut, "the peer has not answered the TLS handshake")
+    io::Error::new(ErrorKind::TimedOut, "the peer has not answered the TLS handshake: it may not speak TLS")
 }
 
 /// A secure connection over TCP, for the drivers of std. A handshake takes 10 s at most. Its errors say what is wrong with a certificate,
@@ -58,7 +58,7 @@ impl Secure {
     /// `name` is neither; the handshake has failed.
     pub fn dial(stream: TcpStream, config: Arc<ClientConfig>, name: &str) -> io::Result<Self> {
         let tls = ClientConnection::new(config, server_name(name)?).map_err(io::Error::other)?;
-        Self::shake_hands(stream, tls.into())
+        Self::shake_hands(stream, Layer::new(tls.into()))
     }
 
     /// The server's end.
@@ -66,19 +66,34 @@ impl Secure {
     /// # Errors
     /// The handshake has failed.
     pub fn accept(stream: TcpStream, config: Arc<ServerConfig>) -> io::Result<Self> {
-        Self::shake_hands(stream, Layer::accept(config)?.0)
+        Self::shake_hands(stream, Layer::accept(config)?)
     }
 
-    fn shake_hands(mut stream: TcpStream, mut tls: Connection) -> io::Result<Self> {
-        let begun = Instant::now();
-        while tls.is_handshaking() {
-            let left = HANDSHAKE.saturating_sub(begun.elapsed());
+    /// The server's end, whose handshake [`is_ready`](Self::is_ready) makes: for a thread that does not wait for one client.
+    ///
+    /// # Errors
+    /// The configuration cannot work.
+    pub fn begin(stream: TcpStream, config: Arc<ServerConfig>) -> io::Result<Self> {
+        Ok(Self { stream, tls: Layer::accept(config)? })
+    }
+
+    /// Goes on with the handshake as far as the peer's bytes have come; returns whether the handshake is over.
+    ///
+    /// # Errors
+    /// The handshake has failed, or takes longer than [`HANDSHAKE`].
+    pub fn is_ready(&mut self) -> io::Result<bool> {
+        self.tls.shake_hands(&mut Now(&mut self.stream))
+    }
+
+    fn shake_hands(mut stream: TcpStream, mut tls: Layer) -> io::Result<Self> {
+        while tls.connection.is_handshaking() {
+            let left = HANDSHAKE.saturating_sub(tls.begun.elapsed());
             if left.is_zero() {
                 return Err(late());
             }
             stream.set_read_timeout(Some(left))?;
             stream.set_write_timeout(Some(left))?;
-            match tls.complete_io(&mut stream) {
+            match tls.connection.complete_io(&mut stream) {
                 Ok(_) => {}
                 Err(error) if is_silence(&error) => return Err(late()),
                 Err(error) => return Err(advised(error)),
@@ -86,12 +101,17 @@ impl Secure {
         }
         stream.set_read_timeout(None)?;
         stream.set_write_timeout(None)?;
-        Ok(Self { stream, tls: Layer(tls) })
+        Ok(Self { stream, tls })
+    }
+
+    /// The TCP connection below.
+    pub const fn stream(&self) -> &TcpStream {
+        &self.stream
     }
 
     /// The state of TLS, with the certificates of the peer.
     pub const fn connection(&self) -> &Connection {
-        &self.tls.0
+        &self.tls.connection
     }
 
     /// Ends TLS, so that the peer does not take the end for a lost connection, and the connection. A peer that reads nothing is not waited for.
@@ -103,16 +123,39 @@ impl Secure {
 
 /// TLS over a stream that does not wait, which belongs to the caller: for a loop of many connections.
 #[derive(Debug)]
-pub struct Layer(Connection);
+pub struct Layer {
+    connection: Connection,
+    /// The begin of the handshake.
+    begun: Instant,
+}
 
 impl Layer {
+    fn new(connection: Connection) -> Self {
+        Self { connection, begun: Instant::now() }
+    }
+
     /// The server's end, before its handshake.
     ///
     /// # Errors
     /// The configuration cannot work.
     pub fn accept(config: Arc<ServerConfig>) -> io::Result<Self> {
-        let tls = ServerConnection::new(config).map_err(io::Error::other)?;
-        Ok(Self(tls.into()))
+        Ok(Self::new(ServerConnection::new(config).map_err(io::Error::other)?.into()))
+    }
+
+    /// Goes on with the handshake as far as the peer's bytes have come; returns whether the handshake is over.
+    ///
+    /// # Errors
+    /// The stream's, and those of TLS with advice; the handshake takes longer than [`HANDSHAKE`].
+    pub fn shake_hands(&mut self, stream: &mut (impl io::Read + io::Write)) -> io::Result<bool> {
+        while self.connection.is_handshaking() {
+            match self.process(stream) {
+                Ok(0) => return Err(advised(ErrorKind::UnexpectedEof.into())),
+                Err(error) if is_silence(&error) && self.begun.elapsed() >= HANDSHAKE => return Err(late()),
+                Err(error) if is_silence(&error) => return Ok(false),
+                processed => processed?,
+            };
+        }
+        Ok(true)
     }
 
     /// Reads bytes of the peer; 0 at the end.
@@ -125,23 +168,29 @@ impl Layer {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
                 read => return read,
             }
-            self.0.read_tls(stream)?;
-            let processed = self.0.process_new_packets();
-            // The peer gets the reason why it is refused.
-            self.flush(stream)?;
-            processed.map_err(|error| advised(io::Error::new(ErrorKind::InvalidData, error)))?;
+            self.process(stream)?;
         }
+    }
+
+    /// Reads bytes of TLS, and answers them; 0 at the end.
+    fn process(&mut self, stream: &mut (impl io::Read + io::Write)) -> io::Result<usize> {
+        let length = self.connection.read_tls(stream)?;
+        let processed = self.connection.process_new_packets();
+        // The peer gets the reason why it is refused.
+        self.flush(stream)?;
+        processed.map_err(|error| advised(io::Error::new(ErrorKind::InvalidData, error)))?;
+        Ok(length)
     }
 
     /// The certificate of the peer (DER), after the handshake; `None` if the peer has shown none.
     pub fn peer_certificate(&self) -> Option<&[u8]> {
-        self.0.peer_certificates()?.first().map(|certificate| &**certificate)
+        self.connection.peer_certificates()?.first().map(|certificate| &**certificate)
     }
 
     /// Bytes that were received before.
     fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let is_served = matches!(&self.0, Connection::Server(server) if !server.is_handshaking());
-        self.0.reader().read(buffer).map_err(|error| match error.kind() {
+        let is_served = matches!(&self.connection, Connection::Server(server) if !server.is_handshaking());
+        self.connection.reader().read(buffer).map_err(|error| match error.kind() {
             ErrorKind::WouldBlock => error,
             // A server whose handshake is over has accepted its client, and is accepted.
             kind @ ErrorKind::UnexpectedEof if is_served => {
@@ -157,10 +206,10 @@ impl Layer {
     /// [`ErrorKind::WouldBlock`] if there is no room; the stream's.
     pub fn write(&mut self, stream: &mut impl io::Write, bytes: &[u8]) -> io::Result<usize> {
         self.flush(stream)?;
-        if self.0.wants_write() {
+        if self.connection.wants_write() {
             return Err(ErrorKind::WouldBlock.into());
         }
-        let taken = self.0.writer().write(bytes)?;
+        let taken = self.connection.writer().write(bytes)?;
         // Bytes without room go out with the next call.
         self.flush(stream)?;
         Ok(taken)
@@ -171,8 +220,8 @@ impl Layer {
     /// # Errors
     /// The stream's.
     pub fn flush(&mut self, stream: &mut impl io::Write) -> io::Result<()> {
-        while self.0.wants_write() {
-            match self.0.write_tls(stream) {
+        while self.connection.wants_write() {
+            match self.connection.write_tls(stream) {
                 Err(error) if is_silence(&error) => break,
                 written => written?,
             };
@@ -182,7 +231,7 @@ impl Layer {
 
     /// Ends TLS, so that the peer does not take the end for a lost connection. A peer that reads nothing is not waited for.
     pub fn end(&mut self, stream: &mut impl io::Write) {
-        self.0.send_close_notify();
+        self.connection.send_close_notify();
         let _ = self.flush(stream);
     }
 }
@@ -220,7 +269,7 @@ impl Transport for Secure {
         let read = match tls.decrypted(buffer) {
             Err(error) if is_silence(&error) => {
                 tls.flush(&mut Now(stream))?;
-                wait.room |= tls.0.wants_write();
+                wait.room |= tls.connection.wants_write();
                 if !wait.readable(&*stream)? {
                     tls.flush(&mut Now(stream))?;
                     return Ok(Received::Nothing);

@@ -185,7 +185,7 @@ async fn a_peer_without_tls_is_named() {
     assert!(said.contains("does not speak TLS on this port"), "{said}");
     let silent = TcpStream::connect(address).await.unwrap();
     let said = listen.connect().await.unwrap_err();
-    assert_eq!(said.to_string(), "the peer has not answered the TLS handshake");
+    assert_eq!(said.to_string(), "the peer has not answered the TLS handshake: it may not speak TLS");
     drop(silent);
     let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = server.local_addr().unwrap().to_string();

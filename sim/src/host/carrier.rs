@@ -12,8 +12,6 @@ pub(super) struct Carrier {
     /// `None`: bytes as they are.
     #[cfg(feature = "tls")]
     pub(super) tls: Option<Box<Layer>>,
-    /// The session has got the certificate of the client, or there is none.
-    pub(super) is_known: bool,
 }
 
 impl Carrier {
@@ -25,11 +23,8 @@ impl Carrier {
         false
     }
 
-    /// The certificate of the client, once.
-    pub(super) fn certificate(&mut self) -> Option<&[u8]> {
-        if core::mem::replace(&mut self.is_known, true) {
-            return None;
-        }
+    /// The certificate that the client has shown.
+    pub(super) fn certificate(&self) -> Option<&[u8]> {
         #[cfg(feature = "tls")]
         return self.tls.as_ref()?.peer_certificate();
         #[cfg(not(feature = "tls"))]

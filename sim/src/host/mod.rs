@@ -2,6 +2,8 @@
 
 mod attend;
 mod carrier;
+#[cfg(feature = "tls")]
+mod handshakes;
 mod listener;
 mod serve;
 
@@ -24,7 +26,7 @@ pub trait Hosted: Session + Sized {
         None
     }
 
-    /// The client has shown this certificate (DER) in TLS, which is verified. Called before its first bytes.
+    /// The client has shown this certificate (DER) in TLS, which is verified. Called after [`handle_connected`](Session::handle_connected).
     fn secured(&mut self, _certificate: &[u8]) {}
 
     /// Whether a connection can be made now.

@@ -5,12 +5,15 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::Shutdown;
 
 use mio::event::Event;
-use mio::net::TcpStream;
 use mio::{Events, Interest, Poll, Token};
+#[cfg(feature = "tls")]
+use robot_session::tls::HANDSHAKE;
 use robot_session::{Step, Steps};
 use slab::Slab;
 
 use super::carrier::Carrier;
+#[cfg(feature = "tls")]
+use super::handshakes::{self, Handshakes};
 use super::{Arrival, Ending, Hosted, Listener, Notice, Request, refuse};
 
 /// The number of clients that are served at once; others are refused.
@@ -70,8 +73,19 @@ impl<C: Fn() -> Duration> Server<C> {
         let poll = Poll::new()?;
         let (input, out) = (vec![0; S::MAX_INPUT], vec![0; S::MAX_TRANSMIT]);
         let (first, clients, busy) = (Some(session), Slab::new(), Vec::new());
-        let mut serving =
-            Serving { server: self, poll, first, clients, busy, due: None, input, out, observe };
+        let mut serving = Serving {
+            server: self,
+            poll,
+            first,
+            clients,
+            #[cfg(feature = "tls")]
+            handshakes: Handshakes::NONE,
+            busy,
+            due: None,
+            input,
+            out,
+            observe,
+        };
         serving.poll.registry().register(&mut serving.server.listener, ARRIVALS, Interest::READABLE)?;
         serving.run(goes_on)
     }
@@ -83,6 +97,8 @@ struct Serving<C, S, H> {
     /// The session without a connection; `None` while it has one because it serves only the newest client.
     first: Option<S>,
     clients: Slab<Client<S>>,
+    #[cfg(feature = "tls")]
+    handshakes: Handshakes,
     /// The clients with more to read, of which no further event comes.
     busy: Vec<usize>,
     /// The earliest time at which something is due, or earlier.
@@ -148,6 +164,8 @@ where
             for event in &events {
                 match event.token() {
                     ARRIVALS => self.accept(now)?,
+                    #[cfg(feature = "tls")]
+                    Token(token) if token >= handshakes::FIRST => self.shake_hands(token, now)?,
                     Token(key) => self.wake(key, event, now)?,
                 }
             }
@@ -165,6 +183,10 @@ where
             self.wait_until(now + look);
         }
         self.accept(now)?;
+        #[cfg(feature = "tls")]
+        for token in self.handshakes.tokens() {
+            self.shake_hands(token, now)?;
+        }
         self.time_out(now)
     }
 
@@ -203,7 +225,33 @@ where
                     return Ok(());
                 }
             };
-            self.connect(stream, peer, now)?;
+            #[cfg(feature = "tls")]
+            if let Some(config) = self.server.tls.clone() {
+                match self.handshakes.begin(stream, peer, config, self.poll.registry()) {
+                    Ok(token) => self.shake_hands(token, now)?,
+                    Err((peer, why)) => self.refuse(&peer, &why)?,
+                }
+                continue;
+            }
+            let carrier = Carrier {
+                tcp: stream,
+                #[cfg(feature = "tls")]
+                tls: None,
+            };
+            self.connect(carrier, peer, now)?;
+        }
+    }
+
+    /// Goes on with a TLS handshake. Its client is served, and replaces another one, only after that.
+    #[cfg(feature = "tls")]
+    fn shake_hands(&mut self, token: usize, now: Duration) -> Result<(), E> {
+        match self.handshakes.advance(token, self.poll.registry()) {
+            Some((peer, Ok(carrier))) => self.connect(carrier, peer, now),
+            Some((peer, Err(why))) => self.refuse(&peer, &why),
+            None => {
+                self.wait_until(now + HANDSHAKE + RETRY);
+                Ok(())
+            }
         }
     }
 
@@ -213,11 +261,11 @@ where
         first.map_or(Ok(()), |session| (self.observe)(session, Notice::Refused(peer, why)))
     }
 
-    fn connect(&mut self, mut stream: TcpStream, peer: String, now: Duration) -> Result<(), E> {
+    fn connect(&mut self, mut stream: Carrier, peer: String, now: Duration) -> Result<(), E> {
         let another = match self.first.as_ref().map(Hosted::another) {
             Some(Some(another)) if self.clients.len() < MAX_CLIENTS => Some(another),
             Some(Some(_)) => {
-                refuse(&stream);
+                refuse(&stream.tcp);
                 return self.refuse(&peer, "the maximum of clients is connected");
             }
             Some(None) => None,
@@ -226,30 +274,20 @@ where
                 None
             }
         };
-        #[cfg(feature = "tls")]
-        let tls = match self.server.tls.clone().map(robot_session::tls::Layer::accept).transpose() {
-            Ok(tls) => tls.map(Box::new),
-            Err(error) => {
-                refuse(&stream);
-                return self.refuse(&peer, &error.to_string());
-            }
-        };
         let key = self.clients.vacant_key();
         let interest = Interest::READABLE | Interest::WRITABLE;
-        if let Err(error) = self.poll.registry().register(&mut stream, Token(key), interest) {
-            refuse(&stream);
+        if let Err(error) = self.poll.registry().register(&mut stream.tcp, Token(key), interest) {
+            refuse(&stream.tcp);
             return self.refuse(&peer, &error.to_string());
         }
         let is_first = another.is_none();
         let Some(mut session) = another.or_else(|| self.first.take()) else { return Ok(()) };
         session.handle_connected(now);
-        let stream = Carrier {
-            tcp: stream,
-            #[cfg(feature = "tls")]
-            tls,
-            is_known: false,
-        };
-        let (unsent, is_readable, is_ended) = (Vec::new(), false, false);
+        if let Some(certificate) = stream.certificate() {
+            session.secured(certificate);
+        }
+        // Bytes may have come with the end of the handshake.
+        let (unsent, is_readable, is_ended) = (Vec::new(), stream.keeps_bytes(), false);
         let mut client =
             Client { stream, peer, session, is_first, unsent, is_readable, is_ended, active: now };
         (self.observe)(&mut client.session, Notice::Connected(&client.peer))?;
@@ -357,9 +395,6 @@ impl<S: Hosted> Client<S> {
                     let is_filled = length == input.len() || self.stream.keeps_bytes();
                     self.is_readable = is_filled || self.is_ended || cfg!(windows);
                     self.active = now;
-                    if let Some(certificate) = self.stream.certificate() {
-                        self.session.secured(certificate);
-                    }
                     let bytes = input.get(..length).unwrap_or_default();
                     observe(&mut self.session, Notice::Received(now, bytes)).map_err(Stop::Server)?;
                     self.session.handle_input(now, bytes);

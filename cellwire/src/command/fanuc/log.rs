@@ -29,7 +29,7 @@ use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::{counted, remark};
 use cellwire_io::tcp::TimeoutArgs;
-use cellwire_io::tls;
+use cellwire_io::tls::TlsArgs;
 use cellwire_links::fanuc_hmi_modbus::Frames;
 use cellwire_motion::plausibility::{Fault, Plausibility};
 
@@ -81,7 +81,7 @@ pub(super) struct Args {
     #[command(flatten)]
     connect: TimeoutArgs,
     #[command(flatten)]
-    tls: tls::ClientArgs,
+    tls: TlsArgs,
     #[command(flatten)]
     set: SetArgs,
     /// Print one JSON object at the end instead of a table
@@ -124,7 +124,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         address: args.address.or(view.address).unwrap_or(TelemetryBlock::ADDRESS),
         poll,
         dialing: args.set.dialing(None, args.connect)?,
-        tls: args.tls.read()?,
+        tls: args.tls.client()?,
         config,
     };
     let mut logger = Logger::open(source, clock)?;

@@ -12,7 +12,7 @@ use crate::command::settings::SetArgs;
 use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
 use cellwire_io::output::{log, remark};
 use cellwire_io::tcp::TimeoutArgs;
-use cellwire_io::tls;
+use cellwire_io::tls::TlsArgs;
 use cellwire_links::fanuc_hmi_modbus::Frames;
 
 /// Reads variables from holding registers, one JSON line each.
@@ -53,7 +53,7 @@ pub(super) struct PlaceArgs {
     #[command(flatten)]
     connect: TimeoutArgs,
     #[command(flatten)]
-    tls: tls::ClientArgs,
+    tls: TlsArgs,
     #[command(flatten)]
     set: SetArgs,
 }
@@ -134,7 +134,7 @@ impl PlaceArgs {
         let order = self.word_order.map_or(given.view.word_order, WordOrder::from);
         let (server, rtu) = (self.server.clone(), given.view.frames == Frames::Rtu);
         let dialing = self.set.dialing(None, self.connect)?;
-        let mut port = Port::new(PortKind::Tcp { server, rtu, tls: self.tls.read()? }, dialing);
+        let mut port = Port::new(PortKind::Tcp { server, rtu, tls: self.tls.client()? }, dialing);
         self.set.configure(&given, &mut port.config)?;
         let view = given.view;
         let unit = self.unit.or(view.unit).unwrap_or(1);

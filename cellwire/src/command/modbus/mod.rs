@@ -9,7 +9,7 @@ mod seen;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Subcommand;
 use fanuc_hmi_modbus::ClientConfig;
 
@@ -19,7 +19,7 @@ use cellwire_io::output::remark;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial::{self, Mode};
 use cellwire_io::tcp::TimeoutArgs;
-use cellwire_io::tls;
+use cellwire_io::tls::TlsArgs;
 use cellwire_links::fanuc_hmi_modbus::{Frames, client_settings};
 use cellwire_links::settings::Setting;
 
@@ -92,7 +92,7 @@ struct PortArgs {
     #[command(flatten)]
     connect: TimeoutArgs,
     #[command(flatten)]
-    tls: tls::ClientArgs,
+    tls: TlsArgs,
     #[command(flatten)]
     set: SetArgs,
 }
@@ -164,9 +164,10 @@ impl PortArgs {
         let is_path = AnyPort::is_serial(server);
         let given = self.set.read_client("modbus", &USES)?;
         let kind = if is_path {
+            ensure!(!self.tls.is_given(), "--tls is for TCP, and {server} is a serial port");
             PortKind::Serial { path: server.to_owned(), baud: self.baud, mode: self.mode }
         } else {
-            let tls = self.tls.read()?;
+            let tls = self.tls.client()?;
             PortKind::Tcp { server: server.to_owned(), rtu: given.view.frames == Frames::Rtu, tls }
         };
         let mut port = Port::new(kind, self.set.dialing(None, self.connect)?);

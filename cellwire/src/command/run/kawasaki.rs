@@ -20,6 +20,7 @@ use cellwire_io::input::{self, time};
 use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::output::{log, ready, stdout};
 use cellwire_io::tcp;
+use cellwire_io::tls::TlsArgs;
 use cellwire_io::trace::TraceArgs;
 use cellwire_links::settings;
 
@@ -60,6 +61,8 @@ pub(super) struct Args {
     /// Run it although a part has no effect, which is reported: elements that a pen cannot draw, such as text
     #[arg(long, value_name = "WHAT", value_parser = ["drawing"])]
     allow: Option<String>,
+    #[command(flatten)]
+    tls: TlsArgs,
     #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
@@ -147,7 +150,8 @@ fn serve(
         (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
     };
     let dialing = args.work.set.dialing(None, args.work.connect)?;
-    let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, dialing)?;
+    let (mut meeting, kind, place) =
+        Meeting::of_pc(&endpoint, config.datagrams, config.dialect, dialing, &args.tls)?;
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");

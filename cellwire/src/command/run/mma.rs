@@ -14,6 +14,7 @@ use crate::run::mma::{Addresses, Ended, Journal, Line, Part, Periphery, Rest, Ru
 use cellwire_io::bell::Bell;
 use cellwire_io::input;
 use cellwire_io::output::{announce, log};
+use cellwire_io::tls::TlsArgs;
 use cellwire_links::settings;
 
 /// The devices were not seen at rest.
@@ -59,6 +60,8 @@ pub(super) struct Args {
     /// Cameras, valves and vacuum switch: HOST:PORT [default: simulated]
     #[arg(long, value_name = "ADDR")]
     periphery: Option<String>,
+    #[command(flatten)]
+    tls: TlsArgs,
     #[command(flatten)]
     work: WorkArgs,
 }
@@ -163,9 +166,10 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     }
     let dialing = args.work.set.dialing(Some(&args.file), args.work.connect)?;
     let address = |given: &Option<String>| given.clone().unwrap_or_default();
-    let addresses = Addresses { robot: address(&args.robot), platform: address(&args.platform), dialing };
+    let (robot, platform, tls) = (address(&args.robot), address(&args.platform), args.tls.client()?);
+    let addresses = Addresses { robot, platform, dialing, tls };
     let mut periphery: Box<dyn Periphery> = match &args.periphery {
-        Some(address) => Box::new(Line::open(address, dialing, bell)?),
+        Some(address) => Box::new(Line::open(address, dialing, addresses.tls.as_ref(), bell)?),
         None => Box::new(Simulated::new(settings.part.clone(), settings.vacuum)),
     };
     announce(&json!({"ready": "mma", "robot": addresses.robot, "platform": addresses.platform}))?;

@@ -21,6 +21,7 @@ use crate::report::{Budget, Report, were};
 use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::kawasaki::pc::{self, Packets, Program};
 use cellwire_io::tcp;
+use cellwire_io::tls::TlsArgs;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
@@ -96,16 +97,16 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let session = LargePc::with_ranges(pc, layout.clone())?;
     // No job is anything else than a line.
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
-    let (udp, dialing) = (plant.udp, tcp::Dialing::default());
+    let (udp, dialing, tls) = (plant.udp, tcp::Dialing::default(), TlsArgs::default());
     ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
     let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
-    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, dialing)?;
+    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, dialing, &tls)?;
     let proxy = match options.faults {
         true => Some(FaultyProxy::start(server.parse()?, options.seed, BREAKS)?),
         false => None,
     };
     let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
-    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, dialing)?;
+    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, dialing, &tls)?;
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
 

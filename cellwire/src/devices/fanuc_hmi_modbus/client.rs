@@ -17,7 +17,7 @@ use cellwire_io::drive::Lost;
 use cellwire_io::output::remark;
 use cellwire_io::port::AnyPort;
 use cellwire_io::stream::Stream;
-use cellwire_io::tcp::{self, Dialing};
+use cellwire_io::tcp::Dialing;
 use cellwire_io::tls::{Carrier, Tls};
 
 /// A connection that the client itself has replaced is tried again for this long.
@@ -84,11 +84,8 @@ impl Port {
     fn open(&self) -> Result<Carrier<AnyPort>> {
         Ok(match &self.kind {
             PortKind::Tcp { server, tls, .. } => {
-                let stream = tcp::connect(server, self.dialing)?;
-                match tls {
-                    None => Carrier::Plain(AnyPort::Tcp(Stream::new(stream))),
-                    Some(tls) => Carrier::Secure(Box::new(tls.secure(stream, server)?)),
-                }
+                let plain = |stream| AnyPort::Tcp(Stream::new(stream));
+                Carrier::connect(server, self.dialing, tls.as_ref(), plain)?
             }
             PortKind::Serial { path, baud, mode } => {
                 Carrier::Plain(AnyPort::open_with(path, *baud, *mode, self.dialing)?)
@@ -381,10 +378,7 @@ fn answer<T>(
             None
         }
         ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
-            // An alert of TLS: 15 03 03 00.
-            let is_tls = matches!(error, DecodeError::Protocol { found: 0x0300, .. });
-            let hint = if is_tls { "; a server that speaks TLS begins so: --tls" } else { "" };
-            remark(&format!("corrupt: {error}{hint}"));
+            remark(&format!("corrupt: {error}"));
             instead.get_or_insert_with(|| event.to_string());
             None
         }

@@ -237,7 +237,7 @@ impl Configure for FanucSettings {
         fields.text("identification", shape, "it has none", about, identification);
         let shape = "ROLE:FUNCTION or ROLE:FUNCTION@FIRST-LAST with commas between them, such as operator:read,engineer:write@100-199; \
                      FUNCTION is any, read, write or a number";
-        let about = "the accesses that the role in a client's certificate permits (--tls-clients); others are refused with exception 1";
+        let about = "the accesses that the role in a client's certificate permits (--tls); others are refused with exception 1";
         fields.text("roles", shape, "every client may do everything", about, roles);
         program.configure(fields);
     }

@@ -46,8 +46,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let identification: Identification = settings.identification.as_deref().unwrap_or_default().parse()?;
     let roles: Roles = settings.roles.as_deref().unwrap_or_default().parse()?;
     ensure!(
-        roles.is_empty() || options.verifies_clients,
-        "the setting roles needs the certificates of clients: give --tls-clients too"
+        roles.is_empty() || options.tls.verifies_clients(),
+        "the setting roles needs the certificates of clients: give their authority with --tls"
     );
     let reports = Reports::default();
     let (controller, mapping) = match &settings.program.program {
@@ -68,14 +68,16 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         Endpoint::Listen(address) => {
             let config = settings.on_tcp();
             let listener = tcp::listen(address)?;
-            options.ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
-            let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
+            let (clock, address) = (Clock::start(), listener.local_addr()?.to_string());
+            let server = options.server(listener, clock)?;
+            options.ready("fanuc", "listen", &address)?;
+            let trace = options.trace.start("fanuc");
             let mut device = connection(&controller, config)?;
             options.control("fanuc", &mut device, control::own())?;
             if runs {
                 keep_running(&controller, &reports, clock)?;
             }
-            serve_tcp(options.server(listener, clock)?, device, &trace, Some(&shown))
+            serve_tcp(server, device, &trace, Some(&shown))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {

@@ -45,7 +45,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let PcSettings { order, repeat, .. } = settings;
     let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
     let (mut meeting, kind, place) =
-        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing)?;
+        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing, &options.tls)?;
     options.ready("kawasaki-pc", kind, &place)?;
     options.control("kawasaki-pc", &mut pc, control::pc())?;
     let trace = options.trace.start("kawasaki-pc");
@@ -129,7 +129,8 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let mut record = record.map(|file| Record::open(Path::new(&file), &layout)).transpose()?;
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
     let out = out.map(PathBuf::from);
-    let (mut meeting, kind, place) = Meeting::of_robot(&options.endpoint, config.datagrams, options.dialing)?;
+    let (mut meeting, kind, place) =
+        Meeting::of_robot(&options.endpoint, config.datagrams, options.dialing, &options.tls)?;
     options.ready("kawasaki-robot", kind, &place)?;
     let mut simulator = robot::simulator(&setup)?;
     options.control("kawasaki-robot", &mut simulator, control::robot(setup.layout.clone()))?;

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::devices::control::{Command, Fields, Own, fields};
 use crate::devices::device::{Endpoint, SimulateOptions, keep, reason};
 use cellwire_io::clock::Clock;
-use cellwire_io::output::{log, notice, remark};
+use cellwire_io::output::{admits, log, notice, remark};
 use cellwire_io::tcp;
 use cellwire_links::settings;
 
@@ -43,15 +43,17 @@ where
     let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
     let mut device = settings.simulator()?.keeping_nothing();
     let listener = tcp::listen(address)?;
-    options.ready(name, "listen", &listener.local_addr()?.to_string())?;
+    let place = listener.local_addr()?.to_string();
+    let server = options.server(listener, Clock::start())?;
+    options.ready(name, "listen", &place)?;
     options.control(name, &mut device, own())?;
     let trace = options.trace.start(name);
-    options.server(listener, Clock::start())?.run(
+    server.run(
         device,
         || true,
         |_, event| match event {
             Notice::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
-            Notice::Refused(peer, why) => {
+            Notice::Refused(peer, why) if admits("refused_client") => {
                 remark(&format!("refused the client {peer}: {why}"));
                 Ok(())
             }

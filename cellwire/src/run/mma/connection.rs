@@ -1,7 +1,6 @@
 //! A device's connection: its session, and a thread that reads.
 
-use std::io::{Read, Write};
-use std::net::{Shutdown, TcpStream};
+use std::io::Read as _;
 use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::Duration;
@@ -10,14 +9,13 @@ use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose};
 use mmacell_task::Device;
-use robot_session::{Step, Steps, discard_unacknowledged, now};
+use robot_session::{Step, Steps, now};
 
+use super::wire::Wire;
 use cellwire_io::backoff::Backoff;
 use cellwire_io::bell::Bell;
-use cellwire_io::tcp::{self, Dialing};
-
-/// A peer that takes nothing for this long is gone.
-pub(super) const STUCK: Duration = Duration::from_secs(5);
+use cellwire_io::tcp::Dialing;
+use cellwire_io::tls::Tls;
 
 /// The most that waits to be taken, and is done in one turn.
 pub(super) const WAITING: usize = 64;
@@ -29,8 +27,8 @@ pub(super) struct Arrival {
     pub(super) from: Device,
     /// Which connection to it.
     pub(super) number: u64,
-    /// `None` at its end.
-    pub(super) bytes: Option<Vec<u8>>,
+    /// The bytes, or the reason for its end.
+    pub(super) bytes: Result<Vec<u8>, String>,
 }
 
 /// Takes what has come, and rings for it. A device that sends faster than it is read waits in its socket.
@@ -54,14 +52,17 @@ pub(super) struct Connection<P: Pose> {
     from: Device,
     address: String,
     dialing: Dialing,
+    tls: Option<Tls>,
     inbox: Inbox,
     number: u64,
-    stream: Option<TcpStream>,
+    wire: Option<Wire>,
     session: Central<P>,
     retry_at: Duration,
     backoff: Backoff,
     /// Why it was lost, until the device has answered again: one that ends may still accept a connection.
     lost: Option<String>,
+    /// The end of the last connection in words.
+    ended: String,
 }
 
 impl<P: Pose> Connection<P> {
@@ -69,50 +70,62 @@ impl<P: Pose> Connection<P> {
         from: Device,
         address: &str,
         dialing: Dialing,
+        tls: Option<Tls>,
         config: CentralConfig,
         inbox: &Inbox,
     ) -> Result<Self> {
         let session = Central::new(config)?;
-        let (number, stream, retry_at, lost) = (0, None, Duration::ZERO, None);
+        let (number, wire, retry_at, lost, ended) = (0, None, Duration::ZERO, None, String::new());
         let backoff = Backoff::default();
         let (address, inbox) = (address.to_owned(), inbox.clone());
-        let mut connection =
-            Self { from, address, dialing, inbox, number, stream, session, retry_at, backoff, lost };
+        let mut connection = Self {
+            from,
+            address,
+            dialing,
+            tls,
+            inbox,
+            number,
+            wire,
+            session,
+            retry_at,
+            backoff,
+            lost,
+            ended,
+        };
         connection.connect()?;
         Ok(connection)
     }
 
     fn connect(&mut self) -> Result<()> {
-        let stream = tcp::connect(&self.address, self.dialing)?;
-        stream.set_nodelay(true)?;
-        stream.set_write_timeout(Some(STUCK))?;
+        let wire = Wire::connect(&self.address, self.dialing, self.tls.as_ref())?;
         if let Some(after) = self.session.discards_after() {
-            discard_unacknowledged(&stream, after)?;
+            wire.discard_after(after)?;
         }
-        let (mut reader, inbox) = (stream.try_clone()?, self.inbox.clone());
+        let (mut reader, inbox) = (wire.clone(), self.inbox.clone());
         self.number += 1;
         let (from, number) = (self.from, self.number);
         thread::spawn(move || {
             let mut buffer = [0; 1024];
             loop {
                 let bytes = match reader.read(&mut buffer) {
-                    Ok(0) | Err(_) => None,
-                    Ok(length) => buffer.get(..length).map(<[u8]>::to_vec),
+                    Ok(0) => Err("it closed the connection".into()),
+                    Ok(length) => Ok(buffer.get(..length).unwrap_or_default().to_vec()),
+                    Err(error) => Err(error.to_string()),
                 };
-                let is_over = bytes.is_none();
+                let is_over = bytes.is_err();
                 if !inbox.put(Arrival { from, number, bytes }) || is_over {
                     return;
                 }
             }
         });
-        self.stream = Some(stream);
+        self.wire = Some(wire);
         self.session.handle_connected(now());
         Ok(())
     }
 
     /// Opens a lost connection again, now and then; when there is something to do next.
     pub(super) fn reconnect(&mut self) -> Option<Duration> {
-        if self.stream.is_some() {
+        if self.wire.is_some() {
             return None;
         }
         if now() < self.retry_at {
@@ -146,24 +159,25 @@ impl<P: Pose> Connection<P> {
     pub(super) fn arrived(&mut self, arrival: Arrival) {
         match arrival.bytes {
             _ if arrival.number != self.number => {} // of a connection that was given up
-            Some(bytes) => {
+            Ok(bytes) => {
                 self.lost = None;
                 self.backoff.answered();
                 self.session.handle_input(now(), &bytes);
             }
-            None => self.close(),
+            Err(why) => self.close(why),
         }
     }
 
-    fn close(&mut self) {
-        if self.end_stream() {
+    fn close(&mut self, why: String) {
+        if self.end_wire() {
+            self.ended = why;
             self.session.handle_disconnected(now());
         }
     }
 
     /// Whether there was one. The thread that reads has it as well.
-    fn end_stream(&mut self) -> bool {
-        self.stream.take().map(|stream| stream.shutdown(Shutdown::Both)).is_some()
+    fn end_wire(&mut self) -> bool {
+        self.wire.take().map(|wire| wire.close()).is_some()
     }
 
     /// Does what is due; what has happened.
@@ -183,18 +197,18 @@ impl<P: Pose> Connection<P> {
             let CentralEvent::Closed { reason, .. } = event else { continue };
             // Of a connection that is gone this comes late: the next may be open.
             if *reason != Closing::Disconnected {
-                self.end_stream();
+                self.end_wire();
             }
             if *reason != Closing::Agreed {
-                self.lost = Some(format!("the connection to the {} was lost: {reason}", name(self.from)));
+                let why = match reason {
+                    Closing::Disconnected => self.ended.clone(),
+                    reason => reason.to_string(),
+                };
+                self.lost = Some(format!("the connection to the {} was lost: {why}", name(self.from)));
             }
         }
-        let is_written = match &mut self.stream {
-            Some(stream) => stream.write_all(&outgoing).is_ok(),
-            None => true,
-        };
-        if !is_written {
-            self.close();
+        if let Some(Err(error)) = self.wire.as_ref().map(|wire| wire.send(&outgoing)) {
+            self.close(error.to_string());
         }
         events
     }

@@ -4,6 +4,7 @@ mod connection;
 mod periphery;
 mod run;
 mod settings;
+mod wire;
 
 pub use periphery::{Line, Periphery, Simulated};
 pub use run::{Addresses, Ended, Rest, Runner};

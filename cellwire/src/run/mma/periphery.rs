@@ -1,20 +1,21 @@
 //! Cameras, valves and the vacuum switch: simulated, or at the end of a line.
 
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, Write};
-use std::net::TcpStream;
+use std::io::{BufRead, BufReader};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 use mmacell_proto::{PlatformPose, RobotPose, VACUUM};
-use robot_session::{discard_unacknowledged, now};
+use robot_session::now;
 
-use super::connection::{STUCK, WAITING};
+use super::connection::WAITING;
 use super::settings::Part;
+use super::wire::{STUCK, Wire};
 use cellwire_io::bell::Bell;
-use cellwire_io::tcp::{self, Dialing};
+use cellwire_io::tcp::Dialing;
+use cellwire_io::tls::Tls;
 
 /// A camera's answer, a valve that is set, the switch.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,7 +102,7 @@ impl Periphery for Simulated {
 /// A periphery at a TCP address, in lines of text (see the help of `cellwire run mma`).
 #[derive(Debug)]
 pub struct Line {
-    stream: TcpStream,
+    wire: Wire,
     lines: Receiver<String>,
     is_lost: bool,
 }
@@ -111,13 +112,11 @@ impl Line {
     ///
     /// # Errors
     /// When there is no peer.
-    pub fn open(address: &str, dialing: Dialing, bell: Bell) -> Result<Self> {
-        let stream = tcp::connect(address, dialing).context("the periphery")?;
-        stream.set_nodelay(true)?;
-        stream.set_write_timeout(Some(STUCK))?;
-        discard_unacknowledged(&stream, STUCK)?;
+    pub fn open(address: &str, dialing: Dialing, tls: Option<&Tls>, bell: Bell) -> Result<Self> {
+        let wire = Wire::connect(address, dialing, tls).context("the periphery")?;
+        wire.discard_after(STUCK)?;
         let (sender, lines) = mpsc::sync_channel(WAITING);
-        let reader = BufReader::new(stream.try_clone()?);
+        let reader = BufReader::new(wire.clone());
         thread::spawn(move || {
             // No answer is longer.
             let mut reader = std::io::Read::take(reader, 0);
@@ -132,12 +131,19 @@ impl Line {
             drop(sender);
             bell.ring();
         });
-        Ok(Self { stream, lines, is_lost: false })
+        Ok(Self { wire, lines, is_lost: false })
     }
 
     fn write(&mut self, line: &str) {
         // Who does not read is noticed as one who does not answer.
-        let _ = self.stream.write_all(line.as_bytes());
+        let _ = self.wire.send(line.as_bytes());
+    }
+}
+
+/// Ends the connection.
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.wire.close();
     }
 }
 

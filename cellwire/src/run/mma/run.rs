@@ -19,6 +19,7 @@ use cellwire_io::bell::Bell;
 use cellwire_io::drive::Lost;
 use cellwire_io::input::Typed;
 use cellwire_io::tcp::Dialing;
+use cellwire_io::tls::Tls;
 
 /// Where the devices are.
 #[derive(Debug, Clone)]
@@ -29,6 +30,8 @@ pub struct Addresses {
     pub platform: String,
     /// How connections are opened.
     pub dialing: Dialing,
+    /// The TLS of the connections; `None` without.
+    pub tls: Option<Tls>,
 }
 
 /// How a run has ended.
@@ -111,11 +114,11 @@ impl<'a> Runner<'a> {
         self.part = first;
         let (arrivals, inbox) = mpsc::sync_channel(WAITING);
         let sender = Inbox { arrivals, bell: self.bell.clone() };
-        let Addresses { robot, platform, dialing } = addresses;
+        let Addresses { robot, platform, dialing, tls } = addresses;
         let mut robot: Connection<RobotPose> =
-            Connection::open(Device::Robot, robot, *dialing, settings.central, &sender)?;
+            Connection::open(Device::Robot, robot, *dialing, tls.clone(), settings.central, &sender)?;
         let mut platform: Connection<PlatformPose> =
-            Connection::open(Device::Platform, platform, *dialing, settings.central, &sender)?;
+            Connection::open(Device::Platform, platform, *dialing, tls.clone(), settings.central, &sender)?;
         let mut task = Task::new(settings.task);
         // The periphery has no session of the cell's protocol.
         task.handle_event(now(), Event::Ready(Device::Conditioning));

@@ -4,11 +4,12 @@ use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
 use crate::message::function::{self, Row};
 use crate::message::{
-    Bits, DeviceIdentification, DeviceObjects, Exception, HEAD, Reply, Request, Words, limit,
+    Bits, DeviceIdentification, DeviceObjects, Exception, FileRange, FileRecord, Group, HEAD, Records, Reply,
+    Request, Words, limit,
 };
 
 /// The functions with a type, and 0 for another one.
-const FUNCTIONS: [u8; 14] = [1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43, 0];
+const FUNCTIONS: [u8; 20] = [1, 2, 3, 4, 5, 6, 7, 8, 11, 12, 15, 16, 17, 20, 21, 22, 23, 24, 43, 0];
 
 impl<'a> Arbitrary<'a> for Request<'a> {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
@@ -27,7 +28,13 @@ impl<'a> Arbitrary<'a> for Request<'a> {
                 let quantity = u.int_in_range(1..=writes)?;
                 Self::Diagnostics { subfunction: u.arbitrary()?, data: words(u, quantity)? }
             }
-            function::REPORT_SERVER_ID => Self::ReportServerId,
+            function::READ_EXCEPTION_STATUS
+            | function::GET_COMM_EVENT_COUNTER
+            | function::GET_COMM_EVENT_LOG
+            | function::REPORT_SERVER_ID => Self::bare(function),
+            function::READ_FILE_RECORD => Self::ReadFileRecord(records(u, RANGES)?),
+            function::WRITE_FILE_RECORD => Self::WriteFileRecord(records(u, RECORDS)?),
+            function::READ_FIFO_QUEUE => Self::ReadFifoQueue { address: u.arbitrary()? },
             function::READ_DEVICE_IDENTIFICATION => {
                 Self::ReadDeviceIdentification { category: u.arbitrary()?, object: u.arbitrary()? }
             }
@@ -73,7 +80,20 @@ impl<'a> Arbitrary<'a> for Reply<'a> {
                 Self::of_words(function, words(u, quantity)?)
             }
             Request::ReadWriteRegisters { values, .. } => Self::ReadWriteRegisters(values),
-            Request::Diagnostics { subfunction, data } => Self::Diagnostics { subfunction, data },
+            Request::ReadExceptionStatus => Self::ExceptionStatus(u.arbitrary()?),
+            Request::GetCommEventCounter => {
+                Self::CommEventCounter { status: u.arbitrary()?, events: u.arbitrary()? }
+            }
+            Request::GetCommEventLog => {
+                let (status, events, messages) = u.arbitrary()?;
+                let length = u.int_in_range(0..=limit::EVENT_LOG.into())?;
+                Self::CommEventLog { status, events, messages, log: u.bytes(length.min(u.len()))? }
+            }
+            Request::ReadFileRecord(_) => Self::FileRecords(records(u, GROUPS)?),
+            Request::ReadFifoQueue { .. } => {
+                let length = 2 * usize::from(u.int_in_range(0..=limit::FIFO)?);
+                Self::FifoQueue(Words::from_wire(u.bytes(length.min(u.len() & !1))?))
+            }
             Request::ReportServerId => {
                 let length = u.int_in_range(1..=limit::SERVER_ID.into())?;
                 Self::ServerId(data(u, length)?)
@@ -117,6 +137,27 @@ fn words<'a>(u: &mut Unstructured<'a>, quantity: u16) -> Result<Words<'a>> {
 fn objects<'a>(u: &mut Unstructured<'a>) -> Result<DeviceObjects<'a>> {
     let most = limit::PDU - HEAD;
     Ok(DeviceObjects::from_wire(u.bytes(most.min(u.len()))?))
+}
+
+const RANGES: &[FileRange] = &[
+    FileRange { file: 4, record: 1, quantity: 2 },
+    FileRange { file: 3, record: 9, quantity: 1 },
+    FileRange { file: 0xFFFF, record: 9999, quantity: 100 },
+];
+const GROUPS: &[Words<'_>] = &[Words::from_wire(&[1, 2, 3, 4]), Words::from_wire(&[5, 6])];
+const RECORDS: &[FileRecord<'_>] = &[
+    FileRecord { file: 4, record: 7, values: Words::from_wire(&[6, 0xAF, 4, 0xBE, 16, 13]) },
+    FileRecord { file: 1, record: 0, values: Words::from_wire(&[0; 200]) },
+];
+
+/// Groups of a message about files: in these bytes if that is a valid message, otherwise the first ones of some others.
+fn records<'a, T: Group<'a>>(u: &mut Unstructured<'a>, others: &'a [T]) -> Result<Records<'a, T>> {
+    let count = u.int_in_range(1..=others.len())?;
+    let records = Records::<T>::from_wire(u.peek_bytes(u.len().min(limit::PDU)).unwrap_or_default());
+    match records.encode(&mut [0; limit::PDU]) {
+        Ok(_) => Ok(records),
+        Err(_) => Ok(others.get(..count).unwrap_or(others).into()),
+    }
 }
 
 /// A function without a type of its own, and its bytes.

@@ -95,7 +95,7 @@ pub enum DecodeError {
         /// The most that the function allows.
         max: u16,
     },
-    /// The byte count of a request contradicts its quantity.
+    /// The byte count contradicts the quantity after or before it.
     #[error("byte count {found} in function {function} contradicts the quantity, which needs {expected}")]
     ByteCount {
         /// The function code.
@@ -103,9 +103,9 @@ pub enum DecodeError {
         /// What the quantity needs.
         expected: u16,
         /// The byte count.
-        found: u8,
+        found: u16,
     },
-    /// The byte count of a reply is 0, odd where registers follow, or above 250.
+    /// The byte count of a reply, or of a group in it, is 0, odd where registers follow, or above what the function allows.
     #[error("byte count {found} is invalid in a reply of function {function}")]
     ReplyByteCount {
         /// The function code.
@@ -117,6 +117,14 @@ pub enum DecodeError {
     #[error("more follows is {found:#04x}, neither 0xff nor 0 (at byte 4 of the PDU)")]
     MoreFollows {
         /// The value.
+        found: u8,
+    },
+    /// A group of a message about files has the reference type 6, nothing else.
+    #[error("reference type {found} in function {function} is not 6")]
+    ReferenceType {
+        /// The function code.
+        function: u8,
+        /// The type.
         found: u8,
     },
     /// A single coil is written with `FF00` (on) or `0000` (off), nothing else.

@@ -317,7 +317,7 @@ impl RtuLen {
 
 /// The length of a PDU with this function code.
 #[inline]
-pub(crate) fn pdu_length(code: u8, side: Side) -> Length {
+pub(crate) const fn pdu_length(code: u8, side: Side) -> Length {
     match side {
         Side::Client => Row::of(code).request,
         Side::Server if code > function::EXCEPTION => Length::Fixed(2),

@@ -45,11 +45,11 @@ pub use error::{ConfigError, DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};
 pub use framing::Framing;
 pub use message::{
-    Bits, BitsMut, DeviceIdentification, DeviceObjects, Exception, Pdu, PduBuf, Reply, Request, Words,
-    WordsMut, function, limit,
+    Bits, BitsMut, DeviceIdentification, DeviceObjects, Exception, FileRange, FileRecord, Pdu, PduBuf,
+    Records, Reply, Request, Words, WordsMut, function, limit,
 };
 pub use position::PositionRegister;
-pub use registers::{Registers, serve};
+pub use registers::{CommEvents, Registers, serve};
 pub use robot_session;
 pub use server::{Server, ServerConfig, ServerEvent, ServerStatistics};
 #[cfg(feature = "serde")]

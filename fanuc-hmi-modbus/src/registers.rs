@@ -2,12 +2,17 @@
 
 use crate::error::DecodeError;
 use crate::message::function::{self, Row};
-use crate::message::{Bits, BitsMut, Exception, HEAD, Request, Words, WordsMut, limit, run};
+use crate::message::{
+    Bits, BitsMut, Exception, FileRange, HEAD, Pdu as _, Reply, Request, Words, WordsMut, limit, run,
+};
 
 /// The coils, inputs and registers of a server. Every method has a default that refuses, so that an implementation names only
 /// the tables that it has.
 ///
-/// An address is that of the first item, and all items are within 0 to 65535. A method that gives an exception changes nothing.
+/// An address is that of the first item, and all items are within 0 to 65535. A method that gives an exception, with which the request is
+/// answered, changes nothing.
+/// The specification has functions 7, 8, 11 and 12 for serial lines alone; over TCP they are answered all the same.
+///
 /// Function 23 reads before and after the write, so nothing is written if the read fails; the reply has the values after
 /// the write.
 ///
@@ -26,66 +31,69 @@ use crate::message::{Bits, BitsMut, Exception, HEAD, Request, Words, WordsMut, l
 /// ```
 pub trait Registers {
     /// Function 1.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn read_coils(&mut self, _address: u16, _out: &mut BitsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
     /// Function 2.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn read_discrete_inputs(&mut self, _address: u16, _out: &mut BitsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
     /// Function 3, and the reading half of 23.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn read_holding_registers(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
     /// Function 4.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn read_input_registers(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
     /// Functions 5 (one value) and 15.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn write_coils(&mut self, _address: u16, _values: Bits<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
     /// Functions 6 (one value) and 16, and the writing half of 22 and 23.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn write_registers(&mut self, _address: u16, _values: Words<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
+    /// Function 7, of a serial line: eight outputs that the device chooses.
+    fn exception_status(&mut self) -> Result<u8, Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
+    /// Functions 11 and 12, of a serial line: the counters of the device. The log is of 12: at most 64 events, the last one first.
+    fn comm_events(&mut self, _log: &mut [u8]) -> Result<CommEvents, Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
     /// Function 8: a diagnostic of the serial line. `out` has the words of the request, which are the reply unless they are changed.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn diagnose(&mut self, _subfunction: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
     /// Function 17: writes the 1 to 250 bytes that the device says of itself, an id and FF if it runs first, and returns how many.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn server_id(&mut self, _out: &mut [u8]) -> Result<usize, Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
+    /// A run of function 20. The specification has the files 1 to 65535 and the records 0 to 9999: others are refused here, with
+    /// [`IllegalDataAddress`](Exception::IllegalDataAddress).
+    fn read_file(&mut self, _file: u16, _record: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
+    /// A run of function 21. Of several runs, those before one that is refused are written.
+    fn write_file(&mut self, _file: u16, _record: u16, _values: Words<'_>) -> Result<(), Exception> {
+        Err(Exception::IllegalFunction)
+    }
+
+    /// Function 24: the registers of the queue whose count has this address, the oldest first; they stay in it. Returns how many there are:
+    /// of more than 31, for which `out` has no room, the answer is exception 3.
+    fn read_fifo(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
 
@@ -98,12 +106,22 @@ pub trait Registers {
     }
 
     /// A function without a type of its own: writes the bytes after the function code, at most 252, and returns how many.
-    ///
-    /// # Errors
-    /// The exception to answer with.
     fn other(&mut self, _function: u8, _data: &[u8], _out: &mut [u8]) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
+}
+
+/// The counters of a device on a serial line: functions 11 and 12.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CommEvents {
+    /// FFFF if the device is still busy with an earlier request, otherwise 0.
+    pub status: u16,
+    /// The requests that it has carried out, without those of function 11 and those that were refused.
+    pub events: u16,
+    /// The messages that it has seen.
+    pub messages: u16,
+    /// The events that were written to the log.
+    pub logged: usize,
 }
 
 /// Carries a request out and writes its reply; returns the length of the reply.
@@ -154,6 +172,7 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
 ) -> Result<usize, Exception> {
     let request = Request::decode(pdu).map_err(|error| match error {
         DecodeError::Function { .. } | DecodeError::Empty => Exception::IllegalFunction,
+        DecodeError::ReferenceType { .. } => Exception::IllegalDataAddress,
         _ => Exception::IllegalDataValue,
     })?;
     let function = request.function();
@@ -202,14 +221,47 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
             repeat::<5>(pdu, out)
         }
         Request::ReportServerId => {
-            let (head, id) = out.split_first_chunk_mut().ok_or(Exception::ServerDeviceFailure)?;
-            let length = registers.server_id(id.get_mut(..limit::SERVER_ID.into()).unwrap_or_default())?;
-            *head = [function, u8::try_from(length).map_err(|_| Exception::ServerDeviceFailure)?];
-            if (1..=limit::SERVER_ID.into()).contains(&length) {
-                Ok(2 + length)
-            } else {
-                Err(Exception::ServerDeviceFailure)
+            let mut id = [0; limit::SERVER_ID as usize];
+            let length = registers.server_id(&mut id)?;
+            put(&Reply::ServerId(id.get(..length).unwrap_or_default()), out)
+        }
+        Request::ReadExceptionStatus => put(&Reply::ExceptionStatus(registers.exception_status()?), out),
+        Request::GetCommEventCounter => {
+            let CommEvents { status, events, .. } = registers.comm_events(&mut [])?;
+            put(&Reply::CommEventCounter { status, events }, out)
+        }
+        Request::GetCommEventLog => {
+            let mut log = [0; limit::EVENT_LOG as usize];
+            let CommEvents { status, events, messages, logged } = registers.comm_events(&mut log)?;
+            let log = log.get(..logged).ok_or(Exception::ServerDeviceFailure)?;
+            put(&Reply::CommEventLog { status, events, messages, log }, out)
+        }
+        Request::ReadFileRecord(ranges) => {
+            let mut len = 2;
+            for FileRange { file, record, quantity } in ranges.iter() {
+                in_table(record, quantity.into())?;
+                let end = len + 2 + 2 * usize::from(quantity);
+                let group = out.get_mut(len..end).and_then(<[u8]>::split_first_chunk_mut);
+                let (head, words) = group.ok_or(Exception::ServerDeviceFailure)?;
+                *head = [u8::try_from(1 + words.len()).unwrap_or(u8::MAX), function::REFERENCE]; // at most 243
+                registers.read_file(file, record, &mut WordsMut::from_wire(words))?;
+                len = end;
             }
+            if let Some(head) = out.first_chunk_mut() {
+                *head = [function, u8::try_from(len - 2).unwrap_or(u8::MAX)]; // at most 245
+            }
+            Ok(len)
+        }
+        Request::WriteFileRecord(records) => {
+            records.iter().try_for_each(|it| in_table(it.record, it.values.len()))?;
+            records.iter().try_for_each(|it| registers.write_file(it.file, it.record, it.values))?;
+            put(&Reply::WriteFileRecord(records), out)
+        }
+        Request::ReadFifoQueue { address } => {
+            let mut bytes = [0; 2 * limit::FIFO as usize];
+            let quantity = registers.read_fifo(address, &mut WordsMut::from_wire(&mut bytes))?;
+            let words = bytes.get(..2 * quantity).ok_or(Exception::IllegalDataValue)?;
+            put(&Reply::FifoQueue(Words::from_wire(words)), out)
         }
         Request::MaskWriteRegister { address, and, or } => {
             let mut word = [0; 2];
@@ -234,6 +286,10 @@ pub(crate) fn serve_other<R: Registers + ?Sized>(
             if len < limit::PDU { Ok(1 + len) } else { Err(Exception::ServerDeviceFailure) }
         }
     }
+}
+
+fn put(reply: &Reply<'_>, out: &mut [u8; limit::PDU]) -> Result<usize, Exception> {
+    reply.encode(out).map_err(|_| Exception::ServerDeviceFailure)
 }
 
 /// Objects of the device from one on, as many as fit.

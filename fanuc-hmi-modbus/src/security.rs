@@ -6,7 +6,7 @@
 use core::str;
 
 use crate::message::{Bits, BitsMut, Exception, Words, WordsMut, function};
-use crate::registers::Registers;
+use crate::registers::{CommEvents, Registers};
 
 /// The port of Modbus in TLS.
 pub const PORT: u16 = 802;
@@ -104,11 +104,11 @@ fn element<'a>(bytes: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
 /// An access to registers: the function that stands for it, 15 also for function 5, 16 for 6, and both halves of 22 and 23 by themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Access {
-    /// 1, 2, 3, 4, 8, 15, 16, 17, 43, or that of a function without a type.
+    /// That of the request, but 15 for function 5, 16 for 6 and 22, 3 and 16 for 23.
     pub function: u8,
-    /// The first address; the subfunction of 8, the object of 43; 0 of 17 and of a function without a type.
+    /// The first address; the subfunction of 8, the file of 20 and 21, the object of 43; 0 of a function that has none of these.
     pub address: u16,
-    /// The number of bits or registers, words of 8, objects of 43; 0 of 17 and of a function without a type.
+    /// The number of bits or registers, words of 8, objects of 43; 0 of a function that has none of these, and of 24.
     pub quantity: u16,
 }
 
@@ -150,54 +150,37 @@ impl<R: Registers, A: FnMut(Access) -> bool> Guarded<R, A> {
     }
 }
 
+/// Methods of [`Registers`] that the guard decides about: what the access is, for each.
+macro_rules! guarded {
+    ($($name:ident($($argument:ident: $of:ty),*) -> $gives:ty: $function:expr, $address:expr, $quantity:expr;)*) => {
+        $(fn $name(&mut self, $($argument: $of),*) -> Result<$gives, Exception> {
+            self.check($function, $address, $quantity)?;
+            self.registers.$name($($argument),*)
+        })*
+    };
+}
+
 impl<R: Registers, A: FnMut(Access) -> bool> Registers for Guarded<R, A> {
-    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.check(function::READ_COILS, address, out.len())?;
-        self.registers.read_coils(address, out)
-    }
-
-    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
-        self.check(function::READ_DISCRETE_INPUTS, address, out.len())?;
-        self.registers.read_discrete_inputs(address, out)
-    }
-
-    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.check(function::READ_HOLDING_REGISTERS, address, out.len())?;
-        self.registers.read_holding_registers(address, out)
-    }
-
-    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.check(function::READ_INPUT_REGISTERS, address, out.len())?;
-        self.registers.read_input_registers(address, out)
-    }
-
-    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
-        self.check(function::WRITE_COILS, address, values.len())?;
-        self.registers.write_coils(address, values)
-    }
-
-    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
-        self.check(function::WRITE_REGISTERS, address, values.len())?;
-        self.registers.write_registers(address, values)
-    }
-
-    fn diagnose(&mut self, subfunction: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
-        self.check(function::DIAGNOSTICS, subfunction, out.len())?;
-        self.registers.diagnose(subfunction, out)
-    }
-
-    fn server_id(&mut self, out: &mut [u8]) -> Result<usize, Exception> {
-        self.check(function::REPORT_SERVER_ID, 0, 0)?;
-        self.registers.server_id(out)
+    guarded! {
+        read_coils(address: u16, out: &mut BitsMut<'_>) -> (): function::READ_COILS, address, out.len();
+        read_discrete_inputs(address: u16, out: &mut BitsMut<'_>) -> (): function::READ_DISCRETE_INPUTS, address, out.len();
+        read_holding_registers(address: u16, out: &mut WordsMut<'_>) -> (): function::READ_HOLDING_REGISTERS, address, out.len();
+        read_input_registers(address: u16, out: &mut WordsMut<'_>) -> (): function::READ_INPUT_REGISTERS, address, out.len();
+        write_coils(address: u16, values: Bits<'_>) -> (): function::WRITE_COILS, address, values.len();
+        write_registers(address: u16, values: Words<'_>) -> (): function::WRITE_REGISTERS, address, values.len();
+        exception_status() -> u8: function::READ_EXCEPTION_STATUS, 0, 0;
+        comm_events(log: &mut [u8]) -> CommEvents:
+            if log.is_empty() { function::GET_COMM_EVENT_COUNTER } else { function::GET_COMM_EVENT_LOG }, 0, 0;
+        diagnose(subfunction: u16, out: &mut WordsMut<'_>) -> (): function::DIAGNOSTICS, subfunction, out.len();
+        server_id(out: &mut [u8]) -> usize: function::REPORT_SERVER_ID, 0, 0;
+        read_file(file: u16, record: u16, out: &mut WordsMut<'_>) -> (): function::READ_FILE_RECORD, file, out.len();
+        write_file(file: u16, record: u16, values: Words<'_>) -> (): function::WRITE_FILE_RECORD, file, values.len();
+        read_fifo(address: u16, out: &mut WordsMut<'_>) -> usize: function::READ_FIFO_QUEUE, address, 0;
+        other(function: u8, data: &[u8], out: &mut [u8]) -> usize: function, 0, 0;
     }
 
     fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {
         self.check(function::READ_DEVICE_IDENTIFICATION, id.into(), 1).ok()?;
         self.registers.device_object(id, out)
-    }
-
-    fn other(&mut self, function: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
-        self.check(function, 0, 0)?;
-        self.registers.other(function, data, out)
     }
 }

@@ -125,5 +125,5 @@ impl<'a> Parts<'a> {
 
 /// How many values a list of the message has.
 pub fn count(message: &Value, list: &str) -> usize {
-    message[list].as_array().map_or(0, Vec::len)
+    message.pointer(&format!("/{list}")).and_then(Value::as_array).map_or(0, Vec::len)
 }

@@ -64,6 +64,7 @@ const camel = (name) => name.replace(/_+(.)/g, (_, letter) => letter.toUpperCase
 /** Throws unless `found` has what `expected` has. */
 function compare(found, expected, path) {
   if (Array.isArray(expected)) {
+    found = found?.value ?? found; // an object stands for its value
     compare(found?.length, expected.length, `${path}.length`);
     expected.forEach((value, index) => compare(found[index], value, `${path}[${index}]`));
   } else if (expected !== null && typeof expected === "object") {

@@ -65,6 +65,7 @@ def compare(found, expected, path):
         for name, value in expected.items():
             compare(getattr(found, NAMES.get(name, name)), value, f"{path}.{name}")
     elif isinstance(expected, list):
+        found = getattr(found, "value", found)  # an object stands for its value
         compare(len(found), len(expected), f"{path}.length")
         for index, value in enumerate(expected):
             compare(found[index], value, f"{path}[{index}]")

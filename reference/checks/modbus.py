@@ -10,6 +10,7 @@ not judged: LEFT_OUT says what and why. Prints `peer: passed of all`; exit statu
 
 import json
 import logging
+import struct
 import sys
 from pathlib import Path
 
@@ -23,9 +24,10 @@ LINK = "fanuc-hmi-modbus"
 FOUND_BY = {"tshark": {"crc"}, "pymodbus": {"crc", "protocol"}}
 LEFT_OUT = {
     # Its function codes from 65 on, and those whose data it gives other names, are bytes to us. It shows no exception code of 0.
-    "tshark": lambda message: "data" in message or message.get("exception") == 0 or message["function"] in (8, 17, 43),
+    "tshark": lambda message: "data" in message or message.get("exception") == 0 or message["function"] in (7, 8, 11, 12, 17, 20, 21, 24, 43),
     # It has no words of function 8, and nothing of an identification that it does not keep as a table.
-    "pymodbus": lambda message: message["function"] in (8, 17, 43) and "exception" not in message,
+    # Of a read of files it halves the number of registers, and does not read an odd one.
+    "pymodbus": lambda message: (message["function"] in (8, 17, 43) or "ranges" in message) and "exception" not in message,
 }
 # Our names, in the order of the wire, and tshark's fields.
 TSHARK = {
@@ -137,6 +139,14 @@ def attribute(pdu, name, message):
         return None
     if name == "exception":
         return pdu.exception_code
+    if function in (11, 12):
+        names = {"status": "status", "events": "count" if function == 11 else "event_count", "messages": "message_count", "log": "events"}
+        # It has whether the device is ready.
+        return (0 if pdu.status else 0xFFFF) if name == "status" else getattr(pdu, names[name])
+    if name in ("records", "contents"):
+        return [run(record, name) for record in pdu.records]
+    if name == "registers" and function == 24:
+        return pdu.values
     if name in ("and", "or"):
         return getattr(pdu, f"{name}_mask")
     if function == 23 and name in ("address", "quantity"):
@@ -151,6 +161,14 @@ def attribute(pdu, name, message):
             return found[: len(message[name])]
         return pdu.registers
     return getattr(pdu, {"quantity": "count"}.get(name, name))
+
+
+def run(record, name):
+    """A run of registers in a file, as it is in our messages."""
+    values = list(struct.unpack(f">{len(record.record_data) // 2}H", record.record_data))
+    if name == "contents":
+        return values
+    return {"file": record.file_number, "record": record.record_number, "values": values}
 
 
 def main():

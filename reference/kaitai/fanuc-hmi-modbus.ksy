@@ -36,7 +36,47 @@ seq:
     if: is_exception
   - id: address
     type: u2
-    if: is_typed and (is_request or is_write)
+    if: is_typed and (is_request or is_write) or is_request and code == 24
+  - id: exception_status
+    type: u1
+    if: code == 7 and not is_request
+  - id: log_count
+    type: u1
+    valid:
+      min: 6
+      max: 70
+    if: code == 12 and not is_request
+  - id: event_status
+    type: u2
+    if: is_events
+  - id: events
+    type: u2
+    if: is_events
+  - id: messages
+    type: u2
+    if: is_events and code == 12
+  - id: log
+    type: u1
+    repeat: expr
+    repeat-expr: log_count - 6
+    if: is_events and code == 12
+  - id: len_runs
+    type: u1
+    valid:
+      min: 1
+    if: is_files
+  - id: runs
+    type: 'runs(code == 20 ? 245 : 251)'
+    size: len_runs
+    if: is_files
+  - id: queue_bytes
+    type: u2
+    if: code == 24 and not is_request
+  - id: queue_count
+    type: u2
+    valid:
+      expr: _ <= 31 and queue_bytes == 2 + 2 * _
+    if: code == 24 and not is_request
   - id: subfunction
     type: u2
     if: code == 8
@@ -124,8 +164,8 @@ seq:
   - id: registers
     type: u2
     repeat: expr
-    repeat-expr: byte_count / 2
-    if: not is_request and is_read and code > 2
+    repeat-expr: 'code == 24 ? queue_count : byte_count / 2'
+    if: not is_request and (is_read and code > 2 or code == 24)
   - id: data
     type: u1
     repeat: expr
@@ -165,7 +205,21 @@ instances:
   more:
     value: more_follows == 0xff
   is_raw:
-    value: not is_typed and code != 8 and code != 17 and not is_identification
+    value: not is_typed and code != 8 and not is_bare and not is_files and code != 24 and not is_identification
+  is_bare:
+    value: code == 7 or code == 11 or code == 12 or code == 17
+  is_events:
+    value: (code == 11 or code == 12) and not is_request
+  is_files:
+    value: code == 20 or code == 21
+  status:
+    value: 'code == 7 ? exception_status : event_status'
+  ranges:
+    value: runs.runs
+  records:
+    value: runs.runs
+  contents:
+    value: runs.runs
   words_of_diagnostic:
     value: 'end_of_pdu - data_from < 4 ? 1 : (end_of_pdu - data_from - 2) / 2'
   max_quantity:
@@ -182,6 +236,56 @@ instances:
     repeat: expr
     repeat-expr: _io.size - 2
 types:
+  runs:
+    params:
+      - id: most
+        type: s4
+    seq:
+      - id: runs
+        type: 'run(_index == 0 ? most : runs[_index - 1].left)'
+        repeat: eos
+  run:
+    doc: Registers of a file; in a reply to function 20 with a length, without file and record.
+    params:
+      - id: room
+        type: s4
+    seq:
+      - id: length
+        type: u1
+        valid:
+          expr: (_ & 1) == 1
+        if: is_contents
+      - id: reference_type
+        type: u1
+        valid: 6
+      - id: file
+        type: u2
+        if: not is_contents
+      - id: record
+        type: u2
+        if: not is_contents
+      - id: quantity
+        type: u2
+        if: not is_contents
+      - id: values
+        type: u2
+        repeat: expr
+        repeat-expr: count
+        if: is_contents or _root.code == 21
+      - id: end
+        size: 0
+        valid:
+          expr: count >= 1 and left >= 0
+    instances:
+      is_contents:
+        value: _root.code == 20 and not _root.is_request
+      count:
+        value: 'is_contents ? (length - 1) / 2 : quantity'
+      left:
+        value: 'room - 2 * count - (_root.code == 20 ? 2 : 7)'
+      value:
+        value: values
+        if: is_contents
   device_object:
     seq:
       - id: id

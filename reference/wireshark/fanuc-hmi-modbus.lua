@@ -17,7 +17,9 @@ number("unit", "Unit", ProtoField.uint8)
 local FUNCTIONS = {
     [1] = "read coils", [2] = "read discrete inputs", [3] = "read holding registers", [4] = "read input registers",
     [5] = "write coil", [6] = "write register", [15] = "write coils", [16] = "write registers",
-    [8] = "diagnostics", [17] = "report server id", [22] = "mask write register", [23] = "read/write registers",
+    [7] = "read exception status", [8] = "diagnostics", [11] = "get comm event counter", [12] = "get comm event log",
+    [20] = "read file record", [21] = "write file record", [24] = "read FIFO queue",
+    [17] = "report server id", [22] = "mask write register", [23] = "read/write registers",
     [43] = "read device identification",
 }
 f.function_code = ProtoField.uint8("fanuc_hmi_modbus.function", "Function", base.DEC, FUNCTIONS)
@@ -32,6 +34,13 @@ number("and", "AND mask", ProtoField.uint16)
 number("or", "OR mask", ProtoField.uint16)
 number("data", "Data", ProtoField.uint8)
 number("subfunction", "Subfunction", ProtoField.uint16)
+number("status", "Status", ProtoField.uint16)
+number("events", "Events", ProtoField.uint16)
+number("messages", "Messages", ProtoField.uint16)
+number("log", "Event", ProtoField.uint8)
+number("contents", "Register", ProtoField.uint16)
+number("file", "File", ProtoField.uint16)
+number("record", "Record", ProtoField.uint16)
 number("id", "Id", ProtoField.uint8)
 number("category", "Category", ProtoField.uint8)
 number("object", "Object", ProtoField.uint8)
@@ -90,7 +99,9 @@ function modbus.init()
     open_requests, matches = {}, {}
 end
 
-local NAMED = { [8] = true, [17] = true, [43] = true }
+-- Functions whose requests have nothing else.
+local BARE = { [7] = true, [11] = true, [12] = true, [17] = true }
+local NAMED = { [7] = true, [8] = true, [11] = true, [12] = true, [17] = true, [20] = true, [21] = true, [24] = true, [43] = true }
 for code in pairs(TABLE_OF) do NAMED[code] = true end
 
 local function is_identification(pdu) return pdu:len() > 1 and pdu(0, 1):uint() == 43 and pdu(1, 1):uint() == 14 end
@@ -120,14 +131,18 @@ local function rtu_length(tvb, at, is_request)
         return place + 3 + tvb(at + place, 1):uint()
     end
     if code == 22 then return 10 end
+    if code == 20 or code == 21 then return counted(2) end
     if is_request then
         if code >= 1 and code <= 6 then return 8 end
-        if code == 17 then return 4 end
+        if BARE[code] then return 4 end
+        if code == 24 then return 6 end
         if code == 15 or code == 16 then return counted(6) end
         if code == 23 then return counted(10) end
     else
-        if is_read(code) or code == 17 then return counted(2) end
-        if code == 5 or code == 6 or code == 15 or code == 16 then return 8 end
+        if is_read(code) or code == 12 or code == 17 then return counted(2) end
+        if code == 7 then return 5 end
+        if code == 24 then return counted(3) end
+        if code == 11 or code == 5 or code == 6 or code == 15 or code == 16 then return 8 end
         if code > EXCEPTION then return 5 end
     end
     return false
@@ -180,8 +195,67 @@ local function read_pdu(pdu, is_request, add)
         exactly(math.max(5, pdu:len() + (pdu:len() + 1) % 2))
         word("subfunction")
         rest_words("values")
-    elseif code == 17 and is_request then
+    elseif BARE[code] and is_request then
         exactly(1)
+    elseif code == 7 then
+        exactly(2)
+        add(f.status, take(1))
+    elseif code == 11 then
+        exactly(5)
+        word("status")
+        word("events")
+    elseif code == 12 then
+        local count = take(1):uint()
+        if count < 1 or count > 70 then fail("reply_byte_count") end
+        exactly(2 + count)
+        if count < 6 then fail("reply_byte_count") end
+        word("status")
+        word("events")
+        word("messages")
+        while at < pdu:len() do add(f.log, take(1)) end
+    elseif code == 20 or code == 21 then
+        local is_contents = code == 20 and not is_request
+        local around, left = code == 20 and 2 or 7, code == 20 and 245 or 251
+        exactly(2 + take(1):uint())
+        repeat
+            local run = pdu(at)
+            local size, found
+            if is_contents then
+                if run:len() < 2 then fail("pdu_length") end
+                size = math.max(run(0, 1):uint(), 1) + 1
+                found = math.floor((size - 2) / 2)
+            else
+                if run:len() < 7 then fail("pdu_length") end
+                found = run(5, 2):uint()
+                size = 7 + (code == 21 and 2 * found or 0)
+            end
+            if run:len() < size then fail("pdu_length") end
+            if run(is_contents and 1 or 0, 1):uint() ~= 6 then fail("reference_type") end
+            if is_contents and size % 2 == 1 then fail("reply_byte_count") end
+            if found < 1 or found > math.floor(math.max(left - around, 0) / 2) then fail("quantity") end
+            left = left - around - 2 * found
+            if is_contents then
+                take(2)
+            else
+                take(1)
+                word("file")
+                word("record")
+                word(code == 20 and "quantity" or nil)
+            end
+            if is_contents or code == 21 then
+                for _ = 1, found do word(is_contents and "contents" or "values") end
+            end
+        until at >= pdu:len()
+    elseif code == 24 and is_request then
+        exactly(3)
+        asked.address = word("address")
+    elseif code == 24 then
+        if pdu:len() < 5 then fail("pdu_length") end
+        local size, count = word(), word()
+        if count > 31 then fail("quantity") end
+        if size ~= 2 + 2 * count then fail("byte_count") end
+        exactly(3 + size)
+        rest_words("registers")
     elseif code == 17 then
         local count = take(1):uint()
         if count < 1 or count > 250 then fail("reply_byte_count") end
@@ -262,6 +336,7 @@ end
 local function show_signal(tree, asked)
     if not asked.address then return end
     local wanted = TABLE_OF[asked.code]
+    if not wanted then return end
     for _, row in ipairs(SIGNALS) do
         local of, name, first, last, n = row[1], row[2], row[3], row[4], row[5]
         if of == wanted and asked.address >= first and asked.address <= last then

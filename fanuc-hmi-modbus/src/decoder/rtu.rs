@@ -23,6 +23,24 @@ pub(crate) fn len(data: &[u8], side: Side, finished: bool) -> Result<usize, Deco
     }
 }
 
+/// The byte of an RTU frame that shows its length, by function code, of a client and of a server; 0 if none does.
+static SHOWN: ([u8; PLACES], [u8; PLACES]) = (shown(Side::Client), shown(Side::Server));
+
+const fn shown(side: Side) -> [u8; PLACES] {
+    let mut shown = [0; PLACES];
+    let mut rest: &mut [u8] = &mut shown;
+    let mut code = 0;
+    while let [first, after @ ..] = rest {
+        *first = match pdu_length(code, side) {
+            Length::Fixed(_) => 1,
+            Length::Counted(at) => at + 1,
+            Length::Unknown => 0,
+        };
+        (rest, code) = (after, code.wrapping_add(1));
+    }
+    shown
+}
+
 /// The places modulo 256; none in a build without RTU.
 const PLACES: usize = if cfg!(feature = "rtu") { 256 } else { 0 };
 
@@ -66,23 +84,22 @@ impl Ends {
         tried: usize,
         limit: usize,
     ) -> Result<usize, usize> {
-        let shown_by: &[usize] = match side {
-            Side::Client => &[1, 6, 10],
-            Side::Server => &[1, 2],
+        let (shown_by, shown): (&[u8], _) = match side {
+            Side::Client => (&[1, 2, 6, 10], &SHOWN.0),
+            Side::Server => (&[1, 2, 3], &SHOWN.1),
         };
+        let bytes = stream.get(0..limit).unwrap_or_default();
         for end in tried + 1..=limit {
-            for at in shown_by {
-                let Some(start) = end.checked_sub(at + 1).filter(|start| *start >= from) else {
-                    break;
-                };
-                let data = stream.get(start..end).unwrap_or_default();
-                let (Some(code), Some(shows)) = (data.get(1), data.last()) else { break };
-                let pdu = match pdu_length(*code, side) {
-                    Length::Fixed(pdu) if *at == 1 => pdu.into(),
-                    Length::Counted(count_at) if usize::from(count_at) + 1 == *at => at + usize::from(*shows),
-                    _ => continue,
-                };
-                self.add(place(stream, start), RTU + pdu);
+            let count = bytes.get(end - 1).copied().unwrap_or_default();
+            for at in shown_by.iter().take_while(|at| from + usize::from(**at) < end) {
+                let code = bytes.get(end - usize::from(*at)).copied().unwrap_or_default();
+                if shown.get(usize::from(code)) == Some(at) {
+                    let pdu = match pdu_length(code, side) {
+                        Length::Fixed(pdu) => pdu.into(),
+                        Length::Counted(_) | Length::Unknown => usize::from(*at) + usize::from(count),
+                    };
+                    self.add(place(stream, end - usize::from(*at) - 1), RTU + pdu);
+                }
             }
             let mut longest = None;
             while let Some(len) = self.take(place(stream, end)) {

@@ -252,13 +252,13 @@ impl defmt::Format for Bits<'_> {
 }
 
 #[cfg(feature = "defmt")]
-fn format_list(f: defmt::Formatter<'_>, values: impl Iterator<Item = u16>) {
+pub(super) fn format_list(f: defmt::Formatter<'_>, values: impl Iterator<Item = impl defmt::Format>) {
     defmt::write!(f, "[");
     for (at, value) in values.enumerate() {
         if at > 0 {
             defmt::write!(f, ", ");
         }
-        defmt::write!(f, "{=u16}", value);
+        defmt::write!(f, "{}", value);
     }
     defmt::write!(f, "]");
 }

@@ -12,6 +12,14 @@ pub const WRITE_REGISTERS: u16 = 123;
 pub const READ_WRITE_REGISTERS: u16 = 121;
 /// Words of a diagnostic.
 pub const DIAGNOSTICS: u16 = 125;
+/// Bytes of a log of communication events.
+pub const EVENT_LOG: u16 = 64;
+/// Registers of a queue.
+pub const FIFO: u16 = 31;
+/// Bytes of all groups in a reply about files.
+pub const READ_FILES: u16 = 245;
+/// Bytes of all groups in a write of files.
+pub const WRITE_FILES: u16 = 251;
 /// Bytes that a device says of itself.
 pub const SERVER_ID: u16 = 250;
 /// Bytes of an object of a device's identification.

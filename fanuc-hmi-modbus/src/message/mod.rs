@@ -7,6 +7,7 @@ pub mod function;
 mod identification;
 pub mod limit;
 mod pdu;
+mod records;
 mod reply;
 mod request;
 mod wire;
@@ -17,6 +18,9 @@ pub use exception::Exception;
 pub(crate) use identification::HEAD;
 pub use identification::{DeviceIdentification, DeviceObjects};
 pub use pdu::Pdu;
+#[cfg(any(feature = "arbitrary", feature = "serde"))]
+pub(crate) use records::Group;
+pub use records::{FileRange, FileRecord, Records};
 pub use reply::Reply;
 pub use request::Request;
 pub(crate) use wire::run;

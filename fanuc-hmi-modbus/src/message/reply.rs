@@ -2,12 +2,11 @@ use super::data::{Bits, Words};
 use super::exception::Exception;
 use super::function::{self, MEI, Row};
 use super::identification::DeviceIdentification;
+use super::limit;
 use super::pdu::{Pdu, sealed};
+use super::records::{FileRecord, Records};
 use super::request::Request;
-use super::wire::{
-    check_run, coil, coil_word, diagnostic, exactly, mask, pair, put_diagnostic, put_mask, put_other,
-    put_pair, room, room_for, run,
-};
+use super::wire::{check_run, exactly, pair, put_other, put_pair, room, room_for, run};
 use crate::error::{DecodeError, EncodeError, Mismatch};
 
 /// What a server answers.
@@ -28,18 +27,30 @@ pub enum Reply<'a> {
     WriteCoil { address: u16, value: bool },
     /// 6: repeats the request.
     WriteRegister { address: u16, value: u16 },
+    /// 7: eight outputs of the device.
+    ExceptionStatus(u8),
     /// 8: of subfunction 0 the words of the request, of the others one word.
     Diagnostics { subfunction: u16, data: Words<'a> },
+    /// 11: FFFF if the device is still busy with an earlier request, otherwise 0; and how many requests it has carried out.
+    CommEventCounter { status: u16, events: u16 },
+    /// 12: the same; how many messages it has seen; and 0 to 64 events, the last one first.
+    CommEventLog { status: u16, events: u16, messages: u16, log: &'a [u8] },
     /// 15: how many coils were written.
     WriteCoils { address: u16, quantity: u16 },
     /// 16: how many registers were written.
     WriteRegisters { address: u16, quantity: u16 },
     /// 17: 1 to 250 bytes that are the device's own: an id, FF if it runs or 00, anything else.
     ServerId(&'a [u8]),
+    /// 20: the registers of each run.
+    FileRecords(Records<'a, Words<'a>>),
+    /// 21: repeats the request.
+    WriteFileRecord(Records<'a, FileRecord<'a>>),
     /// 22: repeats the request.
     MaskWriteRegister { address: u16, and: u16, or: u16 },
     /// 23: the 1 to 125 registers that were read after the write.
     ReadWriteRegisters(Words<'a>),
+    /// 24: the 0 to 31 registers of the queue.
+    FifoQueue(Words<'a>),
     /// 43, MEI type 14.
     DeviceIdentification(DeviceIdentification<'a>),
     /// The server refuses the request of this function code, 1 to 127.
@@ -71,18 +82,34 @@ impl<'a> Reply<'a> {
             function::READ_INPUT_REGISTERS | function::READ_WRITE_REGISTERS => {
                 Self::of_words(function, words(function, body)?)
             }
-            function::WRITE_COIL => {
-                let (address, value) = pair(function, body)?;
-                Self::WriteCoil { address, value: coil(value)? }
+            function::WRITE_COIL
+            | function::WRITE_REGISTER
+            | function::DIAGNOSTICS
+            | function::WRITE_FILE_RECORD
+            | function::MASK_WRITE_REGISTER => {
+                let request = Request::decode_other(function, body)?;
+                return Self::repeating(&request).ok_or(DecodeError::Function { found: function });
             }
-            function::WRITE_REGISTER => {
-                let (address, value) = pair(function, body)?;
-                Self::WriteRegister { address, value }
+            function::READ_EXCEPTION_STATUS => {
+                let [status] = *exactly(function, body)?;
+                Self::ExceptionStatus(status)
             }
-            function::DIAGNOSTICS => {
-                let (subfunction, data) = diagnostic(body)?;
-                Self::Diagnostics { subfunction, data }
+            function::GET_COMM_EVENT_COUNTER => {
+                let (status, events) = pair(function, body)?;
+                Self::CommEventCounter { status, events }
             }
+            function::GET_COMM_EVENT_LOG => match counted(function, body)? {
+                &[a, b, c, d, e, f, ref log @ ..] => {
+                    let [status, events, messages] = [[a, b], [c, d], [e, f]].map(u16::from_be_bytes);
+                    Self::CommEventLog { status, events, messages, log }
+                }
+                short => {
+                    let found = u8::try_from(short.len()).unwrap_or_default();
+                    return Err(DecodeError::ReplyByteCount { function, found });
+                }
+            },
+            function::READ_FILE_RECORD => Self::FileRecords(Records::decode(body)?),
+            function::READ_FIFO_QUEUE => Self::FifoQueue(queue(body)?),
             function::WRITE_COILS => {
                 let (address, quantity) = run(function, body, Row::of(function).writes)?;
                 Self::WriteCoils { address, quantity }
@@ -92,10 +119,6 @@ impl<'a> Reply<'a> {
                 Self::WriteRegisters { address, quantity }
             }
             function::REPORT_SERVER_ID => Self::ServerId(counted(function, body)?),
-            function::MASK_WRITE_REGISTER => {
-                let (address, and, or) = mask(body)?;
-                Self::MaskWriteRegister { address, and, or }
-            }
             function::READ_DEVICE_IDENTIFICATION if body.first() == Some(&MEI) => {
                 Self::DeviceIdentification(DeviceIdentification::decode(body)?)
             }
@@ -125,8 +148,8 @@ impl<'a> Reply<'a> {
         }
     }
 
-    /// The reply that repeats what a request writes; `None` if the request reads, or has no type of its own.
-    pub(crate) fn repeating(request: &Request<'_>) -> Option<Self> {
+    /// The reply that repeats a request, or what it writes; `None` if the request reads, or has no type of its own.
+    pub(crate) fn repeating(request: &Request<'a>) -> Option<Self> {
         let count = |written: usize| u16::try_from(written).unwrap_or(u16::MAX);
         Some(match *request {
             Request::WriteCoil { address, value } => Self::WriteCoil { address, value },
@@ -138,6 +161,20 @@ impl<'a> Reply<'a> {
                 Self::WriteRegisters { address, quantity: count(values.len()) }
             }
             Request::MaskWriteRegister { address, and, or } => Self::MaskWriteRegister { address, and, or },
+            Request::Diagnostics { subfunction, data } => Self::Diagnostics { subfunction, data },
+            Request::WriteFileRecord(records) => Self::WriteFileRecord(records),
+            _ => return None,
+        })
+    }
+
+    /// The request that it repeats as a whole, and is encoded like.
+    pub(crate) const fn repeated(&self) -> Option<Request<'a>> {
+        Some(match *self {
+            Self::WriteCoil { address, value } => Request::WriteCoil { address, value },
+            Self::WriteRegister { address, value } => Request::WriteRegister { address, value },
+            Self::MaskWriteRegister { address, and, or } => Request::MaskWriteRegister { address, and, or },
+            Self::Diagnostics { subfunction, data } => Request::Diagnostics { subfunction, data },
+            Self::WriteFileRecord(records) => Request::WriteFileRecord(records),
             _ => return None,
         })
     }
@@ -151,12 +188,18 @@ impl<'a> Reply<'a> {
             Self::InputRegisters(_) => function::READ_INPUT_REGISTERS,
             Self::WriteCoil { .. } => function::WRITE_COIL,
             Self::WriteRegister { .. } => function::WRITE_REGISTER,
+            Self::ExceptionStatus(_) => function::READ_EXCEPTION_STATUS,
             Self::Diagnostics { .. } => function::DIAGNOSTICS,
+            Self::CommEventCounter { .. } => function::GET_COMM_EVENT_COUNTER,
+            Self::CommEventLog { .. } => function::GET_COMM_EVENT_LOG,
             Self::WriteCoils { .. } => function::WRITE_COILS,
             Self::WriteRegisters { .. } => function::WRITE_REGISTERS,
             Self::ServerId(_) => function::REPORT_SERVER_ID,
+            Self::FileRecords(_) => function::READ_FILE_RECORD,
+            Self::WriteFileRecord(_) => function::WRITE_FILE_RECORD,
             Self::MaskWriteRegister { .. } => function::MASK_WRITE_REGISTER,
             Self::ReadWriteRegisters(_) => function::READ_WRITE_REGISTERS,
+            Self::FifoQueue(_) => function::READ_FIFO_QUEUE,
             Self::DeviceIdentification(_) => function::READ_DEVICE_IDENTIFICATION,
             Self::Exception { function, .. } | Self::Other { function, .. } => *function,
         }
@@ -195,7 +238,20 @@ impl<'a> Reply<'a> {
             // Another MEI type.
             (Self::Other { .. }, Request::ReadDeviceIdentification { .. }) => false,
             // The device's own words, and a function that only the caller knows.
-            (Self::Exception { .. } | Self::Other { .. } | Self::ServerId(_), _) => true,
+            (
+                Self::Exception { .. }
+                | Self::Other { .. }
+                | Self::ServerId(_)
+                | Self::ExceptionStatus(_)
+                | Self::CommEventCounter { .. }
+                | Self::CommEventLog { .. }
+                | Self::FifoQueue(_),
+                _,
+            ) => true,
+            (Self::FileRecords(groups), Request::ReadFileRecord(asked)) => groups
+                .iter()
+                .map(|words| words.len())
+                .eq(asked.iter().map(|range| usize::from(range.quantity))),
             (
                 Self::Diagnostics { subfunction, data },
                 Request::Diagnostics { subfunction: asked, data: sent },
@@ -203,7 +259,7 @@ impl<'a> Reply<'a> {
             (Self::DeviceIdentification(it), Request::ReadDeviceIdentification { category, .. }) => {
                 it.category == category
             }
-            _ => Self::repeating(request) == Some(*self),
+            _ => Reply::repeating(request).is_some_and(|reply| reply == *self),
         };
         if is_same { Ok(()) } else { Err(Mismatch::Echo) }
     }
@@ -231,13 +287,14 @@ impl Pdu for Reply<'_> {
             Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words) => {
                 2 + 2 * words.len()
             }
-            Self::Diagnostics { data, .. } => 3 + 2 * data.len(),
             Self::ServerId(data) => 2 + data.len(),
-            Self::MaskWriteRegister { .. } => 7,
+            Self::CommEventLog { log, .. } => 8 + log.len(),
+            Self::FileRecords(groups) => groups.encoded_len(),
+            Self::FifoQueue(words) => 5 + 2 * words.len(),
             Self::DeviceIdentification(identification) => identification.encoded_len(),
-            Self::Exception { .. } => 2,
+            Self::Exception { .. } | Self::ExceptionStatus(_) => 2,
             Self::Other { data, .. } => 1 + data.len(),
-            _ => 5,
+            _ => self.repeated().map_or(5, |request| request.encoded_len()),
         }
     }
 
@@ -249,19 +306,41 @@ impl Pdu for Reply<'_> {
             Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words) => {
                 put_words(out, function, words)
             }
-            Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
-            Self::WriteRegister { address, value } => put_pair(out, function, address, value),
             Self::WriteCoils { address, quantity } | Self::WriteRegisters { address, quantity } => {
                 check_run(function, address, quantity.into(), Row::of(function).writes)?;
                 put_pair(out, function, address, quantity)
             }
-            Self::Diagnostics { subfunction, data } => put_diagnostic(out, subfunction, data),
+            Self::ExceptionStatus(status) => {
+                *room_for(out)? = [function, status];
+                Ok(2)
+            }
+            Self::CommEventCounter { status, events } => put_pair(out, function, status, events),
+            Self::CommEventLog { status, events, messages, log } => {
+                let count = 6 + log.len();
+                check_run(function, 0, count, Row::of(function).reads)?;
+                let (head, to) = put_head(out, function, count)?.split_at_mut(6);
+                Words::from(&[status, events, messages]).write(head);
+                to.copy_from_slice(log);
+                Ok(2 + count)
+            }
+            Self::FileRecords(groups) => groups.encode(out),
+            Self::FifoQueue(words) => {
+                let (found, max) = (words.len(), Row::of(function).reads);
+                let Ok(count @ 0..=limit::FIFO) = u16::try_from(found) else {
+                    return Err(EncodeError::Quantity { function, found, max });
+                };
+                let (first, rest) = room(out, 5 + 2 * found)?.split_at_mut(1);
+                first.copy_from_slice(&[function]);
+                let (head, data) = rest.split_at_mut(4);
+                Words::from(&[2 + 2 * count, count]).write(head);
+                words.write(data);
+                Ok(5 + 2 * found)
+            }
             Self::ServerId(data) => {
                 check_run(function, 0, data.len(), Row::of(function).reads)?;
                 put_head(out, function, data.len())?.copy_from_slice(data);
                 Ok(2 + data.len())
             }
-            Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
             Self::DeviceIdentification(identification) => identification.encode(out),
             Self::Exception { function, exception } => {
                 if function == 0 || function >= function::EXCEPTION {
@@ -271,6 +350,7 @@ impl Pdu for Reply<'_> {
                 Ok(2)
             }
             Self::Other { function, data } => put_other(out, function, data),
+            repeats => repeats.repeated().map_or(Ok(0), |request| request.encode(out)),
         }
     }
 }
@@ -281,7 +361,8 @@ fn counted(function: u8, body: &[u8]) -> Result<&[u8], DecodeError> {
     let Some((&count, data)) = body.split_first() else {
         return Err(DecodeError::PduLength { function, expected: 2, found: 1 });
     };
-    if !(1..=250).contains(&count) {
+    let row = Row::of(function);
+    if !(1..=row.bytes(row.reads)).contains(&count.into()) {
         return Err(DecodeError::ReplyByteCount { function, found: count });
     }
     if data.len() != usize::from(count) {
@@ -302,6 +383,25 @@ fn words(function: u8, body: &[u8]) -> Result<Words<'_>, DecodeError> {
         return Err(DecodeError::ReplyByteCount { function, found });
     }
     counted(function, body).map(Words::from_wire)
+}
+
+/// The registers of a queue, after a byte count and their number.
+fn queue(body: &[u8]) -> Result<Words<'_>, DecodeError> {
+    let (function, max) = (function::READ_FIFO_QUEUE, limit::FIFO);
+    let length = |expected| DecodeError::PduLength { function, expected, found: 1 + body.len() };
+    let (&[a, b, c, d], data) = body.split_first_chunk().ok_or(length(5))?;
+    let [count, quantity] = [[a, b], [c, d]].map(u16::from_be_bytes);
+    if quantity > max {
+        return Err(DecodeError::Quantity { function, found: quantity, max });
+    }
+    let expected = 2 + 2 * quantity;
+    if count != expected {
+        return Err(DecodeError::ByteCount { function, expected, found: count });
+    }
+    match data.len() == usize::from(2 * quantity) {
+        true => Ok(Words::from_wire(data)),
+        false => Err(length(3 + usize::from(count))),
+    }
 }
 
 fn put_bits(out: &mut [u8], function: u8, bits: Bits<'_>) -> Result<usize, EncodeError> {

@@ -1,11 +1,9 @@
 use super::data::{Bits, Words};
-use super::function::{self, MEI, Row};
+use super::function::{self, Length, MEI, Row};
 use super::limit;
 use super::pdu::{Pdu, sealed};
-use super::wire::{
-    check_run, coil, coil_word, diagnostic, exactly, mask, pair, put_diagnostic, put_mask, put_other,
-    put_pair, room, room_for, run, within,
-};
+use super::records::{FileRange, FileRecord, Records};
+use super::wire::{check_run, exactly, pair, put_other, put_pair, room, room_for, run, within};
 use crate::error::{DecodeError, EncodeError};
 
 /// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
@@ -26,18 +24,30 @@ pub enum Request<'a> {
     WriteCoil { address: u16, value: bool },
     /// 6: one holding register.
     WriteRegister { address: u16, value: u16 },
+    /// 7, of a serial line: eight outputs of the device.
+    ReadExceptionStatus,
     /// 8: a diagnostic of the serial line: 1 to 125 words, and 1 of every subfunction but 0.
     Diagnostics { subfunction: u16, data: Words<'a> },
+    /// 11, of a serial line: the counter of requests that were carried out.
+    GetCommEventCounter,
+    /// 12, of a serial line: the counters and the last events.
+    GetCommEventLog,
     /// 15: 1 to 1968 coils.
     WriteCoils { address: u16, values: Bits<'a> },
     /// 16: 1 to 123 holding registers.
     WriteRegisters { address: u16, values: Words<'a> },
     /// 17: what the device says of itself.
     ReportServerId,
+    /// 20: runs of registers in files: 1 to 35, whose reply has at most 245 bytes, 2 for each run and 2 for each register.
+    ReadFileRecord(Records<'a, FileRange>),
+    /// 21: registers in files: at most 251 bytes, 7 for each run and 2 for each register.
+    WriteFileRecord(Records<'a, FileRecord<'a>>),
     /// 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
     MaskWriteRegister { address: u16, and: u16, or: u16 },
     /// 23: 1 to 121 registers are written, then 1 to 125 are read.
     ReadWriteRegisters { address: u16, quantity: u16, write_address: u16, values: Words<'a> },
+    /// 24: the registers of a queue, which stay in it. The address is that of its count.
+    ReadFifoQueue { address: u16 },
     /// 43, MEI type 14: objects of the device's identification, from this id on. Categories: 1 basic, 2 regular, 3 extended, 4 the
     /// object alone.
     ReadDeviceIdentification { category: u8, object: u8 },
@@ -64,23 +74,36 @@ impl<'a> Request<'a> {
     }
 
     /// Every other request: apart, so that the one that comes in every cycle is small enough to be built in where it is decoded.
-    fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
+    pub(super) fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
         Ok(match function {
             function::READ_COILS | function::READ_DISCRETE_INPUTS | function::READ_INPUT_REGISTERS => {
                 let (address, quantity) = run(function, body, Row::of(function).reads)?;
                 Self::read(function, address, quantity)
             }
             function::WRITE_COIL => {
-                let (address, value) = pair(function, body)?;
-                Self::WriteCoil { address, value: coil(value)? }
+                let (address, value) = match pair(function, body)? {
+                    (address, COIL_ON) => (address, true),
+                    (address, 0) => (address, false),
+                    (_, found) => return Err(DecodeError::CoilValue { found }),
+                };
+                Self::WriteCoil { address, value }
             }
             function::WRITE_REGISTER => {
                 let (address, value) = pair(function, body)?;
                 Self::WriteRegister { address, value }
             }
             function::DIAGNOSTICS => {
-                let (subfunction, data) = diagnostic(body)?;
-                Self::Diagnostics { subfunction, data }
+                let found = 1 + body.len();
+                match body.split_first_chunk() {
+                    Some((subfunction, data @ [_, _, ..])) if data.len() % 2 == 0 => Self::Diagnostics {
+                        subfunction: u16::from_be_bytes(*subfunction),
+                        data: Words::from_wire(data),
+                    },
+                    _ => {
+                        let expected = (found | 1).max(5);
+                        return Err(DecodeError::PduLength { function, expected, found });
+                    }
+                }
             }
             function::WRITE_COILS => {
                 let (address, body) = word(function, 0, body)?;
@@ -92,12 +115,21 @@ impl<'a> Request<'a> {
                 let (_, data) = data(function, 2, body)?;
                 Self::WriteRegisters { address, values: Words::from_wire(data) }
             }
-            function::REPORT_SERVER_ID => {
+            function::READ_EXCEPTION_STATUS
+            | function::GET_COMM_EVENT_COUNTER
+            | function::GET_COMM_EVENT_LOG
+            | function::REPORT_SERVER_ID => {
                 let [] = *exactly(function, body)?;
-                Self::ReportServerId
+                Self::bare(function)
+            }
+            function::READ_FILE_RECORD => Self::ReadFileRecord(Records::decode(body)?),
+            function::WRITE_FILE_RECORD => Self::WriteFileRecord(Records::decode(body)?),
+            function::READ_FIFO_QUEUE => {
+                Self::ReadFifoQueue { address: u16::from_be_bytes(*exactly(function, body)?) }
             }
             function::MASK_WRITE_REGISTER => {
-                let (address, and, or) = mask(body)?;
+                let [a, b, c, d, e, f] = *exactly(function, body)?;
+                let [address, and, or] = [[a, b], [c, d], [e, f]].map(u16::from_be_bytes);
                 Self::MaskWriteRegister { address, and, or }
             }
             function::READ_WRITE_REGISTERS => {
@@ -127,6 +159,16 @@ impl<'a> Request<'a> {
         }
     }
 
+    /// The request of a function that has nothing but its code: 7, 11, 12 or 17.
+    pub(crate) const fn bare(function: u8) -> Self {
+        match function {
+            function::READ_EXCEPTION_STATUS => Self::ReadExceptionStatus,
+            function::GET_COMM_EVENT_COUNTER => Self::GetCommEventCounter,
+            function::GET_COMM_EVENT_LOG => Self::GetCommEventLog,
+            _ => Self::ReportServerId,
+        }
+    }
+
     /// Returns whether a reply may be equal to it, or begin as it does; of a function without a type nothing is known.
     pub(crate) fn is_mirrored(&self) -> bool {
         match *self {
@@ -138,14 +180,10 @@ impl<'a> Request<'a> {
             | Self::ReadWriteRegisters { address, quantity, .. } => {
                 address >> 8 == Row::of(self.function()).bytes(quantity)
             }
-            Self::WriteCoils { .. } | Self::WriteRegisters { .. } => false,
-            Self::WriteCoil { .. }
-            | Self::WriteRegister { .. }
-            | Self::Diagnostics { .. }
-            | Self::ReportServerId
-            | Self::MaskWriteRegister { .. }
-            | Self::ReadDeviceIdentification { .. }
-            | Self::Other { .. } => true,
+            // The reply has its byte count there.
+            Self::ReadFifoQueue { address } => address <= 2 + 2 * limit::FIFO,
+            Self::WriteCoils { .. } | Self::WriteRegisters { .. } | Self::ReadFileRecord(_) => false,
+            _ => true,
         }
     }
 
@@ -158,12 +196,18 @@ impl<'a> Request<'a> {
             Self::ReadInputRegisters { .. } => function::READ_INPUT_REGISTERS,
             Self::WriteCoil { .. } => function::WRITE_COIL,
             Self::WriteRegister { .. } => function::WRITE_REGISTER,
+            Self::ReadExceptionStatus => function::READ_EXCEPTION_STATUS,
             Self::Diagnostics { .. } => function::DIAGNOSTICS,
+            Self::GetCommEventCounter => function::GET_COMM_EVENT_COUNTER,
+            Self::GetCommEventLog => function::GET_COMM_EVENT_LOG,
             Self::WriteCoils { .. } => function::WRITE_COILS,
             Self::WriteRegisters { .. } => function::WRITE_REGISTERS,
             Self::ReportServerId => function::REPORT_SERVER_ID,
+            Self::ReadFileRecord(_) => function::READ_FILE_RECORD,
+            Self::WriteFileRecord(_) => function::WRITE_FILE_RECORD,
             Self::MaskWriteRegister { .. } => function::MASK_WRITE_REGISTER,
             Self::ReadWriteRegisters { .. } => function::READ_WRITE_REGISTERS,
+            Self::ReadFifoQueue { .. } => function::READ_FIFO_QUEUE,
             Self::ReadDeviceIdentification { .. } => function::READ_DEVICE_IDENTIFICATION,
             Self::Other { function, .. } => *function,
         }
@@ -190,18 +234,21 @@ impl<'a> Request<'a> {
 impl sealed::Sealed for Request<'_> {}
 
 impl Pdu for Request<'_> {
-    #[inline]
+    #[inline(always)] // with `encode`: one arm is left
     fn encoded_len(&self) -> usize {
         match self {
             Self::Diagnostics { data, .. } => 3 + 2 * data.len(),
-            Self::ReportServerId => 1,
+            Self::ReadFileRecord(records) => records.encoded_len(),
+            Self::WriteFileRecord(records) => records.encoded_len(),
             Self::ReadDeviceIdentification { .. } => 4,
             Self::WriteCoils { values, .. } => 6 + values.byte_len(),
             Self::WriteRegisters { values, .. } => 6 + 2 * values.len(),
-            Self::MaskWriteRegister { .. } => 7,
             Self::ReadWriteRegisters { values, .. } => 10 + 2 * values.len(),
             Self::Other { data, .. } => 1 + data.len(),
-            _ => 5,
+            _ => match Row::of(self.function()).request {
+                Length::Fixed(len) => len.into(),
+                Length::Counted(_) | Length::Unknown => 5,
+            },
         }
     }
 
@@ -218,13 +265,29 @@ impl Pdu for Request<'_> {
                 check_run(function, address, quantity.into(), limit::READ_REGISTERS)?;
                 put_pair(out, function, address, quantity)
             }
-            Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
+            Self::WriteCoil { address, value } => {
+                put_pair(out, function, address, if value { COIL_ON } else { 0 })
+            }
             Self::WriteRegister { address, value } => put_pair(out, function, address, value),
-            Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
+            Self::MaskWriteRegister { address, and, or } => {
+                let ([a, b], [c, d], [e, f]) = (address.to_be_bytes(), and.to_be_bytes(), or.to_be_bytes());
+                *room_for(out)? = [function, a, b, c, d, e, f];
+                Ok(7)
+            }
             Self::Diagnostics { subfunction, data } => put_diagnostic(out, subfunction, data),
-            Self::ReportServerId => {
+            Self::ReadExceptionStatus
+            | Self::GetCommEventCounter
+            | Self::GetCommEventLog
+            | Self::ReportServerId => {
                 *room_for(out)? = [function];
                 Ok(1)
+            }
+            Self::ReadFileRecord(records) => records.encode(out),
+            Self::WriteFileRecord(records) => records.encode(out),
+            Self::ReadFifoQueue { address } => {
+                let [high, low] = address.to_be_bytes();
+                *room_for(out)? = [function, high, low];
+                Ok(3)
             }
             Self::ReadDeviceIdentification { category, object } => {
                 *room_for(out)? = [function, MEI, category, object];
@@ -240,6 +303,9 @@ impl Pdu for Request<'_> {
         }
     }
 }
+
+/// The value of a coil that is switched on; 0 switches it off.
+const COIL_ON: u16 = 0xFF00;
 
 /// The word at `offset` after the function code, and what follows it.
 #[inline]
@@ -264,7 +330,7 @@ fn data(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), Decode
     };
     let expected = row.bytes(quantity);
     if u16::from(count) != expected {
-        return Err(DecodeError::ByteCount { function, expected, found: count });
+        return Err(DecodeError::ByteCount { function, expected, found: count.into() });
     }
     if data.len() != usize::from(count) {
         let (expected, found) = (head + 1 + usize::from(count), head + 1 + data.len());
@@ -275,6 +341,16 @@ fn data(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), Decode
 
 // The messages of variable length are written by functions of their own: small enough to be built in where a request is
 // known, the rest then costs nothing.
+
+fn put_diagnostic(out: &mut [u8], subfunction: u16, data: Words<'_>) -> Result<usize, EncodeError> {
+    let function = function::DIAGNOSTICS;
+    check_run(function, 0, data.len(), Row::of(function).writes)?;
+    let (head, words) = room(out, 3 + 2 * data.len())?.split_at_mut(3);
+    let [high, low] = subfunction.to_be_bytes();
+    head.copy_from_slice(&[function, high, low]);
+    data.write(words);
+    Ok(3 + 2 * data.len())
+}
 
 fn put_coils(out: &mut [u8], address: u16, values: Bits<'_>) -> Result<usize, EncodeError> {
     let function = function::WRITE_COILS;

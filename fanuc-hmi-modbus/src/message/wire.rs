@@ -1,7 +1,6 @@
 //! Parts that several functions share, read and written.
 
-use super::data::Words;
-use super::function::{self, MEI, Row};
+use super::function::{self, MEI};
 use super::limit;
 use crate::error::{DecodeError, EncodeError};
 
@@ -34,7 +33,7 @@ pub(super) fn pair(function: u8, body: &[u8]) -> Result<(u16, u16), DecodeError>
 }
 
 /// An address and a quantity within 1 to `max`.
-#[inline]
+#[inline(always)] // with `serve`
 pub(crate) fn run(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
     let (address, quantity) = pair(function, body)?;
     Ok((address, within(function, quantity, max)?))
@@ -54,62 +53,6 @@ pub(super) fn put_pair(out: &mut [u8], function: u8, first: u16, second: u16) ->
     let ([a, b], [c, d]) = (first.to_be_bytes(), second.to_be_bytes());
     *room_for(out)? = [function, a, b, c, d];
     Ok(5)
-}
-
-#[inline]
-pub(super) fn put_mask(out: &mut [u8], address: u16, and: u16, or: u16) -> Result<usize, EncodeError> {
-    let ([a, b], [c, d], [e, f]) = (address.to_be_bytes(), and.to_be_bytes(), or.to_be_bytes());
-    *room_for(out)? = [function::MASK_WRITE_REGISTER, a, b, c, d, e, f];
-    Ok(7)
-}
-
-#[inline]
-pub(super) fn mask(body: &[u8]) -> Result<(u16, u16, u16), DecodeError> {
-    let [a, b, c, d, e, f] = *exactly(function::MASK_WRITE_REGISTER, body)?;
-    Ok((u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]), u16::from_be_bytes([e, f])))
-}
-
-/// The subfunction and the words of a diagnostic.
-pub(super) fn diagnostic(body: &[u8]) -> Result<(u16, Words<'_>), DecodeError> {
-    let found = 1 + body.len();
-    match body.split_first_chunk() {
-        Some((subfunction, data @ [_, _, ..])) if data.len() % 2 == 0 => {
-            Ok((u16::from_be_bytes(*subfunction), Words::from_wire(data)))
-        }
-        _ => Err(DecodeError::PduLength {
-            function: function::DIAGNOSTICS,
-            expected: (found | 1).max(5),
-            found,
-        }),
-    }
-}
-
-pub(super) fn put_diagnostic(
-    out: &mut [u8],
-    subfunction: u16,
-    data: Words<'_>,
-) -> Result<usize, EncodeError> {
-    let function = function::DIAGNOSTICS;
-    check_run(function, 0, data.len(), Row::of(function).writes)?;
-    let (head, words) = room(out, 3 + 2 * data.len())?.split_at_mut(3);
-    let [high, low] = subfunction.to_be_bytes();
-    head.copy_from_slice(&[function, high, low]);
-    data.write(words);
-    Ok(3 + 2 * data.len())
-}
-
-pub(super) const COIL_ON: u16 = 0xFF00;
-
-pub(super) fn coil(found: u16) -> Result<bool, DecodeError> {
-    match found {
-        COIL_ON => Ok(true),
-        0 => Ok(false),
-        found => Err(DecodeError::CoilValue { found }),
-    }
-}
-
-pub(super) const fn coil_word(value: bool) -> u16 {
-    if value { COIL_ON } else { 0 }
 }
 
 /// A run of `quantity` from `address` that the function allows, for the encoder.

@@ -1,17 +1,21 @@
 //! The `message` object of a frame, which the tool prints and reads, and the vectors hold.
 
+mod list;
 mod objects;
 
 use core::fmt;
 
-use serde::de::{Error as _, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::de::{Error as _, IgnoredAny, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use list::{List, Number};
+use objects::{Items, Object, Range, Record, Value};
 
 use crate::error::EncodeError;
 use crate::frame::{Frame, Side};
 use crate::message::{
-    Bits, DeviceIdentification, DeviceObjects, PduBuf, Reply, Request, Words, function, limit,
+    Bits, DeviceIdentification, DeviceObjects, Group, PduBuf, Records, Reply, Request, Words, function, limit,
 };
 
 impl Serialize for Words<'_> {
@@ -21,6 +25,12 @@ impl Serialize for Words<'_> {
 }
 
 impl Serialize for Bits<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.iter())
+    }
+}
+
+impl<'a, T: Group<'a> + Serialize> Serialize for Records<'a, T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.iter())
     }
@@ -47,7 +57,13 @@ impl Serialize for Frame<Request<'_>> {
                 map.serialize_entry("subfunction", &subfunction)?;
                 map.serialize_entry("values", &data)?;
             }
-            Request::ReportServerId => {}
+            Request::ReadExceptionStatus
+            | Request::GetCommEventCounter
+            | Request::GetCommEventLog
+            | Request::ReportServerId => {}
+            Request::ReadFileRecord(ranges) => map.serialize_entry("ranges", &ranges)?,
+            Request::WriteFileRecord(records) => map.serialize_entry("records", &records)?,
+            Request::ReadFifoQueue { address } => map.serialize_entry("address", &address)?,
             Request::ReadDeviceIdentification { category, object } => {
                 entries(&mut map, &[("category", category.into()), ("object", object.into())])?;
             }
@@ -75,23 +91,25 @@ impl Serialize for Frame<Request<'_>> {
 
 impl Serialize for Frame<Reply<'_>> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if let Some(pdu) = self.pdu.repeated() {
+            return Frame { transaction: self.transaction, unit: self.unit, pdu }.serialize(serializer);
+        }
         let mut map = head(serializer, self.transaction, self.unit, self.pdu.function())?;
         match self.pdu {
             Reply::Coils(bits) | Reply::DiscreteInputs(bits) => map.serialize_entry("bits", &bits)?,
             Reply::HoldingRegisters(words)
             | Reply::InputRegisters(words)
-            | Reply::ReadWriteRegisters(words) => map.serialize_entry("registers", &words)?,
-            Reply::WriteCoil { address, value } => {
-                map.serialize_entry("address", &address)?;
-                map.serialize_entry("value", &value)?;
+            | Reply::ReadWriteRegisters(words)
+            | Reply::FifoQueue(words) => map.serialize_entry("registers", &words)?,
+            Reply::ExceptionStatus(status) => map.serialize_entry("status", &status)?,
+            Reply::CommEventCounter { status, events } => {
+                entries(&mut map, &[("status", status), ("events", events)])?;
             }
-            Reply::WriteRegister { address, value } => {
-                entries(&mut map, &[("address", address), ("value", value)])?;
+            Reply::CommEventLog { status, events, messages, log } => {
+                entries(&mut map, &[("status", status), ("events", events), ("messages", messages)])?;
+                map.serialize_entry("log", log)?;
             }
-            Reply::Diagnostics { subfunction, data } => {
-                map.serialize_entry("subfunction", &subfunction)?;
-                map.serialize_entry("values", &data)?;
-            }
+            Reply::FileRecords(groups) => map.serialize_entry("contents", &groups)?,
             Reply::ServerId(id) => map.serialize_entry("id", id)?,
             Reply::DeviceIdentification(it) => {
                 let numbers = [("category", it.category.into()), ("conformity", it.conformity.into())];
@@ -103,11 +121,9 @@ impl Serialize for Frame<Reply<'_>> {
             Reply::WriteCoils { address, quantity } | Reply::WriteRegisters { address, quantity } => {
                 entries(&mut map, &[("address", address), ("quantity", quantity)])?;
             }
-            Reply::MaskWriteRegister { address, and, or } => {
-                entries(&mut map, &[("address", address), ("and", and), ("or", or)])?;
-            }
             Reply::Exception { exception, .. } => map.serialize_entry("exception", &exception)?,
             Reply::Other { data, .. } => map.serialize_entry("data", data)?,
+            _ => {}
         }
         map.end()
     }
@@ -174,8 +190,14 @@ impl<'de> Visitor<'de> for FrameVisitor {
                     map.next_value::<IgnoredAny>()?;
                     return Err(A::Error::custom("a key that no Modbus frame has"));
                 }
-                Key::Values | Key::Bits | Key::Registers | Key::Id | Key::Data | Key::Objects => {
-                    let list = if key == Key::Objects { objects::read(&mut map)? } else { map.next_value()? };
+                _ if key as usize >= Key::NUMBERS => {
+                    let list = match key {
+                        Key::Objects => map.next_value::<Items<Object<Value>>>()?.list,
+                        Key::Ranges => map.next_value::<Items<Range>>()?.list,
+                        Key::Records => map.next_value::<Items<Record>>()?.list,
+                        Key::Contents => map.next_value::<Items<List>>()?.list,
+                        _ => map.next_value()?,
+                    };
                     if given.list.replace((key, list)).is_some() {
                         return Err(A::Error::custom(ShapeError::Extra));
                     }
@@ -222,11 +244,18 @@ enum Key {
     Conformity,
     More,
     Next,
+    Status,
+    Events,
+    Messages,
     Value,
     Values,
     Bits,
     Registers,
     Id,
+    Log,
+    Ranges,
+    Records,
+    Contents,
     Objects,
     Data,
     #[serde(other)]
@@ -241,7 +270,10 @@ impl Key {
         match (code, side) {
             (1..=4, Side::Client) => &[Self::Address, Self::Quantity],
             (1 | 2, Side::Server) => &[Self::Bits],
-            (3 | 4 | function::READ_WRITE_REGISTERS, Side::Server) => &[Self::Registers],
+            (3 | 4 | function::READ_WRITE_REGISTERS | function::READ_FIFO_QUEUE, Side::Server) => {
+                &[Self::Registers]
+            }
+            (function::READ_FIFO_QUEUE, Side::Client) => &[Self::Address],
             (function::WRITE_COIL | function::WRITE_REGISTER, _) => &[Self::Address, Self::Value],
             (function::WRITE_COILS | function::WRITE_REGISTERS, Side::Client) => {
                 &[Self::Address, Self::Values]
@@ -254,7 +286,21 @@ impl Key {
                 &[Self::Address, Self::Quantity, Self::WriteAddress, Self::Values]
             }
             (function::DIAGNOSTICS, _) => &[Self::Subfunction, Self::Values],
-            (function::REPORT_SERVER_ID, Side::Client) => &[],
+            (
+                function::READ_EXCEPTION_STATUS
+                | function::GET_COMM_EVENT_COUNTER
+                | function::GET_COMM_EVENT_LOG
+                | function::REPORT_SERVER_ID,
+                Side::Client,
+            ) => &[],
+            (function::READ_EXCEPTION_STATUS, Side::Server) => &[Self::Status],
+            (function::GET_COMM_EVENT_COUNTER, Side::Server) => &[Self::Status, Self::Events],
+            (function::GET_COMM_EVENT_LOG, Side::Server) => {
+                &[Self::Status, Self::Events, Self::Messages, Self::Log]
+            }
+            (function::READ_FILE_RECORD, Side::Client) => &[Self::Ranges],
+            (function::READ_FILE_RECORD, Side::Server) => &[Self::Contents],
+            (function::WRITE_FILE_RECORD, _) => &[Self::Records],
             (function::REPORT_SERVER_ID, Side::Server) => &[Self::Id],
             (function::READ_DEVICE_IDENTIFICATION, Side::Client) => &[Self::Category, Self::Object],
             (function::READ_DEVICE_IDENTIFICATION, Side::Server) => {
@@ -314,7 +360,7 @@ impl Given {
     fn request(&self, function: u8) -> Result<PduBuf, ShapeError> {
         let number = |key| self.number(key).unwrap_or_default();
         let (address, quantity, list) = (number(Key::Address), number(Key::Quantity), self.list());
-        let values = Words::from(list.words());
+        let (values, mut bytes) = (Words::from(list.words()), [0; limit::PDU]);
         Ok(match function {
             function::WRITE_COIL => {
                 PduBuf::new(&Request::WriteCoil { address, value: truth(number(Key::Value))? })
@@ -331,7 +377,15 @@ impl Given {
             function::DIAGNOSTICS => {
                 PduBuf::new(&Request::Diagnostics { subfunction: number(Key::Subfunction), data: values })
             }
-            function::REPORT_SERVER_ID => PduBuf::new(&Request::ReportServerId),
+            function::READ_FILE_RECORD => {
+                let ranges = Records::from_wire(list.to_bytes(&mut bytes)?);
+                PduBuf::new(&Request::ReadFileRecord(ranges))
+            }
+            function::WRITE_FILE_RECORD => {
+                let records = Records::from_wire(list.to_bytes(&mut bytes)?);
+                PduBuf::new(&Request::WriteFileRecord(records))
+            }
+            function::READ_FIFO_QUEUE => PduBuf::new(&Request::ReadFifoQueue { address }),
             function::READ_DEVICE_IDENTIFICATION => PduBuf::new(&Request::ReadDeviceIdentification {
                 category: self.byte(Key::Category)?,
                 object: self.byte(Key::Object)?,
@@ -344,22 +398,38 @@ impl Given {
                 let write_address = number(Key::WriteAddress);
                 PduBuf::new(&Request::ReadWriteRegisters { address, quantity, write_address, values })
             }
-            _ => PduBuf::new(&Request::read(function, address, quantity)),
+            1..=4 => PduBuf::new(&Request::read(function, address, quantity)),
+            _ => PduBuf::new(&Request::bare(function)),
         }?)
     }
 
     fn reply(&self, function: u8) -> Result<PduBuf, ShapeError> {
         let number = |key| self.number(key).unwrap_or_default();
         let (address, quantity, list) = (number(Key::Address), number(Key::Quantity), self.list());
+        let mut bytes = [0; limit::PDU];
         Ok(match function {
             function::READ_COILS | function::READ_DISCRETE_INPUTS => {
                 PduBuf::new(&Reply::of_bits(function, list.to_bits(&mut [false; List::MAX])?))
             }
             function::WRITE_COILS => PduBuf::new(&Reply::WriteCoils { address, quantity }),
             function::WRITE_REGISTERS => PduBuf::new(&Reply::WriteRegisters { address, quantity }),
-            function::REPORT_SERVER_ID => PduBuf::new(&Reply::ServerId(list.to_bytes(&mut [0; limit::PDU])?)),
+            function::REPORT_SERVER_ID => PduBuf::new(&Reply::ServerId(list.to_bytes(&mut bytes)?)),
+            function::READ_EXCEPTION_STATUS => PduBuf::new(&Reply::ExceptionStatus(self.byte(Key::Status)?)),
+            function::GET_COMM_EVENT_COUNTER => PduBuf::new(&Reply::CommEventCounter {
+                status: number(Key::Status),
+                events: number(Key::Events),
+            }),
+            function::GET_COMM_EVENT_LOG => PduBuf::new(&Reply::CommEventLog {
+                status: number(Key::Status),
+                events: number(Key::Events),
+                messages: number(Key::Messages),
+                log: list.to_bytes(&mut bytes)?,
+            }),
+            function::READ_FILE_RECORD => {
+                PduBuf::new(&Reply::FileRecords(Records::from_wire(list.to_bytes(&mut bytes)?)))
+            }
+            function::READ_FIFO_QUEUE => PduBuf::new(&Reply::FifoQueue(Words::from(list.words()))),
             function::READ_DEVICE_IDENTIFICATION => {
-                let mut bytes = [0; limit::PDU];
                 let objects = DeviceObjects::from_wire(list.to_bytes(&mut bytes)?);
                 PduBuf::new(&Reply::DeviceIdentification(DeviceIdentification {
                     category: self.byte(Key::Category)?,
@@ -402,90 +472,5 @@ fn truth(word: u16) -> Result<bool, ShapeError> {
         0 => Ok(false),
         1 => Ok(true),
         _ => Err(ShapeError::Range("a bit is false, true, 0 or 1")),
-    }
-}
-
-/// The longest list is one of 2000 bits.
-struct List {
-    items: [u16; Self::MAX],
-    len: usize,
-}
-
-impl List {
-    const MAX: usize = limit::READ_BITS as usize;
-    const EMPTY: Self = Self { items: [0; Self::MAX], len: 0 };
-
-    /// Adds an item, if there is room for it.
-    fn push(&mut self, item: u16) -> Option<()> {
-        *self.items.get_mut(self.len)? = item;
-        self.len += 1;
-        Some(())
-    }
-
-    fn words(&self) -> &[u16] {
-        self.items.get(..self.len).unwrap_or_default()
-    }
-
-    fn to_bits<'b>(&self, out: &'b mut [bool]) -> Result<Bits<'b>, ShapeError> {
-        for (bit, word) in out.iter_mut().zip(self.words()) {
-            *bit = truth(*word)?;
-        }
-        Ok(Bits::from(out.get(..self.len).unwrap_or_default()))
-    }
-
-    fn to_bytes<'b>(&self, out: &'b mut [u8]) -> Result<&'b [u8], ShapeError> {
-        let out = out.get_mut(..self.len).ok_or(ShapeError::Range("more data than a PDU holds"))?;
-        for (byte, word) in out.iter_mut().zip(self.words()) {
-            *byte = u8::try_from(*word).map_err(|_| ShapeError::Range("a byte is 0 to 255"))?;
-        }
-        Ok(out)
-    }
-}
-
-impl<'de> Deserialize<'de> for List {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct ListVisitor;
-        impl<'de> Visitor<'de> for ListVisitor {
-            type Value = List;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a list of numbers or of bits")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<List, A::Error> {
-                let mut list = List::EMPTY;
-                while let Some(Number(word)) = seq.next_element()? {
-                    list.push(word).ok_or_else(|| A::Error::invalid_length(List::MAX + 1, &self))?;
-                }
-                Ok(list)
-            }
-        }
-        deserializer.deserialize_seq(ListVisitor)
-    }
-}
-
-/// A register, a byte, or a bit.
-struct Number(u16);
-
-impl<'de> Deserialize<'de> for Number {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct NumberVisitor;
-        impl Visitor<'_> for NumberVisitor {
-            type Value = Number;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("0 to 65535, or true or false")
-            }
-
-            fn visit_bool<E: serde::de::Error>(self, bit: bool) -> Result<Number, E> {
-                Ok(Number(bit.into()))
-            }
-
-            fn visit_u64<E: serde::de::Error>(self, word: u64) -> Result<Number, E> {
-                let found = Unexpected::Unsigned(word);
-                u16::try_from(word).map(Number).map_err(|_| E::invalid_value(found, &self))
-            }
-        }
-        deserializer.deserialize_any(NumberVisitor)
     }
 }

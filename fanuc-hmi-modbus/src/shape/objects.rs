@@ -1,16 +1,18 @@
-//! The objects of a device's identification, with their values as text: a character stands for the byte of its number.
+//! Lists of objects. The value of an object of a device's identification is a text: a character stands for the byte of its number.
 
 use core::fmt::{self, Write as _};
+use core::marker::PhantomData;
 
-use serde::de::{Error as _, MapAccess, SeqAccess, Visitor};
+use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::List;
+use super::list::List;
 use crate::message::DeviceObjects;
+use crate::message::function::REFERENCE;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Object<V> {
+pub(super) struct Object<V> {
     id: u8,
     text: V,
 }
@@ -35,39 +37,103 @@ impl Serialize for Text<'_> {
     }
 }
 
-/// The bytes of the objects in the next value of a map.
-pub(super) fn read<'de, A: MapAccess<'de>>(map: &mut A) -> Result<List, A::Error> {
-    map.next_value::<Objects>().map(|objects| objects.0)
+/// A run of registers in a file, to be read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Range {
+    file: u16,
+    record: u16,
+    quantity: u16,
 }
 
-struct Objects(List);
+/// Registers of a file, to be written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Record {
+    file: u16,
+    record: u16,
+    values: List,
+}
 
-impl<'de> Deserialize<'de> for Objects {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct ObjectsVisitor;
-        impl<'de> Visitor<'de> for ObjectsVisitor {
-            type Value = Objects;
+/// An item of a list, which has bytes on the wire.
+pub(super) trait Item {
+    /// What it is.
+    const WHAT: &'static str;
 
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a list of objects with id and text")
-            }
+    /// Adds its bytes to a list; `None` if that has no room for them.
+    fn add(&self, list: &mut List) -> Option<()>;
+}
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Objects, A::Error> {
-                let mut list = List::EMPTY;
-                while let Some(Object { id, text: Value(value) }) = seq.next_element()? {
-                    let length = u16::try_from(value.len).unwrap_or_default();
-                    for item in [u16::from(id), length].iter().chain(value.words()) {
-                        list.push(*item).ok_or_else(|| A::Error::custom("more objects than a PDU holds"))?;
-                    }
-                }
-                Ok(Objects(list))
-            }
-        }
-        deserializer.deserialize_seq(ObjectsVisitor)
+impl Item for Object<Value> {
+    const WHAT: &'static str = "a list of objects with id and text";
+
+    fn add(&self, list: &mut List) -> Option<()> {
+        let Self { id, text: Value(value) } = self;
+        let head = [u16::from(*id), u16::try_from(value.len).ok()?];
+        head.iter().chain(value.words()).try_for_each(|item| list.push(*item))
     }
 }
 
-struct Value(List);
+impl Item for Range {
+    const WHAT: &'static str = "a list of runs with file, record and quantity";
+
+    fn add(&self, list: &mut List) -> Option<()> {
+        list.push(REFERENCE.into())?;
+        list.push_words(&[self.file, self.record, self.quantity])
+    }
+}
+
+impl Item for Record {
+    const WHAT: &'static str = "a list of records with file, record and values";
+
+    fn add(&self, list: &mut List) -> Option<()> {
+        let &Self { file, record, ref values } = self;
+        Range { file, record, quantity: u16::try_from(values.len).ok()? }.add(list)?;
+        list.push_words(values.words())
+    }
+}
+
+/// The registers that were read.
+impl Item for List {
+    const WHAT: &'static str = "a list of lists of registers";
+
+    fn add(&self, list: &mut List) -> Option<()> {
+        list.push(u16::try_from(1 + 2 * self.len).ok()?)?;
+        list.push(REFERENCE.into())?;
+        list.push_words(self.words())
+    }
+}
+
+/// The bytes of the items of a list.
+pub(super) struct Items<T> {
+    pub(super) list: List,
+    of: PhantomData<T>,
+}
+
+impl<'de, T: Item + Deserialize<'de>> Deserialize<'de> for Items<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct ItemsVisitor<T>(PhantomData<T>);
+        impl<'de, T: Item + Deserialize<'de>> Visitor<'de> for ItemsVisitor<T> {
+            type Value = Items<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(T::WHAT)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Items<T>, A::Error> {
+                let mut list = List::EMPTY;
+                while let Some(item) = seq.next_element::<T>()? {
+                    item.add(&mut list).ok_or_else(|| A::Error::custom("more objects than a PDU holds"))?;
+                }
+                Ok(Items { list, of: PhantomData })
+            }
+        }
+        deserializer.deserialize_seq(ItemsVisitor(PhantomData))
+    }
+}
+
+/// The text of an object.
+pub(super) struct Value(List);
 
 impl<'de> Deserialize<'de> for Value {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {

@@ -12,6 +12,7 @@
 //! # Ok(()) }
 //! ```
 
+mod device;
 mod service;
 
 use core::ops::{Bound, RangeBounds};
@@ -40,7 +41,7 @@ use crate::typed::{Number, NumberError, WordOrder};
 ///
 /// Addresses are ranges: `0..37`, and `65530..=65535` at the end of a table.
 ///
-/// A request that is refused because of its form is not made. If the future of a request is [dropped](Handle#dropped-futures) while the
+/// Every method gives the reply, or an [`Error`]. A request that is refused because of its form is not made. If the future of a request is [dropped](Handle#dropped-futures) while the
 /// request is in flight, its outcome is an [`Event::Abandoned`].
 #[derive(Debug, Clone)]
 pub struct Client {
@@ -160,27 +161,18 @@ impl Client {
     }
 
     /// Function 1: up to 2000 coils.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_coils(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<bool>, Error> {
         let (address, quantity) = run(&addresses);
         self.bits(&Request::ReadCoils { address, quantity }).await
     }
 
     /// Function 2: up to 2000 discrete inputs.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_discrete_inputs(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<bool>, Error> {
         let (address, quantity) = run(&addresses);
         self.bits(&Request::ReadDiscreteInputs { address, quantity }).await
     }
 
     /// Function 3: up to 125 holding registers.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_holding_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadHoldingRegisters { address, quantity }).await
@@ -224,9 +216,6 @@ impl Client {
     }
 
     /// Function 4: up to 125 input registers.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_input_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadInputRegisters { address, quantity }).await
@@ -234,9 +223,6 @@ impl Client {
 
     /// The telemetry block whose first holding register has this address: 37 registers. [`Assignment::TELEMETRY`](crate::Assignment::TELEMETRY)
     /// has it at [`TelemetryBlock::ADDRESS`].
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_telemetry(&self, address: u16, order: WordOrder) -> Result<TelemetryBlock, Error> {
         let request = Request::ReadHoldingRegisters { address, quantity: TelemetryBlock::QUANTITY };
         let words = self.words(&request).await?;
@@ -244,9 +230,6 @@ impl Client {
     }
 
     /// The position register whose first holding register has this address: 50 registers.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_position(&self, address: u16, order: WordOrder) -> Result<PositionRegister, Error> {
         let request = PositionRegister::request(address);
         let words = self.words(&request).await?;
@@ -255,9 +238,6 @@ impl Client {
 
     /// The numeric variable whose first holding register has this address. `number` is its assignment: [`Kind`](crate::typed::Kind) says which
     /// `$VAR_NAME` and `$MULTIPLY` make which kind.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_number(&self, address: u16, number: Number) -> Result<f64, Error> {
         let quantity = number.kind.registers();
         let request = Request::ReadHoldingRegisters { address, quantity };
@@ -270,9 +250,6 @@ impl Client {
 
     /// The string, alarm or program name in these holding registers, two characters each, up to the first NUL: that of an assignment
     /// with `$MULTIPLY` −1. A string register takes [`text::QUANTITY`] registers. Bytes that are not UTF-8 are read as Latin-1.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_text(&self, addresses: impl RangeBounds<u16>) -> Result<String, Error> {
         let words = self.read_holding_registers(addresses).await?;
         let mut bytes = vec![0; 2 * words.len()];
@@ -286,7 +263,7 @@ impl Client {
     /// integer, the value is rounded to it.
     ///
     /// # Errors
-    /// [`Error::Number`] if the registers cannot hold the value: nothing is sent. See [`Error`].
+    /// [`Error::Number`] if the registers cannot hold the value: nothing is sent.
     pub async fn write_number(&self, address: u16, number: Number, value: f64) -> Result<(), Error> {
         let words = number.write(value)?;
         let quantity = usize::from(number.kind.registers());
@@ -296,7 +273,7 @@ impl Client {
     /// Writes a string in one request: its bytes, then NULs up to the end of these registers. [`read_text`](Self::read_text) reads it.
     ///
     /// # Errors
-    /// [`Error::Text`] if the string is longer than two bytes per register, or has a NUL in it: nothing is sent. See [`Error`].
+    /// [`Error::Text`] if the string is longer than two bytes per register, or has a NUL in it: nothing is sent.
     pub async fn write_text(&self, addresses: impl RangeBounds<u16>, text: &str) -> Result<(), Error> {
         let (address, quantity) = run(&addresses);
         let mut words = vec![0; quantity.into()];
@@ -305,9 +282,6 @@ impl Client {
     }
 
     /// Writes a position register in one request.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn write_position(
         &self,
         address: u16,
@@ -318,49 +292,31 @@ impl Client {
     }
 
     /// Function 5: one coil.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn write_coil(&self, address: u16, value: bool) -> Result<(), Error> {
         self.request(&Request::WriteCoil { address, value }).await.map(drop)
     }
 
     /// Function 15: 1 to 1968 coils.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn write_coils(&self, address: u16, values: &[bool]) -> Result<(), Error> {
         self.request(&Request::WriteCoils { address, values: Bits::from(values) }).await.map(drop)
     }
 
     /// Function 6: one holding register.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn write_register(&self, address: u16, value: u16) -> Result<(), Error> {
         self.request(&Request::WriteRegister { address, value }).await.map(drop)
     }
 
     /// Function 16: 1 to 123 holding registers.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn write_registers(&self, address: u16, values: &[u16]) -> Result<(), Error> {
         self.request(&Request::WriteRegisters { address, values: Words::from(values) }).await.map(drop)
     }
 
     /// Function 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn mask_write_register(&self, address: u16, and: u16, or: u16) -> Result<(), Error> {
         self.request(&Request::MaskWriteRegister { address, and, or }).await.map(drop)
     }
 
     /// Function 23: 1 to 121 registers are written from an address on, then up to 125 are read.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn read_write_registers(
         &self,
         addresses: impl RangeBounds<u16>,
@@ -371,52 +327,7 @@ impl Client {
         self.words(&Request::ReadWriteRegisters { address, quantity, write_address, values }).await
     }
 
-    /// Function 8: the words of a diagnostic of the serial line; 1 to 125 for subfunction 0, which returns them, otherwise 1.
-    ///
-    /// # Errors
-    /// See [`Error`].
-    pub async fn diagnose(&self, subfunction: u16, words: &[u16]) -> Result<Vec<u16>, Error> {
-        let request = Request::Diagnostics { subfunction, data: Words::from(words) };
-        self.words(&request).await
-    }
-
-    /// Function 17: the bytes that the device says of itself, an id and FF if it runs first.
-    ///
-    /// # Errors
-    /// See [`Error`].
-    pub async fn report_server_id(&self) -> Result<Vec<u8>, Error> {
-        match self.ask(&Request::ReportServerId).await?.reply() {
-            Ok(Reply::ServerId(id)) => Ok(id.to_vec()),
-            _ => Err(misfit(&Request::ReportServerId, &[])),
-        }
-    }
-
-    /// Function 43: id and value of the objects of the device's identification of a category (1 basic, 2 regular, 3 extended), in as many
-    /// requests as the device needs.
-    ///
-    /// # Errors
-    /// See [`Error`].
-    pub async fn read_device_identification(&self, category: u8) -> Result<Vec<(u8, Vec<u8>)>, Error> {
-        let (mut objects, mut object) = (Vec::new(), 0);
-        loop {
-            let request = Request::ReadDeviceIdentification { category, object };
-            let pdu = self.ask(&request).await?;
-            let Ok(Reply::DeviceIdentification(part)) = pdu.reply() else {
-                return Err(misfit(&request, &[]));
-            };
-            objects.extend(part.objects.iter().map(|(id, value)| (id, value.to_vec())));
-            // The next object is a later one, or the loop would not end.
-            if !part.more || part.next <= object {
-                return Ok(objects);
-            }
-            object = part.next;
-        }
-    }
-
     /// Any request: the reply as a PDU, which is no exception. For a broadcast, which has no reply, the request.
-    ///
-    /// # Errors
-    /// See [`Error`].
     pub async fn request(&self, request: &Request<'_>) -> Result<PduBuf, Error> {
         self.ask(request).await.map(|pdu| *pdu)
     }
@@ -426,27 +337,36 @@ impl Client {
         self.handle.call(|reply| Made { unit, pdu, reply }).await?
     }
 
-    async fn words(&self, request: &Request<'_>) -> Result<Vec<u16>, Error> {
+    /// Makes a request, and reads its reply.
+    async fn read<T>(
+        &self,
+        request: &Request<'_>,
+        read: impl FnOnce(Reply<'_>) -> Option<T>,
+    ) -> Result<T, Error> {
         let pdu = self.ask(request).await?;
-        match pdu.reply() {
-            Ok(
-                Reply::HoldingRegisters(words)
-                | Reply::InputRegisters(words)
-                | Reply::ReadWriteRegisters(words)
-                | Reply::Diagnostics { data: words, .. },
-            ) => Ok(words.to_vec()),
-            _ => Err(misfit(request, &[])),
-        }
+        pdu.reply().ok().and_then(read).ok_or_else(|| misfit(request, &[]))
+    }
+
+    async fn words(&self, request: &Request<'_>) -> Result<Vec<u16>, Error> {
+        let words = |reply: Reply<'_>| match reply {
+            Reply::HoldingRegisters(words)
+            | Reply::InputRegisters(words)
+            | Reply::ReadWriteRegisters(words)
+            | Reply::FifoQueue(words)
+            | Reply::Diagnostics { data: words, .. } => Some(words.to_vec()),
+            _ => None,
+        };
+        self.read(request, words).await
     }
 
     async fn bits(&self, request: &Request<'_>) -> Result<Vec<bool>, Error> {
-        let pdu = self.ask(request).await?;
-        match pdu.reply() {
-            Ok(Reply::Coils(bits) | Reply::DiscreteInputs(bits)) => {
-                Ok(bits.iter().take(request.quantity_read().into()).collect())
+        let bits = |reply: Reply<'_>| match reply {
+            Reply::Coils(bits) | Reply::DiscreteInputs(bits) => {
+                Some(bits.iter().take(request.quantity_read().into()).collect())
             }
-            _ => Err(misfit(request, &[])),
-        }
+            _ => None,
+        };
+        self.read(request, bits).await
     }
 }
 

@@ -10,6 +10,8 @@ mod decoder;
 mod echo;
 mod edges;
 #[cfg(feature = "tokio")]
+mod files;
+#[cfg(feature = "tokio")]
 mod handle;
 mod identification;
 mod line;

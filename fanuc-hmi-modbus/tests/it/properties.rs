@@ -7,9 +7,9 @@ use core::time::Duration;
 use arbitrary::Unstructured;
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Encode as _};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Decoder, DeviceIdentification, DeviceObjects, EncodeError, Exception, Frame,
-    Framing, Pdu, PduBuf, Registers, Reply, Request, Side, WordOrder, Words, WordsMut, function, limit,
-    serve,
+    Bits, BitsMut, CommEvents, DecodeError, Decoder, DeviceIdentification, DeviceObjects, EncodeError,
+    Exception, FileRange, FileRecord, Frame, Framing, Pdu, PduBuf, Records, Registers, Reply, Request, Side,
+    WordOrder, Words, WordsMut, function, limit, serve,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -39,7 +39,13 @@ impl Asked {
             5 => Request::WriteCoil { address, value: other % 2 == 1 },
             6 => Request::WriteRegister { address, value: other },
             8 => Request::Diagnostics { subfunction: other, data: self.words.as_slice().into() },
+            7 => Request::ReadExceptionStatus,
+            11 => Request::GetCommEventCounter,
+            12 => Request::GetCommEventLog,
             17 => Request::ReportServerId,
+            20 => Request::ReadFileRecord(Records::from_wire(&self.data)),
+            21 => Request::WriteFileRecord(Records::from_wire(&self.data)),
+            24 => Request::ReadFifoQueue { address },
             43 => Request::ReadDeviceIdentification { category: address as u8, object: other as u8 },
             15 => Request::WriteCoils { address, values: self.bits.as_slice().into() },
             16 => Request::WriteRegisters { address, values: self.words.as_slice().into() },
@@ -64,7 +70,13 @@ impl Asked {
             5 => Reply::WriteCoil { address, value: other % 2 == 1 },
             6 => Reply::WriteRegister { address, value: other },
             8 => Reply::Diagnostics { subfunction: other, data: self.words.as_slice().into() },
+            7 => Reply::ExceptionStatus(other as u8),
+            11 => Reply::CommEventCounter { status: address, events: other },
+            12 => Reply::CommEventLog { status: address, events: other, messages: quantity, log: &self.data },
             17 => Reply::ServerId(&self.data),
+            20 => Reply::FileRecords(Records::from_wire(&self.data)),
+            21 => Reply::WriteFileRecord(Records::from_wire(&self.data)),
+            24 => Reply::FifoQueue(self.words.as_slice().into()),
             43 => Reply::DeviceIdentification(DeviceIdentification {
                 category: address as u8,
                 conformity: other as u8,
@@ -84,6 +96,15 @@ impl Asked {
     }
 }
 
+/// Whether groups of so many registers are allowed: beside the registers a group has some bytes in the message that has them, and some in the
+/// request.
+fn groups(quantities: impl Iterator<Item = usize>, around: usize, head: usize, most: usize) -> bool {
+    let quantities: Vec<usize> = quantities.collect();
+    let bytes: usize = quantities.iter().map(|quantity| around + 2 * quantity).sum();
+    let is_within = !quantities.is_empty() && !quantities.contains(&0) && bytes <= most;
+    is_within && (around == head || head * quantities.len() <= 251)
+}
+
 /// Anything, also beyond the limits.
 fn asked() -> impl Strategy<Value = Asked> {
     let code = prop_oneof![
@@ -91,14 +112,10 @@ fn asked() -> impl Strategy<Value = Asked> {
         Just(2),
         Just(3),
         Just(4),
-        Just(5),
-        Just(6),
-        Just(8),
-        Just(15),
-        Just(16),
-        Just(17),
-        Just(22),
-        Just(23),
+        5u8..=8,
+        11u8..=12,
+        15u8..=17,
+        20u8..=24,
         Just(43),
         1u8..=127
     ];
@@ -210,6 +227,22 @@ impl Registers for Bank {
         assert!(usize::from(address) + values.iter().count() <= 65_536);
         Ok(())
     }
+    fn exception_status(&mut self) -> Result<u8, Exception> {
+        Ok(0x6D)
+    }
+    fn comm_events(&mut self, log: &mut [u8]) -> Result<CommEvents, Exception> {
+        Ok(CommEvents { status: 0, events: 1, messages: 2, logged: log.len() })
+    }
+    fn read_file(&mut self, _: u16, record: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.read_holding_registers(record, out)
+    }
+    fn write_file(&mut self, _: u16, record: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.write_registers(record, values)
+    }
+    fn read_fifo(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<usize, Exception> {
+        assert_eq!(out.len(), 31);
+        Ok(usize::from(address % 33))
+    }
     fn other(&mut self, _: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
         out.get_mut(..data.len()).ok_or(Exception::ServerDeviceFailure)?.copy_from_slice(data);
         Ok(data.len())
@@ -253,7 +286,9 @@ proptest! {
         let allowed = match asked.code {
             1 | 2 => run(quantity, 2000),
             3 | 4 => run(quantity, 125),
-            5 | 6 | 17 | 22 | 43 => true,
+            5 | 6 | 7 | 11 | 12 | 17 | 22 | 24 | 43 => true,
+            20 => groups(Records::<FileRange>::from_wire(&asked.data).iter().map(|it| it.quantity.into()), 2, 7, 245),
+            21 => groups(Records::<FileRecord<'_>>::from_wire(&asked.data).iter().map(|it| it.values.len()), 7, 7, 251),
             8 => (1..=125).contains(&asked.words.len()),
             15 => run(asked.bits.len(), 1968),
             16 => run(asked.words.len(), 123),

@@ -2,8 +2,8 @@
 
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Client, ClientConfig, ClientEvent, Exception, Frame, PduBuf, Registers, Server,
-    ServerConfig, Words, WordsMut, client, server,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, CommEvents, Exception, Frame, PduBuf, Registers,
+    Server, ServerConfig, Words, WordsMut, client, server,
 };
 use robot_session::end::Rules;
 use serde::Deserialize as _;
@@ -140,6 +140,33 @@ impl Registers for Tables {
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
         values.copy_to(items(&mut self.holding, address, values.len())?);
         Ok(())
+    }
+
+    fn exception_status(&mut self) -> Result<u8, Exception> {
+        Ok(0x6D)
+    }
+
+    fn comm_events(&mut self, log: &mut [u8]) -> Result<CommEvents, Exception> {
+        let logged = log.iter_mut().zip([0x20, 0]).map(|(to, from)| *to = from).count();
+        Ok(CommEvents { status: 0, events: 264, messages: 289, logged })
+    }
+
+    fn read_file(&mut self, file: u16, record: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        if file == 4 { self.read_holding_registers(record, out) } else { Err(Exception::IllegalDataAddress) }
+    }
+
+    fn write_file(&mut self, file: u16, record: u16, values: Words<'_>) -> Result<(), Exception> {
+        if file == 4 { self.write_registers(record, values) } else { Err(Exception::IllegalDataAddress) }
+    }
+
+    fn read_fifo(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<usize, Exception> {
+        match address {
+            1246 => out.copy_from(&[440, 4740]),
+            1247 => return Ok(0),
+            1248 => return Ok(out.len() + 1),
+            _ => return Err(Exception::IllegalDataAddress),
+        }
+        Ok(2)
     }
 
     fn diagnose(&mut self, subfunction: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {

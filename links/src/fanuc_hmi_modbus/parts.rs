@@ -44,12 +44,22 @@ fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
         parts.list(count(message, "values"), 2, "/values", "FM-96");
         return;
     }
-    if message["function"] == 17 {
-        if !is_request {
+    match (message["function"].as_u64(), is_request) {
+        (Some(7 | 11 | 12 | 17), true) => return,
+        (Some(7), false) => return parts.take(1, "/status", "FM-103"),
+        (Some(11 | 12), false) => return events(parts, message),
+        (Some(17), false) => {
             parts.take(1, "byte count", "FM-13");
-            parts.list(count(message, "id"), 1, "/id", "FM-96");
+            return parts.list(count(message, "id"), 1, "/id", "FM-96");
         }
-        return;
+        (Some(20 | 21), _) => return files(parts, message),
+        (Some(24), false) => {
+            parts.take(2, "byte count", "FM-105");
+            parts.take(2, "count of registers", "FM-105");
+            return parts.list(count(message, "registers"), 2, "/registers", "FM-7");
+        }
+        (Some(24), true) => return parts.take(2, "/address", "FM-11"),
+        _ => {}
     }
     if message.get("category").is_some() {
         identification(parts, message, is_request);
@@ -86,6 +96,41 @@ fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
             bits(parts, "/values", count(message, "values"));
         } else {
             parts.list(count(message, "values"), 2, "/values", "FM-7");
+        }
+    }
+}
+
+/// The bytes behind the code of a reply of function 11 or 12.
+fn events(parts: &mut Parts<'_>, message: &Value) {
+    let is_log = message.get("log").is_some();
+    if is_log {
+        parts.take(1, "byte count", "FM-13");
+    }
+    parts.take(2, "/status", "FM-103");
+    parts.take(2, "/events", "FM-103");
+    if is_log {
+        parts.take(2, "/messages", "FM-103");
+        parts.list(count(message, "log"), 1, "/log", "FM-103");
+    }
+}
+
+/// The bytes behind the code of function 20 or 21.
+fn files(parts: &mut Parts<'_>, message: &Value) {
+    parts.take(1, "byte count", "FM-104");
+    for index in 0..count(message, "contents") {
+        parts.take(1, "length", "FM-104");
+        parts.take(1, "reference type", "FM-104");
+        parts.list(count(message, &format!("contents/{index}")), 2, &format!("/contents/{index}"), "FM-7");
+    }
+    for key in ["ranges", "records"] {
+        for index in 0..count(message, key) {
+            let run = format!("/{key}/{index}");
+            parts.take(1, "reference type", "FM-104");
+            parts.take(2, format!("{run}/file"), "FM-104");
+            parts.take(2, format!("{run}/record"), "FM-104");
+            let quantity = if key == "ranges" { format!("{run}/quantity") } else { "quantity".into() };
+            parts.take(2, quantity, "FM-104");
+            parts.list(count(message, &format!("{key}/{index}/values")), 2, &format!("{run}/values"), "FM-7");
         }
     }
 }

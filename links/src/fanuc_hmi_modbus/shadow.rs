@@ -89,7 +89,8 @@ impl Shadow for Modbus {
                 }
             }
             Seen::Corrupt { from: CLIENT, error, .. } => {
-                let kinds = ["function", "pdu_length", "quantity", "byte_count", "coil_value"];
+                let kinds =
+                    ["function", "pdu_length", "quantity", "byte_count", "coil_value", "reference_type"];
                 let is_kind = |kind: &str| error.get("kind").is_some_and(|found| found == kind);
                 self.malformed += u32::from(kinds.into_iter().any(is_kind));
             }

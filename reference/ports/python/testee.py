@@ -116,7 +116,9 @@ class StoryRegisters(fanuc_hmi_modbus.Registers):
     def __init__(self) -> None:
         on = [address % 3 == 0 for address in range(100)]
         holding = [7 * address for address in range(100)]
-        super().__init__(on, [not coil for coil in on], holding, None, [0x11, 0xFF], OBJECTS)
+        events = {"status": 0, "events": 264, "messages": 289, "log": [0x20, 0]}
+        queues = {1246: [440, 4740], 1247: [], 1248: [0] * 32}
+        super().__init__(on, [not coil for coil in on], holding, None, [0x11, 0xFF], OBJECTS, 0x6D, events, {4: holding}, queues)
 
     def serve(self, request: Json) -> Json:
         if request["function"] == 2 and self.coils is not None:

@@ -22,9 +22,9 @@ val2-viewer list 10fdc3ceb0ed0710
 isra-ball Assumption: IB-24 35, IB-25 11, IB-26 2, IB-31 6
 isra-ball Rule: IB-10 2, IB-25 6, IB-33 5, IB-35 19, IB-9 63
 isra-ball list 3d0c5fd23055199b
-fanuc-hmi-modbus Assumption: FM-42 151, FM-57 26
-fanuc-hmi-modbus Rule: FM-40 18, FM-41 2, FM-43 22, FM-44 31, FM-48 82, FM-60 10, FM-61 22
-fanuc-hmi-modbus list 631bf1fbe49a7966
+fanuc-hmi-modbus Assumption: FM-42 156, FM-57 26
+fanuc-hmi-modbus Rule: FM-40 24, FM-41 2, FM-43 22, FM-44 40, FM-48 82, FM-60 29, FM-61 22
+fanuc-hmi-modbus list 84e2044cd9d1a456
 laser-eb90 Assumption: LE-72 14, LE-98 10
 laser-eb90 Budget: LE-99 50
 laser-eb90 Rule: LE-102 9, LE-19 1, LE-22 2, LE-23 3, LE-24 3, LE-25 10, LE-45 13, LE-5 24
@@ -43,7 +43,7 @@ kawasaki-msg: 53 of 220; 255/269 + 25, 283/294, 292/293 + 1, 20/20 + 169, 68/68 
 val2-alter: 68 of 300; 174/181 + 89, 267/270, 146/149 + 121, 9/9 + 197, 270/270; 17; 173 97 5 105 0 27 0 0; list 5d486678cf483887
 val2-viewer: 50 of 128; 58/58 + 69, 85/97 + 30, 41/41 + 86, 0/0 + 31, 64/64 + 63; 1; 31 35 6 64 0 0 37 106; list b67d235ce28d1944
 isra-ball: 26 of 69; 69/69 + 19, 88/88, 50/50 + 38, 5/5 + 30, 88/88; 0; 30 16 3 38 0 0 0 0; list d1058dafb6a49b34
-fanuc-hmi-modbus: 72 of 271; 172/175 + 97, 238/242 + 30, 108/109 + 163, 103/107 + 159, 241/241 + 31; 13; 76 116 3 163 91 0 31 0; list a711f9419d60f521
+fanuc-hmi-modbus: 75 of 282; 184/190 + 100, 251/258 + 32, 116/117 + 173, 113/122 + 162, 258/258 + 32; 13; 77 117 3 173 97 0 32 0; list 77a6fd86f0d188eb
 laser-eb90: 70 of 182; 107/107 + 50, 148/148 + 9, 70/70 + 87, 64/64 + 90, 157/157; 0; 17 32 2 87 98 0 0 0; list 786a1821ed592c24
 mmacell-proto: 90 of 144; 575/576 + 63, 639/639, 302/302 + 337, 77/81 + 163, 598/598 + 41; 38; 153 34 29 337 0 10 41 0; list 89a9ef30d5a325c7
 ";

@@ -18,6 +18,9 @@
 #define IDENTIFICATION 14 /* the MEI type of function 43 that has a shape */
 #define MORE 0xFF
 #define OBJECTS_AT 7
+#define MAX_LOG 70   /* bytes of function 12 after its byte count */
+#define MAX_QUEUE 31 /* registers of function 24 */
+#define REFERENCE 6
 #define NO_FRAME SIZE_MAX
 
 uint16_t modbus_crc(const uint8_t *data, size_t length)
@@ -45,9 +48,14 @@ uint16_t modbus_max_write(uint8_t function) { return function == 15 ? 1968 : fun
 
 bool modbus_is_named(uint8_t function)
 {
-    return modbus_max_read(function) > 0 || function == 5 || function == 6 || function == 8 || function == 15 || function == 16 ||
-           function == 17 || function == 22 || function == 43;
+    return modbus_asks(function) || function == 5 || function == 6 || function == 8 || function == 15 || function == 16 ||
+           function == 21 || function == 22 || function == 43;
 }
+
+/* A request that is its function alone. */
+static bool is_bare(uint8_t function) { return function == 7 || function == 11 || function == 12 || function == 17; }
+
+bool modbus_asks(uint8_t function) { return modbus_max_read(function) > 0 || is_bare(function) || function == 20 || function == 24; }
 
 enum length_by { BY_BEGINNING, BY_SILENCE, NOT_KNOWN_YET };
 
@@ -69,8 +77,15 @@ static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbu
         base = is_client ? 13 : 5, count_at = is_client ? 10 : 2;
     } else if (function == 5 || function == 6) {
         *size = 8;
-    } else if (modbus_max_read(function) > 0 || function == 17) {
-        *size = function == 17 ? 4 : 8;
+    } else if (function == 7 || function == 11) {
+        *size = is_client ? 4 : function == 7 ? 5 : 8;
+    } else if (function == 20 || function == 21) {
+        base = 5, count_at = 2;
+    } else if (function == 24) {
+        *size = 6;
+        base = 6, count_at = is_client ? 0 : 3;
+    } else if (modbus_max_read(function) > 0 || is_bare(function)) {
+        *size = is_bare(function) ? 4 : 8;
         base = 5, count_at = is_client ? 0 : 2;
     } else if (!is_client && function > EXCEPTION) {
         *size = 5;
@@ -362,6 +377,71 @@ static void decode_identification(struct pdu *pdu)
     memcpy(message->bytes, pdu->data + OBJECTS_AT, message->quantity);
 }
 
+/* A byte count and runs (FM-104). */
+static void decode_runs(struct pdu *pdu, enum modbus_shape shape)
+{
+    struct modbus_message *message = &pdu->item->message;
+    bool is_contents = shape == MODBUS_CONTENTS, is_write = shape == MODBUS_RECORDS;
+    size_t around = is_write ? 7 : 2, left = is_write ? 251 : 245, head = is_contents ? 2 : 7;
+    message->shape = shape;
+    message->quantity = get_u8(pdu);
+    exactly(pdu, 2u + message->quantity);
+    while (pdu->item->error == MODBUS_NO_ERROR && has(pdu, head)) {
+        const uint8_t *run = pdu->data + pdu->at;
+        size_t quantity = is_contents ? 0 : get_u16_be(run + 5), size = is_write ? 2 * quantity : 0;
+        size_t most = left > around ? (left - around) / 2 : 0;
+        if (is_contents) {
+            size = run[0] > 0 ? run[0] - 1u : 0;
+            quantity = size / 2;
+        }
+        if (!has(pdu, head + size))
+            return;
+        if (run[is_contents] != REFERENCE)
+            wrong(pdu->item, MODBUS_REFERENCE_TYPE, run[is_contents]);
+        if (size % 2 != 0)
+            wrong(pdu->item, MODBUS_REPLY_BYTE_COUNT, run[0]);
+        if (quantity < 1 || quantity > most)
+            error(pdu->item, MODBUS_QUANTITY, most, quantity);
+        left -= around + 2 * quantity;
+        pdu->at += head + size;
+        if (pdu->at == pdu->length)
+            break;
+    }
+    memcpy(message->bytes, pdu->data + 2, pdu->length < 2 ? 0 : pdu->length - 2);
+}
+
+bool modbus_has_runs(const struct modbus_message *message)
+{
+    uint8_t bytes[MODBUS_MAX_DATA + 1] = {message->function, (uint8_t)message->quantity};
+    struct modbus_item item = {.error = MODBUS_NO_ERROR};
+    struct pdu pdu = {bytes, 2u + message->quantity, 1, &item};
+    if (message->quantity > MODBUS_MAX_DATA - 1)
+        return false;
+    memcpy(bytes + 2, message->bytes, message->quantity);
+    decode_runs(&pdu, message->shape);
+    return item.error == MODBUS_NO_ERROR;
+}
+
+/* The reply of function 24 (FM-105). */
+static void decode_queue(struct pdu *pdu)
+{
+    struct modbus_message *message = &pdu->item->message;
+    message->shape = MODBUS_QUEUE;
+    if (pdu->length < 5) {
+        exactly(pdu, 5);
+        return;
+    }
+    uint16_t size = get_u16(pdu);
+    message->quantity = get_u16(pdu);
+    if (message->quantity > MAX_QUEUE)
+        error(pdu->item, MODBUS_QUANTITY, MAX_QUEUE, message->quantity);
+    else if (size != 2 + 2 * message->quantity)
+        error(pdu->item, MODBUS_BYTE_COUNT, 2u + 2u * message->quantity, size);
+    exactly(pdu, 3u + size);
+    if (pdu->item->error == MODBUS_NO_ERROR)
+        get_registers(pdu);
+}
+
 static void decode_raw(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
@@ -406,9 +486,21 @@ static void decode_request(struct pdu *pdu)
     case 8:
         decode_diagnostic(pdu);
         break;
+    case 7:
+    case 11:
+    case 12:
     case 17:
-        message->shape = MODBUS_REPORT_ID;
+        message->shape = MODBUS_BARE;
         exactly(pdu, 1);
+        break;
+    case 20:
+    case 21:
+        decode_runs(pdu, function == 20 ? MODBUS_RANGES : MODBUS_RECORDS);
+        break;
+    case 24:
+        message->shape = MODBUS_READ_QUEUE;
+        exactly(pdu, 3);
+        message->address = get_u16(pdu);
         break;
     default:
         if (!is_identification(pdu)) {
@@ -427,14 +519,21 @@ static void decode_request(struct pdu *pdu)
 static void decode_values(struct pdu *pdu)
 {
     struct modbus_message *message = &pdu->item->message;
-    bool is_bits = message->function <= 2, is_own = message->function == 17;
+    bool is_bits = message->function <= 2, is_log = message->function == 12, is_own = is_log || message->function == 17;
     uint8_t count = get_u8(pdu);
-    if (count == 0 || count > MAX_REPLY_BYTES || (!is_bits && !is_own && count % 2 != 0))
+    if (count == 0 || count > (is_log ? MAX_LOG : MAX_REPLY_BYTES) || (!is_bits && !is_own && count % 2 != 0))
         wrong(pdu->item, MODBUS_REPLY_BYTE_COUNT, count);
     exactly(pdu, pdu->at + count);
+    if (is_log && count < 6)
+        wrong(pdu->item, MODBUS_REPLY_BYTE_COUNT, count);
+    if (is_log) {
+        message->status = get_u16(pdu);
+        message->events = get_u16(pdu);
+        message->messages = get_u16(pdu);
+    }
     if (is_own) {
-        message->shape = MODBUS_SERVER_ID;
-        message->quantity = count;
+        message->shape = is_log ? MODBUS_EVENT_LOG : MODBUS_SERVER_ID;
+        message->quantity = is_log ? (uint16_t)(count - 6) : count;
         get_bytes(pdu);
         return;
     }
@@ -458,8 +557,17 @@ static void decode_reply(struct pdu *pdu)
         message->function = (uint8_t)(function - EXCEPTION);
         exactly(pdu, 2);
         message->exception = get_u8(pdu);
-    } else if (modbus_max_read(function) > 0 || function == 17) {
+    } else if (modbus_max_read(function) > 0 || function == 12 || function == 17) {
         decode_values(pdu);
+    } else if (function == 7 || function == 11) {
+        message->shape = function == 7 ? MODBUS_STATUS : MODBUS_COUNTER;
+        exactly(pdu, function == 7 ? 2 : 5);
+        message->status = function == 7 ? get_u8(pdu) : get_u16(pdu);
+        message->events = function == 7 ? 0 : get_u16(pdu);
+    } else if (function == 20 || function == 21) {
+        decode_runs(pdu, function == 20 ? MODBUS_CONTENTS : MODBUS_RECORDS);
+    } else if (function == 24) {
+        decode_queue(pdu);
     } else if (function == 8) {
         decode_diagnostic(pdu);
     } else if (is_identification(pdu)) {

@@ -8,6 +8,8 @@
 #define EXCEPTION 0x80
 #define MAX_WORDS 125 /* of function 8 */
 #define MAX_OWN 250   /* bytes of function 17 */
+#define MAX_LOG 64    /* events of function 12 */
+#define MAX_QUEUE 31
 #define IDENTIFICATION 14
 
 static bool is_quantity(uint16_t quantity, uint16_t most) { return quantity >= 1 && quantity <= most; }
@@ -89,8 +91,23 @@ static bool is_shape(const struct modbus_message *message)
         return function == 43 && quantity <= MODBUS_MAX_OBJECTS && count_objects(message) >= 0;
     case MODBUS_DIAGNOSTIC:
         return function == 8 && is_quantity(quantity, MAX_WORDS);
-    case MODBUS_REPORT_ID:
-        return function == 17;
+    case MODBUS_BARE:
+        return function == 7 || function == 11 || function == 12 || function == 17;
+    case MODBUS_READ_QUEUE:
+        return function == 24;
+    case MODBUS_STATUS:
+        return function == 7 && message->status <= UINT8_MAX;
+    case MODBUS_COUNTER:
+        return function == 11;
+    case MODBUS_EVENT_LOG:
+        return function == 12 && quantity <= MAX_LOG;
+    case MODBUS_RANGES:
+    case MODBUS_CONTENTS:
+        return function == 20 && modbus_has_runs(message);
+    case MODBUS_RECORDS:
+        return function == 21 && modbus_has_runs(message);
+    case MODBUS_QUEUE:
+        return function == 24 && quantity <= MAX_QUEUE;
     case MODBUS_IDENTIFY:
         return function == 43;
     case MODBUS_RAW:
@@ -110,6 +127,9 @@ static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
         pdu[0] = message->function | EXCEPTION;
         pdu[at++] = message->exception;
         return at;
+    case MODBUS_RANGES:
+    case MODBUS_CONTENTS:
+    case MODBUS_RECORDS:
     case MODBUS_SERVER_ID:
         pdu[at++] = (uint8_t)message->quantity;
         memcpy(pdu + at, message->bytes, message->quantity);
@@ -123,12 +143,27 @@ static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
         pdu[at++] = (uint8_t)count_objects(message);
         memcpy(pdu + at, message->bytes, message->quantity);
         return at + message->quantity;
+    case MODBUS_STATUS:
+        pdu[at++] = (uint8_t)message->status;
+        return at;
+    case MODBUS_COUNTER:
+        return put_u16(pdu, put_u16(pdu, at, message->status), message->events);
+    case MODBUS_EVENT_LOG:
+        pdu[at++] = (uint8_t)(6 + message->quantity);
+        at = put_u16(pdu, put_u16(pdu, put_u16(pdu, at, message->status), message->events), message->messages);
+        memcpy(pdu + at, message->bytes, message->quantity);
+        return at + message->quantity;
+    case MODBUS_READ_QUEUE:
+        return put_u16(pdu, at, message->address);
+    case MODBUS_QUEUE:
     case MODBUS_DIAGNOSTIC:
-        at = put_u16(pdu, at, message->subfunction);
+        if (message->shape == MODBUS_QUEUE)
+            at = put_u16(pdu, at, (uint16_t)(2 + 2 * message->quantity));
+        at = put_u16(pdu, at, message->shape == MODBUS_QUEUE ? message->quantity : message->subfunction);
         for (size_t i = 0; i < message->quantity; i++)
             at = put_u16(pdu, at, message->registers[i]);
         return at;
-    case MODBUS_REPORT_ID:
+    case MODBUS_BARE:
         return at;
     case MODBUS_IDENTIFY:
         pdu[at++] = IDENTIFICATION;

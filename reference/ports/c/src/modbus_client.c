@@ -185,7 +185,22 @@ static bool is_mirrored(const struct modbus_message *request)
 {
     if (is_read(request))
         return request->address >> 8 == (int)asked_bytes(request);
-    return request->shape != MODBUS_WRITE_COILS && request->shape != MODBUS_WRITE_WORDS;
+    if (request->shape == MODBUS_READ_QUEUE)
+        return request->address <= 64; /* its reply has its byte count there */
+    return request->shape != MODBUS_WRITE_COILS && request->shape != MODBUS_WRITE_WORDS && request->shape != MODBUS_RANGES;
+}
+
+/* Whether the runs of a reply have the registers that were asked for. */
+static bool are_contents(const struct modbus_message *request, const struct modbus_message *reply)
+{
+    size_t asked = 0, found = 0;
+    for (; asked < request->quantity && found < reply->quantity; asked += 7) {
+        size_t size = reply->bytes[found];
+        if (size != 1u + 512u * request->bytes[asked + 5] + 2u * request->bytes[asked + 6])
+            return false;
+        found += 1 + size;
+    }
+    return asked == request->quantity && found == reply->quantity;
 }
 
 /* FM-44: the data of a reply. */
@@ -210,6 +225,10 @@ static struct judgement judge_data(const struct modbus_message *request, const s
                        memcmp(request->registers, reply->registers, request->quantity * sizeof *request->registers) == 0;
         return echo(request->subfunction == reply->subfunction && (request->subfunction > 0 || is_same));
     }
+    case MODBUS_RECORDS:
+        return echo(request->quantity == reply->quantity && memcmp(request->bytes, reply->bytes, request->quantity) == 0);
+    case MODBUS_RANGES:
+        return echo(are_contents(request, reply));
     case MODBUS_IDENTIFY:
         return echo(reply->shape == MODBUS_IDENTIFICATION && request->category == reply->category);
     case MODBUS_RAW:
@@ -480,7 +499,7 @@ uint64_t modbus_client_request(struct modbus_client *client, const struct modbus
     uint8_t frame[MODBUS_MAX_LEN];
     struct modbus_client_place *place = find_place(client);
     bool is_reply = request->shape >= MODBUS_BITS && request->shape < MODBUS_RAW;
-    bool asks = is_read(request) || request->shape == MODBUS_REPORT_ID || request->shape == MODBUS_IDENTIFY;
+    bool asks = request->shape == MODBUS_IDENTIFY || modbus_asks(request->function);
     if (place == NULL || is_reply || (is_broadcast(client, request) && asks) ||
         modbus_encode(request, framing_of(client), frame, sizeof frame) == 0)
         return 0;

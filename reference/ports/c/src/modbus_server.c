@@ -122,6 +122,7 @@ static void serve(struct modbus_server *server, const struct modbus_item *item)
     struct modbus_message reply = {.transaction = request->transaction, .unit = request->unit, .function = request->function};
     struct modbus_server_reply bytes;
     uint8_t exception = item->error == MODBUS_FUNCTION      ? ILLEGAL_FUNCTION
+                        : item->error == MODBUS_REFERENCE_TYPE ? ILLEGAL_ADDRESS
                         : item->error != MODBUS_NO_ERROR    ? ILLEGAL_VALUE
                         : is_beyond(request)                ? ILLEGAL_ADDRESS
                                                             : owner->serve(owner->context, request, &reply);
@@ -441,8 +442,7 @@ bool modbus_server_event(struct modbus_server *server, struct modbus_server_even
 /* FM-92 */
 static bool is_proof(const uint8_t *reply, size_t length)
 {
-    static const uint8_t READING[] = {1, 2, 3, 4, 17, 23};
-    return length > READ_REQUEST && memchr(READING, reply[1], sizeof READING) != NULL;
+    return length > READ_REQUEST && modbus_asks(reply[1]);
 }
 
 /* FM-60 */

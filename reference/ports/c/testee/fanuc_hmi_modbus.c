@@ -45,6 +45,38 @@ static void print_identification(const struct modbus_message *message)
     print("]");
 }
 
+static unsigned u16_at(const uint8_t *bytes) { return bytes[0] * 256u + bytes[1]; }
+
+static void print_words(const uint8_t *bytes, size_t count)
+{
+    print("[");
+    for (size_t i = 0; i < count; i++)
+        print("%s%u", i > 0 ? "," : "", u16_at(bytes + 2 * i));
+    print("]");
+}
+
+static void print_runs(const struct modbus_message *message)
+{
+    bool is_contents = message->shape == MODBUS_CONTENTS, is_write = message->shape == MODBUS_RECORDS;
+    print(",\"%s\":[", is_contents ? "contents" : is_write ? "records" : "ranges");
+    for (size_t at = 0; at < message->quantity;) {
+        const uint8_t *run = message->bytes + at;
+        print("%s", at > 0 ? "," : "");
+        if (is_contents) {
+            print_words(run + 2, run[0] / 2u);
+            at += 1u + run[0];
+            continue;
+        }
+        print("{\"file\":%u,\"record\":%u,", u16_at(run + 1), u16_at(run + 3));
+        print(is_write ? "\"values\":" : "\"quantity\":%u", u16_at(run + 5));
+        if (is_write)
+            print_words(run + 7, u16_at(run + 5));
+        at += 7 + (is_write ? 2 * u16_at(run + 5) : 0);
+        print("}");
+    }
+    print("]");
+}
+
 void print_modbus_message(const struct modbus_message *message, bool has_transaction)
 {
     print("{\"unit\":%d,\"function\":%d", message->unit, message->function);
@@ -96,13 +128,33 @@ void print_modbus_message(const struct modbus_message *message, bool has_transac
         print(",\"subfunction\":%d", message->subfunction);
         print_registers("values", message);
         break;
+    case MODBUS_STATUS:
+        print(",\"status\":%d", message->status);
+        break;
+    case MODBUS_COUNTER:
+    case MODBUS_EVENT_LOG:
+        print(",\"status\":%d,\"events\":%d", message->status, message->events);
+        if (message->shape == MODBUS_COUNTER)
+            break;
+        print(",\"messages\":%d,\"log\":", message->messages);
+        PRINT_LIST(message->bytes, message->quantity);
+        break;
+    case MODBUS_QUEUE:
+        print_registers("registers", message);
+        break;
+    case MODBUS_CONTENTS:
+    case MODBUS_RANGES:
+    case MODBUS_RECORDS:
+        print_runs(message);
+        break;
     case MODBUS_IDENTIFICATION:
         print_identification(message);
         break;
     case MODBUS_IDENTIFY:
         print(",\"category\":%d,\"object\":%d", message->category, message->object);
         break;
-    case MODBUS_REPORT_ID:
+    case MODBUS_READ_QUEUE:
+    case MODBUS_BARE:
         break;
     }
     print("}");
@@ -112,12 +164,12 @@ void print_modbus_error(const struct modbus_fault *item)
 {
     static const char *const KINDS[] = {
         "",         "protocol",   "mbap_length",      "crc",       "cut", "too_long", "noise", "function", "pdu_length",
-        "quantity", "byte_count", "reply_byte_count", "coil_value", "more_follows", "exception_length"};
+        "quantity", "byte_count", "reply_byte_count", "reference_type", "coil_value", "more_follows", "exception_length"};
     enum modbus_error_kind kind = item->kind;
     bool is_exception = kind == MODBUS_EXCEPTION_LENGTH;
     bool has_expected =
         kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT || is_exception;
-    bool has_function = (kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REPLY_BYTE_COUNT) || is_exception;
+    bool has_function = (kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REFERENCE_TYPE) || is_exception;
     print("{\"kind\":\"%s\"", KINDS[kind]);
     if (is_exception)
         print(",\"transaction\":%d,\"unit\":%d,\"exception\":%d", item->transaction, item->unit, item->exception);
@@ -238,6 +290,59 @@ static bool read_registers(const struct json *list, struct modbus_message *messa
     return true;
 }
 
+static bool put_u16(uint8_t *to, const struct json *value)
+{
+    int64_t found;
+    if (!json_integer(value, 0, UINT16_MAX, &found))
+        return false;
+    to[0] = (uint8_t)(found >> 8);
+    to[1] = (uint8_t)found;
+    return true;
+}
+
+/* Registers of a run, at most as many as a PDU has and one more. */
+static bool put_words(uint8_t *to, const struct json *list)
+{
+    if (list == NULL || list->type != '[' || list->count > MODBUS_MAX_REGISTERS)
+        return false;
+    for (const struct json *value = list->child; value != NULL; value = value->next, to += 2)
+        if (!put_u16(to, value))
+            return false;
+    return true;
+}
+
+static bool read_runs(const struct json *list, struct modbus_message *message)
+{
+    bool is_contents = message->shape == MODBUS_CONTENTS, is_write = message->shape == MODBUS_RECORDS;
+    if (list == NULL || list->type != '[')
+        return false;
+    message->quantity = 0;
+    for (const struct json *run = list->child; run != NULL; run = run->next) {
+        uint8_t bytes[7 + 2 * MODBUS_MAX_REGISTERS] = {6};
+        const struct json *values = is_contents ? run : json_get(run, "values");
+        size_t count = (is_contents || is_write) && values != NULL ? values->count : 0, size = 7 + 2 * count;
+        if (is_contents) {
+            if (!put_words(bytes + 2, values) || count > UINT8_MAX / 2)
+                return false;
+            size = 2 + 2 * count;
+            bytes[0] = (uint8_t)(1 + 2 * count);
+            bytes[1] = 6;
+        } else {
+            if (run->type != '{' || run->count != 3 || !put_u16(bytes + 1, json_get(run, "file")) ||
+                !put_u16(bytes + 3, json_get(run, "record")))
+                return false;
+            bytes[6] = (uint8_t)count;
+            if (is_write ? !put_words(bytes + 7, values) : !put_u16(bytes + 5, json_get(run, "quantity")))
+                return false;
+        }
+        if (message->quantity + size > sizeof message->bytes)
+            return false;
+        memcpy(message->bytes + message->quantity, bytes, size);
+        message->quantity = (uint16_t)(message->quantity + size);
+    }
+    return true;
+}
+
 /* Bits are true and false, and for the function that writes them 1 and 0 as well. */
 static bool is_bit(const struct json *value, uint8_t function, uint8_t writer)
 {
@@ -256,6 +361,18 @@ static bool read_shape(const struct json *object, struct modbus_message *message
         message->shape = MODBUS_DIAGNOSTIC;
     else if (!is_client && json_get(object, "id") != NULL)
         message->shape = MODBUS_SERVER_ID;
+    else if (is_client && json_get(object, "ranges") != NULL)
+        message->shape = MODBUS_RANGES;
+    else if (json_get(object, "records") != NULL)
+        message->shape = MODBUS_RECORDS;
+    else if (!is_client && json_get(object, "contents") != NULL)
+        message->shape = MODBUS_CONTENTS;
+    else if (!is_client && json_get(object, "log") != NULL)
+        message->shape = MODBUS_EVENT_LOG;
+    else if (!is_client && json_get(object, "events") != NULL)
+        message->shape = MODBUS_COUNTER;
+    else if (!is_client && json_get(object, "status") != NULL)
+        message->shape = MODBUS_STATUS;
     else if (!is_client && json_get(object, "objects") != NULL)
         message->shape = MODBUS_IDENTIFICATION;
     else if (is_client && json_get(object, "category") != NULL)
@@ -265,7 +382,7 @@ static bool read_shape(const struct json *object, struct modbus_message *message
     else if (!is_client && json_get(object, "bits") != NULL)
         message->shape = MODBUS_BITS;
     else if (!is_client && json_get(object, "registers") != NULL)
-        message->shape = MODBUS_REGISTERS;
+        message->shape = message->function == 24 ? MODBUS_QUEUE : MODBUS_REGISTERS;
     else if (json_get(object, "and") != NULL)
         message->shape = MODBUS_MASK;
     else if (value != NULL)
@@ -276,8 +393,10 @@ static bool read_shape(const struct json *object, struct modbus_message *message
         message->shape = is_bit(values->child, message->function, 15) ? MODBUS_WRITE_COILS : MODBUS_WRITE_WORDS;
     else if (json_get(object, "quantity") != NULL)
         message->shape = is_client ? MODBUS_READ : MODBUS_WRITTEN;
-    else if (is_client && message->function == 17)
-        message->shape = MODBUS_REPORT_ID;
+    else if (is_client && json_get(object, "address") != NULL)
+        message->shape = MODBUS_READ_QUEUE;
+    else if (is_client)
+        message->shape = MODBUS_BARE;
     else
         return false;
     return true;
@@ -288,9 +407,16 @@ static size_t keys_of(enum modbus_shape shape)
 {
     switch (shape) {
     case MODBUS_READ_WRITE:
+    case MODBUS_EVENT_LOG:
         return 4;
     case MODBUS_MASK:
         return 3;
+    case MODBUS_READ_QUEUE:
+    case MODBUS_STATUS:
+    case MODBUS_CONTENTS:
+    case MODBUS_RANGES:
+    case MODBUS_RECORDS:
+    case MODBUS_QUEUE:
     case MODBUS_BITS:
     case MODBUS_REGISTERS:
     case MODBUS_EXCEPTION:
@@ -299,7 +425,7 @@ static size_t keys_of(enum modbus_shape shape)
         return 1;
     case MODBUS_IDENTIFICATION:
         return 5;
-    case MODBUS_REPORT_ID:
+    case MODBUS_BARE:
         return 0;
     default:
         return 2;
@@ -348,7 +474,23 @@ static bool read_fields(const struct json *object, struct modbus_message *messag
         return read_u8(object, "category", &message->category) && read_u8(object, "conformity", &message->conformity) &&
                read_bit(json_get(object, "more"), &message->more) && read_u8(object, "next", &message->next) &&
                read_objects(json_get(object, "objects"), message);
-    case MODBUS_REPORT_ID:
+    case MODBUS_STATUS:
+    case MODBUS_COUNTER:
+        return read_u16(object, "status", &message->status) &&
+               (message->shape == MODBUS_STATUS || read_u16(object, "events", &message->events));
+    case MODBUS_EVENT_LOG:
+        return read_u16(object, "status", &message->status) && read_u16(object, "events", &message->events) &&
+               read_u16(object, "messages", &message->messages) && read_data(json_get(object, "log"), message);
+    case MODBUS_CONTENTS:
+        return read_runs(json_get(object, "contents"), message);
+    case MODBUS_RANGES:
+        return read_runs(json_get(object, "ranges"), message);
+    case MODBUS_RECORDS:
+        return read_runs(json_get(object, "records"), message);
+    case MODBUS_QUEUE:
+        return read_registers(json_get(object, "registers"), message);
+    case MODBUS_READ_QUEUE:
+    case MODBUS_BARE:
         return true;
     case MODBUS_IDENTIFY:
         return read_u8(object, "category", &message->category) && read_u8(object, "object", &message->object);
@@ -360,7 +502,8 @@ bool read_modbus_request(const struct json *object, struct modbus_message *messa
 {
     /* A reply is read as well: it is the client that refuses it. */
     bool is_reply = json_get(object, "exception") != NULL || json_get(object, "bits") != NULL || json_get(object, "registers") != NULL ||
-                    json_get(object, "id") != NULL || json_get(object, "objects") != NULL;
+                    json_get(object, "id") != NULL || json_get(object, "objects") != NULL || json_get(object, "contents") != NULL ||
+                    json_get(object, "status") != NULL;
     decoder.side = is_reply ? MODBUS_SERVER : MODBUS_CLIENT;
     return read_u8(object, "unit", &message->unit) && read_u8(object, "function", &message->function) &&
            json_get(object, "transaction") == NULL && read_fields(object, message);

@@ -28,6 +28,7 @@ enum modbus_shape {
     MODBUS_WRITE_WORDS,    /* 16: address, quantity, registers */
     MODBUS_MASK,           /* 22, both sides: address, and_mask, or_mask */
     MODBUS_READ_WRITE,     /* 23: address, read_quantity, write_address, quantity, registers */
+    MODBUS_READ_QUEUE,     /* 24: address */
     /* replies */
     MODBUS_BITS,      /* 1, 2: quantity (a multiple of 8 when decoded), bytes */
     MODBUS_REGISTERS, /* 3, 4, 23: quantity, registers */
@@ -35,12 +36,19 @@ enum modbus_shape {
     MODBUS_EXCEPTION, /* exception */
     MODBUS_SERVER_ID, /* 17: quantity bytes */
     MODBUS_IDENTIFICATION, /* 43: category, conformity, more, next; quantity bytes of objects: id, length, value of each */
+    MODBUS_STATUS,    /* 7: status */
+    MODBUS_COUNTER,   /* 11: status, events */
+    MODBUS_EVENT_LOG, /* 12: status, events, messages; quantity bytes */
+    MODBUS_CONTENTS,  /* 20: quantity bytes of runs: length, reference type, registers of each */
+    MODBUS_QUEUE,     /* 24: quantity, registers */
     /* both */
     MODBUS_RAW,        /* any other function: quantity bytes */
     MODBUS_DIAGNOSTIC, /* 8: subfunction, quantity, registers */
+    MODBUS_RECORDS,    /* 21: quantity bytes of runs: reference type, file, record, registers of each, and how many */
     /* requests without an address */
-    MODBUS_REPORT_ID, /* 17 */
-    MODBUS_IDENTIFY,  /* 43: category, object */
+    MODBUS_BARE,     /* 7, 11, 12, 17 */
+    MODBUS_RANGES,   /* 20: quantity bytes of runs: reference type, file, record, quantity of each */
+    MODBUS_IDENTIFY, /* 43: category, object */
 };
 
 struct modbus_message {
@@ -48,10 +56,10 @@ struct modbus_message {
     uint8_t unit, function;
     enum modbus_shape shape;
     uint16_t address, quantity, read_quantity, write_address;
-    uint16_t value, and_mask, or_mask, subfunction;
+    uint16_t value, and_mask, or_mask, subfunction, status, events, messages;
     bool coil, more;
     uint8_t exception, category, object, conformity, next;
-    uint8_t bytes[MODBUS_MAX_DATA]; /* raw, objects, or bits: the first one in bit 0 of the first byte */
+    uint8_t bytes[MODBUS_MAX_DATA]; /* raw, objects, runs, or bits: the first one in bit 0 of the first byte */
     uint16_t registers[MODBUS_MAX_REGISTERS];
 };
 
@@ -70,6 +78,7 @@ enum modbus_error_kind {
     MODBUS_QUANTITY,         /* function, found, expected: the most */
     MODBUS_BYTE_COUNT,       /* function, expected, found */
     MODBUS_REPLY_BYTE_COUNT, /* function, found */
+    MODBUS_REFERENCE_TYPE,   /* function, found */
     MODBUS_COIL_VALUE,       /* found */
     MODBUS_MORE_FOLLOWS,     /* found */
     /* An exception over TCP (FM-89), which is also in the item's message. */
@@ -116,6 +125,12 @@ size_t modbus_encode(const struct modbus_message *message, enum modbus_framing f
 
 /* Whether a function has a shape of its own. */
 bool modbus_is_named(uint8_t function);
+
+/* Whether only a reply makes sense of a function: it reads. */
+bool modbus_asks(uint8_t function);
+
+/* Whether the bytes of a message of shape MODBUS_CONTENTS, MODBUS_RECORDS or MODBUS_RANGES are runs (FM-104). */
+bool modbus_has_runs(const struct modbus_message *message);
 
 /* The most bits or registers that one request reads; 0: the function reads nothing. */
 uint16_t modbus_max_read(uint8_t function);

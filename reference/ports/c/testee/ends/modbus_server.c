@@ -127,6 +127,54 @@ static uint8_t diagnose(const struct modbus_message *request, struct modbus_mess
     return request->subfunction == 0 || request->subfunction == 11 ? 0 : 1;
 }
 
+/* FM-104: file 4 is the table of holding registers. */
+static uint8_t serve_files(const struct modbus_message *request, struct modbus_message *reply)
+{
+    bool is_write = request->function == 21;
+    reply->shape = is_write ? MODBUS_RECORDS : MODBUS_CONTENTS;
+    for (int pass = is_write ? 0 : 1; pass < 2; pass++)
+        for (size_t at = 0; at < request->quantity;) {
+            const uint8_t *run = request->bytes + at;
+            unsigned file = run[1] * 256u + run[2], record = run[3] * 256u + run[4], quantity = run[5] * 256u + run[6];
+            uint8_t *to = reply->bytes + reply->quantity;
+            at += 7 + (is_write ? 2 * quantity : 0);
+            if (record + quantity > 0x10000)
+                return 2;
+            if (pass == 0)
+                continue;
+            if (file != 4 || !is_there(record, quantity))
+                return 2;
+            if (!is_write) {
+                *to++ = (uint8_t)(1 + 2 * quantity);
+                *to++ = 6;
+                reply->quantity = (uint16_t)(reply->quantity + 2 + 2 * quantity);
+            }
+            for (unsigned i = 0; i < quantity; i++) {
+                uint16_t *word = registers + record + i;
+                if (is_write) {
+                    *word = (uint16_t)(run[7 + 2 * i] << 8 | run[8 + 2 * i]);
+                    continue;
+                }
+                *to++ = (uint8_t)(*word >> 8);
+                *to++ = (uint8_t)*word;
+            }
+        }
+    if (is_write)
+        *reply = *request;
+    return 0;
+}
+
+static uint8_t serve_queue(unsigned address, struct modbus_message *reply)
+{
+    reply->shape = MODBUS_QUEUE;
+    if (address == 1246) {
+        reply->quantity = 2;
+        reply->registers[0] = 440;
+        reply->registers[1] = 4740;
+    }
+    return address == 1248 ? 3 : address == 1246 || address == 1247 ? 0 : 2;
+}
+
 static uint8_t serve(void *context, const struct modbus_message *request, struct modbus_message *reply)
 {
     unsigned address = request->address;
@@ -157,6 +205,23 @@ static uint8_t serve(void *context, const struct modbus_message *request, struct
         return write(request, reply);
     case 8:
         return diagnose(request, reply);
+    case 7:
+        reply->shape = MODBUS_STATUS;
+        reply->status = 0x6D;
+        return 0;
+    case 11:
+    case 12:
+        reply->shape = request->function == 11 ? MODBUS_COUNTER : MODBUS_EVENT_LOG;
+        reply->events = 264;
+        reply->messages = 289;
+        reply->bytes[0] = 0x20;
+        reply->quantity = 2;
+        return 0;
+    case 20:
+    case 21:
+        return serve_files(request, reply);
+    case 24:
+        return serve_queue(address, reply);
     case 17:
         reply->shape = MODBUS_SERVER_ID;
         reply->bytes[0] = 0x11;

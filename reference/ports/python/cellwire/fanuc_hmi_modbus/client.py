@@ -11,7 +11,7 @@ from .replies import asked_bytes, begins_reply, is_mirrored
 
 MAX_PLACES = 16
 PROBE: Json = {"function": 3, "address": 0, "quantity": 1}
-REPEATED = {5: ("address", "value"), 6: ("address", "value"), 22: ("address", "and", "or"), 43: ("category",)}
+REPEATED = {5: ("address", "value"), 6: ("address", "value"), 21: ("records",), 22: ("address", "and", "or"), 43: ("category",)}
 
 
 @dataclass
@@ -118,8 +118,7 @@ class Client(Session):
             self.encode(message, 0 if self.is_tcp else None)
         except (Refused, KeyError, TypeError) as refused:
             raise NotTaken(f"message: {refused}") from refused
-        is_identification = message["function"] == 17 or "category" in message
-        if is_broadcast and (message["function"] in codec.READING or is_identification):
+        if is_broadcast and (message["function"] in codec.ASKING or "category" in message):
             raise NotTaken("broadcast_read")
         place = self.free_place()
         self.tickets += 1
@@ -301,7 +300,7 @@ class Client(Session):
         function = request["function"]
         if reply["function"] != function:
             return {"kind": "function", "expected": function, "found": reply["function"]}
-        if "exception" in reply or "id" in reply:
+        if "exception" in reply or function in (*codec.BARE, 24):
             return None
         if "data" in reply or "data" in request:
             return None if "data" in reply and "data" in request else {"kind": "echo"}
@@ -309,7 +308,9 @@ class Client(Session):
             expected = asked_bytes(request)
             found = len(reply["bits"]) // 8 if function in codec.BITS else 2 * len(reply["registers"])
             return None if found == expected else {"kind": "quantity", "expected": expected, "found": found}
-        if function == 8:
+        if function == 20:
+            is_echo = [len(values) for values in reply["contents"]] == [run["quantity"] for run in request["ranges"]]
+        elif function == 8:
             is_echo = reply["subfunction"] == request["subfunction"] and (
                 reply["subfunction"] > 0 or reply["values"] == request["values"]
             )

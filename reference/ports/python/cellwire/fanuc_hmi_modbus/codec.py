@@ -20,8 +20,15 @@ BITS = (1, 2)
 READING = (1, 2, 3, 4, 23)
 MAX_READ = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
 MAX_WRITE = {15: 1968, 16: 123, 23: 121}
-MAX_WORDS, MAX_OWN = 125, 250  # of functions 8 and 17
-NAMED = {1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43}
+MAX_WORDS = 125  # of function 8
+MAX_OWN = {12: 70, 17: 250}  # bytes after the byte count
+MAX_FIFO = 31
+BARE = {7, 11, 12, 17}  # requests without anything
+NAMED = {1, 2, 3, 4, 5, 6, 8, 15, 16, 20, 21, 22, 23, 24, 43} | BARE
+ASKING = {*READING, *BARE, 20, 24}  # functions that only a reply makes sense of
+REFERENCE = 6
+# The most bytes of a message with runs of registers in files, and those of a run beside its registers.
+RUNS = {20: (245, 2), 21: (251, 7)}
 IDENTIFICATION = 14  # the MEI type of function 43 that has a shape
 MORE = 0xFF
 
@@ -66,11 +73,11 @@ def rtu_length(frame: bytes, sender: str) -> int | None:
     fixed: dict[int, int]
     counts: dict[int, tuple[int, int]]
     if sender == "client":
-        fixed = {code: 8 for code in range(1, 7)} | {17: 4}
-        counts = {15: (9, 6), 16: (9, 6), 23: (13, 10)}
+        fixed = {code: 8 for code in range(1, 7)} | {code: 4 for code in BARE} | {24: 6}
+        counts = {15: (9, 6), 16: (9, 6), 20: (5, 2), 21: (5, 2), 23: (13, 10)}
     else:
-        fixed = {code: 8 for code in (5, 6, 15, 16)} | {code: 5 for code in range(EXCEPTION + 1, 256)}
-        counts = {code: (5, 2) for code in (1, 2, 3, 4, 17, 23)}
+        fixed = {code: 8 for code in (5, 6, 11, 15, 16)} | {code: 5 for code in (7, *range(EXCEPTION + 1, 256))}
+        counts = {code: (5, 2) for code in (1, 2, 3, 4, 12, 17, 20, 21, 23)} | {24: (6, 3)}
     if function in counts:
         size, at = counts[function]
         if at >= len(frame):
@@ -302,6 +309,24 @@ class Pdu:
     def bits(self) -> list[bool]:
         return [bool(byte >> bit & 1) for byte in self.data[self.at :] for bit in range(8)]
 
+    def head(self, size: int) -> bytes:
+        """The next bytes, if all are there."""
+        self.number(size)
+        return self.data[self.at - size : self.at]
+
+    def words(self, quantity: int, size: int) -> list[int]:
+        """So many registers in the next bytes, if all are there."""
+        return list(struct.unpack_from(f">{quantity}H", self.head(size)))
+
+    def counted(self) -> int:
+        """The byte count of a reply, and exactly so many bytes (FM-13)."""
+        found = self.u8()
+        most = MAX_OWN.get(self.function, MAX_REPLY_BYTES)
+        if not 1 <= found <= most or (self.function in READING and self.function not in BITS and found % 2):
+            raise Wrong("reply_byte_count", function=self.function, found=found)
+        self.exactly(2 + found)
+        return found
+
     def raw(self) -> Json:
         return {"function": self.function, "data": list(self.data[1:])}
 
@@ -344,6 +369,63 @@ def decode_identification(pdu: Pdu) -> Json:
         pdu.at = end
     pdu.exactly(pdu.at)
     return message
+
+
+def decode_runs(pdu: Pdu, is_reply: bool) -> Json:
+    """Functions 20 and 21 (FM-104)."""
+    size = pdu.u8()
+    pdu.exactly(2 + size)
+    left, around = RUNS[pdu.function]
+    found: list[Any] = []
+    while not found or pdu.at < len(pdu.data):
+        length = 1
+        run: Json = {}
+        if pdu.function == 20 and is_reply:
+            length, reference = pdu.head(2)
+            quantity = max(length - 1, 0) // 2
+            values = pdu.words(quantity, max(length - 1, 0))
+        else:
+            reference, *words = pdu.head(7)
+            file, record, quantity = (256 * high + low for high, low in zip(words[::2], words[1::2], strict=True))
+            values = pdu.words(quantity, 2 * quantity) if pdu.function == 21 else []
+            run = {"file": file, "record": record} | ({"values": values} if pdu.function == 21 else {"quantity": quantity})
+        if reference != REFERENCE:
+            raise Wrong("reference_type", function=pdu.function, found=reference)
+        if length > 0 and length % 2 == 0:
+            raise Wrong("reply_byte_count", function=pdu.function, found=length)
+        most = max(left - around, 0) // 2
+        if not 1 <= quantity <= most:
+            raise Wrong("quantity", function=pdu.function, found=quantity, max=most)
+        left -= around + 2 * quantity
+        found.append(run or values)
+    name = "records" if pdu.function == 21 else "contents" if is_reply else "ranges"
+    return {"function": pdu.function, name: found}
+
+
+def decode_events(pdu: Pdu) -> Json:
+    """The replies of functions 7, 11, 12 and 24 (FM-103, FM-105)."""
+    function = pdu.function
+    if function == 7:
+        pdu.exactly(2)
+        return {"function": 7, "status": pdu.u8()}
+    if function == 11:
+        pdu.exactly(5)
+        return {"function": 11, "status": pdu.u16(), "events": pdu.u16()}
+    if function == 12:
+        size = pdu.counted()
+        if size < 6:
+            raise Wrong("reply_byte_count", function=12, found=size)
+        message: Json = {"function": 12, "status": pdu.u16(), "events": pdu.u16(), "messages": pdu.u16()}
+        return message | {"log": list(pdu.data[pdu.at :])}
+    if len(pdu.data) < 5:
+        pdu.exactly(5)
+    size, quantity = pdu.u16(), pdu.u16()
+    if quantity > MAX_FIFO:
+        raise Wrong("quantity", function=24, found=quantity, max=MAX_FIFO)
+    if size != 2 + 2 * quantity:
+        raise Wrong("byte_count", function=24, expected=2 + 2 * quantity, found=size)
+    pdu.exactly(3 + size)
+    return {"function": 24, "registers": pdu.registers()}
 
 
 def decode_single(pdu: Pdu) -> Json:
@@ -390,9 +472,14 @@ def decode_request(data: bytes) -> Json:
         }
     if function == 8:
         return decode_diagnostic(pdu)
-    if function == 17:
+    if function in BARE:
         pdu.exactly(1)
-        return {"function": 17}
+        return {"function": function}
+    if function in RUNS:
+        return decode_runs(pdu, False)
+    if function == 24:
+        pdu.exactly(3)
+        return {"function": 24, "address": pdu.u16()}
     if is_identification(pdu):
         pdu.exactly(4)
         return {"function": 43, "category": data[2], "object": data[3]}
@@ -408,11 +495,12 @@ def decode_reply(data: bytes) -> Json:
     if function > EXCEPTION:
         pdu.exactly(2)
         return {"function": function - EXCEPTION, "exception": pdu.u8()}
+    if function in (7, 11, 12, 24):
+        return decode_events(pdu)
+    if function in RUNS:
+        return decode_runs(pdu, True)
     if function in MAX_READ or function == 17:
-        found = pdu.u8()
-        if not 1 <= found <= MAX_REPLY_BYTES or (function not in (1, 2, 17) and found % 2):
-            raise Wrong("reply_byte_count", function=function, found=found)
-        pdu.exactly(2 + found)
+        pdu.counted()
         if function == 17:
             return {"function": 17, "id": list(data[2:])}
         return (
@@ -530,6 +618,49 @@ def encode_identification(message: Json) -> bytes:
     return pdu
 
 
+def encode_runs(message: Json, name: str) -> bytes:
+    """Functions 20 and 21."""
+    runs = message[name]
+    if not isinstance(runs, list) or not runs:
+        raise Refused("runs are a list, which is not empty")
+    left, around = RUNS[message["function"]]
+    listed = b""
+    for run in runs:
+        values = run
+        if name != "contents":
+            if run.keys() != {"file", "record", "quantity" if name == "ranges" else "values"}:
+                raise Refused("a run has a file, a record and its registers")
+            values = run.get("values", [])
+        if not isinstance(values, list):
+            raise Refused("registers are a list")
+        quantity = integer(run["quantity"] if name == "ranges" else len(values), 1, max(left - around, 0) // 2, "a quantity")
+        left -= around + 2 * quantity
+        if name == "contents":
+            listed += bytes([1 + 2 * quantity, REFERENCE])
+        else:
+            listed += struct.pack(">BHHH", REFERENCE, u16(run["file"]), u16(run["record"]), quantity)
+        listed += pack_registers(values)
+    if 2 + len(listed) > MAX_PDU:
+        raise Refused("more runs than a PDU has")
+    return bytes([message["function"]]) + counted(listed)
+
+
+def encode_events(message: Json) -> bytes:
+    """The replies of functions 7, 11, 12 and 24."""
+    function = message["function"]
+    if function == 7:
+        return bytes([7, u8(message["status"])])
+    if function == 24:
+        values = message["registers"]
+        integer(len(values), 0, MAX_FIFO, "a quantity")
+        return struct.pack(">BHH", 24, 2 + 2 * len(values), len(values)) + pack_registers(values)
+    counters = struct.pack(">HH", u16(message["status"]), u16(message["events"]))
+    if function == 11:
+        return bytes([11]) + counters
+    log = integers(message["log"], 0, 255, range(MAX_OWN[12] - 5), "log")
+    return bytes([12]) + counted(counters + struct.pack(">H", u16(message["messages"])) + bytes(log))
+
+
 def encode_request(message: Json) -> bytes:
     function = function_of(message)
     if "data" in message:
@@ -548,8 +679,12 @@ def encode_request(message: Json) -> bytes:
         return bytes([23]) + reads + run(message["write_address"], len(values), MAX_WRITE[23]) + counted(pack(values))
     if function == 8:
         return encode_diagnostic(message)
-    if function == 17:
-        return bytes([17])
+    if function in BARE:
+        return bytes([function])
+    if function in RUNS:
+        return encode_runs(message, "ranges" if function == 20 else "records")
+    if function == 24:
+        return struct.pack(">BH", 24, u16(message["address"]))
     if function == 43:
         return bytes([43, IDENTIFICATION, u8(message["category"]), u8(message["object"])])
     raise Refused(f"function {function} needs data")
@@ -572,7 +707,11 @@ def encode_reply(message: Json) -> bytes:
     if function == 8:
         return encode_diagnostic(message)
     if function == 17:
-        return bytes([17]) + counted(bytes(integers(message["id"], 0, 255, range(1, MAX_OWN + 1), "id")))
+        return bytes([17]) + counted(bytes(integers(message["id"], 0, 255, range(1, MAX_OWN[17] + 1), "id")))
+    if function in (7, 11, 12, 24):
+        return encode_events(message)
+    if function in RUNS:
+        return encode_runs(message, "contents" if function == 20 else "records")
     if function == 43:
         return encode_identification(message)
     raise Refused(f"function {function} needs data")

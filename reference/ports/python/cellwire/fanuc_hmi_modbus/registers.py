@@ -8,6 +8,7 @@ from ..stream import Json
 Value = TypeVar("Value", bool, int)
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
 ADDRESSES = 0x10000
+MAX_FIFO = 31
 LIST = 246  # bytes of a PDU for the objects of function 43
 LAST_OF = {1: 2, 2: 0x7F, 3: 0xFF}  # the ids of a category
 
@@ -31,6 +32,10 @@ class Registers:
         input_registers: list[int] | None = None,
         server_id: list[int] | None = None,
         objects: dict[int, str] | None = None,  # of at most 244 characters
+        exception_status: int | None = None,
+        events: Json | None = None,  # status, events, messages and log of functions 11 and 12
+        files: dict[int, list[int]] | None = None,
+        queues: dict[int, list[int]] | None = None,
     ) -> None:
         self.coils = coils
         self.discrete_inputs = discrete_inputs
@@ -38,6 +43,10 @@ class Registers:
         self.input_registers = input_registers
         self.server_id = server_id
         self.objects = objects or {}
+        self.exception_status = exception_status
+        self.events = events
+        self.files = files
+        self.queues = queues
 
     def serve(self, request: Json) -> Json:
         """The reply to a request, both without a transaction and a unit; raises Refusal."""
@@ -62,6 +71,8 @@ class Registers:
             write(self.holding_registers, request["address"], [masked])
         elif function == 8:
             return reply | {"subfunction": request["subfunction"], "values": self.diagnose(request["subfunction"], request["values"])}
+        elif function in (7, 11, 12, 20, 21, 24):
+            return reply | self.serve_device(request)
         elif function == 17 and self.server_id is not None:
             return reply | {"id": self.server_id}
         elif "category" in request and 0 in self.objects:
@@ -71,6 +82,36 @@ class Registers:
         if function in (15, 16):
             return reply | {"address": request["address"], "quantity": len(request["values"])}
         return request
+
+    def serve_device(self, request: Json) -> Json:
+        """Functions 7, 11, 12, 20, 21 and 24 (FM-103 to FM-105)."""
+        function = request["function"]
+        if function == 7 and self.exception_status is not None:
+            return {"status": self.exception_status}
+        if function in (11, 12) and self.events is not None:
+            names = ("status", "events") if function == 11 else ("status", "events", "messages", "log")
+            return {name: self.events[name] for name in names}
+        if function == 20 and self.files is not None:
+            return {"contents": [run(self.file(it), it["record"], it["quantity"]) for it in request["ranges"]]}
+        if function == 21 and self.files is not None:
+            if any(it["record"] + len(it["values"]) > ADDRESSES for it in request["records"]):
+                raise Refusal(ILLEGAL_ADDRESS)
+            for it in request["records"]:
+                write(self.file(it), it["record"], it["values"])
+            return {"records": request["records"]}
+        if function == 24 and self.queues is not None:
+            if request["address"] not in self.queues:
+                raise Refusal(ILLEGAL_ADDRESS)
+            if len(self.queues[request["address"]]) > MAX_FIFO:
+                raise Refusal(ILLEGAL_VALUE)
+            return {"registers": self.queues[request["address"]]}
+        raise Refusal(ILLEGAL_FUNCTION)
+
+    def file(self, run: Json) -> list[int]:
+        """The file of a run."""
+        if self.files is None or run["file"] not in self.files:
+            raise Refusal(ILLEGAL_ADDRESS)
+        return self.files[run["file"]]
 
     def diagnose(self, subfunction: int, values: list[int]) -> list[int]:
         """Function 8: the words of the reply."""

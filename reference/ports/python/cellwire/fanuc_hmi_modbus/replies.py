@@ -58,4 +58,6 @@ def is_mirrored(request: Json) -> bool:
     """Whether a reply can begin with the bytes of the request (FM-93)."""
     if request["function"] in codec.READING:
         return bool(request["address"] >> 8 == asked_bytes(request))
-    return request["function"] not in (15, 16)
+    if request["function"] == 24:
+        return bool(request["address"] <= 2 + 2 * codec.MAX_FIFO)
+    return request["function"] not in (15, 16, 20)

@@ -8,6 +8,7 @@ from ..stream import Json, Refused
 from . import codec, timing
 from .registers import (
     DEVICE_FAILURE,
+    ILLEGAL_ADDRESS,
     ILLEGAL_FUNCTION,
     ILLEGAL_VALUE,
     Refusal,
@@ -261,7 +262,8 @@ class Server(Session):
         try:
             request = codec.decode_request(pdu)
         except codec.Wrong as wrong:
-            raise Refusal(ILLEGAL_VALUE) from wrong
+            is_reference = wrong.error["kind"] == "reference_type"
+            raise Refusal(ILLEGAL_ADDRESS if is_reference else ILLEGAL_VALUE) from wrong
         try:
             return codec.encode_reply(self.registers.serve(request))
         except Refused as refused:
@@ -294,7 +296,7 @@ class Server(Session):
                 self.silent_at = after(now, self.gap)  # FM-66
             self.read_stream(False)
         if not self.is_tcp:
-            self.echo.sent(reply, reply[1] in (*codec.READING, 17) and len(reply) > READ_REQUEST)  # FM-92
+            self.echo.sent(reply, reply[1] in codec.ASKING and len(reply) > READ_REQUEST)  # FM-92
         return reply
 
     def deadline(self) -> int | None:

@@ -10,6 +10,7 @@ use fanuc_hmi_modbus::{
 use super::background::{PERIOD, Pose, background_task};
 use super::faults::{TelemetryFault as Fault, TelemetryFaults as Faults};
 use super::identification::Identification;
+use super::lists::Lists;
 use super::roles::Roles;
 use super::tables::Tables;
 
@@ -31,6 +32,9 @@ pub struct Controller {
     source: Source,
     faults: Faults,
     identification: Identification,
+    exception_status: Option<u8>,
+    files: Lists,
+    queues: Lists,
     roles: Roles,
     now: Duration,
     /// The run that the background task has done last.
@@ -75,9 +79,19 @@ impl Controller {
     }
 
     fn with(source: Source, tables: Tables, order: WordOrder) -> Self {
-        let (faults, identification, roles) =
-            (Faults::default(), Identification::default(), Roles::default());
-        Self { source, faults, identification, roles, now: Duration::ZERO, run: None, tables, order }
+        Self {
+            source,
+            faults: Faults::default(),
+            identification: Identification::default(),
+            exception_status: None,
+            files: Lists::default(),
+            queues: Lists::default(),
+            roles: Roles::default(),
+            now: Duration::ZERO,
+            run: None,
+            tables,
+            order,
+        }
     }
 
     /// The same with faults.
@@ -91,6 +105,20 @@ impl Controller {
     #[must_use]
     pub fn with_identification(mut self, identification: Identification) -> Self {
         self.identification = identification;
+        self
+    }
+
+    /// The same with eight outputs for function 7.
+    #[must_use]
+    pub const fn with_exception_status(mut self, status: Option<u8>) -> Self {
+        self.exception_status = status;
+        self
+    }
+
+    /// The same with files and queues.
+    #[must_use]
+    pub fn with_files(mut self, files: Lists, queues: Lists) -> Self {
+        (self.files, self.queues) = (files, queues);
         self
     }
 
@@ -219,6 +247,28 @@ impl Registers for Controller {
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
         self.ready()?;
         self.tables.read_input_registers(address, out)
+    }
+
+    fn exception_status(&mut self) -> Result<u8, Exception> {
+        self.ready()?;
+        self.exception_status.ok_or(Exception::IllegalFunction)
+    }
+
+    fn read_file(&mut self, file: u16, record: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.files.read(file, record, out)
+    }
+
+    fn write_file(&mut self, file: u16, record: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.ready()?;
+        self.files.write(file, record, values)
+    }
+
+    fn read_fifo(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<usize, Exception> {
+        self.ready()?;
+        let queue = self.queues.get(address)?;
+        out.copy_from(queue);
+        Ok(queue.len())
     }
 
     fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {

@@ -4,6 +4,7 @@ mod background;
 mod controller;
 mod faults;
 mod identification;
+mod lists;
 mod roles;
 mod tables;
 
@@ -20,6 +21,7 @@ pub use self::background::{PERIOD, Pose, background_task};
 pub use self::controller::{Controller, Motion, Program, circle};
 pub use self::faults::{NoFault, TelemetryFault, TelemetryFaults};
 pub use self::identification::{Identification, NoObject};
+pub use self::lists::{Lists, NoList};
 pub use self::roles::{NoPermission, Roles};
 pub use self::tables::Tables;
 use crate::device::{Device, Error, Notes};
@@ -36,6 +38,12 @@ pub struct Fanuc {
     pub faults: TelemetryFaults,
     /// The objects of its device identification; without object 0 it has none.
     pub identification: Identification,
+    /// The eight outputs that function 7 reads; `None`: it refuses that.
+    pub exception_status: Option<u8>,
+    /// The files of functions 20 and 21, by number; none: it refuses these.
+    pub files: Lists,
+    /// The queues of function 24, by the address of their count; none: it refuses that.
+    pub queues: Lists,
     /// The accesses that the role in a client's certificate permits; others are refused with exception 1. Without it every client may do
     /// everything.
     pub roles: Roles,
@@ -48,6 +56,8 @@ impl Settings for Fanuc {
         let controller = Controller::new(Box::new(circle), self.word_order)
             .with_faults(self.faults.clone())
             .with_identification(self.identification.clone())
+            .with_exception_status(self.exception_status)
+            .with_files(self.files.clone(), self.queues.clone())
             .with_roles(self.roles.clone());
         FanucController::new(self.config, Arc::new(Mutex::new(controller)))
     }
@@ -318,6 +328,22 @@ impl Registers for Connection {
         let read =
             self.permitted(4, address, out.len()).and_then(|mut it| it.read_input_registers(address, out));
         self.read((Table::InputRegisters, address, out.len()), read)
+    }
+
+    fn exception_status(&mut self) -> Result<u8, Exception> {
+        self.permitted(7, 0, 0)?.exception_status()
+    }
+
+    fn read_file(&mut self, file: u16, record: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.permitted(20, file, out.len())?.read_file(file, record, out)
+    }
+
+    fn write_file(&mut self, file: u16, record: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.permitted(21, file, values.len())?.write_file(file, record, values)
+    }
+
+    fn read_fifo(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<usize, Exception> {
+        self.permitted(24, address, 0)?.read_fifo(address, out)
     }
 
     fn device_object(&mut self, id: u8, out: &mut [u8]) -> Option<usize> {

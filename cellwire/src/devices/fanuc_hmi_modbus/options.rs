@@ -34,6 +34,12 @@ pub struct FanucSettings {
     pub faults: Option<String>,
     /// The objects of its device identification: see [`Identification`](cellwire_sim::fanuc::Identification).
     pub identification: Option<String>,
+    /// The eight outputs that function 7 reads; `None`: it refuses that.
+    pub exception_status: Option<u8>,
+    /// The files of functions 20 and 21: see [`Lists`](cellwire_sim::fanuc::Lists).
+    pub files: Option<String>,
+    /// The queues of function 24: see [`Lists`](cellwire_sim::fanuc::Lists).
+    pub queues: Option<String>,
     /// The accesses that the roles of clients permit: see [`Roles`](cellwire_sim::fanuc::Roles).
     pub roles: Option<String>,
     /// The program that the robot runs.
@@ -143,6 +149,9 @@ impl Default for FanucSettings {
             word_order,
             faults: None,
             identification: None,
+            exception_status: None,
+            files: None,
+            queues: None,
             roles: None,
             program: ProgramSettings::default(),
         }
@@ -211,6 +220,9 @@ impl Configure for FanucSettings {
             word_order,
             faults,
             identification,
+            exception_status,
+            files,
+            queues,
             roles,
             program,
         } = self;
@@ -235,6 +247,12 @@ impl Configure for FanucSettings {
         let shape = "ID:TEXT with commas between them, such as 0:FANUC,1:R-30iB,2:V9.40";
         let about = "the objects of its device identification, function 43";
         fields.text("identification", shape, "it has none", about, identification);
+        let about = "the eight outputs that function 7 reads; none: it refuses function 7";
+        fields.whole_or("exception_status", 0..=u8::MAX, "", "none", about, exception_status);
+        let shape = "NUMBER:VALUE VALUE… with commas between them, such as 4:10 20 30,5:1";
+        fields.text("files", shape, "it has none", "the registers of its files, functions 20 and 21", files);
+        let about = "the registers of its queues by the address of their count, function 24";
+        fields.text("queues", shape, "it has none", about, queues);
         let shape = "ROLE:FUNCTION or ROLE:FUNCTION@FIRST-LAST with commas between them, such as operator:read,engineer:write@100-199; \
                      FUNCTION is any, read, write or a number";
         let about = "the accesses that the role in a client's certificate permits (--tls); others are refused with exception 1";

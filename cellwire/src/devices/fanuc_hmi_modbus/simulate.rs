@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use cellwire_sim::fanuc::{
-    Controller, FanucController, FanucEvent, Identification, Roles, Shared, Tables, TelemetryFaults, Write,
-    circle,
+    Controller, FanucController, FanucEvent, Identification, Lists, Roles, Shared, Tables, TelemetryFaults,
+    Write, circle,
 };
 use cellwire_sim::host::{Notice, Server};
 use cellwire_sim::{Simulator, Told};
@@ -44,6 +44,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     settings.program.leaves_registers = !options.settings.contains_key("telemetry");
     let faults: TelemetryFaults = settings.faults.as_deref().unwrap_or_default().parse()?;
     let identification: Identification = settings.identification.as_deref().unwrap_or_default().parse()?;
+    let files: Lists = settings.files.as_deref().unwrap_or_default().parse()?;
+    let queues: Lists = settings.queues.as_deref().unwrap_or_default().parse()?;
     let roles: Roles = settings.roles.as_deref().unwrap_or_default().parse()?;
     ensure!(
         roles.is_empty() || options.tls.verifies_clients(),
@@ -61,7 +63,12 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     };
     let shown = Shown { mapping };
     let controller = Arc::new(Mutex::new(
-        controller.with_faults(faults).with_identification(identification).with_roles(roles),
+        controller
+            .with_faults(faults)
+            .with_identification(identification)
+            .with_exception_status(settings.exception_status)
+            .with_files(files, queues)
+            .with_roles(roles),
     ));
     let runs = settings.program.program.is_some();
     match &options.endpoint {

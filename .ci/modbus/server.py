@@ -141,8 +141,9 @@ def exceptions(reads=True):
     yield {"function": 16, "address": SIZE - 1, "values": [1, 2]}, refused(16)
 
 
-def raw(function, data, reply):
-    return {"function": function, "data": data}, {"unit": 1, "function": function, "data": reply}
+def own(function, *keys):
+    """What a server has of its own."""
+    return {"function": function}, {"unit": 1, "function": function} | dict.fromkeys(keys)
 
 
 def check(name, kind, place, pairs):
@@ -150,7 +151,8 @@ def check(name, kind, place, pairs):
     answers = ask(place, kind, [request for request, _ in pairs])
     for (request, expected), found in zip(pairs, answers, strict=True):
         if any(value is None for value in expected.values()):  # its own words
-            given = all(found.get(key) if value is None else found.get(key) == value for key, value in expected.items())
+            is_given = lambda key, value: key in found if value is None else found.get(key) == value
+            given = found.keys() == expected.keys() and all(is_given(key, value) for key, value in expected.items())
             assert given, f"{request}: {found}"
             continue
         assert found == expected, f"{request}: {found} is not {expected}"
@@ -159,15 +161,21 @@ def check(name, kind, place, pairs):
 
 category = {"function": 43, "category": 1}
 no_objects = category | {"object": 0}, {"unit": 1, **category, "conformity": 0x83, "more": False, "next": 0, "objects": []}
-own_id = {"function": 17}, {"unit": 1, "function": 17, "id": None}
+own_id = own(17, "id")
+# What it has of every file; of an odd number of registers it gives no reply.
+words = [int.from_bytes(b"SERVER DUMMY RECORD."[at : at + 2], "big") for at in range(0, 20, 2)]
+dummy_record = {"function": 20, "ranges": [{"file": 4, "record": 1, "quantity": 10}]}, {"unit": 1, "function": 20, "contents": [words]}
 
 try:
     for kind in ["tcp", "rtu-over-tcp", "rtu"]:
-        # On a line our client cannot know how long the reply to another function is: it ends with the silence.
         others = [
-            raw(7, [], None),
+            own(7, "status"),
             echo({"function": 8, "subfunction": 0, "values": [0x1234]}),
-            raw(11, [], None),
+            own(11, "status", "events"),
+            own(12, "status", "events", "messages", "log"),
+            dummy_record,
+            echo({"function": 21, "records": [{"file": 4, "record": 7, "values": [1, 2, 3]}, {"file": 9, "record": 0, "values": [4]}]}),
+            ({"function": 24, "address": 1246}, {"unit": 1, "function": 24, "registers": [0, 1, 2, 3]}),
             own_id,
             no_objects,
         ]

@@ -1,10 +1,10 @@
-//! What a transport can do wrong, how often, and how often it has.
+//! The faults of a transport: their probabilities and their counts.
 
 use core::fmt;
 use core::ops::AddAssign;
 use core::time::Duration;
 
-/// How often a transport commits each fault. A probability is for each byte, or for each call of
+/// The frequency of each fault of a transport. A probability is for each byte, or for each call of
 /// [`Link::send`](crate::link::Link::send).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Faults {
@@ -63,7 +63,7 @@ impl Faults {
         disconnect: 0.0,
     };
 
-    /// What TCP can commit: split, merge, delay, disconnect. It never corrupts, loses or repeats a byte.
+    /// The faults of TCP: split, merge, delay, disconnect. It never corrupts, loses or repeats a byte.
     pub const TCP: Self = Self {
         split: 0.3,
         merge: 0.3,
@@ -73,7 +73,7 @@ impl Faults {
         ..Self::NONE
     };
 
-    /// What a serial line can commit: flips, losses, insertions, silence, reads that end anywhere.
+    /// The faults of a serial line: flips, losses, insertions, silence, reads that end anywhere.
     pub const SERIAL: Self = Self {
         flip: 0.001,
         lose_byte: 0.001,
@@ -90,7 +90,7 @@ impl Faults {
     pub const BAD_LINE: Self =
         Self { flip: 0.004, lose_byte: 0.002, insert: 0.002, lose: 0.02, split: 0.3, ..Self::NONE };
 
-    /// What UDP can commit: loss, repetition, reordering.
+    /// The faults of UDP: loss, repetition, reordering.
     pub const UDP: Self = Self {
         datagrams: true,
         lose: 0.02,
@@ -113,7 +113,7 @@ impl Faults {
     }
 }
 
-/// How many faults of each kind a link has committed.
+/// The number of faults of each kind that a link has committed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields of Faults, counted")]
 pub struct FaultCounts {
@@ -135,7 +135,7 @@ impl FaultCounts {
         self.flips + self.lost_bytes + self.inserts + self.losses
     }
 
-    /// What has happened since `before`.
+    /// Returns the counts since `before`.
     pub fn since(&self, before: &Self) -> Self {
         Self {
             flips: self.flips - before.flips,

@@ -1,6 +1,6 @@
-//! What the tests of every link share. Never published.
+//! Shared parts of every link's tests. Never published.
 //!
-//! - [`contract`]: decoders and ends of the table as what `robot_session::contract` takes
+//! - [`contract`]: decoders and ends of the table as the subjects that `robot_session::contract` takes
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
 //! - [`model`]: both machines of a link as one system, every state of which is explored
 //! - [`turn`]: one turn of an end on that link
@@ -40,7 +40,8 @@ pub fn is_tested(link: &str) -> bool {
     std::env::var("LINK").map_or(true, |only| only == link)
 }
 
-/// Where a file of the reference is: beside the program, where that is run without the workspace, or in it.
+/// Returns the path of a file of the reference: beside the program if it runs without the workspace, otherwise in the
+/// workspace.
 pub fn reference_file(path: &str) -> PathBuf {
     let beside = std::env::current_exe().unwrap_or_default().with_file_name("reference");
     let folder =
@@ -51,7 +52,7 @@ pub fn reference_file(path: &str) -> PathBuf {
 /// A file of the reference.
 ///
 /// # Panics
-/// When there is no such file, or it is not JSON.
+/// If there is no such file, or it is not JSON.
 pub fn reference(path: &str) -> serde_json::Value {
     let file = reference_file(path);
     let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));

@@ -36,7 +36,7 @@ impl End {
     }
 }
 
-/// What arrives at an end.
+/// A delivery to an end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Delivery {
     /// Some bytes of a stream, or one datagram.
@@ -111,7 +111,7 @@ impl Link {
         }
     }
 
-    /// What has arrived at an end by `now`: call until it gives `None`.
+    /// Returns the next delivery to an end by `now`; call until it returns `None`.
     pub fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
         self.receive_part(at, now, usize::MAX)
     }
@@ -163,7 +163,7 @@ impl Link {
         self.to_b = Direction::default();
     }
 
-    /// No fault is committed from now on; what is in flight arrives as it was to.
+    /// Stops the faults. Bytes in flight arrive as planned.
     pub fn heal(&mut self) {
         self.faults = self.faults.healed();
     }

@@ -6,12 +6,12 @@ use robot_session::{Session, Step, Steps};
 
 use crate::link::{Delivery, End, Link};
 
-/// What carries bytes between two ends on a virtual clock.
+/// A transport between two ends on a virtual clock.
 pub trait Carrier {
     /// Takes bytes from an end.
     fn send(&mut self, from: End, now: Duration, bytes: &[u8]);
 
-    /// What has arrived at an end by `now`, at most this many bytes at once: to be called until it returns `None`.
+    /// Returns the next delivery to an end by `now`, at most this many bytes: to be called until it returns `None`.
     fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery>;
 }
 
@@ -25,7 +25,8 @@ impl Carrier for Link {
     }
 }
 
-/// One turn of an end: what has arrived and is wanted, the time, then events and transmissions until there are none.
+/// Runs one turn of an end: arrived input while the session wants it, the time, then events and transmissions until
+/// there are no more.
 pub fn turn<S: Session>(
     carrier: &mut impl Carrier,
     end: End,

@@ -2,7 +2,7 @@
 //!
 //! Times are in bits of the sender's: a receiver at twice its rate samples every half.
 
-/// How characters become bits.
+/// The format of characters on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Format {
     /// Bits a second.
@@ -18,9 +18,9 @@ pub struct Format {
 /// A character as it was received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Received {
-    /// Its data bits.
+    /// The data bits of the character.
     pub byte: u8,
-    /// Its parity is wrong, or its stop bit is low.
+    /// Whether its parity is wrong, or its stop bit is low.
     pub is_broken: bool,
 }
 
@@ -39,15 +39,16 @@ impl Format {
         bits
     }
 
-    /// How long bytes take, in seconds.
+    /// Returns the time of bytes on the line, in seconds.
     pub fn seconds(&self, bytes: usize) -> f64 {
         let bits = 1 + self.data_bits + u8::from(self.odd.is_some()) + self.stop_bits;
         f64::from(bits) * f64::from(u32::try_from(bytes).unwrap_or(u32::MAX)) / f64::from(self.baud)
     }
 
-    /// What a receiver with this format makes of bits at a sender's rate, before and behind which the line is high.
+    /// Returns the characters that a receiver with this format reads from bits at a sender's rate. The line is high
+    /// before and after them.
     ///
-    /// As a 16550: where the stop bit is low, it is the start bit of the next character, unless all bits were low.
+    /// As a 16550: if the stop bit is low, it is the start bit of the next character, unless all bits were low.
     pub fn receive(&self, bits: &[bool], baud: u32) -> Vec<Received> {
         // In units of a bit of the sender.
         let step = f64::from(baud) / f64::from(self.baud);
@@ -85,7 +86,7 @@ impl Format {
     }
 }
 
-/// What a program reads from a port that marks errors, as termios describes PARMRK.
+/// Returns the bytes that a program reads from a port that marks errors, as termios describes PARMRK.
 pub fn marked(received: &[Received]) -> Vec<u8> {
     let of = |it: &Received| match it {
         Received { byte, is_broken: true } => vec![0xFF, 0, *byte],

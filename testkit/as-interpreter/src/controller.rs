@@ -1,6 +1,6 @@
 //! The program for the controller.
 
-/// Its files, as they are loaded.
+/// The files of the program with their contents, as they are loaded.
 pub const FILES: [(&str, &str); 7] = [
     ("settings.as", include_str!("../../../kawasaki-msg/controller/settings.as")),
     ("comm.as", include_str!("../../../kawasaki-msg/controller/comm.as")),
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
     use crate::Program;
 
-    /// What breaks the other limits of the language is not loaded.
+    /// The files keep the language's limits that the interpreter does not check.
     #[test]
     fn programs_and_lines_are_short() {
         let size = Program::parse(&source(&[]).unwrap()).unwrap().size();

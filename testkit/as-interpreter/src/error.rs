@@ -1,24 +1,25 @@
 use core::fmt;
 
-/// Why a statement cannot be executed. The controller stops the task and shows a number; these numbers are ours.
+/// The reason that a statement cannot be executed. The controller stops the task and shows a number; these numbers
+/// are ours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Error {
     /// The variable has no value.
     Undefined,
     /// A real where a string is needed, or vice versa.
     Type,
-    /// An index that is no whole number from 0 to 9999.
+    /// An index that is not a whole number from 0 to 9999.
     Index,
     /// An argument that the function does not take.
     Argument,
-    /// More programs called from one another than there is room for.
+    /// More nested calls of programs than the stack allows.
     Depth,
     /// A division by zero.
     Division,
 }
 
 impl Error {
-    /// Its number.
+    /// Returns the error's number, which is negative.
     pub const fn number(self) -> i32 {
         match self {
             Error::Undefined => -101,
@@ -48,11 +49,11 @@ impl fmt::Display for Error {
 /// An error, and where the task has stopped.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
-    /// What.
+    /// The kind of error.
     pub error: Error,
-    /// The program.
+    /// The name of the program that has stopped.
     pub program: String,
-    /// Its line in the source, from 1.
+    /// The line of the source, from 1.
     pub line: usize,
 }
 
@@ -67,9 +68,9 @@ impl core::error::Error for Fault {}
 /// A line that cannot be loaded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ParseError {
-    /// Which, from 1; 0 for the whole.
+    /// The number of the line, from 1; 0 for the whole source.
     pub line: usize,
-    /// Why.
+    /// The reason, in words.
     pub why: String,
 }
 

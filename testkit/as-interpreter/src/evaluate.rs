@@ -1,4 +1,4 @@
-//! What expressions give.
+//! The evaluation of expressions.
 
 use core::time::Duration;
 use std::borrow::Cow;
@@ -9,7 +9,7 @@ use crate::memory::{Cell, Memory, index};
 use crate::names::Variable;
 use crate::value::{LONGEST_TEXT, Value, decimal, leading_number, whole};
 
-/// What an expression is evaluated in.
+/// The variables and the time for the evaluation of an expression.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scope<'a> {
     pub(crate) memory: &'a Memory,

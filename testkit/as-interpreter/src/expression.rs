@@ -1,4 +1,4 @@
-//! Expressions: what they are, and how they are read.
+//! Expressions, and their parser.
 
 use crate::lexer::Token;
 use crate::names::{Names, Variable};

@@ -8,7 +8,7 @@ use crate::value::Pose;
 pub struct Motion {
     /// Along a straight line (`LMOVE`), else by the joints (`JMOVE`).
     pub straight: bool,
-    /// Where to.
+    /// The goal of the motion.
     pub to: Pose,
 }
 
@@ -17,15 +17,16 @@ pub struct Motion {
 pub struct Socket {
     /// The other end's port.
     pub port: u16,
-    /// Its number.
+    /// The number of the socket.
     pub id: i32,
-    /// 0, or why it can be used no more.
+    /// 0, or the number of the error after which the socket can no longer be used.
     pub error: i32,
 }
 
-/// What is outside of the language: time, sockets and the arm. A result below 0 is an error's number.
+/// The surroundings of the language: time, sockets and the arm. A result below 0 is the number of an error.
 ///
-/// Whatever waits is asked again until it is ready. `since` is when the statement was begun.
+/// A call that returns [`Poll::Pending`] is repeated until it is ready. `since` is the time at which the statement
+/// began.
 pub trait Host {
     /// The time since the controller was switched on.
     fn now(&self) -> Duration;

@@ -22,7 +22,7 @@ pub struct Machine {
     tasks: Vec<Task>,
 }
 
-/// What became of a step.
+/// The result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// A statement is executed.
@@ -38,9 +38,9 @@ struct Task {
     program: usize,
     frames: Vec<Frame>,
     statements: u64,
-    /// Since when the statement waits.
+    /// The time at which the waiting statement began; `None` if the task is not waiting.
     since: Option<Duration>,
-    /// When it waits no longer.
+    /// The time at which the wait ends; `None` if it has no limit.
     wakes_at: Option<Duration>,
 }
 
@@ -53,7 +53,7 @@ struct Frame {
     results: Vec<(usize, Variable, Option<usize>)>,
 }
 
-/// What follows a statement.
+/// The continuation after a statement.
 enum Next {
     Statement,
     At(usize),
@@ -74,7 +74,7 @@ impl Machine {
     /// Begins a task with a program, and gives its number, from 0.
     ///
     /// # Errors
-    /// When there is no such program.
+    /// If there is no program of this name.
     pub fn start(&mut self, program: &str) -> Result<usize, ParseError> {
         let found = self.program.routines.iter().position(|routine| routine.name == program);
         let Some(routine) = found else {
@@ -102,7 +102,7 @@ impl Machine {
     /// Executes one statement of a task.
     ///
     /// # Errors
-    /// What stopped the task: it has ended.
+    /// An error that stopped the task: the task has ended.
     pub fn step(&mut self, task: usize, host: &mut impl Host) -> Result<Step, Fault> {
         let Self { program, memory, tasks } = self;
         let Some(state) = tasks.get_mut(task) else { return Ok(Step::Ended) };
@@ -142,12 +142,12 @@ impl Machine {
         Ok(Step::Done)
     }
 
-    /// How many tasks were begun.
+    /// Returns the number of tasks that were begun.
     pub fn tasks(&self) -> usize {
         self.tasks.len()
     }
 
-    /// How many statements a task has executed.
+    /// Returns the number of statements that a task has executed.
     pub fn statements(&self, task: usize) -> u64 {
         self.tasks.get(task).map_or(0, |task| task.statements)
     }
@@ -161,12 +161,12 @@ impl Machine {
             .map(|found| found.name.as_str())
     }
 
-    /// When a task that waits goes on by itself.
+    /// Returns the time at which a waiting task goes on by itself.
     pub fn wakes_at(&self, task: usize) -> Option<Duration> {
         self.tasks.get(task)?.wakes_at
     }
 
-    /// How many strings were cut after 255 bytes.
+    /// Returns the number of strings that were truncated after 255 bytes.
     pub fn truncations(&self) -> u64 {
         self.memory.truncations
     }

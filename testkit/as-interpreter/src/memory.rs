@@ -35,14 +35,14 @@ impl Cell {
     }
 }
 
-/// What all tasks share.
+/// The memory that all tasks share.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     pub(crate) globals: Vec<Cell>,
     pub(crate) signals: Vec<bool>,
     /// For each timer the time at which it was 0, in seconds: it may be before the controller was switched on.
     pub(crate) timers: Vec<f64>,
-    /// How many strings ended after 255 bytes.
+    /// The number of strings that were truncated after 255 bytes.
     pub(crate) truncations: u64,
 }
 

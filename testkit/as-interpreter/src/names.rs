@@ -1,4 +1,4 @@
-//! What the names of a file stand for.
+//! The numbers of a file's programs and variables, by name.
 
 use std::collections::HashMap;
 

@@ -145,7 +145,7 @@ impl Blocks {
     }
 }
 
-/// A statement that is no part of a block.
+/// Parses a statement that is not part of a block.
 fn simple(reader: &mut Reader<'_>) -> Result<What, String> {
     if reader.takes("CALL") {
         return call(reader);

@@ -44,7 +44,7 @@ impl Program {
         Ok(Self { routines, globals: names.globals })
     }
 
-    /// How many programs there are, and how many statements in all.
+    /// Returns the number of programs, and the number of all statements.
     pub fn size(&self) -> (usize, usize) {
         (self.routines.len(), self.routines.iter().map(|routine| routine.statements.len()).sum())
     }

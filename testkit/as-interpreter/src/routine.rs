@@ -14,7 +14,7 @@ pub(crate) struct Routine {
 /// The lines of a program before they are read.
 #[derive(Debug)]
 pub(crate) struct Body<'a> {
-    /// What follows `.PROGRAM`.
+    /// The text after `.PROGRAM`.
     pub(crate) head: &'a str,
     pub(crate) line: usize,
     pub(crate) lines: Vec<(usize, &'a str)>,

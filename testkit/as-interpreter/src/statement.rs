@@ -1,4 +1,4 @@
-//! What a line can be.
+//! The statements that a line can contain.
 
 use crate::expression::{Expression, Place};
 

@@ -25,11 +25,11 @@ pub struct TcpHost {
     path: Vec<Motion>,
     /// The commands to the arm between one `BREAK` and the next.
     pub drawn: Vec<Vec<Motion>>,
-    /// What was printed.
+    /// The printed lines.
     pub printed: Vec<String>,
-    /// How many packets were sent.
+    /// The number of packets sent.
     pub packets: u64,
-    /// How many connections were opened.
+    /// The number of opened connections.
     pub connections: u64,
 }
 

@@ -13,7 +13,7 @@ pub type Pose = [f32; 6];
 
 pub(crate) type Bytes = Vec<u8>;
 
-/// What a variable holds.
+/// The contents of a variable.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Stored {
     Real(f32),
@@ -21,7 +21,7 @@ pub(crate) enum Stored {
     Pose(Pose),
 }
 
-/// What an expression gives.
+/// The result of an expression.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Value<'a> {
     Real(f32),
@@ -80,7 +80,7 @@ pub(crate) fn decimal(real: f32) -> String {
     if real.fract() == 0.0 && real.abs() < 1e7 { format!("{real:.0}") } else { format!("{real:.6e}") }
 }
 
-/// The number at the beginning of a string, blanks before it left out; 0 where there is none.
+/// Returns the number at the beginning of a string, after any blanks; 0 if there is no number.
 pub(crate) fn leading_number(text: &[u8]) -> f32 {
     let text: String = text.trim_ascii_start().iter().map(|byte| char::from(*byte)).collect();
     let mut end = 0;

@@ -1,5 +1,5 @@
-//! What a firmware logs of each crate's events, errors and statistics, written by a logger of defmt and read from its bytes with
-//! the table in this program's own file: it is what `Debug` prints.
+//! The firmware's log of each crate's events, errors and statistics is the output of `Debug`. A logger of defmt
+//! writes it, and it is decoded with the table in this program's own file.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -25,7 +25,7 @@ unsafe impl defmt::Logger for Logger {
     }
 }
 
-/// What a reader of the log has of a value.
+/// Returns a value's text as decoded from the log.
 fn logged(value: &impl Format) -> String {
     static TABLE: OnceLock<Table> = OnceLock::new();
     static ONE: Mutex<()> = Mutex::new(());

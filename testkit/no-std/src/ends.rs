@@ -152,7 +152,7 @@ program!("mmacell-task-task", {
     print_size(&task)
 });
 
-// What a decoder holds of its stream.
+// The buffer of a stream's decoder.
 program!("robot-session-buffer", {
     let mut buffer = robot_session::end::StreamBuffer::<256>::new();
     let used = black_box(&mut buffer);

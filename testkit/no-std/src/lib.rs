@@ -1,5 +1,5 @@
-//! What every program needs: a panic handler, and the C library that starts it; on a Cortex-M the emulator in its place. And what a board
-//! does with a session.
+//! The panic handler and the C library's start code for every program (on a Cortex-M, the emulator's start code), and
+//! a run of a session as on a board.
 #![no_std]
 
 #[cfg_attr(target_os = "none", path = "emulator.rs")]
@@ -15,8 +15,8 @@ use core::time::Duration;
 
 use robot_session::{Session, Step, Steps};
 
-/// What a board does with a session, of which the compiler may know nothing: bytes, time, a call of the user's, and everything that
-/// comes out. Prints how many bytes the session takes.
+/// Runs a session as a board does, with inputs that are opaque to the compiler: bytes, time, a user's call, and all
+/// outputs. Prints the size of the session in bytes.
 pub fn run<S: Session, R>(
     session: &mut S,
     buffer: &mut [u8],

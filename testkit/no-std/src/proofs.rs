@@ -143,7 +143,7 @@ program!("kawasaki-msg", {
     use kawasaki_msg::motion::JobQueue;
     use kawasaki_msg::{JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
 
-    /// Where the pen is in the end, and how many jobs the PC knows to be executed.
+    /// Returns the position of the pen at the end, and the number of jobs that the PC knows to be executed.
     fn run() -> Option<(i32, u32)> {
         let mut queue: JobQueue<Line, 2> = JobQueue::new(9).ok()?;
         let (jobs, mut motion) = queue.split();
@@ -312,7 +312,7 @@ program!("val2-alter", {
             let n = controller.poll_transmit(now, &mut buf)?;
             host.handle_input(now, buf.get(..n)?);
             let n = host.poll_transmit(now, &mut buf)?;
-            // What comes while the request is still on the line is no reply to it.
+            // Bytes that arrive while the request is still on the line are not a reply to it.
             controller.handle_input(now + timing::CYCLE / 2, buf.get(..n)?);
             host.set_target(now, [80, 0, 0, 0, 0, 0]);
         }

@@ -1,4 +1,4 @@
-//! What the codecs make of vectors and streams.
+//! Decodes vectors and streams with the links' codecs.
 
 use anyhow::{Result, ensure};
 use cellwire_links::Link;

@@ -9,7 +9,7 @@ use serde_json::Map;
 
 use crate::json::{self, Object};
 
-/// The one configuration of a crate that is no link.
+/// The only configuration of a crate that is not a link.
 const RULES: Config = Config { name: "Rules", fields: |given| fields(Rules::default(), given) };
 
 /// The text of the file.

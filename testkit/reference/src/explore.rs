@@ -10,7 +10,7 @@ use crate::ends;
 use crate::json::{self, Object};
 use crate::story::{Inputs, Story, play, reachable};
 
-/// What a story is for.
+/// The cells that a story reaches, and the rules that need it.
 type Found = BTreeSet<String>;
 
 fn pick(rng: &mut Rng, from: &[String]) -> String {

@@ -119,7 +119,7 @@ fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
     Ok(files)
 }
 
-/// Who has computed the results besides our decoders: `reference/checks/ports.py` compares them.
+/// The independent implementations of the results: `reference/checks/ports.py` compares them with our decoders.
 const INDEPENDENT: &str =
     "\"every result is also that of ports/python and ports/c, written from the specification alone\"";
 

@@ -11,10 +11,12 @@ use crate::json::{self, Object};
 
 pub(crate) const LINK: &str = "fanuc-ls";
 
-/// Who has computed the results besides our reader and writer: `reference/checks/ports.py` compares them.
+/// The independent implementations of the results: `reference/checks/ports.py` compares them with our reader and
+/// writer.
 const INDEPENDENT: &str = "\"every result is also that of ports/python and ports/c\"";
 
-/// What stands before and behind a part of a program that is a vector of its own, and where it is in the program's object.
+/// The kinds of program parts that are vectors: the name, the key in the program's object, and the text before and
+/// after the part.
 const PARTS: [(&str, &str, &str, &str); 3] = [
     ("attribute", "attributes", "/PROG  A\r\n/ATTR\r\n", "\r\n/MN\r\n/POS\r\n/END\r\n"),
     ("statement", "instructions", "/PROG  A\r\n/MN\r\n", "\r\n/POS\r\n/END\r\n"),
@@ -38,7 +40,7 @@ struct Vector {
     #[serde(default)]
     options: Map<String, Value>,
     text: String,
-    /// What somebody else than our reader made of the text: it is compared.
+    /// The message that another reader has made of the text; compared with that of our reader.
     message: Option<Value>,
     error: Option<Value>,
     source: String,

@@ -7,7 +7,7 @@ use testkit::model::Cell;
 
 use crate::json::{self, Object};
 
-/// The crate of the operator's latch, which is no link, and has states alone.
+/// The crate of the operator's latch, which is not a link and has only states.
 pub(crate) const LATCH: &str = "cellwire-motion";
 
 /// Every cell of a link.
@@ -31,7 +31,7 @@ pub(crate) fn file(link: &str) -> Result<String> {
     Ok(json::file("states.schema.json", &[("link", json::text(link)?)], "cells", &lines))
 }
 
-/// What Rust shows of an action, as JSON: a word, or an object with the word as its one key.
+/// Converts the `Debug` text of an action to JSON: a string, or an object whose only key is the name.
 fn shown(debug: &str) -> Result<Value> {
     let mut rest = debug;
     let value = read(&mut rest).with_context(|| debug.to_owned())?;

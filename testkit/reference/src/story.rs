@@ -51,9 +51,9 @@ pub(crate) struct Word {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct EndInputs {
-    /// Its machines in `states/<link>.json`.
+    /// The machines of the end in `states/<link>.json`.
     pub(crate) machines: Vec<String>,
-    /// What the exploration chooses from.
+    /// The moves, times and configurations from which the exploration chooses.
     pub(crate) moves: Vec<String>,
     pub(crate) times: Vec<String>,
     pub(crate) configs: Vec<Map<String, Value>>,

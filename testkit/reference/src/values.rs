@@ -36,7 +36,7 @@ enum Given {
     NearestWord(Amount),
 }
 
-/// What a word of ALTER moves; `null` is no number.
+/// The amount by which a word of ALTER moves; `null` is not a number (NaN).
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Amount {
@@ -68,7 +68,7 @@ pub(crate) fn line(vector: &Inputs) -> Result<String> {
     Ok(object.value("clauses", &vector.clauses)?.end())
 }
 
-/// What is there, or the error object.
+/// Computes the value, or the object of the error.
 fn gives(given: Given) -> Result<Result<Value, Value>> {
     Ok(Ok(match given {
         Given::Signal(signal) => match signal.place() {

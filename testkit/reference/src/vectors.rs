@@ -31,7 +31,7 @@ struct Vector {
     #[serde(default)]
     options: Map<String, Value>,
     hex: String,
-    /// What somebody else than our decoder made of the bytes: it is compared.
+    /// The message that another decoder has made of the bytes; compared with that of our decoder.
     message: Option<Value>,
     error: Option<Value>,
     source: String,
@@ -107,7 +107,7 @@ fn line(link: &str, vector: &Vector) -> Result<String> {
                 .raw("message", json::spaced(&message))
         }
         items => {
-            // An error that was stated may be any of them; else the first one counts.
+            // A stated error may be any of the errors; otherwise the first one counts.
             let errors = items.iter().filter_map(|item| Some((item, item.content.as_ref().err()?)));
             let mut fitting = errors.filter(|(_, error)| {
                 let error = serde_json::from_str(error).unwrap_or_default();

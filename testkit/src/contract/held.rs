@@ -14,14 +14,14 @@ use super::open::Open;
 use super::tabled::Tabled;
 use crate::reference;
 
-/// A story, as far as it says what may be done with an end.
+/// The part of a story that says which inputs and calls an end accepts.
 #[derive(Debug)]
 pub struct Story {
     /// The configuration.
     pub config: Map<String, Value>,
     /// Bytes that the other end may send.
     pub inputs: Vec<Vec<u8>>,
-    /// What its user may call, and with what.
+    /// The calls of the user, with their arguments.
     pub calls: Vec<(String, Value)>,
 }
 
@@ -39,13 +39,13 @@ pub struct Call {
 /// An end, and what is done with it.
 #[derive(Debug)]
 pub struct Held {
-    /// Its name.
+    /// The name of the end.
     pub name: String,
-    /// How it is made.
+    /// The constructor of the end.
     pub make: Make,
-    /// What it begins and ends again.
+    /// The items that the end begins and ends.
     pub once: &'static [Once],
-    /// At least one.
+    /// The stories of the end; at least one.
     pub stories: Vec<Story>,
     /// The fields of its configuration that are times, those that limit others last.
     pub times: Vec<String>,
@@ -55,7 +55,7 @@ impl Held {
     /// An end of the table.
     ///
     /// # Panics
-    /// When it has a call that no story has.
+    /// If it has a call that no story has.
     pub fn of(link: &Link, row: &EndRow) -> Self {
         let all = reference(&format!("sessions/{}.json", link.name));
         let stories: Vec<Story> =
@@ -84,7 +84,7 @@ impl Held {
     fn endless(&self, config: &Map<String, Value>) -> Map<String, Value> {
         let mut endless = config.clone();
         for time in self.times.iter().rev() {
-            // Of a gap `null` is none.
+            // For a gap, `null` means that there is no gap, so use the largest number.
             let most = if time == "gap" { u64::MAX.into() } else { Value::Null };
             for never in [most, u32::MAX.into()] {
                 let before = endless.insert(time.clone(), never);
@@ -138,13 +138,13 @@ impl Subject for Held {
         let (name, argument) = self.pick(call.piece, story, |story| &story.calls)?;
         let mut argument = argument.clone();
         call.changes.iter().for_each(|change| change.apply(&mut argument));
-        // What the state does not allow is refused, and changes nothing.
+        // A call that the state does not allow is refused, and has no effect.
         let result = end.0.call(now, name, &argument).ok();
         Some(format!("{name}: {result:?}"))
     }
 
     fn event(&self, event: &String) -> Option<String> {
-        // What is so until more bytes come depends on how the input is cut.
+        // An `out_of_step` event that holds until more bytes arrive depends on how the input is split.
         (!event.starts_with(r#"{"event":"out_of_step""#)).then(|| event.clone())
     }
 

@@ -1,8 +1,8 @@
-//! What an end has begun and not ended.
+//! The items that an end has begun and not ended.
 
 use cellwire_links::end::{By, Once, Room};
 
-/// How much of each is open.
+/// The number of open items of each kind.
 #[derive(Debug, Default)]
 pub(super) struct Open {
     once: &'static [Once],

@@ -16,7 +16,7 @@ use robot_session::contract::Rng;
 
 /// The number of the one socket.
 const SOCKET: i32 = 7;
-/// How many statements at one time are a loop without a wait.
+/// The number of statements at one time that count as a loop without a wait.
 const ENDLESS: u64 = 20_000_000;
 /// Tasks of the controller.
 const COMMUNICATION: usize = 0;
@@ -78,7 +78,7 @@ impl AsRobot {
         &self.machine
     }
 
-    /// What was printed.
+    /// The printed lines.
     pub fn printed(&self) -> &[String] {
         &self.port.printed
     }
@@ -93,7 +93,7 @@ impl AsRobot {
         self.port.now = now;
         let mut statements = 0;
         let tasks = if self.has_motion { self.machine.tasks() } else { MOTION };
-        // How many tasks in a row have waited.
+        // The number of tasks in a row that have waited.
         let (mut waiting, mut task) = (0, self.rng.below(tasks));
         while waiting < tasks {
             // A few statements of one task, or many.
@@ -145,7 +145,7 @@ impl Controller for AsRobot {
     fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job<Line>> {
         assert!(!overtakes, "the program takes its jobs in their order");
         let Some(place) = self.place() else {
-            // What is queued now is executed next time: first its order is reported.
+            // A job that is queued now is executed at the next call: its order is reported first.
             self.run(now);
             return None;
         };
@@ -315,7 +315,7 @@ enum Connection {
     Broken,
 }
 
-/// What is outside of the program.
+/// The surroundings of the program: time, connection and arm.
 #[derive(Debug)]
 struct Port {
     now: Duration,
@@ -328,7 +328,7 @@ struct Port {
     path: Vec<Motion>,
     /// The path of the last job.
     drawn: Vec<Motion>,
-    /// The arm may come to the end of what it was told.
+    /// The arm may finish its commanded path.
     may_arrive: bool,
     /// Jobs of the order.
     executed: u32,
@@ -420,7 +420,7 @@ impl Host for Port {
         if self.now < since + timeout {
             return Poll::Pending;
         }
-        // Nobody says which of the two it is.
+        // It is unspecified which of the two is returned.
         Poll::Ready((if self.pieces.chance(0.5) { -1 } else { 0 }, Vec::new()))
     }
 
@@ -454,7 +454,7 @@ impl Host for Port {
     }
 }
 
-/// What a printed line reports.
+/// Converts a printed line to an event.
 fn event(line: &str, done: &mut u32) -> Option<RobotEvent> {
     let mut words = line.split_whitespace();
     let what = words.next()?;

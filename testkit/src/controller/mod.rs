@@ -13,7 +13,7 @@ pub use native::Native;
 
 /// A robot: its communication task is a session, its motion task is driven by the test.
 pub trait Controller: Session<Event = RobotEvent> + Sized {
-    /// Its jobs may overtake one another, and it works over datagrams.
+    /// Whether its jobs may overtake one another, and it works over datagrams.
     const WHOLE: bool;
 
     /// A controller that was just switched on. What is left open (which task comes first) follows from `seed`.
@@ -45,13 +45,13 @@ pub trait Controller: Session<Event = RobotEvent> + Sized {
     /// As [`Robot::reset_order`](kawasaki_msg::Robot::reset_order).
     fn reset_order(&mut self) -> Result<(), SessionError>;
 
-    /// How far the order is.
+    /// The phase of the order.
     fn phase(&self) -> Phase;
 
-    /// How many jobs of the order, or of the last one, were queued.
+    /// Returns the number of jobs of the order, or of the last one, that were queued.
     fn queued(&self) -> u32;
 
-    /// How many of them are executed.
+    /// Returns the number of these jobs that are executed.
     fn executed(&self) -> u32;
 
     /// The active order.

@@ -50,7 +50,7 @@ pub const TABLES: &[&[Table]] = &[
     val2_viewer::TABLES,
 ];
 
-/// What the ends of each link assume about time.
+/// The assumptions of each link's ends about time.
 pub const MARGINS: &[fn() -> Vec<Margin>] = &[
     latch::margins,
     fanuc_hmi_modbus::margins,

@@ -9,24 +9,25 @@ use robot_session::end::{Expiry, Input as _, Machine};
 use super::machine::{Drawn, Edge, age, drive};
 use super::system::System;
 
-/// What the model calls an input that the state of the end does not allow.
+/// The name of the property that is broken by an input which the state of the end does not allow.
 pub const EXPECTED: &str = "no input is unexpected";
 
 const NOW: Duration = Duration::ZERO;
 
-/// A peer of which only this is known: what it may do at each moment, and what has become of its end's jobs so far.
+/// A peer without a machine, given by two things only: its possible steps at each moment, and the state of its end's
+/// jobs so far.
 ///
-/// A peer that keeps the source's rules does what they permit, and one that does anything does whatever a decoder can make of bytes.
-/// Neither has a machine: what is left open stays open.
+/// A peer that keeps the source's rules takes the steps that they permit; a peer that does anything sends everything
+/// that a decoder can make of bytes. The model explores each step that they leave open.
 pub trait Peer {
     /// The end.
     type End: Drawn;
-    /// What is known of the peer, of the line and of the jobs. Times in it are relative to now, and end somewhere.
+    /// The model's knowledge of the peer, the line and the jobs. Its times are relative to now, and are bounded.
     type Known: Clone + Eq + Hash + Debug;
-    /// What the peer, the line or the end's user may do.
+    /// A step of the peer, the line or the end's user.
     type Word: Copy + PartialEq + Debug;
 
-    /// How long a tick is.
+    /// The length of a tick.
     const TICK: Duration;
 
     /// The end's configuration.
@@ -35,27 +36,27 @@ pub trait Peer {
     /// The end when its process starts.
     fn end(&self) -> Self::End;
 
-    /// What is known then.
+    /// Returns the model's knowledge at that moment.
     fn known(&self) -> Self::Known;
 
-    /// Pushes what may be said now.
+    /// Appends the steps that are possible now.
     fn words(&self, end: &Self::End, known: &Self::Known, words: &mut Vec<Self::Word>);
 
-    /// Who says a word.
+    /// Returns who acts in a step.
     fn by(&self, word: Self::Word) -> By;
 
-    /// What a word is to the end, if anything.
+    /// Applies a step; returns the end's input, if there is one.
     fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
 
     /// The bytes that are held are given up as corrupt, before [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
     fn cut(&self, _known: &mut Self::Known) {}
 
-    /// What else the same bytes are to the end, one after the other, after what was heard or given up.
+    /// Returns the next input that the end gets from the same bytes, after an input or after bytes were given up.
     fn next(&self, _end: &Self::End, _known: &mut Self::Known) -> Option<InputOf<Self>> {
         None
     }
 
-    /// The input which says that this was sent.
+    /// Returns the input for the transmission of this.
     fn sent(&self, what: &TransmitOf<Self>) -> InputOf<Self>;
 
     /// The same where more than [`Machine::transmit`] decides it.
@@ -63,7 +64,7 @@ pub trait Peer {
         self.sent(what)
     }
 
-    /// The end has done something. What must not be is noted, for [`broken`](Self::broken).
+    /// Records an action of the end. A violation is kept for [`broken`](Self::broken).
     fn acted(&self, end: &Self::End, known: &mut Self::Known, cause: CauseOf<Self>, action: ActionOf<Self>);
 
     /// A tick has passed.
@@ -75,36 +76,36 @@ pub trait Peer {
     /// Pushes the properties that do not hold.
     fn broken(&self, end: &Self::End, known: &Self::Known, broken: &mut Vec<&'static str>);
 
-    /// Whether all work has come to its end: a run without faults leads here from every state. For a peer that does anything nothing is
-    /// to be said of that.
+    /// Returns whether all work is done: a run without faults leads here from every state. With a peer that does
+    /// anything, this is not checked.
     fn is_over(&self, _end: &Self::End, _known: &Self::Known) -> bool {
         true
     }
 
-    /// Whether one of [`words`](Self::words) is said before time passes.
+    /// Returns whether one of [`words`](Self::words) happens before time passes.
     fn is_urgent(&self, _end: &Self::End, _known: &Self::Known) -> bool {
         false
     }
 
-    /// What a patient user and a peer that keeps the rules do next, where no fault happens: one of [`words`](Self::words).
-    /// `None`: they let time pass.
+    /// Returns the next step, one of [`words`](Self::words), of a patient user and a peer that keeps the rules if no
+    /// fault happens. `None`: time passes.
     fn benign(&self, _end: &Self::End, _known: &Self::Known) -> Option<Self::Word> {
         None
     }
 }
 
-/// Who says a word.
+/// The actor of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum By {
     /// The line brings bytes. They wait in the transport while the end does not read.
     Line,
     /// The end's user calls it.
     User,
-    /// It happens elsewhere, and the end does not notice.
+    /// The step happens elsewhere, and the end does not notice.
     Others,
 }
 
-/// Why an end has done something.
+/// The cause of an end's action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause<W, T> {
     /// A connection was made, perhaps in place of another.
@@ -113,7 +114,7 @@ pub enum Cause<W, T> {
     Disconnected,
     /// Something came due.
     Due,
-    /// It has sent this.
+    /// The end has sent this.
     Sent(T),
     /// A word.
     Word(W),
@@ -144,7 +145,7 @@ pub struct Against<P> {
 pub struct Scene<E, K> {
     /// The end.
     pub end: E,
-    /// What is known.
+    /// The model's knowledge of the peer.
     pub known: K,
     is_connected: bool,
     was_unexpected: bool,
@@ -157,9 +158,9 @@ pub enum Act<W> {
     Connect,
     /// The connection is lost.
     Disconnect,
-    /// What came due is done.
+    /// Handles the expired deadlines.
     Due,
-    /// What is to be sent is sent.
+    /// Sends the message that is due.
     Send,
     /// The end's process is restarted.
     Restart,
@@ -178,7 +179,7 @@ impl<P: Peer> Against<P> {
         Self { peer, late: true, breaks: true }
     }
 
-    /// What came due is done before what else happens in this moment, if the session does so.
+    /// Handles expired deadlines before another step of this moment, if the session does so.
     fn expire(&self, scene: &mut SceneOf<P>, before: &[Expiry], edges: &mut Option<&mut Vec<Edge>>) {
         if before.contains(&P::End::EXPIRY) {
             while scene.end.expires(NOW) {
@@ -192,7 +193,7 @@ impl<P: Peer> Against<P> {
             self.peer.cut(&mut scene.known);
             self.read_on(scene, None, edges);
         }
-        // What was given up may have been what was waited for.
+        // The bytes decoded just now may have cleared the deadline.
         if scene.end.expires(NOW) {
             self.drive(scene, Cause::Due, InputOf::<P>::TIMEOUT, edges);
             self.read_on(scene, None, edges);
@@ -223,7 +224,7 @@ impl<P: Peer> Against<P> {
         let Some(what) = scene.end.transmit(NOW, self.peer.config()) else { return };
         let sent = self.peer.answer(&scene.end, &mut scene.known, &what);
         self.drive(scene, Cause::Sent(what), sent, edges);
-        // Bytes that were held are read when there is room again.
+        // Bytes that were held are read when there is free space again.
         self.read_on(scene, None, edges);
     }
 

@@ -36,7 +36,7 @@ fn does_something(edge: &Edge) -> bool {
 /// Compares a committed file with what it should hold, or writes it.
 ///
 /// # Errors
-/// The file's; one that differs is `InvalidData` and says which command writes it.
+/// The file's; one that differs is `InvalidData`, with the command that writes it.
 pub fn check_or_write(path: &Path, text: &str, write: bool) -> io::Result<()> {
     if write {
         path.parent().map_or(Ok(()), fs::create_dir_all)?;

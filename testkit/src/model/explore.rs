@@ -9,7 +9,7 @@ use super::graph::Graph;
 use super::runs::{END, Runs};
 use super::system::System;
 
-/// How far to go, and what to keep.
+/// The bounds and the results of an exploration.
 #[derive(Debug, Clone, Copy)]
 pub struct Options<'a> {
     /// The most states: of a system that has more, not all are visited.
@@ -18,7 +18,7 @@ pub struct Options<'a> {
     pub edges: bool,
     /// Stops where this property breaks first.
     pub until: Option<&'static str>,
-    /// Counts the states as they are visited, for somebody who watches.
+    /// Counts the visited states, as a progress report.
     pub progress: Option<&'a AtomicU64>,
 }
 

@@ -1,4 +1,4 @@
-//! What is kept of a state that is known: 128 bits.
+//! 128-bit fingerprints, stored in place of visited states.
 
 use core::hash::{Hash, Hasher};
 

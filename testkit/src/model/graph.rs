@@ -1,4 +1,4 @@
-//! What an exploration has found.
+//! The results of an exploration.
 
 use std::collections::BTreeMap;
 
@@ -15,9 +15,9 @@ pub const STANDS_FOR_EVER: &str = "recovery ends every pause";
 /// first, so that every path is a shortest one.
 #[derive(Debug, Clone)]
 pub struct Graph<A> {
-    /// How many states were visited.
+    /// The number of visited states.
     pub states: usize,
-    /// How many steps lead from one to another.
+    /// The number of steps from one state to another.
     pub steps: usize,
     /// Whether these are all states.
     pub complete: bool,
@@ -42,7 +42,7 @@ pub struct Graph<A> {
 /// A property that does not hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Finding {
-    /// Its name.
+    /// The name of the property.
     pub property: &'static str,
     /// The first state where it does not hold.
     pub at: u32,

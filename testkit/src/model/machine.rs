@@ -1,4 +1,4 @@
-//! What every machine is to the model.
+//! The properties of a machine that the model and the diagrams need.
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use robot_session::end::{Input as _, Machine};
 
 /// A machine that the model explores, and draws.
 pub trait Drawn: Machine {
-    /// What a diagram calls an action, and what tells two transitions apart; empty if there is nothing to do.
+    /// Returns the name of an action in a diagram, which distinguishes transitions; empty if there is nothing to do.
     fn action_name(action: &Self::Action) -> String {
         let text = format!("{action:?}");
         text.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().into()
@@ -29,7 +29,7 @@ pub struct Edge {
     pub action: String,
 }
 
-/// Where a step notes its transitions, if somebody collects them.
+/// The list to which a step appends its transitions, if they are collected.
 pub type Edges<'a> = Option<&'a mut Vec<Edge>>;
 
 /// Moves a machine at the model's time, which is always zero, and notes the transition.
@@ -56,8 +56,8 @@ pub fn drive<M: Drawn>(
     Ok(action)
 }
 
-/// Lets time pass. A deadline that has passed is zero: how long ago it was must change nothing, so that the states are finitely
-/// many. `Duration::MAX` is never, and stays so.
+/// Lets time pass. An expired deadline is zero: it must not matter how long ago it expired, so that the states are
+/// finitely many. `Duration::MAX` means never, and stays unchanged.
 pub fn age<M: Machine>(machine: &mut M, by: Duration) {
     machine.each_time(|time| {
         if *time != Duration::MAX {

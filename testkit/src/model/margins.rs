@@ -1,4 +1,4 @@
-//! By how much an assumption about time may be wrong: what is assumed and what is real go apart until a property breaks.
+//! The tolerance of assumptions about time: the real time moves away from the assumed one until a property breaks.
 
 use core::fmt;
 use core::time::Duration;
@@ -11,37 +11,37 @@ use super::pair::Setting;
 pub struct Margin {
     /// The end: `val2-alter host`.
     pub end: &'static str,
-    /// Its setting, or what it has in its place.
+    /// Its setting, or the value that it has in its place.
     pub setting: &'static str,
-    /// What is longer than is assumed, and where.
+    /// The real time that is longer than assumed, and where.
     pub real: &'static str,
-    /// From what keeps the assumption to what does not.
+    /// From steps that meet the assumption to steps that do not.
     pub steps: Vec<Step>,
 }
 
-/// What breaks, if anything.
+/// Returns the property that breaks, if any.
 type Check = Box<dyn Fn(&Options<'_>) -> Option<String> + Send + Sync>;
 
-/// One pair of what is assumed and what is real.
+/// A pair of the assumed and the real time.
 pub struct Step {
-    /// What is assumed.
+    /// The assumed time.
     pub assumed: Duration,
-    /// What is real.
+    /// The real time.
     pub real: Duration,
     check: Check,
 }
 
-/// What became of a [`Margin`].
+/// The result of a [`Margin`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Measured {
-    /// The last step in which everything holds: what is assumed, and what is real.
+    /// The last step in which everything holds: the assumed and the real time.
     pub holds: Option<(Duration, Duration)>,
-    /// The first one in which something breaks, and what.
+    /// The first step in which something breaks: the assumed and the real time, and the property.
     pub breaks: Option<(Duration, Duration, String)>,
 }
 
 impl Step {
-    /// A step, and what breaks in it, if anything.
+    /// Returns a step with its check, which returns the property that breaks, if any.
     pub fn new(
         assumed: Duration,
         real: Duration,
@@ -50,7 +50,7 @@ impl Step {
         Self { assumed, real, check: Box::new(move |_| check().map(str::to_owned)) }
     }
 
-    /// A step whose system is explored: what breaks first is the property with the shortest trace.
+    /// Returns a step whose system is explored: the property with the shortest trace breaks first.
     pub fn model(assumed: Duration, real: Duration, setting: Setting) -> Self {
         let check = move |options: &Options<'_>| {
             let explored = setting.explore(options);
@@ -68,7 +68,7 @@ impl fmt::Debug for Step {
 }
 
 impl Margin {
-    /// What is assumed is measured from half of it to twice.
+    /// Returns the margin whose real times go from half of the assumed one to twice that.
     pub fn around(
         [end, setting, real]: [&'static str; 3],
         assumed: Duration,
@@ -100,7 +100,7 @@ impl Measured {
         self.holds.is_some() && self.breaks.as_ref().is_none_or(|(assumed, real, _)| real >= assumed)
     }
 
-    /// By how many milliseconds the real time may be above the assumed one.
+    /// Returns the number of milliseconds by which the real time may be above the assumed one.
     pub fn margin(&self) -> Option<f64> {
         self.holds.map(|(assumed, real)| (real.as_secs_f64() - assumed.as_secs_f64()) * 1e3)
     }

@@ -1,4 +1,4 @@
-//! A machine as a table: what it does in each state with each input.
+//! A machine as a table: its reaction in each state to each input.
 
 use core::fmt::Debug;
 use core::time::Duration;
@@ -19,7 +19,7 @@ pub trait Rows {
     /// At least one input for each column.
     fn inputs() -> Vec<<Self::Machine as Machine>::Input>;
 
-    /// What the machine works with.
+    /// The configuration of the machine.
     fn config() -> <Self::Machine as Machine>::Config;
 
     /// The row of a state: its name, and which of its deadlines have come if that makes a difference.
@@ -32,7 +32,7 @@ pub trait Rows {
         input.name().into()
     }
 
-    /// The column of an input, where the state or the time says which it is; empty if the table has none.
+    /// Returns the column of an input if the state or the time decides it; empty if the table has no such column.
     fn column_at(
         _machine: &Self::Machine,
         _now: Duration,
@@ -42,7 +42,7 @@ pub trait Rows {
     }
 }
 
-/// What a machine does in a state with an input; no `to`: the input is not expected.
+/// The reaction of a machine in a state to an input. Without `to`, the input is not expected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cell {
     /// [`Machine::END`].
@@ -53,14 +53,14 @@ pub struct Cell {
     pub input: String,
     /// The row of the next state.
     pub to: Option<String>,
-    /// The action; empty if there is none.
+    /// The action; empty if there is nothing to do.
     pub action: String,
 }
 
 /// Every cell. A timeout is given to a state where it has something to do, and, where time comes first, nothing else is.
 ///
 /// # Panics
-/// Where an input that is not expected changes the state, or names itself or the state otherwise than the error does.
+/// If an input that is not expected changes the state, or the error has another name of the input or the state.
 pub fn cells<R: Rows>() -> Vec<Cell> {
     let (config, mut cells) = (R::config(), Vec::new());
     for state in R::states() {
@@ -91,10 +91,10 @@ pub fn cells<R: Rows>() -> Vec<Cell> {
     cells
 }
 
-/// Holds a machine to what [`Machine`] says of its times.
+/// Checks that a machine treats its times as [`Machine`] requires.
 ///
 /// # Panics
-/// Where it does not keep it.
+/// If it does not.
 pub fn check_times<R: Rows>() {
     let config = R::config();
     for state in R::states() {
@@ -102,7 +102,7 @@ pub fn check_times<R: Rows>() {
         let is_over = state.deadline().is_some_and(|at| at <= NOW);
         let sends = |now| state.transmit(now, &config).is_some();
         let is_due = state.expires(NOW) || sends(NOW);
-        // What is sent at once has no time.
+        // A message that is sent at once has no deadline.
         let has_come_due = state.expires(NOW) || sends(NOW) && !sends(Duration::ZERO);
         assert!(is_over || !has_come_due, "{row}: something is due before the deadline");
         assert!(is_due || !is_over, "{row}: nothing is due at the deadline");
@@ -136,7 +136,7 @@ fn is_timeout<M: Machine>(input: &M::Input) -> bool {
     input.name() == M::Input::TIMEOUT.name()
 }
 
-/// What a table and a diagram call an action.
+/// Returns the name of an action in a table or a diagram.
 fn show(action: &impl Debug) -> String {
     let text = format!("{action:?}");
     if text == "Nothing" { String::new() } else { text }

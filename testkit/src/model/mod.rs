@@ -7,7 +7,8 @@
 //! alike are then equal, and there are finitely many.
 //!
 //! [`Graph::walks`] gives paths that together visit every state and take every transition: [`refine()`] replays them
-//! over bytes through the sessions. [`mermaid`] draws what was seen, and a [`Pair`] is what the command `model` knows of a link.
+//! over bytes through the sessions. [`mermaid`] draws the transitions, and a [`Pair`] has the explorations of a link for
+//! the command `model`.
 
 mod against;
 pub mod diagram;

@@ -1,4 +1,4 @@
-//! What the command `model` knows of a link.
+//! The explorations of a link, for the command `model`.
 
 use core::fmt;
 use std::path::{Path, PathBuf};
@@ -31,12 +31,12 @@ pub struct Pair {
     pub refined: fn() -> Vec<Refined>,
 }
 
-/// How large the bounds are.
+/// The size of the bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Depth {
     /// A few seconds a pair.
     Quick,
-    /// Up to five minutes a pair.
+    /// Up to five minutes per pair.
     Deep,
 }
 
@@ -44,7 +44,8 @@ pub enum Depth {
 pub struct Setting {
     /// Bounds and faults in words: `2 batches, 2 faults of any kind`.
     pub name: String,
-    /// What a peer that has no machine keeps, and what must hold all the same.
+    /// The assumptions about a peer without a machine, and the properties that hold under them; `None` for two
+    /// machines.
     pub terms: Option<Terms>,
     system: Box<dyn Explorable>,
     #[cfg(feature = "links")]
@@ -55,16 +56,17 @@ pub struct Setting {
 #[cfg(feature = "links")]
 type Walk = Box<dyn Fn(u64, Log) -> Tally + Send + Sync>;
 
-/// What is known of a peer that has no machine.
+/// The assumptions about a peer without a machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Terms {
-    /// The clauses of the specification that it keeps; none for one that does anything.
+    /// The clauses of the specification that the peer keeps; empty for a peer that does anything.
     pub keeps: &'static str,
-    /// What is open.
+    /// The behaviour that is left open.
     pub free: &'static str,
-    /// The clauses that the end is shown to keep by this, each with the property that says so: what the peer of the other end keeps.
+    /// The clauses that the end is shown to keep, each with the property that shows it. The peer of the other end
+    /// relies on them.
     pub shows: &'static [(&'static str, &'static str)],
-    /// What must hold.
+    /// The properties that hold.
     pub properties: &'static [&'static str],
 }
 
@@ -121,7 +123,7 @@ impl Setting {
         self.system.explored(self.name.clone(), options)
     }
 
-    /// How many states and steps another model checker counts.
+    /// Returns the number of states and steps that another model checker counts.
     #[cfg(feature = "stateright")]
     pub fn count(&self) -> (usize, usize) {
         self.system.count()
@@ -133,16 +135,16 @@ impl Setting {
     }
 }
 
-/// What became of a [`Setting`]: a row of the table.
+/// The result of a [`Setting`]: a row of the table.
 #[derive(Debug, Clone)]
 pub struct Explored {
     /// The setting's name.
     pub setting: String,
-    /// How many states there are.
+    /// The number of states.
     pub states: usize,
-    /// How many steps lead from one to another.
+    /// The number of steps from one state to another.
     pub steps: usize,
-    /// How long it took.
+    /// The time of the exploration.
     pub time: Duration,
     /// Whether every state was visited.
     pub complete: bool,
@@ -164,9 +166,9 @@ impl Explored {
 /// A property that does not hold, and a shortest way to see it.
 #[derive(Debug, Clone)]
 pub struct Broken {
-    /// Its name.
+    /// The name of the property.
     pub property: &'static str,
-    /// How many steps lead there.
+    /// The number of steps that lead there.
     pub steps: usize,
     /// The steps.
     pub trace: String,
@@ -218,7 +220,7 @@ impl MustFail {
 pub struct Diagram {
     /// The file: `<crate>/diagrams/<end>.md` in the workspace.
     pub path: PathBuf,
-    /// What it holds.
+    /// The contents of the file.
     pub text: String,
 }
 
@@ -245,7 +247,7 @@ where
         .into()
 }
 
-/// A [`System`] whose types are forgotten.
+/// A [`System`] with erased types.
 trait Explorable: Send + Sync {
     fn explored(&self, setting: String, options: &Options<'_>) -> Explored;
     fn edges(&self) -> Vec<Edge>;

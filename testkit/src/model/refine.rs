@@ -3,7 +3,7 @@
 use super::explore::{Options, explore};
 use super::system::System;
 
-/// How much was walked.
+/// The extent of a walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Refined {
     /// States of the model.
@@ -20,7 +20,7 @@ impl Refined {
     /// Walks every state and every transition of a system in which every property holds.
     ///
     /// # Panics
-    /// Where one does not.
+    /// If a property does not hold.
     pub fn by<S: System>(system: &S, mut walk: impl FnMut(Vec<S::Act>)) -> Self {
         let graph = explore(system, &Options { edges: true, ..Options::default() });
         assert!(graph.holds(), "{:?}", graph.findings());

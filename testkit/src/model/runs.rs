@@ -1,4 +1,4 @@
-//! What is known only once every state is: whether runs without faults end, and how long the system can stall.
+//! Properties that need all states: whether runs without faults end, and how long the system can stall.
 
 use std::collections::HashMap;
 
@@ -84,7 +84,7 @@ impl Runs {
             graph.stands_for_ever = Some(states[*from]);
             return;
         }
-        // Components are numbered from the ends: what a state leads to has a smaller number.
+        // Components are numbered from the ends: the successors of a state have smaller numbers.
         let mut order: Vec<usize> = (0..states.len()).collect();
         order.sort_by_key(|at| component[*at]);
         let mut longest = vec![0; states.len()];

@@ -8,13 +8,13 @@ use stateright::{Checker as _, Model, Property};
 
 use super::system::System;
 
-/// How many states there are, and how many steps between them.
+/// Returns the number of states, and of the steps between them.
 pub(super) fn count<S>(system: Arc<S>) -> (usize, usize)
 where
     S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
 {
     let checker = Second(system).checker().spawn_bfs().join();
-    // It counts the first state as a step.
+    // The checker counts the first state as a step.
     (checker.unique_state_count(), checker.state_count() - 1)
 }
 
@@ -43,7 +43,8 @@ where
         Some(self.0.step(state, act, None))
     }
 
-    /// It stops when nothing is left to be found out.
+    /// Returns a property that stays undecided up to the last state: the checker stops when all properties are
+    /// decided.
     fn properties(&self) -> Vec<Property<Self>> {
         vec![Property::always("goes on to the last state", |_, _| true)]
     }

@@ -1,4 +1,4 @@
-//! What is explored.
+//! A system to explore.
 
 use core::{fmt::Debug, hash::Hash};
 
@@ -12,19 +12,19 @@ pub trait System {
     /// One thing that happens.
     type Act: Copy + PartialEq + Debug;
 
-    /// How it begins.
+    /// Returns the initial state.
     fn init(&self) -> Self::State;
 
     /// Pushes everything that can happen in a state.
     fn acts(&self, state: &Self::State, acts: &mut Vec<Self::Act>);
 
-    /// What follows from one of [`acts`](Self::acts). The machines' transitions are pushed to `edges`, if it is there.
+    /// Returns the state after one of [`acts`](Self::acts). Appends the machines' transitions to `edges`, if given.
     fn step(&self, state: &Self::State, act: Self::Act, edges: Option<&mut Vec<Edge>>) -> Self::State;
 
     /// Pushes the properties that do not hold in a state, each named as what should hold.
     fn broken(&self, state: &Self::State, broken: &mut Vec<&'static str>);
 
-    /// What happens next where nothing goes wrong from here on and users are patient: one of [`acts`](Self::acts). `None` where
+    /// Returns the next of [`acts`](Self::acts) if nothing goes wrong from here on and users are patient. `None` if
     /// nothing happens: a standstill, if it [is not over](Self::is_over).
     fn benign(&self, state: &Self::State) -> Option<Self::Act>;
 
@@ -36,7 +36,7 @@ pub trait System {
         false
     }
 
-    /// How many ticks an act takes.
+    /// Returns the ticks that an act takes.
     fn ticks(&self, act: Self::Act) -> u32;
 }
 

@@ -1,4 +1,4 @@
-//! The tables of all machines, behind one type.
+//! The tables of all machines, as one type.
 
 use super::matrix::{Cell, Rows, cells, check_times};
 
@@ -9,9 +9,9 @@ pub struct Table {
     pub link: &'static str,
     /// Every cell.
     pub cells: fn() -> Vec<Cell>,
-    /// Checks what the machine says of times, and its size.
+    /// Checks the machine's times and its size.
     pub check: fn(&Self),
-    /// The most bytes that a machine has.
+    /// The largest allowed size of the machine, in bytes.
     size: usize,
 }
 

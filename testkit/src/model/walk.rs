@@ -25,7 +25,7 @@ const ASLEEP: u64 = 200;
 pub fn walk<P: Wired>(against: &Against<P>, seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let (steps, bad) = (50 + rng.below(2000), [0.2, 0.5, 0.9][rng.below(3)]);
-    // How often something happens where a patient user and an obliging peer would let time pass.
+    // The probability that something happens when a patient user and an obliging peer would let time pass.
     let idle = [bad, 0.8, 0.97, 0.97][rng.below(4)];
     let mut walk = Walk {
         against,
@@ -67,7 +67,7 @@ struct Walk<'a, P: Wired> {
     rng: Rng,
     log: Log,
     tally: Tally,
-    /// How often each state was visited.
+    /// The number of visits of each state.
     visits: HashMap<u128, u32>,
     /// A word of which the beginning has arrived, its bytes, and how many of them have arrived.
     rest: Option<(P::Word, Vec<u8>, usize)>,
@@ -77,7 +77,7 @@ struct Walk<'a, P: Wired> {
     is_clean: bool,
     /// The faults have ended.
     is_calm: bool,
-    /// The end has heard a word that nobody has said: corruption that no check sees. What follows proves nothing.
+    /// The end has received a message that was not sent: corruption that no check sees. The rest of the walk proves nothing.
     is_forged: bool,
 }
 
@@ -173,7 +173,7 @@ impl<P: Wired> Walk<'_, P> {
                 if !bytes.is_empty() && !self.hear([bytes.as_slice()]) {
                     return;
                 }
-                // A connection begins with nothing of the one before.
+                // A connection begins with no bytes of the previous one.
                 self.is_clean |= matches!(act, Act::Connect | Act::Restart);
                 let next = self.against.step(&self.scene, act, None);
                 self.follow(act, next);
@@ -212,7 +212,7 @@ impl<P: Wired> Walk<'_, P> {
         self.deliver(word, &bytes);
     }
 
-    /// The rest of a word arrives, if its peer may still say it; else it never comes.
+    /// Delivers the rest of a step's bytes, if the peer may still take that step; otherwise they never arrive.
     fn finish(&mut self) {
         let Some((word, bytes, arrived)) = self.rest.take() else { return };
         let act = Act::Word(word);
@@ -257,7 +257,8 @@ impl<P: Wired> Walk<'_, P> {
         self.follow(Act::Word(next), heard);
     }
 
-    /// The session holds what the model says of it. A word that it holds is heard when it reads again.
+    /// Checks that the session is in the state of the model. A step whose bytes are buffered is applied when the
+    /// session reads again.
     fn follow(&mut self, act: Act<P::Word>, mut next: SceneOf<P>) {
         if next.end.reads()
             && let Some(held) = self.held.take()
@@ -321,12 +322,12 @@ impl<P: Wired> Walk<'_, P> {
         }
         let lost = others.into_iter().find(|scene| self.follower.differs(scene).is_none());
         match (difference, lost) {
-            // Where the session does not show whether it has heard the word, it has not.
+            // If the session does not show whether the step was applied, it counts as not applied.
             (Some(_), Some(lost)) => self.lose(lost, is_hurt),
             (None, Some(lost)) if is_hurt => self.lose(lost, is_hurt),
             (None, _) => {
                 self.tally.once += 1;
-                // Where it makes no difference, it may have waited.
+                // If it makes no difference, the bytes may still wait.
                 self.is_clean |= heard.end != self.scene.end && self.against.peer.is_last(word);
                 self.scene = heard;
             }
@@ -335,7 +336,8 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// The scenes after a word of which bytes are lost. Bytes that are no word may do what is due, too.
+    /// Returns the scenes after a step whose bytes are lost in part. Bytes that are not a message may also trigger an
+    /// action that is due.
     fn lost(&self, word: P::Word) -> Vec<SceneOf<P>> {
         let strings = self.against.peer.lost(&self.scene.known, word);
         let due = self.against.step(&self.scene, Act::Due, None);

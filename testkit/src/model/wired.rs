@@ -171,7 +171,7 @@ impl<P: Wired> Against<P> {
     /// Walks every state and every transition of the end with its session, over bytes that come in two pieces.
     ///
     /// # Panics
-    /// Where the session differs from its machine.
+    /// If the session differs from its machine.
     pub fn refined(&self) -> Refined {
         refine(
             self,

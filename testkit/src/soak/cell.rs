@@ -43,7 +43,7 @@ impl Axes for PlatformPose {
     }
 }
 
-/// Where a part is, and where it belongs.
+/// The pose at which a part is picked, and the pose at which it is placed.
 fn pick(part: usize) -> RobotPose {
     RobotPose::from_units([1000 + part as i32, 2000, -500, part as i32])
 }
@@ -52,7 +52,8 @@ fn place(part: usize) -> RobotPose {
     RobotPose::from_units([-3000 - part as i32, 100, -500, 0])
 }
 
-/// One device, its connection, and the central controller's end of it. The conditioning system has no axes that anybody asks for.
+/// A device, its connection, and the central controller's end of it. The conditioning system has axes, but nothing
+/// polls them.
 struct Station<P: Pose, D: Pose> {
     name: task::Device,
     wire: Wire,
@@ -165,14 +166,14 @@ impl<P: Pose, D: Axes> Station<P, D> {
         }
     }
 
-    /// What goes wrong beside the transport.
+    /// Injects the faults beside those of the transport.
     fn fail(&mut self, now: Duration, bad: f64, rng: &mut Rng) {
         if rng.chance(0.0003 * bad) {
             self.stand(now);
             self.device.fail(ErrorCode::Servo2);
         }
         if rng.chance(0.0002 * bad) {
-            // It restarts, and nobody is notified.
+            // The device restarts, and no end is notified.
             let pose = self.pose(now);
             (self.motion, self.device, self.cut) = (None, at(pose), true);
         }
@@ -235,7 +236,7 @@ struct Cell {
     robot: Station<RobotPose, RobotPose>,
     platform: Station<PlatformPose, PlatformPose>,
     conditioning: Station<NoPose, PlatformPose>,
-    /// What the cameras will see, and when.
+    /// The next picture of the cameras, and its time.
     picture: Option<(Duration, i32)>,
     /// The part that the camera has shown and whose fate is not known yet.
     open: Option<usize>,
@@ -243,12 +244,12 @@ struct Cell {
     /// The part that is there to be picked, and whether it hangs on the gripper.
     part: Option<usize>,
     held: bool,
-    /// It is placed so badly that this pick fails.
+    /// Whether it is placed so badly that this pick fails.
     slips: bool,
-    /// The vacuum switch is high whatever the vacuum does, until somebody looks after a fault.
+    /// Whether the vacuum switch is high whatever the vacuum does, until the operator looks after a fault.
     stuck_high: bool,
     switch: bool,
-    /// How often things go wrong: 0 in the last minute.
+    /// The rate of faults: 0 in the last minute.
     bad: f64,
     /// A part was placed when nothing went wrong any more.
     is_done: bool,
@@ -318,9 +319,10 @@ impl Cell {
             wire.heal(self.now);
         }
         self.bad = 0.0;
-        // What was cut and nobody has noticed is noticed by the next command; the conditioning system gets none.
+        // The next command notices a disconnection that was not noticed before; the conditioning system gets no
+        // commands, so clear its flag.
         self.conditioning.cut = false;
-        // What waits for its caller goes on.
+        // A step that waits for its caller goes on.
         self.entered(self.task.step());
         let end = self.now + 60 * S;
         while self.task.step() != Step::Finished && self.now < end {
@@ -382,7 +384,7 @@ impl Cell {
             return self.open.map(|part| Event::SlotFound { place: place(part) });
         }
         if let Some(part) = self.open.take() {
-            // Its picture came when nobody waited for it any more.
+            // Its picture came when it was no longer awaited.
             self.ledger.report(part, Reported::NotDone, self.robot.wire.mark());
         }
         let part = self.ledger.send(self.robot.wire.mark());
@@ -393,7 +395,7 @@ impl Cell {
         Some(Event::PartFound { platform, pick: pick(part) })
     }
 
-    /// What vacuum and part do; the switch, when it changes.
+    /// Simulates vacuum and part; returns the event of the switch when it changes.
     fn gripper(&mut self, rng: &mut Rng) -> Option<Event> {
         let (bad, pose) = (self.bad, self.robot.pose(self.now));
         if rng.chance(0.0005 * bad) {
@@ -407,7 +409,7 @@ impl Cell {
                 }
                 (self.part, self.held) = (None, false);
             }
-            // It falls on the way.
+            // The part falls on the way.
             Some(part) if self.held && pose != place(part) && rng.chance(0.002 * bad) => {
                 self.log.line(self.now, format_args!("  part {part} falls"));
                 (self.part, self.held) = (None, false);
@@ -443,7 +445,7 @@ impl Cell {
         }
     }
 
-    /// What the operator knows when the task enters a step, and requests then.
+    /// Handles the task's entry into a step: the operator learns of outcomes, and makes requests.
     fn entered(&mut self, step: Step) {
         let reported = match step {
             Step::Placed => Reported::Done,

@@ -3,7 +3,7 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
-/// Where the trace of a session goes: to standard output, or nowhere.
+/// The output of a session's trace: standard output, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Log {
     pub(super) on: bool,
@@ -23,7 +23,7 @@ impl Log {
     }
 }
 
-/// How many transmissions each end, A and B, has made so far.
+/// The number of transmissions that each end, A and B, has made so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Mark(
     /// The transmissions that end A had made.

@@ -1,9 +1,10 @@
-//! The soak: both ends of every session over the faults that its transport can commit, from a seed. Each end meets ours, *any* end that keeps
-//! the source's rules, and a *hostile* one that sends anything.
+//! The soak: both ends of every session over the faults that its transport can commit, from a seed. Each end meets
+//! ours, *any* end that keeps the source's rules, and a *hostile* one that sends anything.
 //!
 //! A seed makes one short bad session of each [`Row`]: what is sent, what its users do, and what the line does follow from it.
-//! Every job of it ends in one column of its [`Tally`]. What was reported to its sender is compared with what was executed; an
-//! outcome that must not be is excused only by corruption that is shown to have made a valid message out of what was sent.
+//! The seed determines the messages, the acts of the users, and the faults of the line. Every job ends in one column
+//! of the session's [`Tally`]. The outcome reported to its sender is compared with its execution; a wrong outcome is
+//! excused only if corruption is shown to have made a valid message out of the bytes sent.
 
 mod cell;
 mod fanuc_hmi_modbus;
@@ -26,7 +27,7 @@ pub use log::{Log, Mark};
 pub use tally::{Ledger, Reported, Span, Tally};
 pub use wire::{Check, Unseen, Wire};
 
-/// Who is at the two ends of a session.
+/// The programs at the two ends of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Peer {
     /// Both are ours.
@@ -42,9 +43,9 @@ enum Peer {
 pub struct Row {
     /// The crate.
     pub link: &'static str,
-    /// What carries bytes between its two ends.
+    /// The transport between its two ends.
     pub transport: &'static str,
-    /// What a job is.
+    /// The kind of job.
     pub job: &'static str,
     /// Of this many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
     pub one_in: Option<u32>,

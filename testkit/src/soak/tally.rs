@@ -1,4 +1,4 @@
-//! What became of the jobs of a session, by what was reported to their sender and what was executed.
+//! The results of a session's jobs, by the outcome reported to their sender and by their execution.
 
 use core::ops::AddAssign;
 use core::time::Duration;
@@ -14,7 +14,7 @@ use crate::link::FaultCounts;
 pub struct Tally {
     /// Sessions run.
     pub sessions: u64,
-    /// What the transport did.
+    /// The faults of the transport.
     pub faults: FaultCounts,
     /// Jobs of all sessions: each is in exactly one of the next six.
     pub jobs: u64,
@@ -30,13 +30,13 @@ pub struct Tally {
     pub repeated: u64,
     /// One of the last two, because a message was corrupt in a way that the protocol's own check cannot see.
     pub forged: u64,
-    /// Executed without anybody having sent it, and without such corruption.
+    /// Executed although it was never sent, and without such corruption.
     pub invented: u64,
-    /// Transmissions whose bytes the line has changed, and that arrived.
+    /// Transmissions that arrived with bytes changed by the line.
     pub corrupt: u64,
     /// Whole messages among their bytes that the protocol's own check refuses.
     pub refused: u64,
-    /// Messages among their bytes that nobody sent and that the check passes.
+    /// Messages among their bytes that were not sent and that the check passes.
     pub unseen: u64,
     /// Sessions that did not do all the work that they were asked for in a minute without faults.
     pub stuck: u64,

@@ -19,15 +19,15 @@ pub enum Check {
     Good(usize),
 }
 
-/// A valid message, by the protocol's own check, that nobody sent: corruption made it.
+/// A valid message, by the protocol's own check, that was not sent: corruption made it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unseen {
-    /// Who sent what was corrupt.
+    /// The sender of the corrupt bytes.
     pub from: End,
     /// The transmissions that its bytes come from.
     first: usize,
     last: usize,
-    /// Its bytes.
+    /// The bytes of the message.
     pub bytes: Vec<u8>,
 }
 
@@ -61,7 +61,7 @@ pub struct Wire {
 struct Transmission {
     /// Empty where the transport changes no bytes.
     bytes: Vec<u8>,
-    /// What arrives of it, in the stream that its receiver reads.
+    /// The position of its first byte in the stream that its receiver reads.
     start: usize,
     end: usize,
     corrupt: bool,

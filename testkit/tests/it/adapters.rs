@@ -17,11 +17,11 @@ const EXCHANGES: u32 = 100;
 #[derive(Debug, Clone, Copy)]
 struct Adapter {
     name: &'static str,
-    /// It delivers as soon as it has so many bytes,
+    /// The number of buffered bytes at which it delivers.
     most: usize,
-    /// or none has come for so many characters,
+    /// The time without a byte after which it delivers, in characters.
     idle: u32,
-    /// or its first byte has waited for so long.
+    /// The longest time that the first byte waits before it delivers.
     latency: Duration,
 }
 
@@ -43,14 +43,15 @@ const ADAPTERS: [Adapter; 9] = [
 ];
 
 impl Adapter {
-    /// When the bytes of one transmission are delivered, the first of which is on the line from `start` on.
+    /// Returns the times at which the bytes of a transmission are delivered, the first of which is on the line from
+    /// `start` on.
     fn deliver(&self, start: Duration, character: Duration, bytes: &[u8]) -> Vec<(Duration, Vec<u8>)> {
         let (mut delivered, mut first, mut held) = (Vec::new(), Duration::ZERO, Vec::new());
         let mut at = start;
         for (index, byte) in bytes.iter().enumerate() {
             let before = at;
             at += character;
-            // What came before this byte has waited for long enough.
+            // The bytes before this one have waited for long enough.
             let waited_until = first.saturating_add(self.latency);
             if !held.is_empty() && waited_until <= at {
                 delivered.push((waited_until.max(before), core::mem::take(&mut held)));

@@ -55,7 +55,8 @@ fn a_document_is_written_as_it_was_read() {
     }
 }
 
-/// A motion or a position that is set to what it is changes nothing; set to something else, it changes what is different.
+/// Setting a motion or a position to its own value has no effect; setting it to another value changes only the
+/// differences.
 #[test]
 fn what_is_set_to_what_it_is_stays_as_it_is_spelled() {
     for name in ["figure-4", "figure-8", "controller", "post-processor", "minimal"] {

@@ -1,4 +1,5 @@
-//! What was seen at machines: every file of `reference/field`. And that the check of stories is that of the reference's own.
+//! Traffic seen at machines: every file of `reference/field`. Also tests that the check of stories is the same as the
+//! reference's own.
 
 use std::fs;
 use std::path::{Path, PathBuf};

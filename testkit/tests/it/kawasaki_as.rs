@@ -15,7 +15,7 @@ const PATIENT: RobotConfig = RobotConfig { patience: Duration::from_secs(500), .
 const END: &[u8] = b"<TilausLoppuu$2#50#>";
 const FILLER: &[u8] = b"<Huuhaa$0##>";
 
-/// What is replaced in the program, and by what.
+/// A text of the program, and its replacement.
 type Change = (&'static str, &'static str);
 
 /// A robot in order 50 whose PC is the test.
@@ -48,7 +48,7 @@ impl Bench {
         assert_eq!(self.cycle(FILLER), "<TilausKuittaus$2#50#><Tila$7#50$2$$$#><TyoPyynto$4#50$1#>");
     }
 
-    /// What the robot sends in this cycle, which is answered.
+    /// Runs a cycle of the robot; returns its packet, which is answered with `answer`.
     fn cycle(&mut self, answer: &[u8]) -> String {
         let (mut out, begin) = ([0; 4096], self.now);
         let length = loop {
@@ -273,7 +273,7 @@ fn many_acknowledgements(change: Option<Change>) {
     assert!(packets.iter().all(|packet| packet.len() <= 4096), "{acks:?}");
 }
 
-/// A real has 24 bits: after hours the program still knows a millisecond.
+/// A real has 24 bits: after hours the program still resolves a millisecond.
 fn a_clock_that_runs_for_hours(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     for _ in 0..40_000 {
@@ -445,7 +445,7 @@ fn each_rule_is_needed() {
     assert!(kept.is_empty(), "not needed: {kept:?}");
 }
 
-/// What is executed between the look at the list and the report of it would be asked for, and executed, again.
+/// A job that is executed between the look at the list and its report would be asked for, and executed, again.
 #[test]
 fn the_list_is_looked_at_before_what_is_executed_is_collected() {
     let late = ("  .settled = NOT x.clr\n  CALL cw.collect\n", "  CALL cw.collect\n  .settled = NOT x.clr\n");

@@ -1,4 +1,4 @@
-//! The cycle: who may speak when, what is said when there is nothing to say, and what happens in silence.
+//! The cycle: which end may send when, the messages when there is nothing to report, and the reaction to silence.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;

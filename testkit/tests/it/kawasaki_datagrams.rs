@@ -14,7 +14,7 @@ fn rig(robot: RobotConfig, pc: PcConfig) -> Rig {
     Rig::with(1, Faults { datagrams: true, ..Faults::NONE }, 64, pc.max_number, robot, pc)
 }
 
-/// The start of an order comes once more when the order is over, and its jobs behind it.
+/// The start of an order arrives once more when the order is over, followed by its jobs.
 #[test]
 fn a_late_start_does_not_begin_an_order_again() {
     let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);

@@ -148,7 +148,7 @@ fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
     assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 50, executed, complete: false }));
 }
 
-/// The PC program is started again: it knows nothing of the order that the robot is in.
+/// The PC program is started again: it has no record of the order that the robot is in.
 fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig) {
     rig.link.disconnect(rig.now);
     rig.pc = kawasaki_msg::LargePc::with_ranges(pc, Default::default()).unwrap();
@@ -205,7 +205,8 @@ fn another_order_of_the_same_number_is_not_taken_for_ours<C: Controller>() {
     assert_eq!(rig.lines()[..first], expected(50, first as u32));
 }
 
-/// A PC that knows nothing of the order, on the connection of the one before it: no start before the robot's status.
+/// A PC without a record of the order, on the connection of the previous PC, sends no start before the robot's
+/// status.
 fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
     for refuse_repeated_start in [false, true] {
         let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };

@@ -196,8 +196,8 @@ fn several_orders<C: Controller>(seeds: u64) {
     }
 }
 
-/// Whatever happens in between (interruptions, resets, restarts of either end), no job is executed twice, none is left out,
-/// and what the PC says in the end is true.
+/// No job is executed twice, no job is left out, and the PC's final report is true, whatever happens in between
+/// (interruptions, resets, restarts of either end).
 #[test]
 fn what_the_pc_says_is_true_when_anything_can_happen() {
     anything_can_happen::<Native>(1000);

@@ -1,4 +1,4 @@
-//! The times of every machine, as `robot_session::end::Machine` says; and their sizes.
+//! The times of every machine, as `robot_session::end::Machine` requires, and the sizes of the machines.
 #![allow(missing_docs)]
 
 #[test]

@@ -183,7 +183,7 @@ fn what_is_benign_can_happen() {
     explore(&Wrong, &Options::default());
 }
 
-/// A door that somebody opens, and that shuts on its own after two ticks.
+/// A door that a user opens, and that shuts automatically after two ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Door {
     Shut { opened: u8 },

@@ -95,7 +95,7 @@ fn the_same_seed_is_the_same_session(row: &Row, sessions: &[Tally]) {
     assert_ne!(before(7..12), before(8..13), "{}", row.name());
 }
 
-/// A server that forgets what it has acknowledged, and a network that repeats what was sent.
+/// A server that drops an acknowledged write, and a network that repeats bytes.
 #[test]
 fn a_weak_end_and_a_weak_network_are_found_out() {
     let [forgets, repeats] = SABOTAGED.map(|row| run(&row, 0..100));

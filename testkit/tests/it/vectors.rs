@@ -1,4 +1,5 @@
-//! Every vector of `reference/vectors`, by the codec of its link: alone, between neighbours, and behind a frame that was cut.
+//! Every vector of `reference/vectors`, by the codec of its link: alone, between neighbours, and after a truncated
+//! frame.
 
 use std::collections::BTreeSet;
 
@@ -106,7 +107,7 @@ fn an_error_breaks_a_clause_that_its_vectors_show() {
 #[test]
 fn a_neighbour_on_either_side_changes_nothing() {
     for group in groups() {
-        // With a neighbour behind it, what is incomplete is no longer so.
+        // With a neighbour after it, an incomplete vector is no longer incomplete.
         for (index, vector) in group.vectors.iter().enumerate().filter(|(_, vector)| !vector.end) {
             let alone = group.read(&[&vector.bytes]);
             for (number, good) in group.valid().enumerate() {
@@ -138,7 +139,7 @@ fn a_frame_that_is_cut_costs_itself_alone() {
                 for (stream, at) in after_a_cut(&cut.bytes, &good.bytes.repeat(lost + 1)).zip(1..) {
                     let name = format!("{} cut at {at}, {} behind it", group.name(cut), good.id);
                     let found = group.read(&[&stream]);
-                    // What is cut off is what the next frame begins with, or has the same sum, which is 0.
+                    // The missing bytes equal the beginning of the next frame, or have the same sum, which is 0.
                     let is_whole = stream.starts_with(&cut.bytes)
                         || group.link.name == "isra-ball" && at == 10 && cut.bytes[11] == 0;
                     if is_whole {

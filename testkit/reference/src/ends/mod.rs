@@ -9,7 +9,7 @@ use cellwire_links::Link;
 use cellwire_links::reference::story::{self, Do, Done, Omits};
 use serde_json::{Map, Value};
 
-/// What a session did.
+/// The effects of a step of a session.
 #[derive(Debug, Default)]
 pub(crate) struct Step {
     pub(crate) done: Done,
@@ -23,7 +23,7 @@ pub(crate) struct End {
     names: names::Names,
 }
 
-/// The rules that the machine of an end can be told to leave out, by number.
+/// The rules that can be disabled in the machine of an end, by number.
 pub(crate) fn rules(link: &str, name: &str) -> Result<Vec<String>> {
     Ok((Link::by_name(link)?.end(name)?.rules)())
 }

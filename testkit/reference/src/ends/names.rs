@@ -1,4 +1,4 @@
-//! What testkit's tables call the states and the inputs of an end's machine.
+//! The names of the states and inputs of an end's machine in testkit's tables.
 
 use core::time::Duration;
 
@@ -11,11 +11,11 @@ use testkit::model::Rows;
 
 type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::end::Machine>::Input)>>;
 
-/// What an end is called in the tables: where its configuration chooses the table, too.
+/// The names of an end in the tables; its configuration may choose the table.
 pub(super) struct Names {
-    /// The cells that were reached since it was asked last; from the first time on they are noted.
+    /// Returns the cells reached since the last call. The first call starts the recording.
     pub(super) cells: Cells,
-    /// What a story calls the state.
+    /// Returns the name of the state in a story.
     pub(super) state: State,
 }
 
@@ -87,7 +87,7 @@ fn both<A: Rows<Machine: 'static>, B: Rows<Machine = A::Machine>>(end: &mut dyn 
     reached(end, |machine, at, input| [cell::<A>(machine, at, input), cell::<B>(machine, at, input)].concat())
 }
 
-/// Where the row says more of the state than its name, whatever the time is.
+/// Returns the state's row, for machines whose rows have more than the state's name. The time is the latest possible.
 fn row<R: Rows<Machine: 'static>>(end: &dyn End) -> String {
     of(end, |machine: &R::Machine| R::row(machine, Duration::MAX)).unwrap_or_default()
 }

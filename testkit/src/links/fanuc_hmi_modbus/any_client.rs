@@ -37,18 +37,18 @@ pub struct AnyClient {
     pub keeps_rules: bool,
 }
 
-/// What is known of the line.
+/// The model's knowledge of the line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
-    /// What has come since the last silence that was seen.
+    /// The frames that have arrived since the last silence that was seen.
     holds: Vec<Frame>,
     /// The beginning of a frame, after which a silence was seen.
     waits: Waits,
-    /// The frames that the session reads now, or when it has room for a reply.
+    /// The frames that the session reads now, or when it has free space for a reply.
     judging: Vec<Frame>,
-    /// What it has read last, and whether nothing has followed it.
+    /// The frame that the session has read last, and whether nothing has followed it.
     judged: Option<(Frame, bool)>,
-    /// Through TCP, RTU frames behind bytes that are no frame are lost.
+    /// Through TCP, RTU frames after bytes that are not a frame are lost.
     is_lost: bool,
     /// Requests that were carried out and are not answered.
     open: u8,
@@ -63,11 +63,11 @@ enum Waits {
     Nothing,
     /// A silence was seen after it: its rest is to be waited for.
     Found,
-    /// The machine is told so.
+    /// The silence was reported to the machine.
     Said,
 }
 
-/// What comes.
+/// An arrival at the server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Frame {
     /// A request to this server.
@@ -76,7 +76,7 @@ pub enum Frame {
     Broadcast,
     /// A request to another unit, or the reply of one.
     Other,
-    /// What is no frame.
+    /// Bytes that are not a frame.
     Corrupt,
     /// The beginning of a request to this server.
     Part,
@@ -170,7 +170,7 @@ impl Peer for AnyClient {
                 Frame::Own => UNIT,
                 Frame::Broadcast => 0,
                 Frame::Other => UNIT + 1,
-                // Behind bytes that are no frame nothing is read before a stall.
+                // After bytes that are not a frame nothing is read before a stall.
                 Frame::Corrupt => {
                     known.is_lost = matches!(self.framing(), Framing::RtuOverTcp { .. });
                     continue;

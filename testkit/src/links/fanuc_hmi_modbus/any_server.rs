@@ -50,13 +50,14 @@ pub(super) const ANYTHING: Terms = Terms {
 pub struct AnyServer {
     /// The client's configuration.
     pub config: ClientConfig,
-    /// It answers a request once at most, with its transaction. How late is open, within what the client's configuration assumes.
+    /// It answers a request at most once, with its transaction. The delay is left open, within the assumptions of the
+    /// client's configuration.
     pub keeps_rules: bool,
     /// A reply is on its way no longer: over TCP than this many later requests, off TCP than this many ticks.
     pub memory: u8,
 }
 
-/// What is known of the requests.
+/// The model's knowledge of the requests.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// In each place.
@@ -68,7 +69,7 @@ pub struct Known {
     is_arriving: bool,
     /// The last of them were no frame.
     is_damaged: bool,
-    /// They are the beginning of a reply.
+    /// Whether they are the beginning of a reply.
     is_partial: bool,
     /// The place of the request before which a read is in flight.
     probing: Option<u8>,
@@ -84,7 +85,7 @@ struct Job {
     was_sent: bool,
     /// The read before it has ended.
     was_probed: bool,
-    /// It waited when a connection was lost.
+    /// Whether it waited when a connection was lost.
     is_stale: bool,
     has_ended: bool,
 }
@@ -96,34 +97,34 @@ struct Outstanding {
     left: u8,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The caller makes a request.
     Request {
         /// To every unit.
         broadcast: bool,
-        /// Its reply can equal it.
+        /// Whether its reply can equal it.
         mirrored: bool,
     },
     /// The caller takes the outcome of the request in this place.
     Take(u8),
     /// Bytes come.
     Bytes,
-    /// They are a reply, to this request where the server keeps the rules.
+    /// The bytes are a reply, to this request if the server keeps the rules.
     Reply {
         /// The request.
         id: u8,
-        /// Its transaction.
+        /// The transaction of the request.
         transaction: u16,
         /// Whether it fits.
         fit: Fit,
     },
-    /// They are the beginning of a reply to the request in flight.
+    /// The bytes are the beginning of a reply to the request in flight.
     Partial,
-    /// They are what was sent, and so may be a reply.
+    /// The bytes are those that were sent, and so may be a reply.
     Returned,
-    /// They are no frame: noise, or a reply that is damaged.
+    /// The bytes are not a frame: noise, or a damaged reply.
     Corrupt,
     /// Within the damaged reply, data that looks like an exception; more comes, or has come already.
     Data(Fit),
@@ -196,7 +197,7 @@ impl Peer for AnyServer {
         }
         if !self.is_tcp() {
             words.push(Word::Bytes);
-            // What follows the beginning of a reply comes in later bytes.
+            // The rest of a reply comes in later bytes than its beginning.
             if !known.is_arriving || known.is_partial {
                 return;
             }
@@ -279,7 +280,7 @@ impl Peer for AnyServer {
                     };
                     known.outstanding.retain(|outstanding| !is_it(outstanding));
                 }
-                // What fits is compared with the request that it seems to belong to.
+                // A fitting frame is compared with the request to which it seems to belong.
                 let is_expected = end.expects(transaction, &self.config).is_some();
                 Input::Reply { transaction, fit: if is_expected { fit } else { Fit::Whole } }
             }
@@ -347,7 +348,7 @@ impl Peer for AnyServer {
                 known.end_all(not_sent, false);
             }
             Action::Cut => {
-                // Time is counted from now: what is due is at zero.
+                // Time is counted from now: a deadline at zero has come.
                 let waits = |held: &Held| match held.stage {
                     Stage::Probing { deadline, .. } | Stage::InFlight { deadline, .. } => !deadline.is_zero(),
                     _ => false,
@@ -393,7 +394,7 @@ impl Peer for AnyServer {
         broken.extend(known.wrong);
     }
 
-    /// Whatever the server does, a request has an outcome in the end.
+    /// Each request has an outcome in the end, whatever the server does.
     fn is_over(&self, _: &ClientMachine<2>, known: &Known) -> bool {
         known.jobs.iter().flatten().all(|job| job.has_ended)
     }
@@ -451,7 +452,7 @@ impl Known {
             || self.outstanding.iter().any(|outstanding| outstanding.id == id)
     }
 
-    /// An outcome, which says whether it was sent.
+    /// An outcome, with whether the request was sent.
     fn end(&mut self, place: u8, was_sent: bool) -> Option<Job> {
         let job = self.jobs[usize::from(place)].as_mut().filter(|job| !job.has_ended);
         let Some(job) = job else {

@@ -1,4 +1,5 @@
-//! How long the ends may be wrong about each other and the line: their sessions on a virtual clock, with the default settings.
+//! The tolerance of the ends for wrong assumptions about each other and the line: their sessions on a virtual clock,
+//! with the default settings.
 
 use core::time::Duration;
 
@@ -15,7 +16,7 @@ const CLIENT: &str = "fanuc-hmi-modbus client";
 const SERVER: &str = "fanuc-hmi-modbus server";
 const READ: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
 
-/// What the ends assume about time.
+/// The assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let rtu = ClientConfig::rtu(BAUD);
     let silence = ServerConfig::rtu(1, BAUD).framing.silence().unwrap_or_default();

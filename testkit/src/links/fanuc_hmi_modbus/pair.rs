@@ -27,7 +27,7 @@ impl Setup {
         })
     }
 
-    /// What the client's session does with an action, and its caller with the outcome.
+    /// Applies an action as the client's session does, and an outcome as its caller does.
     fn report(&self, world: &mut World, action: client::Action, edges: &mut Edges<'_>) {
         match action {
             client::Action::TimedOut { silent, returned } => {
@@ -39,7 +39,7 @@ impl Setup {
                 self.end_all(world, lost, Outcome::Unknown, edges);
                 self.end_all(world, not_sent, Outcome::NotSent, edges);
             }
-            // What is whole among what the decoder held is found.
+            // The whole frames among the decoder's bytes are found.
             client::Action::Cut => {
                 let held = core::mem::take(&mut world.client_holds);
                 let last = held.len().saturating_sub(1);
@@ -193,14 +193,14 @@ impl Setup {
             self.take(world, held, client::Fit::Exception, edges);
         }
         if frame.what == What::Half || !world.client_holds.is_empty() {
-            // What follows without a silence may be the rest.
+            // A frame that follows without a silence may be the rest.
             world.client_holds.push(frame);
         } else {
             self.take(world, frame, client::Fit::OpenException, edges);
         }
     }
 
-    /// A frame is read; `exception`: what it is if it is one.
+    /// Reads a frame; `exception` is the fit of a frame that is an exception.
     fn take(&self, world: &mut World, frame: Frame, exception: client::Fit, edges: &mut Edges<'_>) {
         let transaction = frame.transaction;
         let expects = world.client.expects(transaction, &self.client);

@@ -17,7 +17,7 @@ use crate::model::{self, Refined, age};
 /// Walks every state and every transition of a system with real sessions.
 ///
 /// # Panics
-/// Where a session differs from its machine.
+/// If a session differs from its machine.
 pub(super) fn refine(setup: &Setup) -> Refined {
     model::refine(setup, || Sessions::new(setup), Sessions::walk, Sessions::compare)
 }

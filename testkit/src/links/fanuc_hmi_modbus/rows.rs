@@ -12,12 +12,12 @@ use robot_session::end::{Input as _, Machine as _, is_due};
 
 use crate::model::{Drawn, NOW, Rows};
 
-/// Shorter than `NOW`, also twice: what begins at zero is over.
+/// Shorter than `NOW` even twice: a wait that begins at zero is over.
 const TIME: Duration = Duration::from_millis(400);
 
-/// What the tables differ in.
+/// The differences between the tables.
 pub trait Transport {
-    /// How the names of its rows begin.
+    /// The beginning of the names of its rows.
     const NAME: &'static str;
 
     /// A client of it.
@@ -152,7 +152,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             ]);
             if T::NAME != Tcp::NAME {
                 states.push(up(&[ask, sent, On::Received, On::Partial]));
-                // What was sent has come back on a line that is not proven.
+                // The sent bytes have come back on a line that is not proven.
                 states.push(up(&[ask, sent, On::Received, equal]));
                 states.extend([after(&[(at, mirror)]), up(&[mirror]), up(&[mirror, probed])]);
                 states.push(up(&[mirror, probed, On::Received]));

@@ -1,4 +1,4 @@
-//! What the model knows: both machines, the line between them, and what is known of every request.
+//! The state of the model: both machines, the line between them, and a record of every request.
 
 use core::time::Duration;
 
@@ -10,7 +10,7 @@ use robot_session::end::Machine as _;
 pub(super) const TICK: Duration = Duration::from_millis(10);
 pub(super) const UNIT: u8 = 1;
 
-/// What the caller asks for, what may go wrong, and both configurations.
+/// The caller's requests, the possible faults, and both configurations.
 #[derive(Debug, Clone)]
 pub(super) struct Setup {
     pub(super) client: ClientConfig,
@@ -42,9 +42,9 @@ pub(super) struct World {
     pub(super) down: Vec<Frame>,
     pub(super) up: Vec<Frame>,
     pub(super) line: Line,
-    /// What the client's decoder holds: the beginning of a reply, and all that came after it without a silence.
+    /// The contents of the client's decoder: the beginning of a reply, and all that came after it without a silence.
     pub(super) client_holds: Vec<Frame>,
-    /// What the server's decoder holds until the line is silent.
+    /// The frames in the server's decoder until the line is silent.
     pub(super) server_holds: Vec<Frame>,
     /// The server carries out a broadcast, and receives nothing.
     pub(super) busy: u8,
@@ -82,10 +82,10 @@ pub(super) enum Line {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Record {
-    /// Up to 2.
+    /// The number of executions, up to 2.
     pub(super) executed: u8,
     pub(super) outcome: Outcome,
-    /// The connection on which it was made; 0 is none.
+    /// The connection on which it was made; 0 if it was not made on a connection.
     pub(super) epoch: u8,
 }
 
@@ -123,7 +123,7 @@ pub(super) enum Act {
     ClientRead,
     ClientTimer,
     Lose,
-    /// Bytes that nobody has sent arrive at the server.
+    /// Bytes that were not sent arrive at the server.
     Noise,
     ClientNotices,
     ServerNotices,
@@ -183,7 +183,7 @@ impl Setup {
 }
 
 impl World {
-    /// What is on its way is lost, and the connection with it; `client` and `server` know that already.
+    /// Loses the bytes in flight and the connection; `client` and `server` have noticed the loss already.
     pub(super) fn lose(&mut self, client: bool, server: bool) {
         self.down.clear();
         self.up.clear();

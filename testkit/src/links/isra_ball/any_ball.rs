@@ -49,27 +49,28 @@ pub(super) const ANYTHING: Terms = Terms {
 pub struct AnyBall {
     /// The host's configuration.
     pub config: Config,
-    /// It sends nothing unasked (IB-3), one packet to all polls of a connection (IB-34, IB-35), and marks what it has sent as old (IB-33). No
-    /// packet is later than `max_delay`. When it measures and whether it answers is open.
+    /// It sends nothing unasked (IB-3), one packet to all polls of a connection (IB-34, IB-35), and marks sent values
+    /// as old (IB-33). No packet is later than `max_delay`. The times of its measurements, and whether it answers,
+    /// are left open.
     pub keeps_rules: bool,
-    /// Ticks: ball and line are late by this many at most, which is in time.
+    /// The ticks by which ball and line are late at most, which is in time.
     pub(super) delay: u8,
-    /// Each packet is later by this many.
+    /// The ticks by which each packet is later.
     pub(super) lag: u8,
-    /// It answers each poll, with new values. If so: how many polls and packets are lost all the same.
+    /// If it answers each poll with new values: the number of polls and packets that are lost nevertheless.
     pub(super) prompt: Option<u8>,
 }
 
-/// What is known of the ball, the line and the values.
+/// The model's knowledge of the ball, the line and the values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// Ticks since the ball has a poll that it may answer.
     asked: Option<u8>,
-    /// Ticks since it has sent a packet: what it has not sent is no older.
+    /// Ticks since the ball has sent a packet: unsent values are not older.
     unsent: u8,
     /// On the line and in the host's input, oldest first.
     up: Vec<Packet>,
-    /// The one that is just read.
+    /// The packet that is being read.
     read: Option<Packet>,
     /// The last poll has no outcome, or was missed.
     open: bool,
@@ -78,7 +79,7 @@ pub struct Known {
     since_poll: u8,
     since_connected: u8,
     proof: Option<u8>,
-    /// How old the values may be that are used.
+    /// The greatest age of the values in use.
     using: Option<u8>,
     /// With a ball that is late: what went wrong besides, a packet was reported as no reply, and for how many ticks values are used
     /// that are too old.
@@ -94,29 +95,29 @@ struct Packet {
     /// Ticks until it arrives; 0 in the host's input.
     ticks: u8,
     fresh: bool,
-    /// How old its values may be.
+    /// The greatest age of its values.
     age: u8,
-    /// It answers the last poll.
+    /// Whether it answers the last poll.
     reply: bool,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The ball sends a packet.
     Answer {
         /// As values that were not sent before.
         fresh: bool,
-        /// It is this many ticks late.
+        /// The ticks by which it is late.
         late: u8,
     },
-    /// The poll is lost, or the ball forgets it.
+    /// The poll is lost, or the ball drops it.
     LosePoll,
     /// The oldest packet is lost or corrupt.
     Lose,
     /// The host reads the oldest packet.
     Read,
-    /// The host reads a packet of nobody knows when.
+    /// The host reads a packet that was sent at an unknown time.
     Packet {
         /// As values that were not sent before.
         fresh: bool,
@@ -141,7 +142,7 @@ impl AnyBall {
         self.config.max_age() + if self.lag > 0 { LINE + 3 } else { 1 }
     }
 
-    /// What must hold with a ball that keeps the rules.
+    /// Checks the properties that hold with a ball that keeps the rules.
     fn judge(&self, known: &mut Known, read: Packet, action: Action) {
         if self.lag > 0 {
             known.said |= action == Action::Unasked;
@@ -156,7 +157,7 @@ impl AnyBall {
         }
     }
 
-    /// What must hold with any ball.
+    /// Checks the properties that hold with any ball.
     fn judge_clauses(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
         let config = &self.config.0;
         let since_poll = u32::from(known.since_poll) * TICK;
@@ -336,7 +337,7 @@ impl Peer for AnyBall {
                 known.up.iter_mut().for_each(|packet| packet.reply = false);
             }
             Cause::Sent(Enquiry) => {
-                // What has come before is read before, and is no reply.
+                // A packet that has arrived before is read before, and is not a reply.
                 known.up.retain(|packet| packet.ticks > 0 || self.lag > 0);
                 known.up.iter_mut().for_each(|packet| packet.reply = false);
                 (known.open, known.since_poll) = (true, 0);

@@ -31,11 +31,11 @@ pub(super) const ANYTHING: Terms =
 pub struct AnyHost {
     /// The ball's configuration.
     pub config: BallConfig,
-    /// It polls when the reply to its last poll has come, or can come no more (IB-25).
+    /// It polls when the reply to its last poll has come, or can no longer come (IB-25).
     pub keeps_rules: bool,
 }
 
-/// What is known of the polls and the values.
+/// The model's knowledge of the polls and the values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// A poll of this connection is not answered.
@@ -47,7 +47,7 @@ pub struct Known {
     wrong: Option<&'static str>,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// ENQ comes.

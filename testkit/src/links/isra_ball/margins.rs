@@ -1,4 +1,5 @@
-//! By how much the host may be wrong about its ball: its session on a virtual clock, with the default settings.
+//! The tolerance of the host for wrong assumptions about its ball: its session on a virtual clock, with the default
+//! settings.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -15,7 +16,7 @@ const MS: Duration = Duration::from_millis(1);
 const END: &str = "isra-ball host";
 const FRESH: &str = "values do not become stale";
 
-/// What the host assumes about time.
+/// The assumptions of the host about time.
 pub fn margins() -> Vec<Margin> {
     let HostConfig { period, max_delay, .. } = HostConfig::default();
     let late = |property: &'static str, varies: bool| -> Vec<Step> {
@@ -66,15 +67,15 @@ pub fn margins() -> Vec<Margin> {
 /// A ball, its line, and how the host is called.
 #[derive(Debug, Clone, Copy)]
 struct Reality {
-    /// By how much packets are late, or may be.
+    /// The delay of packets; with `varies`, the longest delay.
     delay: Duration,
     varies: bool,
     /// Of twenty packets this many in succession are lost, or old.
     lost: u32,
     old: u32,
-    /// How long the host is not called when the poll behind a lost one is due.
+    /// The time for which the host is not called when the poll after a lost one is due.
     pause: Duration,
-    /// How often the ball measures.
+    /// The interval between the ball's measurements.
     measures: Duration,
 }
 
@@ -95,7 +96,7 @@ impl Reality {
         (0..seeds).find_map(|seed| self.breaks_in(Rng::new(seed), property))
     }
 
-    /// By how much a packet is late. Where that differs, it is often as little or as much as it may be.
+    /// Returns the delay of a packet. If it varies, it is often as small or as large as possible.
     fn late(&self, rng: &mut Rng) -> Duration {
         match rng.below(4) {
             _ if !self.varies => self.delay,

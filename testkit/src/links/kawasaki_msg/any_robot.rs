@@ -30,13 +30,13 @@ pub(super) const SILENCE: &str = "a robot that is silent, or does not answer a s
 pub struct AnyRobot {
     /// The PC's configuration.
     pub pc: PcConfig,
-    /// How many orders are started, all of the same number, and the jobs of each.
+    /// The number of orders that are started, all with the same order number.
     pub starts: u8,
-    /// The jobs of each.
+    /// The number of jobs of each order.
     pub jobs: u32,
-    /// The jobs in one answer.
+    /// The number of jobs in one answer.
     pub batch: u32,
-    /// How often the user interrupts, ends or commands.
+    /// The number of times that the user interrupts, ends or commands.
     pub users: u8,
 }
 
@@ -64,7 +64,7 @@ struct Flags {
     unspoken: bool,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Act {
     /// The user begins an order.
@@ -81,7 +81,7 @@ pub enum Act {
     Break,
     /// The PC reads this.
     Receive(FromRobot),
-    /// It reads corrupt bytes.
+    /// The PC reads corrupt bytes.
     Corrupt,
     /// Nothing more comes for now.
     ReadEnd,
@@ -281,7 +281,7 @@ impl System for AnyRobot {
         if !w.pc.is_connected() {
             (w.spoken, w.silent) = (false, 0);
         }
-        // Whether the status is in the answer decides nothing.
+        // Whether the status is in the answer has no effect.
         if let Link::Connected {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut w.pc.link

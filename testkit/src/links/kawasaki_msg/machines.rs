@@ -36,7 +36,7 @@ impl Drawn for Robot {
     fn action_name(action: &Self::Action) -> String {
         use robot::Action;
         match action {
-            // A table of states says it; in a diagram it would be at every arrow.
+            // A table of states has it; in a diagram it would be at every arrow.
             Action::Nothing | Action::Connected | Action::Sent | Action::Answered => String::new(),
             action => format!("{action:?}"),
         }

@@ -1,4 +1,5 @@
-//! How long the ends may be wrong about each other: their sessions on a virtual clock, with the default settings.
+//! The tolerance of the ends for wrong assumptions about each other: their sessions on a virtual clock, with the
+//! default settings.
 
 use core::time::Duration;
 
@@ -11,7 +12,7 @@ use crate::model::{Margin, Step};
 const PC: &str = "kawasaki-msg pc";
 const ROBOT: &str = "kawasaki-msg robot";
 
-/// What the ends assume about time.
+/// The assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let (robot, pc) = (RobotConfig::TCP, PcConfig::TCP);
     // Three resends, three pauses, a clear, and the alarm.
@@ -85,7 +86,7 @@ fn asking() -> (Native, Duration) {
     (robot, asked)
 }
 
-/// When the next packet is sent.
+/// Returns the time at which the next packet is sent.
 fn send(robot: &mut Native, from: Duration) -> Duration {
     let mut now = from;
     loop {

@@ -141,7 +141,7 @@ impl System for Setup {
         if !urgent && (!in_flight || faulty && faults.delay && !(datagrams && late)) {
             acts.push(Act::Tick);
         }
-        // What has arrived waits to be read.
+        // Arrived messages wait to be read.
         if urgent && faulty && faults.late_poll {
             acts.push(Act::LateTick);
         }

@@ -21,7 +21,7 @@ use crate::model::{Refined, System};
 /// Walks every state and every transition of a pair with real sessions.
 ///
 /// # Panics
-/// Where a session differs from its machine.
+/// If a session differs from its machine.
 pub(super) fn refine(setup: &Setup) -> Refined {
     Refined::by(setup, |path| walk(setup, &path))
 }
@@ -50,7 +50,7 @@ fn walk(setup: &Setup, path: &[Act]) {
     }
 }
 
-/// The line of a job: it says which one it is.
+/// The line of a job, which encodes its number.
 fn line(Tag { start, job }: Tag) -> Line {
     let at = Point::new(i32::from(start), i32::from(job));
     Line { kind: JobKind::Draw, start: at, end: at }
@@ -355,7 +355,7 @@ fn take(line: &mut Vec<Vec<Vec<u8>>>, packet: u8, count: u8) -> Vec<u8> {
     messages.concat()
 }
 
-/// The message does not end where it says.
+/// Corrupts the end of a message.
 fn corrupt(message: &mut [u8]) {
     if let Some(last) = message.last_mut() {
         *last = b'#';

@@ -34,7 +34,7 @@ impl Rows for Pc {
             }
             machine
         };
-        // What comes is answered.
+        // Each message is answered.
         let hear = |machine: &Machine, message, sent| {
             let mut machine =
                 after(machine, &[Input::Message(message), Input::ReadEnd { whole: true }, Input::Sent(sent)]);

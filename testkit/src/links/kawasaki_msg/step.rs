@@ -1,4 +1,4 @@
-//! What follows from an act.
+//! The effects of an act.
 
 use core::time::Duration;
 
@@ -11,7 +11,7 @@ use super::machines::{Pc, Robot, packet};
 use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
 use crate::model::{Edges, age, drive};
 
-/// How many ticks a datagram can be late.
+/// The ticks by which a datagram can be late.
 const LATEST: u8 = 2;
 const NOW: Duration = Duration::ZERO;
 
@@ -30,7 +30,7 @@ pub(super) fn executed(pc: &Pc) -> u8 {
 }
 
 impl Start {
-    /// What the PC has reported executed was.
+    /// Returns whether all jobs that the PC has reported as executed were executed.
     pub(super) fn executed_is_true(&self) -> bool {
         match self.reported {
             Reported::Over { executed } | Reported::Unknown { executed, .. } => {
@@ -40,7 +40,7 @@ impl Start {
         }
     }
 
-    /// What it has reported not executed was not.
+    /// Returns whether no job that the PC has reported as not executed was begun.
     pub(super) fn not_executed_is_true(&self) -> bool {
         match self.reported {
             Reported::Over { executed } => self.begun & !executed == 0,
@@ -159,7 +159,7 @@ impl Setup {
                 Outcome::Unknown { sent, .. } => Reported::Unknown { executed, sent: sent as u8 },
                 Outcome::GivenUp { .. } => Reported::GivenUp,
             });
-            // What is known of it decides nothing any more.
+            // The PC's count no longer has an effect.
             w.pc.count = pc::Count::default();
         }
         while let Some(report) = w.pc.report() {

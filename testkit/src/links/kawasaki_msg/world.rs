@@ -9,10 +9,10 @@ use super::machines::{Pc, Robot};
 /// The time of a tick.
 pub const TICK: Duration = Duration::from_millis(500);
 
-/// What may go wrong, and what the users may do.
+/// The possible faults and the acts of the users.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// How often in all.
+    /// The number of faults in a run.
     pub most: u8,
     /// A packet is read in two parts.
     pub split: bool,
@@ -22,17 +22,17 @@ pub struct Faults {
     pub repeat: bool,
     /// A packet comes after the reply timeout; a datagram is overtaken.
     pub delay: bool,
-    /// What the PC sends is corrupt.
+    /// Messages from the PC are corrupt.
     pub corrupt: bool,
-    /// What the robot sends is corrupt.
+    /// Messages from the robot are corrupt.
     pub corrupt_up: bool,
     /// Either end is polled a tick too late.
     pub late_poll: bool,
     /// The PC loses its memory.
     pub restart_pc: bool,
-    /// The robot does.
+    /// The robot loses its memory.
     pub restart_robot: bool,
-    /// How often the users interfere: interrupt and end at the PC, the two resets at the robot.
+    /// The number of interferences of the users: interrupt and end at the PC, the two resets at the robot.
     pub users: u8,
 }
 
@@ -41,7 +41,7 @@ pub struct Faults {
 pub struct Setup {
     /// The robot's configuration.
     pub robot: RobotConfig,
-    /// The PC's.
+    /// The configuration of the PC.
     pub pc: PcConfig,
     /// The order numbers that the user starts, one after the other.
     pub starts: Vec<u16>,
@@ -51,42 +51,42 @@ pub struct Setup {
     pub batch: u32,
     /// The places of the robot's queue.
     pub capacity: usize,
-    /// What is left in it when it has drained.
+    /// The jobs in the queue when it counts as drained.
     pub low_water: usize,
-    /// What may go wrong.
+    /// The possible faults.
     pub faults: Faults,
     /// Acknowledgements of the order before are not used, whatever the number of this one is: what a PC must not do.
     pub filters_acks: bool,
 }
 
-/// A message to the robot; of which start it is and which job of it only the model knows.
+/// A message to the robot. The tag exists only in the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Sent {
-    /// `None` is corrupt.
+    /// The message; `None` if it is corrupt.
     pub message: Option<FromPc>,
-    /// Whose.
+    /// The start and the job of the message.
     pub tag: Tag,
 }
 
 /// A job of a start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Tag {
-    /// Which start, from 0.
+    /// The number of the start, from 0.
     pub start: u8,
-    /// Which job of it, from 0.
+    /// The number of the job in the start, from 0.
     pub job: u8,
 }
 
 /// A packet in flight.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct InFlight<M> {
-    /// Its messages.
+    /// The messages of the packet.
     pub messages: Vec<M>,
-    /// Over datagrams, for how many ticks it can still arrive.
+    /// Over datagrams, the ticks within which it can still arrive.
     pub left: u8,
 }
 
-/// What the PC's user was told of a start.
+/// The result of a start that was reported to the PC's user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Reported {
     /// Nothing yet.
@@ -94,30 +94,30 @@ pub enum Reported {
     Nothing,
     /// Jobs of this mask are executed, no others will be.
     Over {
-        /// One bit a job.
+        /// One bit per job.
         executed: u8,
     },
-    /// Jobs of the mask are executed, of the others before `sent` nobody knows.
+    /// Jobs of the mask are executed; the outcome of the others before `sent` is unknown.
     Unknown {
-        /// One bit a job.
+        /// One bit per job.
         executed: u8,
-        /// A count.
+        /// The number of jobs sent.
         sent: u8,
     },
-    /// It was not begun.
+    /// The order was not begun.
     GivenUp,
     /// The PC's process was restarted.
     Abandoned,
 }
 
-/// A start, and what really became of its jobs, one bit each.
+/// A start, and the real results of its jobs, one bit each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Start {
     /// The motion task has begun them.
     pub begun: u8,
-    /// It has executed them.
+    /// The motion task has executed them.
     pub done: u8,
-    /// What the PC reported.
+    /// The result that the PC reported.
     pub reported: Reported,
     /// A user or a restart has broken it off.
     pub disturbed: bool,
@@ -128,37 +128,37 @@ pub struct Start {
 pub struct World {
     /// The robot's machine.
     pub robot: Robot,
-    /// The PC's.
+    /// The machine of the PC.
     pub pc: Pc,
-    /// The order before, of a PC that filters acknowledgements.
+    /// The number of the previous order, of a PC that filters acknowledgements.
     pub before: u16,
-    /// There is a connection.
+    /// Whether there is a connection.
     pub line: bool,
-    /// From the robot.
+    /// The packets from the robot.
     pub up: Vec<InFlight<FromRobot>>,
-    /// To the robot.
+    /// The packets to the robot.
     pub down: Vec<InFlight<Sent>>,
-    /// What the robot has read ends with a corrupt message: it is known when the next one begins.
+    /// The bytes that the robot has read end with a corrupt message, which is noticed when the next one begins.
     pub robot_tail: bool,
     /// The same at the PC.
     pub pc_tail: bool,
     /// The robot's queue.
     pub queue: Vec<Tag>,
-    /// What the motion task executes.
+    /// The job that the motion task executes.
     pub executing: Option<Tag>,
-    /// Whose the first job of the robot's order was.
+    /// The start to which the first job of the robot's order belonged.
     pub owner: u8,
-    /// What was started.
+    /// The starts so far.
     pub starts: Vec<Start>,
-    /// How many faults may still happen.
+    /// The number of faults that may still happen.
     pub faults: u8,
-    /// How often a user may still interfere.
+    /// The number of times that a user may still interfere.
     pub users: u8,
-    /// What must not happen, and did.
+    /// The violations so far.
     pub flags: Flags,
 }
 
-/// What must not happen.
+/// Violations of the properties.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Flags {
     /// A job was begun twice.
@@ -167,11 +167,11 @@ pub struct Flags {
     pub mixed: bool,
     /// A machine did not expect an input.
     pub unexpected: bool,
-    /// An order that nobody has broken off was not executed whole.
+    /// An order that was not broken off was not executed completely.
     pub broken_off: bool,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Act {
     /// The PC's user begins the next order.
@@ -188,33 +188,33 @@ pub enum Act {
     Connect,
     /// The robot's time has come, or its queue has drained or settled.
     RobotTimeout,
-    /// It sends a packet.
+    /// The robot sends a packet.
     Transmit,
     /// The PC reads this many messages of a packet.
     PcReads {
-        /// Which packet in flight.
+        /// The index of the packet in flight.
         packet: u8,
-        /// How many messages.
+        /// The number of messages.
         count: u8,
     },
-    /// It reads the first packet, in which one message is corrupt.
+    /// The PC reads the first packet, in which one message is corrupt.
     PcReadsCorrupt(u8),
     /// The PC's time has come.
     PcTimeout,
-    /// It answers.
+    /// The PC answers.
     Answer,
     /// The robot reads this many messages of a packet.
     RobotReads {
-        /// Which packet in flight.
+        /// The index of the packet in flight.
         packet: u8,
-        /// How many messages.
+        /// The number of messages.
         count: u8,
     },
     /// The same, and the last of them is corrupt.
     RobotReadsCorrupt(u8),
     /// The motion task takes a job.
     Take(u8),
-    /// It has executed it.
+    /// The motion task has executed the job.
     Done,
     /// The connection is lost.
     Lose,
@@ -222,7 +222,7 @@ pub enum Act {
     LoseDatagram {
         /// To the PC.
         up: bool,
-        /// Which.
+        /// The index of the datagram.
         packet: u8,
     },
     /// A datagram comes once more.

@@ -42,14 +42,14 @@ pub struct AnyController {
     pub config: HostConfig,
     /// It sends nothing unasked, and its times are those that the host assumes (LE-72).
     pub keeps_rules: bool,
-    /// It drops what it holds of a frame when it answers an error code.
+    /// It drops the bytes that it holds of a frame when it answers an error code.
     pub drops: bool,
-    /// How long it and the line really take.
+    /// The real times of the controller and the line.
     pub real: Times,
 }
 
-/// How long a controller and its line take, in ticks: a frame's pauses, its execution, an answer, an error code, and the frame of an
-/// earlier host on the line.
+/// The times of a controller and its line, in ticks: a frame's pauses, its execution, an answer, an error code, and
+/// the frame of an earlier host on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Times {
     pub(super) pause: u8,
@@ -60,12 +60,12 @@ pub struct Times {
 }
 
 impl Times {
-    /// What the host assumes.
+    /// The times that the host assumes.
     pub(super) const ASSUMED: Self =
         Self { pause: PAUSE, execution: EXECUTION, settle: SETTLE, reply: REPLY, earlier: LINE };
 }
 
-/// What is known of the controller, of the line and of the frames.
+/// The model's knowledge of the controller, the line and the frames.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// Frames on the line and in the controller, the oldest first.
@@ -83,14 +83,14 @@ struct Job {
     class: Class,
     /// The number of times.
     executed: u8,
-    /// Its word has come.
+    /// Whether its word has come.
     has_come: bool,
 }
 
 /// The frame before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Before {
-    /// It was reported as refused, or as done after each of its transmissions was answered.
+    /// Whether it was reported as refused, or as done after each of its transmissions was answered.
     refused: bool,
     answered: bool,
     /// The number of times.
@@ -100,7 +100,7 @@ struct Before {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Frame {
     class: Class,
-    /// Its outcome was reported.
+    /// Whether its outcome was reported.
     is_old: bool,
     stage: Stage,
     /// The ticks that are left to it.
@@ -109,28 +109,28 @@ struct Frame {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Stage {
-    /// Not all of it has certainly come.
+    /// The frame may not have come completely.
     Coming,
     /// The same, and its first half was answered and is kept.
     Half,
-    /// Its first half was answered and dropped.
+    /// The first half of the frame was answered and dropped.
     Rest,
-    /// It is executed.
+    /// The frame is executed.
     Executing,
 }
 
-/// What the controller answers.
+/// An answer of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Answer {
     /// The word of its class.
     Echo(Class),
     /// An error code.
     Error(Refusal),
-    /// Something that is no answer.
+    /// Bytes that are not an answer.
     Corrupt,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The caller submits an instruction.
@@ -139,18 +139,18 @@ pub enum Word {
     Resume,
     /// The frame is taken: queued and answered, or executed.
     Take(usize),
-    /// It is executed, or that fails.
+    /// The frame is executed, or that fails.
     Finish(usize, bool),
-    /// It is answered with an error code.
+    /// The frame is answered with an error code.
     Refuse(usize, Refusal),
-    /// Its first half is.
+    /// The first half of the frame is answered with an error code.
     Half(usize),
     /// The oldest answer comes; perhaps corrupt.
     Read {
-        /// It is.
+        /// Whether the answer is corrupt.
         corrupt: bool,
     },
-    /// It is lost.
+    /// The oldest answer is lost.
     Lose,
     /// An unsolicited answer comes.
     Say(Answer),
@@ -346,7 +346,7 @@ impl Peer for AnyController {
         }
     }
 
-    /// Whatever has not come by then is lost.
+    /// Drops frames and answers that have not arrived in time.
     fn tick(&self, known: &mut Known) {
         known.frames.retain(|frame| frame.left > 0);
         known.answers.retain(|(_, left)| *left > 1);
@@ -369,7 +369,7 @@ impl Peer for AnyController {
         broken.extend(known.wrong);
     }
 
-    /// Whatever the controller does, a frame has an outcome in the end.
+    /// Each frame has an outcome in the end, whatever the controller does.
     fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
         known.job.is_none() && end.next.is_none()
     }

@@ -38,34 +38,34 @@ pub struct AnyHost {
     pub keeps_rules: bool,
 }
 
-/// What is known of the host, of its line and of its frame.
+/// The model's knowledge of the host, its line and its frame.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
-    /// What the controller's decoder holds.
+    /// The contents of the controller's decoder.
     held: Held,
-    /// What it has found and the controller has not read.
+    /// The decoder's results that the controller has not read.
     found: Vec<Found>,
     /// The controller reads.
     reading: bool,
     /// Bytes have come, and nothing was sent since.
     has_come: bool,
-    /// What the host's port has not sent.
+    /// The bytes that the host's port has not sent.
     port: Vec<Piece>,
     host: Host,
     /// An answer that the host has not read.
     answer: Option<Answer>,
-    /// How often the frame was executed, or queued.
+    /// The number of times that the frame was executed, or queued.
     executed: u8,
     wrong: Option<&'static str>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Host {
-    /// It has a frame that was never sent.
+    /// The host has a frame that was never sent.
     Fresh,
-    /// It sends its frame again.
+    /// The host sends its frame again.
     Again,
-    /// It waits for the answer. `must`: the head has come.
+    /// The host waits for the answer. `must`: the head has come.
     Waits { is_answered: bool, must: bool },
 }
 
@@ -88,14 +88,14 @@ enum Found {
     },
 }
 
-/// What the controller does with a frame.
+/// The controller's decision about a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// It queues it.
+    /// The controller queues it.
     Queued,
-    /// Its queue is full.
+    /// The controller's queue is full.
     Full,
-    /// It executes it.
+    /// The controller executes it.
     Immediate,
 }
 
@@ -108,7 +108,7 @@ pub enum Piece {
     Bad,
     /// A frame that has lost a byte, so that one is found in its middle; its head may be corrupt, too.
     Inner {
-        /// It is.
+        /// Whether the head is corrupt.
         headless: bool,
     },
     /// The beginning of a frame.
@@ -122,7 +122,7 @@ pub enum Piece {
     Rest {
         /// As much as the shortest frame.
         many: bool,
-        /// It ends in EB 90 82: data and tail.
+        /// Whether it ends in EB 90 82: data and tail.
         false_head: bool,
     },
     /// Bytes without a head.
@@ -185,7 +185,7 @@ const PIECES: &[Piece] = &[
     Headless { many: false },
 ];
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The host writes one of the transmissions to its port.
@@ -196,7 +196,7 @@ pub enum Word {
     Piece(Piece),
     /// The host reads the answer.
     Read,
-    /// The host, or somebody who looks at it, waits no longer.
+    /// The host, or a person who looks at it, stops waiting.
     GiveUp,
     /// The instruction is executed, or it fails.
     Executed(bool),
@@ -429,7 +429,7 @@ impl Known {
         Input::Bytes
     }
 
-    /// What is held is no frame.
+    /// Reports the decoder's bytes as corrupt.
     fn flush(&mut self) {
         let corrupt = |many, begun| Found::Corrupt { refusal: Refusal::BadFrame, many, begun };
         self.found.extend(match core::mem::replace(&mut self.held, Held::Nothing) {

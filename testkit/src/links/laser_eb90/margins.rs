@@ -1,5 +1,5 @@
-//! How long the host may be wrong about its controller and the line: explored, in steps of a tick; and the controller about its host,
-//! on a virtual clock.
+//! The tolerance of the host for wrong assumptions about its controller and the line, explored in steps of a tick;
+//! and of the controller about its host, on a virtual clock.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::model::{Margin, Peer as _, Setting, Step};
 /// One of them.
 type Time = fn(&mut Times) -> &mut u8;
 
-/// What the ends assume about time.
+/// The assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let changes: [(&str, &str, Time); 5] = [
         ("max_pause", "a frame is so long under way beyond its time on the line", |real| &mut real.pause),

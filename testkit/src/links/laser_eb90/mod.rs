@@ -123,7 +123,7 @@ fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     Against { breaks: !keeps_rules, ..Against::new(AnyHost { config, keeps_rules }) }
 }
 
-/// What a line does, apart from pauses and lateness.
+/// The faults of a line, apart from pauses and lateness.
 const LINE: Faults = Faults {
     most: 1,
     pause: 0,
@@ -160,7 +160,7 @@ const READERS: [(&str, Reader); 5] = [
     ("one that keeps it and loses the next frame with it", Reader { swallows: true, ..KEEPS }),
 ];
 
-/// The rules of a controller that answers each half of a frame, and takes a frame behind corrupt bytes.
+/// The rules of a controller that answers each half of a frame, and accepts a frame after corrupt bytes.
 const ANSWERS_REST: Rules<ControllerRule> =
     Rules::without_both(ControllerRule::IgnoreRest, ControllerRule::TrustSilence);
 
@@ -209,8 +209,8 @@ pub fn setup(reader: Reader, jobs: &[Content], most: u8) -> Setup {
     }
 }
 
-/// The same, the pauses twice as long as assumed; the driver reports when a frame has left. What an earlier host has sent is
-/// not waited for this long: nothing is lost but its memory.
+/// The same with pauses twice as long as assumed; the driver reports when a frame has left. The host does not wait
+/// this long for frames of an earlier host, so it neither crashes nor disconnects here.
 fn reporting(reader: Reader, jobs: &[Content], most: u8) -> Setup {
     let mut setup = setup(reader, jobs, most);
     setup.reports_transmitted = true;

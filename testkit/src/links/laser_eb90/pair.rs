@@ -1,4 +1,4 @@
-//! What happens in a [`World`], and what follows.
+//! The acts in a [`World`], and their effects.
 
 use core::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What follows from an act.
+//! The effects of an act.
 
 use core::time::Duration;
 
@@ -83,7 +83,7 @@ impl Step<'_> {
                 if cut {
                     self.world.down.clear();
                 }
-                // What was not sent, the next process sends.
+                // The next process sends the unsent frame.
                 self.world.submitted -= u8::from(self.world.host.next.is_some());
                 let submitted = usize::from(self.world.submitted);
                 for job in self.world.jobs.iter_mut().take(submitted) {

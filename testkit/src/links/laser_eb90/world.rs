@@ -1,4 +1,4 @@
-//! What is explored: both machines, the line between them, and what is known of every frame. Time goes in ticks.
+//! The explored system: both machines, the line between them, and a record of every frame. Time is counted in ticks.
 
 use core::time::Duration;
 
@@ -12,7 +12,7 @@ pub const CUT: u16 = 0x0101;
 /// As [`CUT`].
 pub const SWITCH: u16 = 0x0201;
 
-/// What a frame carries.
+/// The contents of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Content {
     /// Interpreted instructions.
@@ -23,10 +23,10 @@ pub enum Content {
     Mixed,
 }
 
-/// What the line and the ends can do wrong, and how often in all.
+/// The faults of the line and the ends, and their total number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// How many faults in a run.
+    /// The number of faults in a run.
     pub most: u8,
     /// A frame pauses once within, for up to this many ticks.
     pub pause: u8,
@@ -50,7 +50,8 @@ pub struct Faults {
     pub queue_full: bool,
     /// The execution of an immediate instruction fails halfway.
     pub fail: bool,
-    /// The host's process ends; what it has written is transmitted, or is cut. The next process goes on with the next frame.
+    /// The host's process ends; the bytes that it has written are transmitted, or are discarded. The next process
+    /// goes on with the next frame.
     pub crash: bool,
     /// The host loses the connection, and has another.
     pub disconnect: bool,
@@ -58,18 +59,20 @@ pub struct Faults {
     pub restart: bool,
 }
 
-/// How the controller reads, where controllers differ.
+/// The behaviour of a controller that reads, in the points where controllers differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reader {
-    /// It keeps the first half when it answers an error.
+    /// Whether it keeps the first half when it answers an error.
     pub keeps: bool,
-    /// A half that was kept and the next frame are one corrupt frame; else the frame is found after the half.
+    /// The controller reads a kept half and the next frame as one corrupt frame; otherwise it finds the frame after
+    /// the half.
     pub swallows: bool,
-    /// It answers bytes without a head.
+    /// Whether it answers bytes without a head.
     pub answers_headless: bool,
-    /// It answers them also when they are the rest of what it has answered, and takes a frame behind them.
+    /// It answers bytes without a head even if they are the rest of an answered frame, and accepts a frame after
+    /// them.
     pub answers_rest: bool,
-    /// It answers an immediate instruction that has others after it with an error.
+    /// Whether it answers an immediate instruction that has others after it with an error.
     pub refuses_mixed: bool,
 }
 
@@ -84,17 +87,17 @@ pub struct Setup {
     pub answer: u8,
     /// The ticks of the longest execution.
     pub execution: u8,
-    /// The host's.
+    /// The configuration of the host.
     pub host: HostConfig,
-    /// The controller's.
+    /// The configuration of the controller.
     pub controller: ControllerConfig,
-    /// What the controller's decoder does.
+    /// The behaviour of the controller's decoder.
     pub reader: Reader,
     /// The host's driver writes until the last byte has left, and reports that.
     pub reports_transmitted: bool,
-    /// What is sent, a frame each.
+    /// The frames to send.
     pub jobs: Vec<Content>,
-    /// What can go wrong.
+    /// The possible faults.
     pub faults: Faults,
 }
 
@@ -107,9 +110,9 @@ pub struct World {
     pub connected: bool,
     /// The controller's end.
     pub controller: ControllerMachine,
-    /// What the controller's decoder holds.
+    /// The contents of the controller's decoder.
     pub held: Held,
-    /// What it has found and the controller has not read.
+    /// The decoder's results that the controller has not read.
     pub found: Vec<Found>,
     /// Frames on the line, the first is moving.
     pub down: Vec<Transmission>,
@@ -119,15 +122,15 @@ pub struct World {
     pub executing: u8,
     /// Faults that are left.
     pub faults: u8,
-    /// What is known of each frame.
+    /// The record of each frame.
     pub jobs: Vec<Job>,
-    /// How many were submitted.
+    /// The number of submitted frames.
     pub submitted: u8,
     /// A machine did not expect what it got.
     pub unexpected: bool,
 }
 
-/// What the controller's decoder holds.
+/// The contents of the controller's decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Held {
     /// Nothing.
@@ -142,32 +145,32 @@ pub enum Held {
     Noise,
 }
 
-/// What the decoder has found.
+/// A result of the decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Found {
     /// A good frame.
     Frame(u8),
-    /// How many bytes that are none; whether they begin as one does.
+    /// Bytes that are not a frame: the refusal, their number, and whether they begin as a frame does.
     Corrupt(Refusal, u8, bool),
 }
 
-/// What becomes of a frame or an answer on the line.
+/// The outcome of a frame or an answer on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fate {
-    /// It arrives.
+    /// All of it arrives.
     Good,
     /// Nothing of it arrives.
     Lost,
-    /// Its checksum is wrong.
+    /// The checksum is wrong.
     Corrupt,
-    /// Its head is wrong.
+    /// The head is wrong.
     Headless,
-    /// It ends early.
+    /// The transmission ends early.
     Cut {
         /// After this many ticks.
         after: u8,
     },
-    /// It pauses.
+    /// It pauses on the way.
     Paused {
         /// After this many ticks.
         after: u8,
@@ -184,11 +187,11 @@ pub enum Fate {
 /// A frame on the line, and how much of it has passed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Transmission {
-    /// Which frame.
+    /// The index of the frame.
     pub job: u8,
-    /// Ticks.
+    /// The ticks that have passed.
     pub passed: u8,
-    /// What becomes of it.
+    /// The outcome of the transmission.
     pub fate: Fate,
 }
 
@@ -197,28 +200,28 @@ pub struct Transmission {
 pub struct Reply {
     /// The answer.
     pub answer: Answer,
-    /// When it has arrived.
+    /// The ticks until it has arrived.
     pub ticks: u8,
-    /// It is no answer when it arrives.
+    /// Whether it arrives corrupt.
     pub corrupt: bool,
 }
 
-/// What is known of a frame.
+/// The record of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Job {
-    /// How often it was executed, or queued: up to 2.
+    /// The number of times that it was executed, or queued: up to 2.
     pub executed: u8,
     /// A part of it was not.
     pub swallowed: bool,
-    /// What was reported.
+    /// The reported outcome; `None` before a report.
     pub reported: Option<Reported>,
-    /// It was reported again.
+    /// Whether it was reported again.
     pub again: bool,
-    /// Its echo has come while it was in flight.
+    /// Whether its echo has come while it was in flight.
     pub echoed: bool,
 }
 
-/// What was reported of a frame.
+/// The reported outcome of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Reported {
     /// Done; perhaps more than once, because the caller has asked for resends on silence.
@@ -226,11 +229,11 @@ pub enum Reported {
         /// Whether a transmission brought no answer.
         unanswered: bool,
     },
-    /// Not taken.
+    /// The frame was not accepted.
     Refused,
-    /// Nobody knows.
+    /// The outcome is unknown.
     Unknown,
-    /// Its process has ended.
+    /// The host's process has ended.
     Abandoned,
 }
 
@@ -261,7 +264,7 @@ pub enum Act {
     Noise,
     /// The host's process ends.
     Crash {
-        /// What it has written is not transmitted.
+        /// Whether the bytes that it has written are discarded.
         cut: bool,
     },
     /// The host's line is gone.

@@ -1,4 +1,4 @@
-//! How long the latch may be wrong about its operator, its controller and its end.
+//! The tolerance of the latch for wrong assumptions about its operator, its controller and its end.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::model::{Margin, Step};
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "cellwire-motion latch";
 
-/// What the latch assumes about time.
+/// The assumptions of the latch about time.
 pub fn margins() -> Vec<Margin> {
     let LatchConfig { rest, end_within, farewell, .. } = LatchConfig::default();
     let around = |assumed: Duration, check: fn(Duration) -> Option<&'static str>| {

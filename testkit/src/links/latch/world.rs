@@ -1,7 +1,7 @@
 //! The latch among people and devices that do anything at any time.
 //!
-//! What a person would know who watches everything: what the robot has said last, since when the hand has rested, what the operator
-//! has asked for, and what the latch has reported. Nothing of the latch's own state is in it.
+//! The model has the knowledge of a person who watches everything: the robot's last report, the time for which the
+//! hand has rested, the operator's requests, and the latch's reports. It has nothing of the latch's own state.
 
 use core::time::Duration;
 
@@ -27,7 +27,7 @@ pub(super) const ARMED: &str = "what is shown as armed moves the arm";
 /// The time of a tick, or of several.
 pub const TICK: Duration = Duration::from_millis(50);
 
-/// How the latch is configured, and the ticks of its times.
+/// The configuration of the latch, and its times in ticks.
 #[derive(Debug, Clone, Copy)]
 pub struct Operated {
     /// The latch's configuration.
@@ -42,7 +42,7 @@ pub struct Operated {
 }
 
 impl Operated {
-    /// How many ticks each [`TICK`].
+    /// Returns the setting with `ticks` ticks per [`TICK`].
     pub(super) fn new(ticks: u8, confirm: bool, hold_to_run: bool) -> Self {
         let tick = TICK / u32::from(ticks);
         let [fresh, rest, end, farewell] = [2, 3, 4, 1].map(|count| count * ticks);
@@ -59,20 +59,20 @@ impl Operated {
     }
 }
 
-/// What the robot has said last.
+/// The robot's last report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Alter {
     /// No ALTER.
     Off,
-    /// It has begun; no values are asked for yet.
+    /// ALTER has begun; no values are requested yet.
     Begun,
-    /// It asks for values.
+    /// The robot requests values.
     Running,
-    /// Its subroutine runs.
+    /// The subroutine of ALTER runs.
     Interrupted,
     /// The robot stops the arm.
     Halted,
-    /// It is not answered any more.
+    /// ALTER is no longer answered.
     Silent,
 }
 
@@ -82,31 +82,31 @@ pub struct State {
     /// The latch.
     pub latch: Latch,
     alter: Alter,
-    /// The operator has stopped this ALTER.
+    /// Whether the operator has stopped this ALTER.
     stopped: bool,
-    /// The last thing that the operator did about ALTER was to stop, and it did not run since.
+    /// Whether the last act of the operator about ALTER was to stop, and it did not run since.
     stop_is_last: bool,
-    /// In how many ticks the program is to have ended, if it is to.
+    /// The ticks within which the program is to have ended; `None` if it is not to end.
     end: Option<u8>,
-    /// How many ticks the last values may be used.
+    /// The ticks for which the last values may still be used.
     fresh: u8,
-    /// The last values are those of a hand at rest, or one that holds its key.
+    /// Whether the last values are those of a hand at rest, or one that holds its key.
     holds: bool,
-    /// Ticks since the first values of the rest that goes on.
+    /// Ticks since the first values of the current rest; `None` without a rest.
     rested: Option<u8>,
-    /// It was long enough, and nothing was in between.
+    /// Whether the rest was long enough, and nothing was in between.
     earned: bool,
     confirmed: bool,
     shown: (&'static str, Option<Cause>),
     wrong: Option<&'static str>,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Act {
-    /// Time passes, whether what came due is done or not.
+    /// Time passes, whether expired deadlines are handled or not.
     Tick,
-    /// Something comes.
+    /// An input of the latch.
     Input(LatchInput),
     /// The program is restarted.
     Restart,
@@ -317,7 +317,7 @@ impl Operated {
 }
 
 impl State {
-    /// The robot asks for values, or says that it is interrupted.
+    /// The robot requests values, or reports that it is interrupted.
     fn say(&mut self, alter: Alter) {
         if self.alter != Alter::Silent {
             self.alter = alter;

@@ -40,18 +40,19 @@ pub(super) const ANYTHING: Terms = Terms {
 pub struct AnyCentral {
     /// The device's configuration.
     pub config: DeviceConfig,
-    /// It sends commands of §4, the next one after the answer (MM-3, MM-4, MM-13). Which commands, when, and on how many connections is open.
+    /// It sends commands of §4, the next one after the answer (MM-3, MM-4, MM-13). The commands, their times, and the
+    /// number of connections are left open.
     pub keeps_rules: bool,
 }
 
-/// What is known of the line and of the owner.
+/// The model's knowledge of the line and of the owner.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// The line that is not answered.
     open: Open,
     /// An order of a connection before, which the owner has not answered.
     earlier: Option<Order<Pose>>,
-    /// What is wrong if the order that is just accepted is carried out.
+    /// The property that is violated if the newly accepted order is carried out.
     forbids: Option<&'static str>,
     wrong: Option<&'static str>,
 }
@@ -59,7 +60,7 @@ pub struct Known {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Open {
     Nothing,
-    /// A line that is no command, or one that the owner is not asked about.
+    /// A line that is not a command, or one about which the owner is not asked.
     Line {
         status: bool,
     },
@@ -71,14 +72,14 @@ enum Open {
     },
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// A command comes.
     Command(Command<Pose>),
-    /// A line comes that is none.
+    /// A line arrives that is not a command.
     Corrupt,
-    /// More bytes come than are held, though the device wants none.
+    /// More bytes come than fit the buffer, though the device does not read.
     Overrun,
     /// The owner accepts the order that it was asked for last, or one of a connection before.
     Accept(Order<Pose>),
@@ -86,9 +87,9 @@ pub enum Word {
     Refuse(Order<Pose>),
     /// The axes are at rest.
     Arrived,
-    /// They fail.
+    /// The axes fail.
     Failed,
-    /// Where they are is not known any more, or known again.
+    /// The pose of the axes becomes unknown (`None`), or known again.
     Pose(Option<Pose>),
 }
 

@@ -38,39 +38,40 @@ pub(super) const ANYTHING: Terms = Terms {
 pub struct AnyDevice {
     /// The central controller's configuration.
     pub config: CentralConfig,
-    /// It answers each command once, with what is true of its axes, and says nothing unasked (MM-3, MM-18, MM-20). When it answers,
-    /// whether it obeys, and what stops its axes is open.
+    /// It answers each command once, with the true state of its axes, and sends nothing unasked (MM-3, MM-18, MM-20).
+    /// The model leaves open when it answers, whether it carries out commands, and what stops its axes.
     pub keeps_rules: bool,
-    /// It answers once more what it has agreed to before, when the next command was sent. No central controller can see that.
+    /// It repeats an earlier agreement after the next command was sent. No central controller can see that.
     pub repeats: bool,
 }
 
-/// What is known of the device and of the caller's command.
+/// The model's knowledge of the device and of the caller's command.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
-    /// The command that the caller has no outcome of, and what has become of it.
+    /// The command without an outcome for the caller, and its fate.
     pending: Option<(Command<Pose>, Fate)>,
     /// The command that the device has not answered.
     asked: Option<Command<Pose>>,
-    /// Whether it has carried that out.
+    /// Whether the device has carried out that command.
     obeyed: bool,
     axes: Axes,
-    /// It has begun to move in this tick: it may still say that it is at rest.
+    /// Whether it has begun to move in this tick: it may still report that it is at rest.
     young: bool,
-    /// The line that comes is no answer.
+    /// Whether the next line is not an answer.
     stray: bool,
-    /// The device has accepted a motion on this connection, and nothing else that ends it, as the caller knows it.
+    /// Whether the device has accepted a motion on this connection, and nothing else that ends it, as far as the
+    /// caller knows.
     has_target: bool,
     wrong: Option<&'static str>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Fate {
-    /// It is with the central controller.
+    /// The central controller has not sent it.
     Unsent,
-    /// It was sent.
+    /// The command was sent.
     Sent,
-    /// The device has said that it is done, or that it is refused.
+    /// The device has reported that it is done, or that it is refused.
     Answered,
 }
 
@@ -81,7 +82,7 @@ struct Axes {
     servo: bool,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The caller requests a command.
@@ -90,13 +91,13 @@ pub enum Word {
     Abort,
     /// A reply comes.
     Reply(Reply<Pose>),
-    /// A line comes that is none.
+    /// A line arrives that is not a reply.
     Corrupt,
-    /// The device obeys.
+    /// The device carries out the command.
     Obey,
-    /// Its axes come to rest here.
+    /// The axes of the device come to rest here.
     Rest(Pose),
-    /// Its servo motors go off.
+    /// The servo motors of the device go off.
     Off,
 }
 
@@ -161,7 +162,7 @@ impl AnyDevice {
         }
     }
 
-    /// What a status is said to mean.
+    /// Checks the conclusion from a status.
     fn judge(&self, known: &mut Known, status: Status<Pose>, motion: Progress) {
         match motion {
             Progress::Missed(_) if self.keeps_rules && known.axes.moving => known.wrong = Some(NOT_MISSED),
@@ -345,7 +346,7 @@ impl Peer for AnyDevice {
         broken.extend(known.wrong);
     }
 
-    /// Whatever the device does, a command has an outcome in the end.
+    /// Each command has an outcome in the end, whatever the device does.
     fn is_over(&self, _: &CentralMachine<Pose>, known: &Known) -> bool {
         known.pending.is_none()
     }

@@ -1,4 +1,5 @@
-//! How long the central controller may be wrong about its device: its session on a virtual clock, with the default settings.
+//! The tolerance of the central controller for wrong assumptions about its device: its session on a virtual clock,
+//! with the default settings.
 
 use core::time::Duration;
 
@@ -10,7 +11,7 @@ use crate::model::Margin;
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "mmacell-proto central";
 
-/// What the central controller assumes about time.
+/// The assumptions of the central controller about time.
 pub fn margins() -> Vec<Margin> {
     let CentralConfig { timeout, settle, .. } = CentralConfig::DEFAULT;
     vec![
@@ -19,7 +20,7 @@ pub fn margins() -> Vec<Margin> {
     ]
 }
 
-/// What is reported when a command is answered with this, so long after it.
+/// Returns the events when a command is answered with `reply` after the time `after`.
 fn exchange(
     central: &mut Central<RobotPose>,
     at: Duration,
@@ -51,7 +52,7 @@ fn is_seen(begins: Duration) -> Option<&'static str> {
     let pose = RobotPose::from_units([1000, 0, 0, 0]);
     let go = Command::Move { mode: Mode::Absolute, pose };
     exchange(&mut central, Duration::ZERO, go, Duration::ZERO, b"OK\r\n");
-    // It is asked for until the motion begins, the last time just before.
+    // The status is polled until the motion begins, the last time just before.
     let times = (1..).map(|n| MS / 20 * n).take_while(|at| *at < begins);
     for at in times {
         let status = b"OKF+000.000+000.000+000.000+00.0000T+00100+00000\r\n";

@@ -80,7 +80,7 @@ impl Rows for Central {
     }
 }
 
-/// What the central controller knows of the motion, with the reply to each command.
+/// The central controller's state of the motion, with the reply to each command.
 #[derive(Debug)]
 pub enum Progress {}
 

@@ -9,7 +9,7 @@ pub(super) type Pose = PlatformPose;
 
 pub(super) const TICK: Duration = Duration::from_millis(50);
 pub(super) const HOME: Pose = PlatformPose::ORIGIN;
-/// Where a motion ends that something stops.
+/// The pose at which a motion ends that something stops.
 pub(super) const BETWEEN: Pose = PlatformPose::from_units([5_000, 0]);
 
 pub(super) const DONE: &str = "done: executed";

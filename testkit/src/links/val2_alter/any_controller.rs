@@ -1,14 +1,14 @@
 //! A host against controllers that are not ours.
 //!
-//! One axis stands for all six. What a host knows of words is a bit for each axis, and each is changed by its own bit alone. Axes meet
-//! where a word is chosen, where the last one that is not zero keeps a stop from being done, and in how long a reply is. So other axes
-//! decide when a word is left out that need not be there, whether a reply is at rest, and by when it has to begin. All three are open
-//! if replies [are free](AnyController::is_free): each may have a word that moves, or a zero, or [be on the way](Word::Brake). Replies
-//! are lost, or late.
+//! One axis stands for all six. A host has one bit per axis for its words, and each bit is changed by its own axis
+//! alone. Axes interact in the choice of a word, in a stop (the last axis that is not zero delays it), and in the
+//! length of a reply. So other axes decide when a word that is not required is left out, whether a reply is at rest,
+//! and by when it has to begin. All three are left open if replies [are free](AnyController::is_free): each may have
+//! a word that moves, or a zero, or [be on the way](Word::Brake). Replies are lost, or late.
 //!
-//! One mode stands for all, too. A machine asks it whether a start message names it, how long the window is (15 or 17 ms are the same
-//! ticks here), and where values go without a target, which is open. A transformation makes the message longer, and the window
-//! shorter at most.
+//! One mode stands for all, too. The mode decides whether a start message names it, how long the window is (15 or 17
+//! ms are the same ticks here), and where values go without a target, which is left open. A transformation makes the
+//! message longer, and the window shorter at most.
 
 use core::time::Duration;
 
@@ -425,7 +425,7 @@ impl Peer for AnyController {
         }
     }
 
-    /// Whatever the controller does, an exception has its outcome in the end.
+    /// Each exception has its outcome in the end, whatever the controller does.
     fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
         known.job.is_none()
     }

@@ -44,7 +44,7 @@ pub(super) const ANYTHING: Terms = Terms {
     ],
     properties: PROPERTIES,
 };
-/// The same without room to report an exception.
+/// The same without free space to report an exception.
 pub(super) const FULL: Terms = Terms { shows: &[], ..ANYTHING };
 
 /// A host of which only this is known.
@@ -52,14 +52,14 @@ pub(super) const FULL: Terms = Terms { shows: &[], ..ANYTHING };
 pub struct AnyHost {
     /// The controller's configuration.
     pub config: ControllerConfig,
-    /// It answers a message once at most and by its kind (AL-53, AL-54), without an exception in an interruption (AL-67). When the answer
-    /// comes is open.
+    /// It answers a message at most once and by its kind (AL-53, AL-54), without an exception in an interruption
+    /// (AL-67). The time of the answer is left open.
     pub keeps_rules: bool,
-    /// There is room to report an exception.
+    /// Whether there is free space to report an exception.
     pub has_room: bool,
 }
 
-/// What is known of the line and the program.
+/// The model's knowledge of the line and the program.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// The message that the host may answer.
@@ -72,20 +72,20 @@ pub struct Known {
     open: bool,
     /// Start messages sent in it.
     attempts: u8,
-    /// What the window of the last message has brought.
+    /// The result of the last message's window.
     window: Window,
-    /// It was found over.
+    /// The window was found closed.
     closed: bool,
     /// Ticks since that message, and its length.
     since_sent: u8,
     len: u8,
-    /// The subroutine runs; no message has said so.
+    /// Whether the subroutine runs, and whether no message has reported it.
     interrupted: bool,
     unreported: bool,
     wrong: Option<&'static str>,
 }
 
-/// What the window of a message has brought.
+/// The result of a message's window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Window {
     Nothing,
@@ -93,7 +93,7 @@ enum Window {
     Fault(ErrorCode),
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// An answer to a start message comes.
@@ -111,9 +111,9 @@ pub enum Word {
     Noise,
     /// The program executes its ALTER instruction.
     Begin,
-    /// It ends ALTER.
+    /// The program ends ALTER.
     Finish,
-    /// It runs a subroutine by itself.
+    /// The program runs a subroutine by itself.
     Interrupt,
     /// The subroutine returns.
     Return,
@@ -188,7 +188,7 @@ impl Peer for AnyHost {
     }
 
     fn hear(&self, _: &ControllerMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        // A frame begins: what came before it is read.
+        // When a frame begins, the bytes before it are read.
         if known.held == Held::Noise && self.by(word) == By::Line && word != Word::Noise {
             known.inputs.push(Input::Corrupt(ErrorCode::Mark));
         }
@@ -279,10 +279,10 @@ impl Peer for AnyHost {
                 known.closed = true;
             }
             Action::End(_) => must(core::mem::take(&mut known.open), ENDED),
-            // What is missing has ended ALTER before.
+            // A missing reply has ended ALTER before.
             Action::Rest if known.closed && known.window == Window::Nothing => {}
             Action::Rest => known.window = Window::Good,
-            // What has begun before the window closes is in it, however late it is given up.
+            // A frame that has begun before the window closes is in the window, however late it is given up.
             Action::Nothing => {
                 if read == Some(Input::Interrupt) {
                     must(known.window == Window::Good || known.closed, TURN);
@@ -328,7 +328,7 @@ impl AnyHost {
         (since >= budget.request && !is_over, is_over)
     }
 
-    /// Whether a message says what the window before has brought.
+    /// Whether a message reports the result of the previous window.
     fn is_next(&self, known: &Known, message: Outgoing) -> bool {
         let found = match known.window {
             Window::Nothing => ErrorCode::Timeout,

@@ -19,10 +19,10 @@ pub(super) const INTERRUPTION: MotionPhase = MotionPhase::Interrupted;
 pub struct AnyController {
     /// The host's configuration.
     pub config: HostConfig,
-    /// It sends a message in a cycle, takes a reply to it, and says in the next one whether it has (AL-71 to AL-79, AL-90). What it makes of
-    /// faults is open.
+    /// It sends a message in a cycle, accepts a reply to it, and reports in the next one whether it has (AL-71 to
+    /// AL-79, AL-90). Its reaction to faults is left open.
     pub keeps_rules: bool,
-    /// It may take a reply that is too late. Then the host is not restarted, and no start message is corrupt.
+    /// It may accept a reply that is too late. Then the host is not restarted, and no start message is corrupt.
     pub takes_late: bool,
     /// Ticks: how late a reply may be. From a cycle on, two are on the line.
     pub delay: u8,
@@ -35,18 +35,18 @@ pub struct AnyController {
 pub enum Word {
     /// The controller sends a message.
     Say(Frame),
-    /// It is lost.
+    /// The message is lost.
     Lose,
-    /// The host reads it, or what was one.
+    /// The host reads the message.
     Read {
-        /// It is none any more.
+        /// Whether it is damaged on the way.
         corrupt: bool,
     },
     /// The answer arrives.
     Arrive {
-        /// It is none any more.
+        /// Whether it is damaged on the way.
         corrupt: bool,
-        /// The controller uses it also where it need not.
+        /// Whether the controller uses it even if it need not.
         takes: bool,
     },
     /// The controller interrupts ALTER by itself.
@@ -55,7 +55,7 @@ pub enum Word {
     Return,
     /// The controller loses its memory.
     Restart,
-    /// A message comes of nobody knows whom.
+    /// A message of unknown origin arrives.
     Come(Frame),
     /// The start mark of a frame comes. The next message is the rest of the frame.
     Head,
@@ -63,11 +63,11 @@ pub enum Word {
     Noise,
     /// The host answers with a word that is not zero.
     Move,
-    /// It answers with a zero, or without the word, and another axis moves.
+    /// The host answers with a zero, or without the word, and another axis moves.
     Brake,
     /// The caller has a target.
     Target {
-        /// It is not zero.
+        /// Whether the target is not zero.
         moves: bool,
     },
     /// The caller has an exception.
@@ -78,7 +78,7 @@ pub enum Word {
     Accept,
 }
 
-/// What is known of the controller, the line and the caller.
+/// The model's knowledge of the controller, the line and the caller.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     pub(super) robot: Robot,
@@ -86,21 +86,21 @@ pub struct Known {
     pub(super) sending: bool,
     /// Ticks since the last message has left the line.
     pub(super) since_sent: u8,
-    /// What became of the answer to that.
+    /// The result of the answer to that message.
     pub(super) window: Window,
     /// The word that it holds may be other than zero.
     pub(super) held: bool,
-    /// It has read the last reply.
+    /// Whether it has read the last reply.
     pub(super) taken: bool,
     /// On the line to the host, and to the controller with the ticks until it arrives.
     pub(super) down: Option<Frame>,
     pub(super) up: [Option<(Reply, u8)>; 2],
-    /// By how many ticks the host has read the message late.
+    /// The ticks by which the host has read the message late.
     pub(super) late: u8,
     /// The bytes that the host's decoder holds, and what else those that were read are to the host.
     pub(super) line: Held,
     pub(super) inputs: Vec<Input>,
-    /// The host may answer; the message says so of the phase; ticks since it was read.
+    /// The phase in the message that the host may answer, and the ticks since it was read.
     pub(super) asked: Option<MotionPhase>,
     pub(super) started: Option<Opening>,
     pub(super) since_read: u8,
@@ -111,7 +111,7 @@ pub struct Known {
     /// Ticks since the caller's target; whether it moves the arm.
     pub(super) target: u8,
     pub(super) wanted: bool,
-    /// Whether the arm is off its path, by the last reply and by the one before.
+    /// Whether the arm is off its path, by the last reply and by the previous one.
     pub(super) arm: (bool, bool),
     /// A stop was reported.
     pub(super) stopped: bool,
@@ -120,13 +120,13 @@ pub struct Known {
     pub(super) wrong: Option<&'static str>,
 }
 
-/// How far the controller is.
+/// The progress of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Robot {
     Off,
     Starting,
     Running,
-    /// The subroutine runs; a message has said so.
+    /// The subroutine runs; `reported` if a message has reported it.
     Interrupted {
         reported: bool,
     },
@@ -135,15 +135,15 @@ pub enum Robot {
 /// A message that may be answered as a start message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Opening {
-    /// It names the configured mode.
+    /// The message names the configured mode.
     Expected,
-    /// It names another mode.
+    /// The message names another mode.
     Other,
-    /// It was corrupt.
+    /// The message was corrupt.
     Corrupt,
 }
 
-/// What the window of a message has brought.
+/// The result of a message's window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Window {
     Nothing,
@@ -163,7 +163,7 @@ pub enum Frame {
     Motion(MotionPhase, ErrorCode),
     /// An end message.
     End,
-    /// What was one.
+    /// A damaged message.
     Corrupt,
 }
 
@@ -182,14 +182,14 @@ pub enum Reply {
 /// The caller's exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Job {
-    /// How often the controller has executed it.
+    /// The number of times that the controller has executed it.
     pub(super) executed: u8,
     /// Standard messages since it was sent, up to two, and whether they say that it was not read.
     pub(super) sent: Option<(u8, bool)>,
 }
 
 impl Known {
-    /// What a controller that keeps the rules may do.
+    /// Appends the steps of a controller that keeps the rules.
     pub(super) fn robot_words(&self, peer: &AnyController, words: &mut Vec<Word>) {
         if self.down.is_some() {
             words.push(Word::Lose);
@@ -210,7 +210,7 @@ impl Known {
             Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
             _ => {}
         }
-        // It takes a tick on the line.
+        // A message takes a tick on the line.
         if self.sending || self.since_sent + 1 < CYCLE {
             return;
         }
@@ -322,7 +322,7 @@ impl Known {
         (!self.inputs.is_empty()).then(|| self.inputs.remove(0))
     }
 
-    /// Where the arm is when the host has read what a message says of its replies.
+    /// Sets the arm's state after the host has read a message's report about its replies.
     pub(super) fn rest(&mut self, missed: bool, rejected: Option<(ErrorCode, bool)>) {
         if missed {
             self.arm.1 = self.arm.0;
@@ -343,7 +343,7 @@ impl Known {
         }
     }
 
-    /// A frame begins: what came before it is read.
+    /// Reads the bytes before the frame that begins.
     pub(super) fn end_noise(&mut self) {
         if self.line == Held::Noise {
             self.lose_noise();

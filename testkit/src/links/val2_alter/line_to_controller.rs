@@ -31,7 +31,7 @@ impl Wired for AnyHost {
             Word::Head => return head(),
             Word::Noise => return vec![NOISE],
             Word::Begin | Word::Finish | Word::Interrupt | Word::Return => {
-                // A call that is refused changes nothing.
+                // A refused call has no effect.
                 let _ = match word {
                     Word::Begin => session.start(now),
                     Word::Finish => session.finish(now),

@@ -1,5 +1,5 @@
-//! By how much the host may be wrong about the controller, its line and its caller: the model where any fault may meet any other, and
-//! the session on a virtual clock.
+//! The tolerance of the host for wrong assumptions about the controller, its line and its caller: the model in which
+//! any fault may meet any other, and the session on a virtual clock.
 
 use core::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::model::{Margin, Setting, Step};
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "val2-alter host";
 
-/// What the host assumes about time.
+/// The assumptions of the host about time.
 pub fn margins() -> Vec<Margin> {
     let HostConfig { gap, silence_cycles, target_timeout, reserve, max_delay, .. } = HostConfig::default();
     let gap = gap.unwrap_or(Duration::MAX);

@@ -184,7 +184,7 @@ fn late_controller() -> Against<AnyController> {
     Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
 }
 
-/// A line on which two replies may be under way, and the host knows.
+/// A line on which two replies may be under way, as the host assumes.
 fn later_controller() -> Against<AnyController> {
     // A message is late by one tick besides.
     delayed(4, TICK * 5)

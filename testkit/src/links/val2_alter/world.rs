@@ -61,7 +61,7 @@ pub(super) fn controller() -> ControllerConfig {
 /// The bytes that a decoder holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Held {
-    /// There are none.
+    /// No bytes.
     Nothing,
     /// The start mark of a frame.
     Head,

@@ -50,15 +50,15 @@ pub(super) const ANYTHING: Terms = Terms {
 pub struct AnyHost {
     /// The workstation's configuration.
     pub config: WorkstationConfig,
-    /// It sends nothing unasked (VV-3), and says XON after XOFF (VV-1). The line loses and corrupts what it likes.
+    /// It sends nothing unasked (VV-3), and sends XON after XOFF (VV-1). The line may lose and corrupt anything.
     pub keeps_rules: bool,
     /// Holds the ends to the pairing of requests and packets, which nothing in the protocol can give.
     pub is_paired: bool,
-    /// It answers each request in time, nothing goes wrong, and the display goes on.
+    /// Whether it answers each request in time, nothing goes wrong, and the display goes on.
     pub is_prompt: bool,
 }
 
-/// What is known of the requests, the picture and the line.
+/// The model's knowledge of the requests, the picture and the line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// Requests that the host may still answer: of before, and the last one.
@@ -81,7 +81,7 @@ pub struct Known {
     wrong: Option<&'static str>,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// A packet comes: it answers the oldest request, or all of them.
@@ -89,9 +89,9 @@ pub enum Word {
         /// All of them.
         all: bool,
     },
-    /// Bytes come that are no packet.
+    /// Bytes arrive that are not a packet.
     Corrupt {
-        /// They are a whole line, which was the answer to the oldest request.
+        /// Whether they are a whole line, which was the answer to the oldest request.
         line: bool,
     },
     /// A request, or the answer to it, is lost.
@@ -311,7 +311,7 @@ impl Peer for AnyHost {
         draws.then_some(Word::Draw)
     }
 
-    /// Whatever the host does, a request is sent and has an outcome in the end.
+    /// Each request is sent and has an outcome in the end, whatever the host does.
     fn is_over(&self, end: &WorkstationMachine, known: &Known) -> bool {
         !known.open && request(end) != Some(Request::Due)
     }

@@ -31,11 +31,11 @@ pub(super) const ANYTHING: Terms =
 pub struct AnyWorkstation {
     /// The host's configuration.
     pub config: HostConfig,
-    /// It asks first, after a packet, or after a pause (VV-25, VV-27), and says XON after XOFF (VV-1).
+    /// It asks first, after a packet, or after a pause (VV-25, VV-27), and sends XON after XOFF (VV-1).
     pub keeps_rules: bool,
 }
 
-/// What is known of the requests, the packets and the pose.
+/// The model's knowledge of the requests, the packets and the pose.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// The workstation may ask.
@@ -51,7 +51,7 @@ pub struct Known {
     wrong: Option<&'static str>,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// ENQ comes.
@@ -175,7 +175,7 @@ impl Peer for AnyWorkstation {
         broken.extend(known.wrong);
     }
 
-    /// A request is answered, if there are poses, also if no XON comes.
+    /// Each request is answered if there are poses, even if no XON comes.
     fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
         !known.asked
     }

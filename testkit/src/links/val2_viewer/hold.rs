@@ -1,4 +1,4 @@
-//! What XOFF and XON do to an end.
+//! The effects of XOFF and XON on an end.
 
 /// The ticks for which an XOFF holds an end.
 pub(super) const MAX_HOLD: u8 = 2;
@@ -11,12 +11,12 @@ pub(super) const RESUMED: &str = "XON and a new connection end a hold";
 pub struct Hold(pub(super) Option<u8>);
 
 impl Hold {
-    /// Something is sent: what is wrong with that.
+    /// Returns the property that a transmission now violates.
     pub(super) fn sent(self) -> Option<&'static str> {
         self.0.map(|_| HELD)
     }
 
-    /// It is reported that no XON came: what is wrong with that.
+    /// Records a report that no XON came; returns the violated property.
     pub(super) fn ended(&mut self) -> Option<&'static str> {
         match self.0.take() {
             Some(MAX_HOLD) => None,

@@ -1,4 +1,5 @@
-//! How long the viewer's ends may be wrong about each other: their sessions on a virtual clock, with the default settings.
+//! The tolerance of the viewer's ends for wrong assumptions about each other: their sessions on a virtual clock, with
+//! the default settings.
 
 use core::time::Duration;
 
@@ -13,7 +14,7 @@ const MS: Duration = Duration::from_millis(1);
 const HOST: &str = "val2-viewer host";
 const WORKSTATION: &str = "val2-viewer workstation";
 
-/// What the ends assume about time.
+/// The assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let (host, workstation) = (HostConfig::default(), WorkstationConfig::default());
     vec![

@@ -53,7 +53,7 @@ impl Rows for Host {
 }
 
 impl Host {
-    /// Where a packet would be sent, and where nothing is asked for.
+    /// Returns states in which a packet would be sent, and states in which nothing is requested.
     fn held() -> impl Iterator<Item = HostMachine> {
         let pose = Pose::Known { until: FUTURE };
         let links = [Link::Ready { from: PAST }, Link::Asked { from: PAST }];
@@ -124,7 +124,7 @@ impl Rows for Workstation {
 }
 
 impl Workstation {
-    /// Where a request would be sent, and where none would.
+    /// Returns states in which a request would be sent, and states in which none would.
     fn held() -> impl Iterator<Item = Display> {
         let requests = [Request::Allowed, Request::Due];
         let display = |request, flow| Display { request, picture: Picture::Stale, flow };

@@ -1,8 +1,8 @@
 //! The work queue: its writer and its reader, with every interleaving of what they load and store, and the two resets.
 //!
-//! Positions count from the head, so that jobs without end have finitely many states. What that leaves out is shown elsewhere:
-//! weak memory by loom, positions that wrap by the queue's own tests. One thread replays what it can interrupt: the queue between its
-//! operations, where a job is dropped, and where a job is offered to a predicate.
+//! Positions count from the head, so that jobs without end have finitely many states. Two omissions are tested
+//! elsewhere: weak memory by loom, positions that wrap by the queue's own tests. One thread replays each possible
+//! interruption: the queue between its operations, where a job is dropped, and where a job is offered to a predicate.
 
 mod queue;
 mod read;

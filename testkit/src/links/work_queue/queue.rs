@@ -1,4 +1,4 @@
-//! What the two ends can do, a load or a store at a time.
+//! The acts of the two ends, each a single load or store.
 
 use super::rule::Rule;
 use super::state::{Looks, Reading, State, Writing};
@@ -7,11 +7,11 @@ use crate::model::{Edge, System};
 /// A queue to explore. There is no end to its jobs, and still its states are finitely many.
 #[derive(Debug, Clone, Copy)]
 pub struct Queue {
-    /// How many jobs it holds.
+    /// The capacity of the queue, in jobs.
     pub capacity: u8,
     /// The highest job number.
     pub max: u8,
-    /// How the reader looks for jobs when it goes on by itself.
+    /// The way in which the reader looks for jobs when it goes on by itself.
     pub looks: Looks,
     /// Whether an operation is interrupted only where it calls its user: what a single thread can replay.
     pub single: bool,
@@ -184,7 +184,7 @@ impl System for Queue {
         acts.first().copied()
     }
 
-    /// Nothing is queued or being executed, and the last reset has taken effect; or nobody is there to execute.
+    /// Nothing is queued or being executed, and the last reset has taken effect; or there is no reader to execute.
     fn is_over(&self, state: &State) -> bool {
         let is_idle = matches!(state.writer.phase, Writing::Ready | Writing::Gone)
             && state.reader.phase == Reading::Idle;

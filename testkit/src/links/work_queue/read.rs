@@ -1,4 +1,4 @@
-//! What the reader does, a load or a store at a time.
+//! The acts of the reader, each a single load or store.
 
 use super::queue::{Act, Queue};
 use super::rule::{IN_ORDER, Rule};
@@ -40,7 +40,7 @@ impl Queue {
     pub(super) fn read(&self, state: &mut State, act: Act) -> &'static str {
         match (act, state.reader.phase) {
             (Act::Look(by), _) => {
-                // Where a job is known, nobody looks at the tail.
+                // If a job is known, the tail is not loaded.
                 let is_early = !self.keeps(Rule::TailBeforeMark) && state.reader.end == 0;
                 let early = is_early.then_some(state.mark);
                 let afresh = by == Looks::Find;
@@ -189,7 +189,7 @@ impl Queue {
             Looks::Batch => {
                 let row = self.row(state).min(2);
                 for at in 0..row {
-                    // After the last slot of the lap there is none, and after the highest number there is none.
+                    // No slot follows the last one of the lap, and no number follows the highest one.
                     let is_past = state.index + at >= self.capacity;
                     state.see(if is_past { self.capacity } else { at }, state.reader.number + at);
                 }
@@ -199,7 +199,7 @@ impl Queue {
         }
     }
 
-    /// How many jobs are in a row.
+    /// Returns the number of jobs in a row.
     fn row(&self, state: &State) -> u8 {
         let lap = self.capacity - state.index;
         let numbers = self.max + 1 - state.reader.number;

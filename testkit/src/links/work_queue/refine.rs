@@ -13,7 +13,7 @@ use crate::model::{Refined, System};
 /// Replays every walk of `queue`, which is [`single`](Queue::single).
 ///
 /// # Panics
-/// Where the queue does something else than the model, with the path to it.
+/// If the queue differs from the model, with the path to the difference.
 pub(super) fn refine(queue: Queue) -> Refined {
     assert!(queue.single, "one thread cannot interrupt itself");
     Refined::by(&queue, |path| walk(queue, path))
@@ -199,14 +199,14 @@ impl Replay {
         }
     }
 
-    /// How many of the jobs that were made last are published.
+    /// Records that this many of the jobs that were made last are published.
     fn queued(&self, jobs: u8) {
         let mut run = self.run.borrow_mut();
         let made = run.dropped.len();
         run.queued.extend(made - usize::from(jobs)..made);
     }
 
-    /// What the writer can see, and which jobs are left.
+    /// Compares the writer's view and the remaining jobs with the model.
     fn observe(&self) {
         let run = self.run.borrow();
         let state = &run.state;
@@ -250,7 +250,7 @@ impl Replay {
         self.write();
     }
 
-    /// Replays the path: what the reader does, and what the writer does in between.
+    /// Replays the path: the acts of the reader, and the acts of the writer in between.
     fn read(self: &Rc<Self>, mut reader: Reader<'static, Job>) {
         loop {
             self.list_waiting(&reader);
@@ -338,7 +338,7 @@ impl Replay {
         self.same("how many wait", &reader.len(), &waiting.len());
     }
 
-    /// From when a job begins to be executed until it is not any more.
+    /// Executes a job until it is completed or dropped.
     fn executing(self: &Rc<Self>, taken: Option<Taken<'_, Job>>) {
         let Reading::Executing { at } = self.phase() else {
             return self.same("taken", &taken.map(|job| job.number()), &None);
@@ -358,7 +358,7 @@ impl Replay {
         }
     }
 
-    /// From when a batch begins to be executed until it is not any more.
+    /// Executes a batch until it is completed or dropped.
     fn executing_batch(self: &Rc<Self>, taken: Option<TakenBatch<'_, Job>>) {
         let Reading::ExecutingBatch { row } = self.phase() else {
             return self.same("a batch is taken", &taken.is_some(), &false);

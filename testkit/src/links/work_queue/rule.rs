@@ -1,4 +1,4 @@
-//! What has to hold, and the rules that it rests on.
+//! The properties of the queue, and the rules that they depend on.
 
 pub(super) const EXECUTED_ONCE: &str = "nothing is executed twice";
 pub(super) const NOT_LOST: &str = "nothing is lost that was not cleared";
@@ -16,7 +16,7 @@ pub(super) const FOUND: &str = "who finds nothing after the writer is gone has f
 
 macro_rules! rules {
     ($($rule:ident: $words:literal, $property:ident;)*) => {
-        /// What the queue's proof rests on, one by one.
+        /// The rules that the queue's proof depends on.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[allow(missing_docs, reason = "the words are beside them")]
         pub enum Rule { $($rule),* }

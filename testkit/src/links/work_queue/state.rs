@@ -1,4 +1,4 @@
-//! What both ends and the ring hold, and what each load and store does to it.
+//! The state of both ends and the ring, and the effect of each load and store.
 
 use super::rule::{
     DROPPED, EXECUTED_ONCE, FOUND, GAPLESS, KEPT, NOT_BEGUN, NOT_LOST, NOT_PULLED_AWAY, NUMBERED, PUBLISHED,
@@ -11,11 +11,11 @@ use super::rule::{
 pub struct State {
     /// The ring from the head on.
     pub slots: Vec<Slot>,
-    /// How many slots are before the head on its lap.
+    /// The number of slots before the head on its lap.
     pub index: u8,
-    /// What was stored last.
+    /// The tail that was stored last.
     pub tail: u8,
-    /// What was stored last.
+    /// The mark that was stored last.
     pub mark: Mark,
     /// Whether an end has left.
     pub abandoned: bool,
@@ -30,20 +30,20 @@ pub struct State {
 /// One slot: what is really in it, and the reader's flag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Slot {
-    /// What is in it.
+    /// The content of the slot.
     pub content: Content,
-    /// Completed before its turn.
+    /// Whether it was completed before its turn.
     pub done: bool,
 }
 
-/// What is in a slot.
+/// The content of a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Content {
     /// No job since the slot was freed.
     Nothing,
     /// A job that was neither completed nor dropped.
     Job {
-        /// Its number.
+        /// The number of the job.
         number: u8,
         /// Whether a reset came after it.
         cleared: bool,
@@ -64,9 +64,9 @@ pub struct Mark {
 /// The writer's own. It is at the tail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Writer {
-    /// What it is doing.
+    /// The step that the writer is at.
     pub phase: Writing,
-    /// Up to where it knows the slots to be free.
+    /// The position up to which the writer knows the slots to be free.
     pub end: u8,
     /// The number of the job at the tail.
     pub next: u8,
@@ -74,21 +74,21 @@ pub struct Writer {
     pub wrapped: bool,
 }
 
-/// What the writer is doing.
+/// The steps of the writer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "they name what the end does")]
 pub enum Writing {
     Ready,
     Claimed,
-    /// How many slots are in its batch, and this many of them hold a job.
+    /// The number of slots in its batch, and how many of them hold a job.
     Batch {
         slots: u8,
         filled: u8,
     },
-    /// It has looked at the head, and stores a mark in place of one of long ago.
+    /// The writer has looked at the head, and stores a mark in place of an old one.
     Renewing {
         mark: Mark,
-        /// How many slots and jobs are in its batch, if it is within one.
+        /// The number of slots and jobs in its batch, if it is within one.
         batch: Option<(u8, u8)>,
     },
     /// Only where the tail is stored before the job.
@@ -105,15 +105,15 @@ pub enum Writing {
 /// The reader's own. It is at the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reader {
-    /// What it is doing.
+    /// The step that the reader is at.
     pub phase: Reading,
-    /// Up to where it knows the slots to be its own.
+    /// The position up to which the reader knows the slots to be its own.
     pub end: u8,
     /// The number of the job at the head.
     pub number: u8,
-    /// The mark that was obeyed last.
+    /// The last reset mark that the reader has applied.
     pub obeyed: Mark,
-    /// How many jobs after the head were completed.
+    /// The number of jobs after the head that were completed.
     pub ahead: u8,
     /// Whether no reset came since it has loaded the mark last.
     pub is_current: bool,
@@ -123,7 +123,7 @@ pub struct Reader {
     pub found_nothing: bool,
 }
 
-/// How a reader looks for jobs.
+/// The way in which a reader looks for jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Looks {
     /// The oldest one.
@@ -134,12 +134,12 @@ pub enum Looks {
     Find,
 }
 
-/// What the reader is doing.
+/// The steps of the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "they name what the end does")]
 pub enum Reading {
     Idle,
-    /// It loads the tail, if it knows of no job, and then the mark.
+    /// The reader loads the tail, if it knows of no job, and then the mark.
     Finding {
         by: Looks,
         /// Whether it loads the tail though it knows of jobs.
@@ -149,27 +149,27 @@ pub enum Reading {
         /// Only where the mark is loaded first.
         early: Option<Mark>,
     },
-    /// It has loaded this mark, and stores the head.
+    /// The reader has loaded this mark, and stores the head.
     Obeying {
         by: Looks,
         mark: Mark,
     },
-    /// It has loaded the tail for a listing, or the mark where that is loaded first.
+    /// The reader has loaded the tail for a listing, or the mark where that is loaded first.
     Listing {
         tail: u8,
         early: Option<Mark>,
     },
-    /// It lists, and looks at this slot next.
+    /// The reader lists, and looks at this slot next.
     Listed {
         at: u8,
         end: u8,
         number: u8,
     },
-    /// It goes through the jobs, and looks at this slot next.
+    /// The reader goes through the jobs, and looks at this slot next.
     Searching {
         at: u8,
     },
-    /// It asks whether this job is the one.
+    /// The reader asks whether this job is the one.
     Asking {
         at: u8,
     },
@@ -179,7 +179,7 @@ pub enum Reading {
     ExecutingBatch {
         row: u8,
     },
-    /// It has dropped this many jobs of a completed batch.
+    /// The reader has dropped this many jobs of a completed batch.
     Dropping {
         row: u8,
         dropped: u8,
@@ -234,7 +234,7 @@ impl State {
         }
     }
 
-    /// Where the jobs are that a reader sees now, and their numbers, oldest first.
+    /// Returns the positions of the jobs that a reader sees now, and their numbers, oldest first.
     pub fn waiting(&self) -> impl Iterator<Item = (u8, u8)> {
         let slots = (0..self.tail).zip(&self.slots);
         slots.filter_map(|(at, slot)| match slot.content {
@@ -394,7 +394,7 @@ impl State {
         "Drop"
     }
 
-    /// What holds between any two steps.
+    /// Returns the first property that does not hold; called between any two steps.
     pub(super) fn check(&self, max: u8, without: Option<Rule>) -> Option<&'static str> {
         let is_gone = (self.writer.phase, self.reader.phase) == (Writing::Gone, Reading::Gone);
         let is_left = |slot: &Slot| matches!(slot.content, Content::Job { .. });

@@ -1,4 +1,4 @@
-//! What the writer does, a load or a store at a time.
+//! The acts of the writer, each a single load or store.
 
 use super::queue::{Act, Queue};
 use super::rule::Rule;

@@ -1,6 +1,6 @@
 //! A client that is not ours and keeps the source's rules: FM-2, FM-4, FM-10 and FM-43.
 //!
-//! Through TCP it has as many requests open as it likes; elsewhere it waits for its reply, or until none can come any more.
+//! Through TCP it has any number of open requests; elsewhere it waits for its reply, or until no reply can arrive any more.
 
 use core::time::Duration;
 
@@ -15,14 +15,14 @@ use robot_session::contract::Rng;
 
 pub(super) struct AnyClient {
     pub(super) open: Vec<Open>,
-    /// How many requests it has open at most.
+    /// The largest number of open requests.
     most: usize,
     transaction: u16,
     held: Vec<u8>,
-    /// When it has received something.
+    /// The time at which it has received something.
     heard: Duration,
     silence: Duration,
-    /// It sends nothing before.
+    /// The time before which it sends nothing.
     quiet_until: Duration,
 }
 
@@ -58,7 +58,7 @@ impl AnyClient {
         let length = match way {
             Way::Tcp => Frame::decode_tcp(&self.held).expect("TCP corrupts nothing")?.1,
             Way::RtuOverTcp => Frame::decode_rtu(&self.held, Side::Server).ok()??.1,
-            // What is between two silences is one frame, or none.
+            // The bytes between two silences are a single frame, or are dropped.
             Way::Rtu => {
                 let held = core::mem::take(&mut self.held);
                 let length = Frame::decode_rtu(&held, Side::Server).ok()??.1;
@@ -70,7 +70,7 @@ impl AnyClient {
 }
 
 impl Cell {
-    /// Sends a request, or has no place for it; what it was sent as.
+    /// Sends a request; returns whether there was a free slot for it.
     pub(super) fn send(&mut self, unit: u8, request: &Request<'_>, rng: &mut Rng) -> bool {
         let Some(other) = &mut self.other else { return false };
         if other.open.len() >= other.most || self.now < other.quiet_until || self.lost[0] {

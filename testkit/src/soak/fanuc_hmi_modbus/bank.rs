@@ -1,11 +1,11 @@
-//! What the server holds, what is written, and what is asked for.
+//! The registers of the server, and the reads and writes of the client.
 
 use fanuc_hmi_modbus::{Bits, BitsMut, Exception, Registers, Reply, Words, WordsMut};
 
-/// What a request writes: to which address, and what. Coils are 0 and 1.
+/// A write request: the address and the values. Coils are 0 and 1.
 pub(super) type Write = (u16, Vec<u16>);
 
-/// Every register holds what [`held`] gives; what is written is kept as a list.
+/// Every register has the value that [`held`] gives; writes are kept as a list.
 #[derive(Debug, Default)]
 pub(super) struct Bank {
     pub(super) writes: Vec<Write>,
@@ -40,13 +40,13 @@ impl Registers for Bank {
     }
 }
 
-/// What a request asks for.
+/// The contents of a request.
 #[derive(Debug, Clone)]
 pub(super) enum Asked {
     Write(Write),
     Coils(u16, usize),
     Registers(u16, usize),
-    /// What this server does not have.
+    /// An address that this server does not have.
     Refusal,
 }
 

@@ -15,7 +15,7 @@ impl Cell {
     /// what no client sends.
     pub(super) fn pester(&mut self, rng: &mut Rng) {
         let end = self.now + Duration::from_secs(20);
-        // What the server holds at the end is judged when the line is silent.
+        // The server decodes its last bytes when the line is silent.
         let holds = |cell: &Self| cell.wire.next_delivery().is_some() || cell.server.poll_timeout().is_some();
         while self.now < end || holds(self) {
             if self.now < end && rng.chance(0.5) {
@@ -31,7 +31,7 @@ impl Cell {
         self.begin_again(0);
     }
 
-    /// What a server could send that keeps no rule, and what no server sends.
+    /// Sends as a server that follows no rule, and messages that servers do not send.
     pub(super) fn harass(&mut self, rng: &mut Rng) {
         while let Some(delivery) = self.wire.receive(End::B, self.now) {
             let Delivery::Bytes(_) = delivery else {

@@ -11,21 +11,21 @@ use super::{Cell, MS, UNIT, Way};
 use crate::link::{Delivery, End};
 use robot_session::contract::Rng;
 
-/// What nobody asks for: the value that the data of other units would write.
+/// A value that is never requested: the data of other units would write it.
 pub(super) const PLANTED: u16 = 0x0BAD;
 
 /// A server that answers late, in any order where that is open, or not at all, and that is busy now and then.
 #[derive(Debug, Default)]
 pub(super) struct Lawful {
     held: Vec<u8>,
-    /// When it was sent what it holds.
+    /// The time at which it received the bytes that it holds.
     heard: Duration,
     replies: Vec<(Duration, Vec<u8>)>,
     bank: Bank,
 }
 
 impl Lawful {
-    /// When it has something to do, besides bytes that come.
+    /// Returns the time at which it has something to do, besides bytes that arrive.
     pub(super) fn next(&self, cell: &Cell) -> Option<Duration> {
         let silence = cell.server.config().framing.silence().filter(|_| !self.held.is_empty());
         let judged = silence.map(|silence| self.heard + silence);
@@ -95,7 +95,7 @@ impl Cell {
             frame.serve(&mut lawful.bank, &mut out).unwrap_or(0)
         };
         for write in core::mem::take(&mut lawful.bank.writes) {
-            // What it makes of data is not ours to judge.
+            // A write that it has found in data is not checked here.
             if write.1 != [PLANTED] {
                 self.execute(write, rng);
             }
@@ -104,7 +104,7 @@ impl Cell {
             return;
         }
         if self.way != Way::Tcp {
-            // Nobody waits for the one before.
+            // The previous reply is no longer expected.
             lawful.replies.clear();
         }
         let delay = if is_calm { 5 * MS } else { rng.log_uniform(MS, Duration::from_secs(3)) };

@@ -72,7 +72,7 @@ fn way(seed: u64) -> Way {
     [Way::Tcp, Way::Rtu, Way::RtuOverTcp][(seed % 3) as usize]
 }
 
-/// Rows whose server forgets what it has acknowledged, and whose network repeats what was sent: the soak must see both.
+/// Rows whose server drops an acknowledged write, and whose network repeats bytes: the soak must detect both.
 pub const SABOTAGED: [Row; 2] = [
     Row { session: |seed, log| session(seed, Way::Tcp, Sabotage::Forget, Peer::Ours, log), ..TCP },
     Row { session: |seed, log| session(seed, Way::Tcp, Sabotage::Repeat, Peer::Ours, log), ..TCP },
@@ -269,7 +269,7 @@ impl Cell {
         true
     }
 
-    /// How many requests have no outcome.
+    /// Returns the number of requests without an outcome.
     fn open(&self) -> usize {
         self.open.len() + self.other.as_ref().map_or(0, |other| other.open.len())
     }
@@ -324,7 +324,7 @@ impl Cell {
         }
         let now = self.now;
         let wire = &mut self.wire;
-        // Who has lost the connection, or was restarted, receives nothing more of it.
+        // An end that has lost the connection, or was restarted, receives no more bytes of it.
         for (end, _) in [End::A, End::B].into_iter().zip(self.lost).filter(|(_, lost)| *lost) {
             while wire.receive(end, now).is_some() {}
         }
@@ -417,7 +417,7 @@ impl Cell {
         match self.open.iter().position(|(open, _)| *open == ticket) {
             Some(place) => {
                 let (_, job) = self.open.remove(place);
-                // What was read is right if it is what the registers hold.
+                // The result of a read is right if it equals the registers.
                 if right {
                     self.ledger.execute(job);
                 }
@@ -447,7 +447,7 @@ impl Cell {
             self.step(rng);
         }
         self.stuck |= open > 0 || self.asked.len() < first + 4 || self.open() > 0;
-        // What is still on its way may be written by now.
+        // A write that is still in flight may happen within this time.
         self.wait(2 * Duration::from_secs(1), rng);
     }
 

@@ -33,9 +33,9 @@ const WORK: usize = 20;
 trait Handled: Sized {
     /// The simulated device.
     type Device: Settings<Device: Device<Session: Send> + Send + 'static>;
-    /// What the transport does wrong.
+    /// The faults of the transport.
     const FAULTS: Faults;
-    /// Whether the device says which jobs it has executed; otherwise what was reported as done was.
+    /// Whether the device reports which jobs it has executed; otherwise the jobs reported as done count as executed.
     const NAMES_JOBS: bool = true;
     /// Of this many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
     const ONE_IN: Option<u32> = None;
@@ -50,7 +50,7 @@ trait Handled: Sized {
     /// The handle; its task runs by itself.
     fn spawn(plug: Plug) -> Self;
 
-    /// Has jobs done, and says what became of each.
+    /// Has jobs executed, and returns the outcome of each.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported>;
 
     /// The message that some bytes begin with, if any.
@@ -66,7 +66,7 @@ type Simulated<L> = <<L as Handled>::Device as Settings>::Device;
 type Work<L> = <Simulated<L> as Device>::Work;
 type Shared<W> = Arc<Mutex<Vec<Executed<W>>>>;
 
-/// The service of a device, which nobody calls: it notes what is executed.
+/// The service of a device, which is never called: it records the executed jobs.
 struct Executing<D: Device>(Shared<D::Work>);
 
 impl<D: Device<Session: Send> + Send> Service for Executing<D> {
@@ -156,7 +156,7 @@ where
         }
         log_line(format_args!("jobs {jobs:?}"));
         let reported = timeout(patience, handle.work(jobs.clone())).await;
-        // Whoever goes away learns nothing.
+        // After a timeout the outcomes are unknown.
         let reported = reported.unwrap_or_else(|_| vec![Reported::Unknown; jobs.len()]);
         log_line(format_args!("  {reported:?}"));
         for (job, reported) in jobs.zip(reported) {
@@ -185,7 +185,7 @@ where
             ledger.report(job, reported, wire.mark());
         }
     }
-    // What is queued is executed.
+    // Let the device execute the queued jobs.
     tokio::time::sleep(HEALED).await;
     device.shutdown().await;
     if let Ok(mut simulator) = device_task.await {

@@ -1,4 +1,4 @@
-//! What is asked for by each handle, and what its answers mean.
+//! The requests that each handle makes, and the meaning of the answers.
 
 use core::ops::Range;
 
@@ -44,7 +44,7 @@ where
 /// A line whose port vanishes now and then.
 const SERIAL: Faults = Faults { disconnect: 0.003, ..Faults::SERIAL };
 
-/// What is given to this many jobs: the first are done, of those after them nobody knows, and the others are not done.
+/// Returns the outcomes of `count` jobs: the first are done, the next are unknown, and the others are not done.
 fn split(count: usize, done: usize, unknown: usize) -> Vec<Reported> {
     let each = |index| match index {
         _ if index < done => Done,
@@ -317,7 +317,7 @@ impl Handled for laser::Laser {
             Ok(()) => split(count, count, 0),
             Err(laser::Error::Unfit { index, .. }) => split(count, index, 0),
             Err(laser::Error::Refused { taken, .. }) => {
-                // A full queue: it has room again then.
+                // A full queue: it has free space again then.
                 sleep(200 * MS).await;
                 split(count, taken, 0)
             }
@@ -357,7 +357,7 @@ impl Handled for mma::Device<RobotPose> {
 
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
         let mut reported = Vec::new();
-        // A motion that is refused without it says so.
+        // A motion that is refused without it reports that.
         let _ = self.command(Command::Servo { on: true }).await;
         for job in jobs {
             let to = RobotPose::from_mm_rad(300.0, f64::from(word(job)), 100.0, 0.0);

@@ -13,10 +13,10 @@ use tokio::time::sleep;
 use crate::link::{Delivery, End, Faults};
 use crate::soak::{Check, Log, Mark, Tally, Unseen, Wire as Line};
 
-/// What a pipe holds, in each direction.
+/// The capacity of a pipe in each direction, in bytes.
 const PIPE: usize = 1 << 16;
 
-/// Where an end is plugged in: it has a connection when the other one is plugged in too.
+/// The socket of an end: it has a connection when the other one is plugged in too.
 #[derive(Clone)]
 pub struct Plug(mpsc::UnboundedSender<oneshot::Sender<DuplexStream>>);
 
@@ -31,7 +31,7 @@ impl Connector for Plug {
     }
 }
 
-/// What carries the bytes.
+/// The line that carries the bytes.
 #[derive(Clone)]
 pub struct Wire(Arc<Mutex<Line>>);
 
@@ -102,7 +102,7 @@ impl Wire {
                     let delivery = self.lock().receive(end, now());
                     match (delivery, to.as_mut()) {
                         (None, _) => break,
-                        // Whoever has gone reads nothing.
+                        // An end that has gone reads nothing.
                         (Some(Delivery::Bytes(bytes)), Some(to)) => _ = to.write_all(&bytes).await,
                         (Some(Delivery::Bytes(_)), None) => {}
                         (Some(Delivery::Closed), _) => {

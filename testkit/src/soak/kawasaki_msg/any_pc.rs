@@ -1,7 +1,7 @@
 //! A PC that is not ours and keeps the source's rules: KM-3, KM-91, KM-95 and KM-96.
 //!
-//! It answers when it likes, or not, with as many jobs as it likes from the one that is asked for on, sends the end behind the last of them or when
-//! all are executed, and interrupts and ends the order when it likes.
+//! It answers at any time, or not at all, with any number of jobs from the requested one on. It sends the end after
+//! the last of them or when all are executed, and interrupts and ends the order at any time.
 
 use core::time::Duration;
 
@@ -14,15 +14,15 @@ use robot_session::contract::Rng;
 
 pub(super) struct AnyPc {
     max_number: u16,
-    /// It sends the end when all jobs are sent, or when all are executed.
+    /// Whether it sends the end when all jobs are sent; otherwise when all are executed.
     hurries: bool,
     held: Vec<u8>,
     is_connected: bool,
-    /// When it answers what has come.
+    /// The time at which it answers the bytes that have arrived.
     answer_at: Option<Duration>,
     stage: Stage,
     order: u16,
-    /// The order that the robot is in, as it has said on this connection.
+    /// The order that the robot is in, as it has reported on this connection.
     robot: Option<u16>,
     executed: u32,
     sent: u32,
@@ -93,7 +93,8 @@ impl AnyPc {
         }
     }
 
-    /// What the order has come to: how many jobs are executed for certain, and how many may be.
+    /// Reads a message; returns the number of jobs that are certainly executed, and of those that may be, when the
+    /// order ends.
     fn read(&mut self, name: &str, fields: &[Option<i32>]) -> Option<(u32, u32)> {
         let field = |at: usize| fields.get(at).copied().flatten();
         let is_ours = field(0) == Some(self.order.into()) && self.stage != Stage::Idle;
@@ -108,7 +109,7 @@ impl AnyPc {
                 let from = before.map(|number| text::count(self.executed, number, self.max_number));
                 self.asked = from.filter(|from| *from <= self.sent);
             }
-            // What is answered when the order is active again is about one of before.
+            // An answer that arrives when the order is active again is about an earlier order.
             "LoppuKuittaus" if is_ours && runs && field(1) != Some(self.order.into()) => {
                 self.robot = field(1).map(|order| order as u16);
                 self.is_executed(field(2));

@@ -1,7 +1,7 @@
 //! A robot that is not ours and keeps the source's rules: KM-3, KM-51, KM-52, KM-56 to KM-61, KM-64, KM-65, KM-67 and KM-71.
 //!
-//! It asks for jobs, acknowledges and reports its status when it likes, refuses starts, pauses, takes fewer jobs than it is sent, and gives up
-//! a connection when it likes.
+//! It asks for jobs, acknowledges and reports its status at any time, refuses starts, pauses, accepts fewer jobs than
+//! it is sent, and gives up a connection at any time.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -23,7 +23,7 @@ pub(super) struct AnyRobot {
     /// `None`: connected.
     connects_at: Option<Duration>,
     held: Vec<u8>,
-    /// When its next packet is due, and whether it was answered since the last one.
+    /// The time at which its next packet is due, and whether it was answered since the last one.
     packet_at: Duration,
     answered: bool,
     /// Packets since it was.
@@ -202,7 +202,7 @@ impl AnyRobot {
                 2
             };
             let counts = [number(self.queued), number(self.executed)];
-            // It acknowledges what it says.
+            // It acknowledges its own report.
             self.acknowledged = self.executed;
             text::push(&mut packet, "Tila", &[order(self.order), Some(phase), counts[0], counts[1], ended]);
         }

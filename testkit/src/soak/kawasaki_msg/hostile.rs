@@ -85,10 +85,10 @@ impl<C: Controller> Cell<C> {
         self.hostile = None;
         self.meet(if end == End::A { Mishap::RobotRestarts } else { Mishap::PcRestarts });
         if end == End::A {
-            // What the robot has reported of its orders was not true.
+            // The robot's reports of its orders were not true, so restart the PC.
             self.meet(Mishap::PcRestarts);
         } else {
-            // What is queued are jobs that nobody keeps account of.
+            // No end has a record of the queued jobs, so reset the order.
             _ = self.robot.reset_order();
             let end = self.now + LIMIT;
             while self.robot.order().is_some() && self.now < end {
@@ -97,7 +97,7 @@ impl<C: Controller> Cell<C> {
         }
     }
 
-    /// A hostile end drops what it receives, and sends what it likes.
+    /// A hostile end drops the bytes that it receives, and sends any bytes.
     pub(super) fn harass(&mut self, end: End) -> bool {
         let Some(hostile) = self.hostile.as_mut().filter(|hostile| hostile.end == end) else { return false };
         while self.wire.receive(end, self.now).is_some() {}

@@ -70,7 +70,7 @@ const MS: Duration = Duration::from_millis(1);
 /// An order that has not ended by then is stalled.
 const LIMIT: Duration = Duration::from_secs(600);
 
-/// What happens to an order besides the faults of the line.
+/// An interference with an order, besides the faults of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mishap {
     PcInterrupts,
@@ -93,12 +93,12 @@ struct Cell<C> {
     capacity: usize,
     robot: C,
     pc: LargePc<Picture>,
-    /// How long a job takes, and when the next one is taken.
+    /// The time of a job, and the time at which the next one is taken.
     pace: Duration,
     motion_at: Duration,
     overtakes: bool,
     last: Option<usize>,
-    /// How many attempts to connect fail.
+    /// The number of attempts to connect that fail.
     unreachable: u32,
     order: Option<Order>,
     /// The connection is gone, and neither end notices it.
@@ -156,7 +156,7 @@ fn session<C: Controller>(seed: u64, datagrams: bool, peer: Peer, log: Log) -> T
         }
     }
     let stuck = cell.order.is_none() && !cell.works_when_healed();
-    // What is still queued may not be executed any more, unless nobody knows of it.
+    // Jobs that are still queued must not be executed any more, unless their outcome was reported as unknown.
     let end = cell.now + MS * 300;
     while cell.now < end {
         cell.step();
@@ -254,7 +254,7 @@ impl<C: Controller> Cell<C> {
     fn meet(&mut self, mishap: Mishap) {
         self.log.line(self.now, format_args!("{mishap:?}"));
         let (robot, pc) = self.config;
-        // What is not possible now is no mishap.
+        // A mishap that is not possible now is skipped.
         if let Some((other, rng)) = &mut self.other {
             other.is_short |= matches!(mishap, Mishap::RobotResets | Mishap::RobotRestarts);
             match mishap {
@@ -309,7 +309,7 @@ impl<C: Controller> Cell<C> {
         self.wire.heal(self.now);
         (self.unreachable, self.is_calm) = (0, true);
         let end = self.now + MS * 60_000;
-        // An order that nobody knows and nobody may take over is for the motion program to end.
+        // The motion program ends an order that no PC knows and none may take over.
         if self.config.1.takeover == Takeover::Never {
             _ = self.robot.reset_order();
         }
@@ -323,14 +323,14 @@ impl<C: Controller> Cell<C> {
         self.order.is_none()
     }
 
-    /// Over datagrams there is none.
+    /// Loses the connection; has no effect over datagrams.
     fn lose_connection(&mut self) {
         if !self.config.0.datagrams {
             self.wire.disconnect(self.now);
         }
     }
 
-    /// Jobs of the order before `executed` are executed, those from `sent` on are not; of those between nobody knows.
+    /// Jobs of the order before `executed` are executed, those from `sent` on are not; the outcome of those between is unknown.
     fn over(&mut self, executed: u32, sent: u32) {
         let Some(order) = self.order.take() else { return };
         self.log.line(self.now, format_args!("over: {executed} executed, unknown up to {sent}"));

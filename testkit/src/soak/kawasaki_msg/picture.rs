@@ -1,10 +1,10 @@
-//! What is drawn: a job is a line of a picture.
+//! The picture that is drawn: each job is a line of it.
 
 use kawasaki_msg::{JobKind, JobSource, Line, Point, Supply};
 
 use robot_session::contract::Rng;
 
-/// The line of a job: it says which one it is.
+/// The line of a job, which encodes its number.
 pub(super) fn line(job: usize) -> Line {
     let kind = if job.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
     let x = job as i32;

@@ -1,7 +1,7 @@
 //! A controller that is not ours and keeps the source's rules: LE-5, LE-25, LE-72, LE-102 and LE-103.
 //!
-//! It refuses what it likes, keeps the first half of a frame or drops it and answers each half, executes for a while, and does not
-//! answer now and then.
+//! It refuses any frame, keeps the first half of a frame or drops it and answers each half, executes for a while, and
+//! sometimes does not answer.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -23,7 +23,7 @@ pub(super) struct AnyController {
     pub(super) drops: bool,
     silence: Duration,
     decoder: Decoder,
-    /// When it judges what has come.
+    /// The time at which it judges the bytes that have arrived.
     silent_at: Option<Duration>,
     fault: Option<Refusal>,
     answers: VecDeque<(Duration, Vec<u8>)>,
@@ -40,7 +40,7 @@ impl AnyController {
         self.answers.iter().map(|(at, _)| *at).chain(self.silent_at).min()
     }
 
-    /// What it executes.
+    /// Runs the controller for a turn; returns the instructions that it executes.
     pub(super) fn turn(
         &mut self,
         line: &mut impl Carrier,

@@ -36,7 +36,7 @@ const BATCH: u32 = 7;
 /// Nobody asks for the instructions from here on: they are in the middle of other frames.
 const INNER: u32 = 1 << 24;
 
-/// What happens to a transmission: a place in it, and what happens there.
+/// A fault of a transmission, with its position.
 #[derive(Debug, Clone, Copy)]
 pub enum Fault {
     /// The port stops before this byte for this long.
@@ -45,7 +45,7 @@ pub enum Fault {
     Flip(usize, u8),
 }
 
-/// Which instruction of a host it is.
+/// The index of a host's instruction.
 #[derive(Debug)]
 struct Cut(u32);
 
@@ -64,7 +64,7 @@ impl TryFrom<Instruction<'_>> for Cut {
 pub struct Article {
     now: Duration,
     byte_time: Duration,
-    /// How long it takes to read an answer and to act on it.
+    /// The time in which an answer is read and acted on.
     late: Duration,
     busy_until: Duration,
     port: VecDeque<(Duration, u8)>,
@@ -75,7 +75,7 @@ pub struct Article {
     reader: Reader<'static, Cut>,
     /// The instructions that were executed.
     pub executed: Vec<u32>,
-    /// How often a frame was sent.
+    /// The number of transmissions of frames.
     pub transmissions: u32,
     /// Flips and pauses.
     pub faults: FaultCounts,
@@ -156,7 +156,7 @@ impl Article {
         self.port_free_at = at;
     }
 
-    /// What the controller does by now.
+    /// Runs the controller until now.
     fn control(&mut self) {
         while let Some((at, byte)) = self.port.front().copied()
             && at <= self.now
@@ -176,7 +176,7 @@ impl Article {
         }
     }
 
-    /// Lets everything that is under way arrive; how many answers nobody has read.
+    /// Lets everything that is under way arrive; returns the number of answers that were not read.
     pub fn settle(&mut self) -> usize {
         let end = self.port_free_at.max(self.now) + 1000 * MS;
         while self.now < end {
@@ -238,7 +238,7 @@ fn nested(rng: &mut Rng) -> Vec<u8> {
     outer
 }
 
-/// Anything: good frames, and what is none.
+/// Returns random bytes: good frames, and bytes that are not frames.
 fn anything(rng: &mut Rng, next: u32) -> Vec<u8> {
     let mut bytes = frame(next..next + 1 + rng.below(7) as u32);
     match rng.below(6) {
@@ -287,7 +287,7 @@ fn session(seed: u64, is_hostile: bool, log: Log) -> Tally {
             let mut pause = || Fault::Pause(from + rng.below(length - from), MS * rng.below(400) as u32);
             vec![pause(), pause()]
         };
-        // A head that is cut behind the rest of another frame is not seen to begin one.
+        // A truncated head after the rest of another frame is not seen to begin a frame.
         let (mut corrupt, again) = (transmission(1), transmission(3));
         if rng.chance(0.5) {
             let place = if rng.chance(0.5) { rng.below(4) } else { rng.below(length) };

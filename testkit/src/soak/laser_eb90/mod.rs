@@ -56,7 +56,7 @@ const ASK: u16 = 0x0301;
 /// The longest answer in bytes.
 const ANSWER: usize = 24;
 
-/// What an instruction carries: which job it is, twice.
+/// The payload of an instruction: the index of its job, twice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Marked {
     word: u16,
@@ -108,7 +108,7 @@ struct Cell {
     other: Option<AnyController>,
     healed: bool,
     ledger: Ledger,
-    /// Executed, and nobody sent it.
+    /// Executed, but never sent.
     aliens: Vec<Marked>,
     sent: Vec<Marked>,
     config: HostConfig,
@@ -187,7 +187,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
         cell.step();
     }
     let stuck = !cell.heal();
-    // What the controller still holds is executed.
+    // Let the controller execute the instructions that it has buffered.
     let end = cell.now + Duration::from_secs(8);
     while cell.now < end && (!cell.reader.is_empty() || cell.now + Duration::from_secs(7) < end) {
         cell.step();
@@ -195,7 +195,7 @@ fn session(seed: u64, peer: Peer, log: Log) -> Tally {
     cell.settle(stuck)
 }
 
-/// What the other controller keeps.
+/// Returns the host's configuration with the assumptions that the other controller meets.
 fn assuming(other: &AnyController, config: HostConfig) -> HostConfig {
     // An answer, pauses and delays on the line.
     let line = timing::transmission_time(2 * ANSWER, config.baud) + 70 * MS;
@@ -241,7 +241,7 @@ impl Cell {
         }
     }
 
-    /// What befalls both ends and the line.
+    /// Injects the faults of both ends and of the line.
     fn misfortune(&mut self) {
         if self.rng.chance(0.001) {
             self.log.line(self.now, format_args!("the line is unplugged"));
@@ -255,7 +255,7 @@ impl Cell {
         if self.rng.chance(0.001) {
             self.log.line(self.now, format_args!("the host is restarted"));
             self.host = new_host(self.config, self.now);
-            // A new host knows nothing of the instructions of the one before.
+            // A new host has no record of the previous host's instructions.
             for job in self.base..self.sent.len() {
                 if !self.ledger.is_reported(job) {
                     let unknown = if self.is_certain() { Reported::Unknown } else { Reported::AnyTimes(0) };
@@ -299,7 +299,7 @@ impl Cell {
     fn step(&mut self) {
         let is_cut = self.now < self.plug_at;
         let (now, mut events) = (self.now, Vec::new());
-        // The user looks at an outcome that nobody knows, and goes on.
+        // The user checks an unknown outcome, and goes on.
         if self.host.is_held() {
             self.host.resume();
         }
@@ -370,7 +370,7 @@ impl Cell {
         let (first, count, reported) = match event {
             HostEvent::Done { first, count, unanswered: 0, .. } => (first, count, Reported::Done),
             HostEvent::Done { first, count, .. } => (first, count, Reported::AnyTimes(1)),
-            // It may have been asked several times: then that is what the user wants.
+            // It may have been executed several times, if the user wants that.
             HostEvent::Answer { ticket, .. } if insists => (ticket, 1, Reported::AnyTimes(1)),
             HostEvent::Answer { ticket, .. } => (ticket, 1, Reported::Done),
             HostEvent::Refused { first, count, .. } => (first, count, Reported::NotDone),

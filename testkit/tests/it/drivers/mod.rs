@@ -1,5 +1,6 @@
-//! What a peer, a line and an impatient caller do to a session under each driver: every request has one outcome, at its time, and nothing
-//! hangs. `cargo test -p testkit --test it drivers -- --nocapture` prints the table.
+//! The effects of a peer, a line and an impatient caller on a session under each driver: every request has one
+//! outcome, at its time, and nothing hangs. `cargo test -p testkit --test it drivers -- --nocapture` prints the
+//! table.
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
 
@@ -24,11 +25,11 @@ use robot_session::{Driver, Session as _, now};
 
 const MS: Duration = Duration::from_millis(1);
 const TIMEOUT: Duration = Duration::from_millis(200);
-/// What takes longer hangs.
+/// A test that takes longer hangs.
 const LONG: Duration = Duration::from_secs(60);
 const NEVER: [usize; 2] = [usize::MAX; 2];
 
-/// Its registers have their own numbers.
+/// Registers with their own numbers as values.
 struct Numbers;
 
 impl Registers for Numbers {
@@ -46,7 +47,7 @@ impl Registers for Numbers {
 /// Requests with their outcomes, over one connection after the other.
 struct Caller {
     client: Client<4>,
-    /// When each was asked for, and the outcomes.
+    /// The time of each request, and the outcomes.
     asked: HashMap<Ticket, Duration>,
     requests: u32,
     replied: u32,
@@ -71,7 +72,7 @@ impl Caller {
         }
     }
 
-    /// As many requests as there is room for, of both lengths.
+    /// Makes as many requests as there are free slots, of both lengths.
     fn ask(&mut self, most: u32) {
         while self.requests < most {
             let read = Request::ReadHoldingRegisters { address: 3, quantity: 40 };
@@ -111,14 +112,14 @@ impl Caller {
     }
 }
 
-/// What one fault did under one driver.
+/// The effects of a fault under a driver.
 struct Row {
     fault: &'static str,
     kind: Kind,
     caller: Caller,
-    /// It was given up: nothing has happened for [`LONG`].
+    /// Whether it was given up: nothing has happened for [`LONG`].
     stuck: bool,
-    /// How connections ended.
+    /// The ways in which connections ended.
     over: Vec<Over>,
 }
 
@@ -225,7 +226,8 @@ fn a_peer_that_does_not_read_ends_the_connection_and_every_request() {
     }
 }
 
-/// What is begun has its timeout; what is behind it waits for the line, as long as that takes a byte now and then.
+/// A request in flight has its timeout; the requests after it wait for the line, as long as that takes a byte now and
+/// then.
 #[test]
 fn a_peer_that_reads_slowly_costs_replies_and_no_outcome() {
     for kind in KINDS {
@@ -322,7 +324,7 @@ fn a_kill_between_keeping_and_writing_leaves_nothing_unknown() {
                     caller.ask(caller.requests + 2);
                 }
             }
-            // Killed. What has arrived is all there is.
+            // After a kill, only the arrived bytes are there.
             drop(rig);
             kills += 1;
             let arrived = requests_in(&far);
@@ -336,7 +338,7 @@ fn a_kill_between_keeping_and_writing_leaves_nothing_unknown() {
     }
 }
 
-/// How many requests the peer has the beginning of.
+/// Returns the number of requests of which the peer has the beginning.
 fn requests_in(pipe: &Pipe) -> usize {
     pipe.cut();
     let (mut bytes, mut buffer) = (Vec::<u8>::new(), [0; 64]);

@@ -1,4 +1,5 @@
-//! A line in memory that holds few bytes, for all drivers: who writes more waits, and who does not read makes the other one wait.
+//! A line in memory with a capacity of few bytes, for all drivers: a writer waits while it is full, so a reader that
+//! does not read delays the writer.
 
 use core::future::poll_fn;
 use core::pin::Pin;
@@ -16,14 +17,14 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 #[derive(Clone)]
 pub struct Pipe {
     line: Arc<(Mutex<Line>, Condvar)>,
-    /// Which of the two ways it writes; it reads the other one.
+    /// The index of the direction that it writes; it reads the other one.
     way: usize,
 }
 
 struct Line {
     room: usize,
     ways: [VecDeque<u8>; 2],
-    /// How many bytes more go each way; then the line is cut.
+    /// The number of bytes that still go each way before the line is cut.
     until_cut: [usize; 2],
     is_cut: bool,
     waiting: Vec<Waker>,

@@ -14,7 +14,7 @@ use tokio::time::timeout;
 
 use crate::drivers::pipe::Pipe;
 
-/// Which driver.
+/// The kinds of drivers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Std,
@@ -34,7 +34,7 @@ pub enum Rig {
     Embedded(Runtime, Box<waiting::Driver<Pipe, Pipe, Process, 512, 512>>),
 }
 
-/// How a connection is over.
+/// The way in which a connection is over.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Over {
     ByPeer,

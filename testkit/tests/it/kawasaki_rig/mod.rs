@@ -41,7 +41,7 @@ pub struct Rig<C = Native> {
     pub link: Link,
     pub robot: C,
     pub pc: LargePc<Source>,
-    /// How long one job takes; `None` while the motion task is stopped.
+    /// The time of a job; `None` while the motion task is stopped.
     pub motion: Option<Duration>,
     pub motion_at: Duration,
     /// Whether jobs may overtake one another: the last one waiting is taken first.
@@ -49,7 +49,7 @@ pub struct Rig<C = Native> {
     /// Whether the PC accepts connections.
     pub reachable: bool,
     pub connected: bool,
-    /// What the motion task has executed.
+    /// The jobs that the motion task has executed.
     pub executed: Vec<Job<Line>>,
     pub robot_events: Vec<RobotEvent>,
     pub pc_events: Vec<PcEvent>,

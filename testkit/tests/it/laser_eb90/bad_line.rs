@@ -44,7 +44,7 @@ fn a_line_that_also_falls_silent_loses_nothing_unreported() {
     assert!(count.lost <= count.invented, "{count:?}");
 }
 
-/// What the host knows of an instruction.
+/// The host's knowledge of an instruction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Known {
     Taken,
@@ -52,13 +52,13 @@ enum Known {
     Nothing,
 }
 
-/// How a run over a bad line ended.
+/// The counts of a run over a bad line.
 #[derive(Debug, Default)]
 struct Count {
     sent: u32,
     unknown: u32,
     refused: u32,
-    /// Executed, though nobody sent it: corruption that the checksum could not see.
+    /// Executed, though it was not sent: corruption that the checksum could not see.
     invented: u32,
     /// Neither executed nor reported.
     lost: u32,

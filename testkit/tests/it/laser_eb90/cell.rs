@@ -45,7 +45,7 @@ pub struct Cell {
     pub executed: Vec<Cut>,
     /// Outcomes.
     pub events: Vec<HostEvent>,
-    /// What the last query answered.
+    /// The answer to the last query.
     pub answer: Vec<f32>,
     pub frames_sent: usize,
 }

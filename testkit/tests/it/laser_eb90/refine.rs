@@ -17,7 +17,7 @@ use testkit::model::{Options, System, explore};
 
 use crate::laser_eb90::cell::CUT;
 
-/// Which frame an instruction is of.
+/// The index of the frame to which an instruction belongs.
 struct Part(u8);
 
 impl TryFrom<Instruction<'_>> for Part {
@@ -77,7 +77,7 @@ impl<'a> Ends<'a> {
             }
             Act::Timeout => self.host.handle_timeout(self.now),
             Act::Resume => self.host.resume(),
-            // What the controller does with a good frame follows from the frame.
+            // The controller's reaction to a good frame follows from the frame.
             Act::Judge(_) => {}
             Act::Finish(Ok(())) => self.controller.answer(self.now, |_| Ok(())).map_err(|e| e.to_string())?,
             Act::Finish(Err(refusal)) => {
@@ -222,8 +222,8 @@ fn controller(setup: &Setup, now: Duration) -> (Controller<'static, Part>, Queue
     (controller, reader)
 }
 
-/// Instructions of an interpreted frame: a fifth of it is no less than the shortest frame, below which corruption is not
-/// answered.
+/// The instructions of an interpreted frame: a fifth of it is not shorter than the shortest frame, below which
+/// corruption is not answered.
 const PARTS: u64 = 3;
 
 fn submit(host: &mut Host, content: Content, job: u8) {

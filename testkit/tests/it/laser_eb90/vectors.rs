@@ -4,7 +4,7 @@ use cellwire_links::vectors::{includes, vectors};
 use laser_eb90::{DecodeError, Frame, MAX_PAYLOAD, Profile};
 use serde_json::Value;
 
-/// Whatever a decoder finds first is what a frame decodes to by itself, once its items are looked at too.
+/// The first result of a decoder equals the decoded frame alone, once its items are checked too.
 #[test]
 fn a_frame_by_itself_is_what_a_decoder_finds_first() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../reference/vectors/laser-eb90.json");

@@ -26,7 +26,7 @@ pub struct Cell {
     pub controller_events: Vec<ControllerEvent>,
     /// The values that moved the arm, a row a reply.
     pub applied: Vec<[i16; 6]>,
-    /// When the controller sent each of its messages.
+    /// The messages of the controller, with their times.
     pub sent: Vec<(Duration, Vec<u8>)>,
 }
 
@@ -88,7 +88,7 @@ impl Cell {
         }
     }
 
-    /// How far the arm is off the path: the sum of the values, or in non-cumulative ALTER the last ones.
+    /// Returns the arm's offset from the path: the sum of the values, or in non-cumulative ALTER the last values.
     pub fn offset(&self) -> [i32; 6] {
         let mut offset = [0; 6];
         for (axis, offset) in offset.iter_mut().enumerate() {

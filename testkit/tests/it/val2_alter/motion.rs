@@ -1,4 +1,4 @@
-//! What the replies do to the arm: increments, offsets, limits, exceptions.
+//! The effects of replies on the arm: increments, offsets, limits, exceptions.
 use crate::val2_alter::common::{CYCLE, MS, connected, in_first_cycle, plain, running, x};
 use robot_session::Session as _;
 use robot_session::contract::Rng;
@@ -351,7 +351,7 @@ fn whatever_the_controller_says_no_value_is_above_the_limits() {
     assert_eq!(fastest.unsigned_abs(), limits.velocity[0], "the velocity is reached");
 }
 
-/// What the host answers.
+/// Returns the host's answer.
 fn answer(host: &mut Host, message: &[u8]) -> HostMessage {
     let mut out = [0; Frame::MAX_LEN];
     host.handle_input(MS, message);
@@ -447,7 +447,8 @@ fn an_offset_is_held_while_the_subroutine_runs() {
     assert_eq!(cell.controller.values(), x(300));
 }
 
-/// The controller stops the arm for the subroutine: what the host sent last is no speed from which it may go on.
+/// The controller stops the arm for the subroutine, so the host's last values are not a speed from which it may go
+/// on.
 #[test]
 fn after_the_subroutine_the_arm_begins_from_rest() {
     let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };

@@ -39,7 +39,7 @@ fn without_an_answer_the_controller_tries_three_times() {
         events.push(ControllerEvent::GaveUp);
         assert_eq!(cell.controller_events, events);
         assert_eq!(cell.controller.state(), ControllerState::Off);
-        // The attempts behind the first say why they were made.
+        // Each attempt after the first gives the reason for which it was made.
         assert_eq!(cell.sent[1].1[3], 0xA6);
     }
 }
@@ -67,7 +67,7 @@ fn a_corrupt_start_message_is_asked_for_again_and_then_refused() {
     for expected in [&repeat, &repeat, &refuse, &repeat] {
         assert_eq!(answer(&mut host, MS, corrupt).as_ref(), Some(expected));
     }
-    // The count is forgotten after four cycles without a message.
+    // The count restarts after four cycles without a message.
     assert_eq!(answer(&mut host, MS + 4 * CYCLE, corrupt).as_ref(), Some(&repeat));
     assert_eq!(answer(&mut host, MS + 4 * CYCLE, corrupt).as_ref(), Some(&repeat));
     // Bytes outside any frame are no start message.
@@ -114,7 +114,7 @@ fn a_bad_reply_gives_the_code_of_the_next_message_and_a_missing_one_ends_alter()
         (b"\x10\x10\x02\x00\x00\x10\x03\x00", 0x80),
         (b"\x10\x10\x02\x00\x00\x10\x03\x01", 0x81),
         (b"\x10\x10\x02\x00\x01\x10\x03\x01", 0x82), // selects X, sends none
-        (b"\x10\x10\x02\x00\x40\x10\x03\x40", 0x82), // selects what is no axis
+        (b"\x10\x10\x02\x00\x40\x10\x03\x40", 0x82), // selects a bit that is not an axis
         (b"\x10\x10\x02\x00\x10\x03\x00", 0x82),     // the answer to a start message
         (&too_long, 0x83),
         (b"\x10\x10\x02\x00\x00", 0x84),
@@ -199,7 +199,7 @@ fn a_killed_host_ends_alter_with_error_6_and_the_arm_stands_still() {
     assert_eq!(cell.controller_events.last(), Some(&ControllerEvent::Ended(ErrorCode::Timeout)));
     assert_eq!(cell.sent.last().unwrap().1, b"\x10\x10\x02\xE6\x10\x03\xE6");
 
-    // Started again without restarting anything else: a new host knows nothing of the old one.
+    // Started again without restarting anything else: a new host has no record of the old one.
     cell.host = connected(host);
     cell.host_is_alive = true;
     cell.start();
@@ -285,7 +285,7 @@ fn the_deadline_is_the_window_less_the_reply() {
     assert_eq!(host.poll_timeout(), None);
 }
 
-/// A controller sends one message in a cycle: what comes sooner after the one before shows that this was late.
+/// A controller sends one message in a cycle: a message sooner after the previous one shows that this was late.
 #[test]
 fn a_message_that_was_read_too_late_is_reported_with_the_next() {
     let mut host = connected(HostConfig::default());
@@ -329,7 +329,7 @@ fn a_late_controller_keeps_its_raster_and_every_window() {
         controller.poll_transmit(now, &mut out).unwrap();
         sent.push(now.as_micros() / 1000);
     }
-    // 132 ms and a window of 15 ms behind 12 bytes are 150 ms: later than the raster, which goes on from there.
+    // 132 ms and a window of 15 ms after 12 bytes are 150 ms: later than the raster, which goes on from there.
     assert_eq!(sent, [59, 84, 132, 150, 178]);
 }
 
@@ -396,7 +396,7 @@ fn an_event_queue_that_nobody_reads_drops_the_oldest_notice_and_no_outcome() {
     assert_eq!(host.statistics().dropped_notices, 5);
     let left = core::iter::from_fn(|| host.poll_event()).collect::<Vec<_>>();
     assert_eq!(left, [HostEvent::End(End { error: ErrorCode::None }); 16]);
-    // Fifteen ends of ALTER that nobody fetches: there is no room for the outcomes of another.
+    // Fifteen ends of ALTER that are not polled: the queue has no space for the outcomes of another.
     for accepted in (0..17).map(|ends| ends < 15) {
         host.handle_input(MS, start);
         assert_eq!(host.poll_transmit(MS, &mut out).is_some(), accepted);

@@ -27,7 +27,7 @@ pub(super) const WRONG_COUNT: &str = "what an order's end counts was executed, a
 pub(super) const HEALTHY: &str = "no queue is cleared and no alarm raised while jobs are left to execute";
 pub(super) const BOUND: &str = "the alarm comes within its bound";
 
-/// What the PC does.
+/// The behaviour of the PC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Peer {
     /// It keeps the source's rules: the jobs from the requested one on, the order's end after the last of them in the same packet.
@@ -49,13 +49,13 @@ pub enum Peer {
 pub struct AnyPc {
     /// The robot's configuration.
     pub robot: RobotConfig,
-    /// What the PC does.
+    /// The behaviour of the PC.
     pub peer: Peer,
     /// The jobs of the order.
     pub jobs: u8,
-    /// The places of the queue.
+    /// The capacity of the queue, in jobs.
     pub capacity: usize,
-    /// What is left in it when it has drained.
+    /// The jobs in the queue when it counts as drained.
     pub low_water: usize,
     /// Corrupt messages, split packets and lost connections of a [`Peer::Lossy`].
     pub faults: u8,
@@ -258,7 +258,7 @@ impl AnyPc {
         after != *w
     }
 
-    /// How long it may stall. A look at a settled queue takes 2 ms, and a tick here.
+    /// Returns the longest time of a stall. A look at a settled queue takes 2 ms, and a tick here.
     fn bound(&self) -> u32 {
         let ticks = self.robot.alarm_bound().as_millis() / TICK.as_millis();
         ticks as u32 + u32::from(self.robot.recovery.clears)

@@ -20,7 +20,7 @@ pub struct Sent {
 pub struct World {
     pub(super) robot: Robot,
     pub(super) down: Vec<Vec<Sent>>,
-    /// What was read ends with a corrupt message: it is known when the next one begins.
+    /// The bytes read so far end with a corrupt message, which is noticed when the next one begins.
     pub(super) tail: bool,
     pub(super) queue: Vec<u8>,
     pub(super) executing: Option<u8>,
@@ -47,12 +47,12 @@ pub(super) struct Flags {
     pub(super) healthy: bool,
 }
 
-/// What happens.
+/// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Act {
     /// A connection is made.
     Connect,
-    /// It is lost.
+    /// The connection is lost.
     Break,
     /// `handle_timeout`.
     Timeout,
@@ -76,20 +76,20 @@ pub enum Act {
     Tick,
 }
 
-/// A message of the PC's.
+/// A message of the PC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Letter {
-    /// None.
+    /// No message.
     Nothing,
     /// Filler.
     Filler,
-    /// The order's start.
+    /// The start of the order.
     Start,
-    /// Another order's.
+    /// The start of another order.
     OtherStart,
-    /// The order's end.
+    /// The end of the order.
     End,
-    /// Its interruption.
+    /// The interruption of the order.
     Interrupt,
     /// The job that was asked for, or one so far from it.
     Job(i8),
@@ -104,7 +104,7 @@ pub enum Letter {
 }
 
 impl World {
-    /// What is still to be sent decides nothing else, and a PC that does anything does not read it.
+    /// Clears the unsent replies: they have no other effect, and a PC that does anything does not read them.
     pub(super) fn project(&mut self) {
         (self.robot.replies, self.robot.ended) = (Replies::default(), None);
         self.robot.acked = self.robot.executed;

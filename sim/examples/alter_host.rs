@@ -1,4 +1,5 @@
-//! Brings a PUMA's tool to where it is told to, in mm from where ALTER began, and never further than 50 mm: a line `X Y Z` each.
+//! Moves a PUMA's tool to given positions, in mm from the position at which ALTER began, at most 50 mm away: lines of
+//! `X Y Z`.
 //! `cargo run -p cellwire-sim --all-features --example alter_host -- 192.168.0.9:4001`
 
 use core::time::Duration;

@@ -12,14 +12,14 @@ use fanuc_hmi_modbus::{ClientConfig, Exception, Registers, Server, ServerConfig,
 use tokio::net::TcpListener;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// A robot, and what it said last; nothing while it does not answer.
+/// A robot, and its last reply; `None` while it does not answer.
 #[derive(Clone)]
 struct Robot {
     client: Client,
     said: Arc<Mutex<Option<Vec<u16>>>>,
 }
 
-/// What a PLC sees.
+/// The robots, as a PLC sees them.
 #[derive(Clone)]
 struct Robots(Arc<[Robot]>);
 
@@ -108,7 +108,7 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// A PLC's program in the place of a test: what it reads until it is so.
+    /// Reads as a PLC's program does, until `is_so` returns true for the registers.
     async fn until(plc: &Client, from: u16, is_so: impl Fn(&Result<Vec<u16>, Error>) -> bool) {
         let wait = async {
             while !is_so(&plc.read_holding_registers(from..from + 37).await) {

@@ -20,7 +20,7 @@ const GO_ON: u16 = 0x0202;
 const CLEAR: u16 = 0x0203;
 const STATUS: u16 = 0x0301;
 
-/// How many instructions wait at most.
+/// The capacity of the queue in instructions.
 const QUEUE: usize = 32;
 
 /// An instruction of the motion: its command word, and where the tool goes.

@@ -15,7 +15,7 @@ use robot_session::tokio::{Reply, Reports, Service, Tcp, spawn};
 
 const TIMEOUT: Duration = Duration::from_millis(200);
 
-/// A weight in grams, or why there is none.
+/// A weight in grams, or the reason that there is no weight.
 type Weighed = Result<i32, NoWeight>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,7 +129,7 @@ impl Session for Asker {
     fn statistics(&self) {}
 }
 
-/// Who waits for the weight.
+/// The caller that waits for the weight.
 #[derive(Debug, Default)]
 struct Weighing(Option<Reply<Weighed>>);
 
@@ -180,7 +180,7 @@ mod tests {
 
     use super::*;
 
-    /// The scale: to question n it says a kilogram and n grams.
+    /// The scale: it answers question n with a kilogram and n grams.
     #[derive(Debug, Clone, Default)]
     struct Scale {
         received: Vec<u8>,

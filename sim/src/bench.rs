@@ -9,19 +9,19 @@ use crate::device::{Device, Executed};
 use crate::faults::Faults;
 use crate::simulator::{Simulator, Told};
 
-/// How long there is no connection after one has ended, by default.
+/// The default time without a connection after one has ended.
 const RECONNECT: Duration = Duration::from_millis(100);
-/// How long a byte is on its way, by default.
+/// The default time of a byte on its way.
 const LATENCY: Duration = Duration::from_millis(1);
 
-/// What is between the two ends.
+/// The connection between the two ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wire {
-    /// How long a byte is on its way. Default: 1 ms.
+    /// The time of a byte on its way. Default: 1 ms.
     pub latency: Duration,
     /// The rate of a serial line, 10 bits a byte; `None`, the default: bytes follow each other at once.
     pub baud: Option<u32>,
-    /// How long there is no connection after one has ended. Default: 100 ms.
+    /// The time without a connection after one has ended. Default: 100 ms.
     pub reconnect: Duration,
 }
 
@@ -37,7 +37,7 @@ impl Default for Wire {
 /// deadline. The two are connected by themselves, first at once and again when a connection has ended; a device that is a client says when.
 #[derive(Debug)]
 pub struct Bench<S: Session, D: Device> {
-    /// What is between the two ends.
+    /// The connection between the two ends.
     pub wire: Wire,
     session: S,
     simulator: Simulator<D>,
@@ -70,7 +70,7 @@ enum Arrival {
     End,
 }
 
-/// What is on its way, and when it arrives.
+/// Items in flight, with the times of their arrival.
 #[derive(Debug)]
 struct Way<T> {
     queue: VecDeque<(Duration, T)>,
@@ -135,22 +135,22 @@ impl<S: Session, D: Device> Bench<S, D> {
         self.simulator.device()
     }
 
-    /// The device, to change what it does.
+    /// Returns the device, to change its behaviour.
     pub fn device_mut(&mut self) -> &mut D {
         self.simulator.device_mut()
     }
 
-    /// What goes wrong with the device.
+    /// Returns the faults of the device.
     pub fn faults(&self) -> &Faults {
         self.simulator.faults()
     }
 
-    /// What was executed, in this order.
+    /// Returns the executed work, in sequence.
     pub fn executed(&self) -> &[Executed<D::Work>] {
         &self.executed
     }
 
-    /// What the device has told, and when.
+    /// Returns the device's reports, with their times.
     pub fn told(&self) -> &[(Duration, Told<D::Event>)] {
         &self.told
     }
@@ -182,7 +182,7 @@ impl<S: Session, D: Device> Bench<S, D> {
         self.run_until(time, |_| false);
     }
 
-    /// Lets time pass until something is so, and says whether it is; no longer than `within`.
+    /// Lets time pass until `is_so` returns true, but no longer than `within`; returns whether it did.
     pub fn run_until(&mut self, within: Duration, mut is_so: impl FnMut(&mut Self) -> bool) -> bool {
         let end = self.now.saturating_add(within);
         loop {
@@ -191,7 +191,7 @@ impl<S: Session, D: Device> Bench<S, D> {
                 self.work();
                 return true;
             }
-            // What was called is seen before time passes; what is overdue does not stop it.
+            // Handle the caller's calls before time passes; an overdue deadline does not stop it.
             self.work();
             let next = self.next().map_or(end, |at| at.max(self.now + Duration::from_micros(1)));
             if self.now >= end {
@@ -311,7 +311,7 @@ impl<S: Session, D: Device> Bench<S, D> {
     }
 }
 
-/// Gives a session as much as it takes at once; what is left comes at the same time.
+/// Gives a session as much as it takes at once; the rest arrives at the same time.
 fn feed<S: Session>(session: &mut S, now: Duration, mut bytes: Vec<u8>) -> (Duration, Option<Vec<u8>>) {
     let rest = bytes.split_off(bytes.len().min(S::MAX_INPUT));
     session.handle_input(now, &bytes);

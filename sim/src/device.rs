@@ -1,4 +1,4 @@
-//! What a simulated device is, below its faults and what carries its bytes.
+//! A simulated device, without its faults and its transport.
 
 use core::error::Error as StdError;
 use core::fmt::Debug;
@@ -8,18 +8,18 @@ use std::io;
 
 use robot_session::Session;
 
-/// A device around its session: what it does about the session's events, and what goes on in it by itself.
+/// A device around its session: its reactions to the session's events, and its own processes.
 pub trait Device {
-    /// Its end of the link.
+    /// The session of the device's end.
     type Session: Session;
-    /// What it tells of itself.
+    /// An event of the device.
     type Event: Clone + Debug + Send + 'static;
-    /// What it executes.
+    /// A unit of work that the device executes.
     type Work: Clone + Debug + Send + 'static;
-    /// Whether it connects to its peer, when its [`Notes::connect`] says so; else its peer connects to it.
+    /// Whether it connects to its peer, when its [`Notes::connect`] says so; otherwise its peer connects to it.
     const IS_CLIENT: bool = false;
 
-    /// Its end of the link.
+    /// Returns the session of the device's end.
     fn session(&self) -> &Self::Session;
 
     /// The same, to call it.
@@ -36,19 +36,20 @@ pub trait Device {
     /// Moves on to this time.
     fn advance(&mut self, now: Duration, notes: &mut Notes<Self::Event, Self::Work>);
 
-    /// When [`advance`](Self::advance) is to be called at the latest.
+    /// Returns the latest time of the next call of [`advance`](Self::advance).
     fn due(&self) -> Option<Duration>;
 
-    /// Its power was lost: it restarts without a connection, and keeps what a real device keeps.
+    /// Restarts the device after a loss of power: it has no connection, and keeps what a real device keeps.
     fn restart(&mut self, now: Duration);
 
-    /// It loses what it holds and has not executed; the connection goes on.
+    /// Drops what the device holds and has not executed; the connection goes on.
     fn forget(&mut self, now: Duration);
 
     /// The peer of a connection in TLS has shown this certificate (DER), which is verified. Called before the first bytes of the peer.
     fn secured(&mut self, _certificate: &[u8]) {}
 
-    /// The same device on one more connection at the same time; `None` where a new connection takes the place of the one before.
+    /// Returns the same device for one more simultaneous connection; `None` if a new connection replaces the previous
+    /// one.
     fn another(&self) -> Option<Self>
     where
         Self: Sized,
@@ -57,16 +58,16 @@ pub trait Device {
     }
 }
 
-/// What was executed, and when it was over.
+/// A unit of executed work, with the time at which it ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Executed<W> {
-    /// Since the device was first used.
+    /// The time since the device was first used.
     pub at: Duration,
-    /// What.
+    /// The executed work.
     pub work: W,
 }
 
-/// Where a device notes what it does.
+/// The record of a device's events and work.
 #[derive(Debug)]
 pub struct Notes<E, W> {
     pub(crate) events: VecDeque<E>,
@@ -103,7 +104,7 @@ impl<E, W> Notes<E, W> {
     }
 }
 
-/// Why there is no device.
+/// The reason that there is no device.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -132,7 +132,7 @@ pub struct Counts {
     pub executed_once: u64,
     /// Executed more than once.
     pub repeated: u64,
-    /// Not executed, and reported as done or not at all.
+    /// Jobs that were not executed, and reported as done or not at all.
     pub lost: u64,
     /// Reported as unknown, executed or not.
     pub unknown: u64,

@@ -8,8 +8,8 @@ use robot_session::Session;
 use crate::device::{Device, Error, Notes};
 use crate::settings::Settings;
 
-/// Any session as a device: for a link of your own, or an end that is not among the devices. What it reports is what it tells, and what it
-/// has "executed".
+/// Any session as a device: for a link of your own, or an end that is not among the devices. The session's events are
+/// both its events and its "executed" work.
 #[derive(Debug, Clone)]
 pub struct Peer<S>(pub S);
 

@@ -14,7 +14,7 @@ use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcseta
 #[derive(Debug)]
 pub(crate) struct Pty {
     device: OwnedFd,
-    /// Where a program opens the other end.
+    /// The path at which a program opens the other end.
     path: String,
 }
 

@@ -16,9 +16,9 @@ use crate::faults::Faults;
 use crate::host::{Change, Ending, Endpoint, Listener, Notice, Server, State, attend};
 use crate::simulator::{Remote, Simulator, Told};
 
-/// How often a fault that was asked for, a new connection and the end are looked for.
+/// The interval at which requested faults, new connections and the end are checked.
 const LOOK: Duration = Duration::from_millis(5);
-/// How long an answer to a call is waited for.
+/// The time for which an answer to a call is awaited.
 const CALL: Duration = Duration::from_secs(1);
 
 /// A device in a thread, which ends when this is dropped.
@@ -33,7 +33,7 @@ pub struct Running<D: Device> {
 
 type Shared<D> = Arc<Record<<D as Device>::Event, <D as Device>::Work>>;
 
-/// What a thread has to say.
+/// The record of a device's thread.
 #[derive(Debug)]
 struct Record<E, W> {
     done: Mutex<Done<E, W>>,
@@ -97,7 +97,7 @@ impl<D: Device + Send + 'static> Running<D> {
         })
     }
 
-    /// As a TCP client: it connects when it wants to, and tries again when that fails.
+    /// Runs as a TCP client: it connects when the device asks for it, and tries again when that fails.
     ///
     /// # Errors
     /// The system's.
@@ -193,7 +193,7 @@ impl<D: Device + Send + 'static> Running<D> {
 const NOWHERE: SocketAddr = SocketAddr::new(core::net::IpAddr::V4(core::net::Ipv4Addr::UNSPECIFIED), 0);
 
 impl<D: Device> Running<D> {
-    /// Where it listens, or what it connects to.
+    /// Returns the address at which it listens, or to which it connects.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -203,7 +203,7 @@ impl<D: Device> Running<D> {
         &self.path
     }
 
-    /// What goes wrong with it.
+    /// Returns the faults of the device.
     pub fn faults(&self) -> &Faults {
         self.remote.faults()
     }
@@ -228,17 +228,17 @@ impl<D: Device> Running<D> {
         self.remote.call(CALL, call)
     }
 
-    /// What was executed, in this order.
+    /// Returns the executed work, in sequence.
     pub fn executed(&self) -> Vec<Executed<D::Work>> {
         self.shared.lock().executed.clone()
     }
 
-    /// What it has told, and when.
+    /// Returns the device's reports, with their times.
     pub fn told(&self) -> Vec<(Duration, Told<D::Event>)> {
         self.shared.lock().told.clone()
     }
 
-    /// Waits until so much was executed, and says whether it was; no longer than `within`.
+    /// Waits until `count` units of work were executed, but no longer than `within`; returns whether they were.
     pub fn wait_for(&self, count: usize, within: Duration) -> bool {
         let waited = self
             .shared

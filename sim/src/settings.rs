@@ -34,7 +34,7 @@ pub trait Settings: Clone {
         Ok(Bench::new(session, self.simulator()?))
     }
 
-    /// The device behind a TCP address, in a thread: with port 0 at any that is free.
+    /// Runs the device at a TCP address, in a thread; port 0 is any free port.
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.

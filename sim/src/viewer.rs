@@ -13,9 +13,9 @@ use crate::settings::Settings;
 /// A workstation's settings.
 #[derive(Debug, Clone, Copy)]
 pub struct Viewer {
-    /// Its session.
+    /// The configuration of the session.
     pub config: WorkstationConfig,
-    /// Its line, where one is simulated.
+    /// The rate of the line in baud, if one is simulated.
     pub baud: u32,
 }
 
@@ -42,7 +42,7 @@ impl robot_session::spec::Configure for Viewer {
     }
 }
 
-/// What a workstation has seen.
+/// The counts of a workstation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Drawn {
     /// Requests sent.
@@ -55,7 +55,7 @@ pub struct Drawn {
     pub damaged: u64,
     /// Times that the picture was stale.
     pub stale: u64,
-    /// How often the operator paused a frozen picture, which makes it request again (§9.4).
+    /// Times that the operator paused a frozen picture, which makes it request again (§9.4).
     pub pauses: u64,
     /// The most poses that came between two pictures: more than one is a backlog.
     pub most_at_once: u64,
@@ -70,9 +70,9 @@ pub struct Screen {
     last_count: Option<u16>,
     at_once: u64,
     connected: bool,
-    /// When the next picture is drawn.
+    /// The time at which the next picture is drawn.
     picture: Duration,
-    /// When the picture moved last.
+    /// The time at which the picture moved last.
     moved: Duration,
 }
 
@@ -91,7 +91,7 @@ impl Screen {
         })
     }
 
-    /// What it has seen.
+    /// Returns the counts so far.
     pub fn drawn(&self) -> Drawn {
         let seen = self.workstation.statistics();
         let poses = seen.poses + seen.unasked;
@@ -159,6 +159,6 @@ impl Device for Screen {
         }
     }
 
-    /// It holds nothing.
+    /// Does nothing: the workstation holds nothing.
     fn forget(&mut self, _: Duration) {}
 }

@@ -1,11 +1,11 @@
-//! A hand on the ball: what it does follows from the time alone, so that every run can be repeated.
+//! A hand on the ball. Its movement depends on the time alone, so that every run can be repeated.
 
 use core::f64::consts::PI;
 use core::time::Duration;
 
 use isra_ball::Keys;
 
-/// What the sensor measures.
+/// The measurements of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Grip {
     /// Force along X, Y, Z.

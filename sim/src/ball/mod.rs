@@ -17,11 +17,11 @@ const MEASURING: Duration = Duration::from_millis(10);
 /// A ball's settings.
 #[derive(Debug, Clone, Copy)]
 pub struct TeachBall {
-    /// Its session.
+    /// The configuration of the session.
     pub config: BallConfig,
-    /// Its line, where one is simulated.
+    /// The rate of the line in baud, if one is simulated.
     pub baud: u32,
-    /// What the hand does at each time.
+    /// The force of the hand and its keys at each time.
     pub hand: fn(Duration) -> Grip,
 }
 
@@ -55,7 +55,7 @@ impl robot_session::spec::Configure for TeachBall {
 pub struct HeldBall {
     settings: TeachBall,
     ball: Ball,
-    /// When there are new values.
+    /// The time of the next values.
     measured: Duration,
     /// The grip in place of that of the settings' hand.
     held: Option<Grip>,
@@ -114,6 +114,6 @@ impl Device for HeldBall {
         }
     }
 
-    /// It holds nothing.
+    /// Does nothing: the ball holds nothing.
     fn forget(&mut self, _: Duration) {}
 }

@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::TelemetryBlock;
 /// The period of the background task (Fig. 8).
 pub const PERIOD: Duration = Duration::from_millis(8);
 
-/// Where the tool is.
+/// The pose of the tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// X, Y, Z in mm.

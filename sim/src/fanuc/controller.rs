@@ -14,7 +14,7 @@ use super::lists::Lists;
 use super::roles::Roles;
 use super::tables::Tables;
 
-/// Where the tool is at a time since the start of the program.
+/// The pose of the tool at a time since the start of the program.
 pub type Motion = Box<dyn Fn(Duration) -> Pose + Send>;
 
 /// A circle of 200 mm at 100 mm/s, the tool pointing down and swaying.
@@ -26,7 +26,8 @@ pub fn circle(at: Duration) -> Pose {
     }
 }
 
-/// What the controller shows over Modbus: the [`Tables`], and in the holding registers what the robot does.
+/// The registers of a controller over Modbus: the [`Tables`], and in the holding registers the telemetry of the
+/// robot.
 #[allow(missing_debug_implementations, reason = "a motion is a function")]
 pub struct Controller {
     source: Source,
@@ -43,7 +44,7 @@ pub struct Controller {
     order: WordOrder,
 }
 
-/// What moves.
+/// The source of the registers.
 enum Source {
     Motion(Motion),
     Program(Box<dyn Program>),
@@ -57,7 +58,7 @@ pub trait Program: Send {
     /// A client has written to these holding registers, from PDU address 0 on.
     fn written(&mut self, registers: Range<usize>, tables: &Tables);
 
-    /// Puts what it shows into the holding registers.
+    /// Writes its values to the holding registers.
     fn show(&mut self, tables: &mut Tables);
 
     /// The PDU address of the holding register that shows R\[n\] as a whole number of 16 bits; `None` if none does. Without assignments of
@@ -101,7 +102,7 @@ impl Controller {
         self
     }
 
-    /// The same with what it says of itself.
+    /// Sets the device identification.
     #[must_use]
     pub fn with_identification(mut self, identification: Identification) -> Self {
         self.identification = identification;
@@ -139,7 +140,7 @@ impl Controller {
         self.faults.has(Fault::Disconnect, now)
     }
 
-    /// The registers and signals, to look at them and to set what comes from outside.
+    /// Returns the registers and signals, to read them and to set inputs.
     pub fn tables_mut(&mut self) -> &mut Tables {
         &mut self.tables
     }
@@ -172,7 +173,7 @@ impl Controller {
         Some(())
     }
 
-    /// Its power was lost: the background task restarts, and values written by clients are lost.
+    /// Restarts after a loss of power: the background task begins again, and values written by clients are lost.
     pub(super) fn restart(&mut self) {
         self.run = None;
         self.tables = match self.source {
@@ -181,7 +182,7 @@ impl Controller {
         };
     }
 
-    /// Lets the background task run as often as it is due. What a client wrote to its registers is gone then.
+    /// Runs the background task as often as it is due. It overwrites a client's writes to its registers.
     pub fn tick(&mut self, now: Duration) {
         self.now = now;
         let (run, last) = (runs(now), self.run);
@@ -213,7 +214,7 @@ impl Controller {
     }
 }
 
-/// What the background task writes at the period `run` since the start.
+/// Returns the telemetry that the background task writes at the period `run` since the start.
 fn block(motion: &Motion, faults: &Faults, run: u32) -> TelemetryBlock {
     let at = PERIOD * run;
     let pose = |run: u32| motion(PERIOD * run);

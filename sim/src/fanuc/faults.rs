@@ -6,17 +6,17 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::TelemetryBlock;
 
-/// What is wrong with the telemetry, and when: as text `nan:1-1.5,standstill:3-4`, a fault and the seconds since the start between which
-/// it is there.
+/// Faults of the telemetry, with times: as text `nan:1-1.5,standstill:3-4`, a fault and the seconds since the start
+/// between which it is present.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TelemetryFaults(Vec<(TelemetryFault, Range<Duration>)>);
 
-/// A text that is no telemetry fault.
+/// The error of a text that is not a telemetry fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct NoFault(String);
 
-/// What is wrong.
+/// A fault of the telemetry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TelemetryFault {
     /// The speed in X is no number.

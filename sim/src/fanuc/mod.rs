@@ -30,13 +30,13 @@ use crate::settings::Settings;
 /// A FANUC controller's settings. Its robot goes around a circle; one with another robot is made by [`FanucController::new`].
 #[derive(Debug, Clone, Default)]
 pub struct Fanuc {
-    /// Its end of each connection.
+    /// The configuration of its end of each connection.
     pub config: ServerConfig,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
     /// Implausible telemetry, with times.
     pub faults: TelemetryFaults,
-    /// The objects of its device identification; without object 0 it has none.
+    /// The objects of its device identification; without object 0 it has no identification.
     pub identification: Identification,
     /// The eight outputs that function 7 reads; `None`: it refuses that.
     pub exception_status: Option<u8>,
@@ -63,10 +63,10 @@ impl Settings for Fanuc {
     }
 }
 
-/// Who a controller is shared between: every connection sees the same registers.
+/// A controller that connections share: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;
 
-/// What a client wrote.
+/// A client's write.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Write {
     /// Outputs, from this address on.
@@ -124,7 +124,7 @@ impl FanucController {
         Ok(Self { server: Server::new(config, connection).map_err(Error::settings)? })
     }
 
-    /// The controller behind all its connections.
+    /// The controller that all its connections share.
     pub fn controller(&self) -> MutexGuard<'_, Controller> {
         self.server.registers().lock()
     }
@@ -183,7 +183,7 @@ impl Device for FanucController {
         controller.tick(now);
     }
 
-    /// What clients have written is gone.
+    /// Discards the clients' writes.
     fn forget(&mut self, now: Duration) {
         let mut controller = self.controller();
         controller.restart();
@@ -242,7 +242,7 @@ impl Refusal {
 const MAX_REFUSALS: usize = 64;
 
 impl Connection {
-    /// Removes and returns the values of a refused request; older refusals are forgotten.
+    /// Removes and returns the values of a refused request; older refusals are dropped.
     fn refused(&mut self, function: u8, exception: Exception) -> Option<(Table, u16, u16)> {
         let is_it = |refusal: &Refusal| refusal.exception == exception && refusal.is_of(function);
         let at = self.refusals.iter().position(is_it)?;

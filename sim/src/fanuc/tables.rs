@@ -72,7 +72,7 @@ impl Tables {
     }
 }
 
-/// How many addresses of a table are used: all from 0 on.
+/// Returns the number of used addresses of a table, which begin at 0.
 fn used(table: Table) -> usize {
     match table {
         Table::DiscreteInputs => 28_000,

@@ -1,4 +1,4 @@
-//! What goes wrong: by a call, or by a script.
+//! Faults, injected by a call or by a script.
 
 mod bytes;
 mod proxy;
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub use self::bytes::ByteFaults;
 pub use self::proxy::{FaultyProxy, NetworkFaults};
 
-/// What goes wrong with a message, with the connection or with the device.
+/// A fault of a message, of the connection or of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Fault {
@@ -30,11 +30,11 @@ pub enum Fault {
     Freeze(Duration),
     /// The device loses power, and restarts after this time. The message is lost, and the connection ends.
     Restart(Duration),
-    /// The device loses what it holds and has not executed. The message is carried, and the connection goes on.
+    /// The device loses the work that it holds and has not executed. The message is carried, and the connection goes on.
     Forget,
 }
 
-/// When.
+/// The time of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum When {
     /// To the answer of this number, from 1, or to the first one after it.
@@ -46,10 +46,10 @@ enum When {
     At(Duration),
 }
 
-/// What goes wrong, and when: counts begin with 1, and times with the first use of the device.
+/// Faults, with their times: counts begin with 1, and times with the first use of the device.
 ///
-/// A message is what the device sends at once, or what it receives at once. One fault happens to a message: what else was meant for it
-/// happens to the next one.
+/// A message is the bytes that the device sends at once, or receives at once. One fault happens to a message: another
+/// one that was due for it happens to the next message.
 #[derive(Debug, Clone, Default)]
 pub struct Script {
     incidents: Vec<(When, Fault)>,
@@ -57,13 +57,13 @@ pub struct Script {
 }
 
 impl Script {
-    /// Nothing.
+    /// Returns a script without faults.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Which bits are turned over follows from this.
+    /// Sets the seed, which determines the bits that are inverted.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
@@ -106,15 +106,15 @@ impl Script {
     }
 }
 
-/// What goes wrong with one device, from any thread.
+/// The faults of a device, which any thread can inject.
 #[derive(Debug, Clone, Default)]
 pub struct Faults(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Something is to go wrong without a message: what is looked at all the time.
+    /// Whether a fault without a message is set; checked all the time.
     waits: AtomicBool,
-    /// How many have happened to the whole device.
+    /// The number of faults that have happened to the whole device.
     whole: AtomicUsize,
     state: Mutex<State>,
 }
@@ -125,7 +125,7 @@ struct State {
     answers: u64,
     requests: u64,
     happened: Vec<(Duration, Fault)>,
-    /// What has happened to the whole device, and on which of its connections first.
+    /// The faults that have happened to the whole device, with the connection on which each happened first.
     whole: Vec<(usize, Duration, Fault)>,
     /// Of this many connections.
     connections: usize,
@@ -141,7 +141,7 @@ impl Default for State {
 }
 
 impl Faults {
-    /// What the script says, beside what was asked for before.
+    /// Adds the faults of a script to those requested before.
     pub fn follow(&self, script: Script) {
         let mut state = self.lock();
         state.random = fastrand::Rng::with_seed(script.seed);
@@ -199,7 +199,7 @@ impl Faults {
         self.at_once(Fault::Restart(off));
     }
 
-    /// The device loses now what it holds and has not executed.
+    /// The device loses now the work that it holds and has not executed.
     pub fn forget(&self) {
         self.at_once(Fault::Forget);
     }
@@ -211,7 +211,7 @@ impl Faults {
         (state.requests, state.answers)
     }
 
-    /// What has gone wrong, in this order, and when.
+    /// Returns the faults that have happened, in sequence, with their times.
     #[must_use]
     pub fn happened(&self) -> Vec<(Duration, Fault)> {
         self.lock().happened.clone()
@@ -249,7 +249,7 @@ impl Faults {
         })
     }
 
-    /// What needs no message, and is due.
+    /// Removes and returns the next fault that is due and does not need a message.
     pub(crate) fn due(&self, now: Duration) -> Option<Fault> {
         let mut state = self.lock();
         let place = state
@@ -261,7 +261,7 @@ impl Faults {
         Some(fault)
     }
 
-    /// When [`due`](Self::due) has something.
+    /// Returns the time at which [`due`](Self::due) returns a fault.
     pub(crate) fn next(&self) -> Option<Duration> {
         if !self.0.waits.load(Ordering::Acquire) {
             return None;
@@ -288,7 +288,7 @@ impl Faults {
         self.0.whole.store(state.whole.len(), Ordering::Release);
     }
 
-    /// What has happened to the whole device since, on another connection.
+    /// Returns the next fault that has happened to the whole device since, on another connection.
     pub(crate) fn elsewhere(&self, connection: usize, seen: &mut usize) -> Option<(Duration, Fault)> {
         while *seen < self.0.whole.load(Ordering::Acquire) {
             let next = self.lock().whole.get(*seen).copied();

@@ -34,7 +34,7 @@ impl FaultyProxy {
     /// read breaks the connection.
     ///
     /// # Errors
-    /// When no port is free.
+    /// If no port is free.
     pub fn start(server: SocketAddr, seed: u64, breaks: f64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         let address = listener.local_addr()?;

@@ -40,7 +40,7 @@ impl Listener {
     /// Accepts the clients of `listener`.
     ///
     /// # Errors
-    /// When it cannot be made not to block.
+    /// If it cannot be made non-blocking.
     pub fn new(listener: std::net::TcpListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Self { listener: TcpListener::from_std(listener), reserve: reserve() })
@@ -49,7 +49,7 @@ impl Listener {
     /// The next client that has arrived.
     ///
     /// # Errors
-    /// When the system has no resources for a client: clients that wait may be accepted later.
+    /// If the system has no resources for a client: clients that wait may be accepted later.
     pub fn accept(&mut self) -> io::Result<Arrival> {
         loop {
             return match self.listener.accept() {
@@ -59,7 +59,7 @@ impl Listener {
                     Ok(Arrival::Client(stream, peer))
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Arrival::Nobody),
-                // It has gone before it was accepted.
+                // The client has gone before it was accepted.
                 Err(error)
                     if matches!(error.kind(), ErrorKind::ConnectionAborted | ErrorKind::Interrupted) =>
                 {
@@ -88,7 +88,8 @@ impl Listener {
 
 /// Closes the connection of a client that is not served.
 pub fn refuse(stream: &TcpStream) {
-    // What it has sent already would make its end a reset, which some clients do not report as an end.
+    // Without the shutdown, bytes that the client has sent would make the close a reset, which some clients do not
+    // report as an end.
     let _ = stream.shutdown(Shutdown::Both);
 }
 

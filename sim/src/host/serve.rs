@@ -1,4 +1,4 @@
-//! The host of a device behind a TCP address: one loop for all clients, in which none waits for another.
+//! The host of a device at a TCP address: one loop for all clients; no client waits for another.
 
 use core::time::Duration;
 use std::io::{self, ErrorKind, Read, Write};

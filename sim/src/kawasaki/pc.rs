@@ -13,15 +13,15 @@ use crate::settings::Settings;
 /// A PC's settings, for jobs of the type `W`. What it "executes" are orders: [`PcEvent::OrderOver`] and [`PcEvent::OutcomeUnknown`].
 #[derive(Debug, Clone)]
 pub struct KawasakiPc<W: Work> {
-    /// Its session.
+    /// The configuration of the session.
     pub config: PcConfig,
-    /// What the fields of a job may be.
+    /// The ranges of a job's fields.
     pub ranges: W::Ranges,
     /// The number of its first order; each order has the next one.
     pub order: u16,
     /// The jobs of an order.
     pub jobs: Jobs<W>,
-    /// The next order begins when one is over, not only when a robot connects while there is none.
+    /// Whether the next order begins when one is over, not only when a robot connects while there is no order.
     pub repeat: bool,
 }
 
@@ -120,7 +120,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
         None
     }
 
-    /// It knows of no order any more, and the next one has the next number.
+    /// Restarts the PC: it has no order, and the next one has the next number.
     fn restart(&mut self, _: Duration) {
         // The same settings have worked before.
         if let Ok(pc) = self.settings.device() {
@@ -128,7 +128,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
         }
     }
 
-    /// Its order is interrupted, as by an operator.
+    /// Interrupts the order, as an operator does.
     fn forget(&mut self, _: Duration) {
         // Without an order there is nothing to interrupt.
         let _ = self.session.interrupt();

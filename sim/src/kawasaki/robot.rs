@@ -11,21 +11,21 @@ use robot_work_queue::{Reader, boxed};
 use crate::device::{Device, Error, Notes};
 use crate::settings::Settings;
 
-/// How long a job takes.
+/// The execution time of a job.
 pub type TimeOf<W> = Arc<dyn Fn(&W) -> Duration + Send + Sync>;
 
 /// A Kawasaki robot's settings, for jobs of the type `W`.
 #[derive(Clone)]
 pub struct KawasakiRobot<W: Work> {
-    /// Its session.
+    /// The configuration of the session.
     pub config: RobotConfig,
-    /// What the fields of a job may be.
+    /// The ranges of a job's fields.
     pub ranges: W::Ranges,
-    /// How many jobs its queue holds: less than the configuration's `max_number`.
+    /// The capacity of the queue in jobs: less than the configuration's `max_number`.
     pub queue: usize,
-    /// How long a job takes.
+    /// The execution time of a job.
     pub job_time: Duration,
-    /// How long each job takes, where that is not the same for all.
+    /// The execution time of each job; `None` if all take `job_time`.
     pub time_of: Option<TimeOf<W>>,
 }
 
@@ -60,7 +60,7 @@ pub struct Kawasaki<W: Work> {
     settings: KawasakiRobot<W>,
     session: LargeRobot<'static, W>,
     queue: Reader<'static, Job<W>>,
-    /// What is being executed: its number, what it is, and when it is over.
+    /// The job in execution: its number, the job, and the time of its end.
     executing: Option<(u16, Job<W>, Duration)>,
 }
 
@@ -76,7 +76,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Kawasaki<W> {
         Ok(Self { settings, session, queue, executing: None })
     }
 
-    /// How many jobs it holds, that which is being executed included.
+    /// Returns the number of jobs that it holds, including the one being executed.
     pub fn held(&self) -> usize {
         self.queue.len()
     }
@@ -115,7 +115,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
             if let Some((number, job, end)) = self.executing.take_if(|(_, _, end)| *end <= now) {
                 notes.executed(end, job);
                 begins = end;
-                // An order that was forgotten meanwhile wants no report.
+                // An order that was dropped meanwhile needs no report.
                 let _ = self.session.job_done(now, job.number);
                 // Reported before it is complete, it is never asked for again. A reset has discarded it already.
                 if let Some(taken) = self.queue.take_where(|waiting, _| waiting == number) {
@@ -139,7 +139,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
         self.executing.as_ref().map(|(_, _, end)| *end)
     }
 
-    /// It knows of no order any more.
+    /// Restarts the robot: it has no order.
     fn restart(&mut self, _: Duration) {
         // The same settings have worked before.
         if let Ok(robot) = Self::new(self.settings.clone()) {
@@ -147,9 +147,9 @@ impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
         }
     }
 
-    /// Its order is forgotten, as by an operator; the job that is being executed is done.
+    /// Drops the order, as an operator does; the job that is being executed is done.
     fn forget(&mut self, _: Duration) {
-        // Without an order there is nothing to forget.
+        // Without an order there is nothing to drop.
         let _ = self.session.reset_order();
     }
 }

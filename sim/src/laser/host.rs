@@ -9,14 +9,15 @@ use robot_session::Session as _;
 use crate::device::{Device, Error, Notes};
 use crate::settings::Settings;
 
-/// A host's settings. What it "executes" are the outcomes of what it sends: [`HostEvent::Done`], `Answer`, `Refused` and `Unknown`.
+/// A host's settings. The work that it "executes" are the outcomes of its instructions: [`HostEvent::Done`],
+/// `Answer`, `Refused` and `Unknown`.
 #[derive(Debug, Clone)]
 pub struct LaserHost {
-    /// Its session.
+    /// The configuration of the session.
     pub config: HostConfig,
-    /// What it sends: command words, each with its floats.
+    /// The instructions to send: command words, each with its floats.
     pub instructions: Arc<[(u16, Vec<f32>)]>,
-    /// How long it waits before it sends again what was refused. Default: 100 ms.
+    /// The pause before it sends refused instructions again. Default: 100 ms.
     pub pause: Duration,
 }
 
@@ -64,7 +65,7 @@ impl Device for Computer {
             HostEvent::Done { .. } | HostEvent::Answer { .. } => notes.executed(now, event),
             HostEvent::Refused { count, .. } => {
                 notes.executed(now, event);
-                // None of it was taken, and what waits behind it waits on.
+                // The whole frame was refused; submit it and the pending instructions again.
                 self.next -= usize::from(count) + usize::from(self.host.take_back());
                 self.resumes_at = Some(now.saturating_add(self.settings.pause));
             }
@@ -86,7 +87,7 @@ impl Device for Computer {
         {
             match self.host.submit(*word, |values| values.f32(floats).map(drop)) {
                 Err(SessionError::Full) => return,
-                // What can never be sent is passed over.
+                // Skip an instruction that can never be sent.
                 _ => self.next += 1,
             }
         }
@@ -96,7 +97,7 @@ impl Device for Computer {
         self.resumes_at
     }
 
-    /// It starts with the list again.
+    /// Starts with the list again.
     fn restart(&mut self, now: Duration) {
         // The same settings have worked before.
         if let Ok(computer) = self.settings.device() {
@@ -105,7 +106,7 @@ impl Device for Computer {
         }
     }
 
-    /// What it has not sent yet it does not send.
+    /// Drops the instructions that it has not sent yet.
     fn forget(&mut self, _: Duration) {
         self.host.take_back();
         self.next = self.settings.instructions.len();

@@ -32,13 +32,13 @@ const NUMBERS: u16 = 10_000;
 /// A laser robot's settings.
 #[derive(Debug, Clone, Copy)]
 pub struct Laser {
-    /// Its session.
+    /// The configuration of the session.
     pub config: ControllerConfig,
-    /// Its line, where one is simulated.
+    /// The rate of the line in baud, if one is simulated.
     pub baud: u32,
-    /// How many instructions its queue holds: 1 to 9999.
+    /// The capacity of the queue in instructions: 1 to 9999.
     pub queue: usize,
-    /// How long an instruction takes to execute.
+    /// The execution time of an instruction.
     pub execution: Duration,
 }
 
@@ -96,11 +96,11 @@ impl Job {
     }
 }
 
-/// What a laser robot tells.
+/// An event of a laser robot.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum LaserEvent {
-    /// How many instructions were queued.
+    /// The number of instructions that were queued.
     Queued(u8),
     /// A frame, or corrupt bytes, were answered with an error code.
     Refused(Refusal),
@@ -116,9 +116,9 @@ pub struct LaserRobot {
     controller: Controller<'static, Job>,
     queue: Reader<'static, Job>,
     halted: bool,
-    /// What is being executed: its number, what it is, and when it is over.
+    /// The job in execution: its number, the job, and the time of its end.
     executing: Option<(u16, Job, Duration)>,
-    /// What was executed last.
+    /// The job that was executed last.
     last: Option<Job>,
 }
 
@@ -133,12 +133,12 @@ impl LaserRobot {
         Ok(Self { settings, boot, controller, queue, halted: false, executing: None, last: None })
     }
 
-    /// How many instructions it holds.
+    /// Returns the number of instructions that it holds.
     pub fn held(&self) -> usize {
         self.queue.len()
     }
 
-    /// The instructions that it holds, in their order: a loss of power forgets them.
+    /// The instructions that it holds, in sequence: a loss of power drops them.
     pub fn waiting(&self) -> impl Iterator<Item = Job> + '_ {
         self.queue.iter().map(|(_, job)| job.clone())
     }

@@ -1,4 +1,4 @@
-//! Simulated axes: straight from pose to pose, gently at both ends, as fast as the override says.
+//! Simulated axes: straight from pose to pose, gently at both ends, at the speed of the override.
 
 use core::fmt::Debug;
 use core::time::Duration;
@@ -7,13 +7,13 @@ use mmacell_proto::{PlatformPose, Pose, RobotPose};
 
 /// A pose that axes can be moved to.
 pub trait Simulated: Pose + Debug + Send + 'static {
-    /// Where the device is at rest.
+    /// The pose of the device at rest.
     const HOME: Self;
 
     /// The pose after this share of the way, 0 to 1.
     fn towards(self, to: Self, share: f64) -> Self;
 
-    /// How long the slowest axis takes at its highest speed, in seconds.
+    /// Returns the time of the slowest axis at its highest speed, in seconds.
     fn time_to(self, to: Self) -> f64;
 }
 
@@ -48,9 +48,9 @@ impl Simulated for PlatformPose {
 pub(super) struct Axes<P> {
     from: P,
     to: P,
-    /// How long the motion takes at 100 %, in seconds.
+    /// The time of the motion at 100 %, in seconds.
     duration: f64,
-    /// How much of that time has passed, 0 to 1.
+    /// The share of that time that has passed, 0 to 1.
     progress: f64,
     percent: u8,
     now: Duration,
@@ -101,14 +101,14 @@ impl<P: Simulated> Axes<P> {
         self.progress = (self.progress + passed / self.duration).min(1.0);
     }
 
-    /// When so much of the way is behind them, at this override.
+    /// Returns the time at which the axes have moved this share of the way at this override; `None` if never.
     pub(super) fn passes(&self, share: f64) -> Option<Duration> {
         let rest = (share - self.progress) * self.duration * 100.0 / f64::from(self.percent);
         // An override of zero never gets there.
         Duration::try_from_secs_f64(rest).ok()?.checked_add(self.now)
     }
 
-    /// Where the axes are.
+    /// Returns the pose of the axes.
     pub(super) fn pose(&self) -> P {
         let share = self.progress * self.progress * (3.0 - 2.0 * self.progress);
         self.from.towards(self.to, share)

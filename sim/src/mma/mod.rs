@@ -1,4 +1,4 @@
-//! The robot and the orientation platform of the MM&A cell: axes that move, as fast as the override says, and motions that fail.
+//! The robot and the orientation platform of the MM&A cell: axes that move at the speed of the override, and motions that fail.
 
 mod axes;
 
@@ -22,23 +22,23 @@ pub type MmaRobot = Mma<RobotPose>;
 /// The platform's settings.
 pub type MmaPlatform = Mma<PlatformPose>;
 
-/// Why a device closes the connection.
+/// The reason for which a device closes the connection.
 const CLOSES: &str = "the connection ended by CLO, or by more commands than can be kept";
 
 /// A robot's or a platform's settings.
 #[derive(Debug, Clone, Copy)]
 pub struct Mma<P> {
-    /// Its session.
+    /// The configuration of the session.
     pub config: DeviceConfig,
-    /// How many times faster than life it moves: 1 to 10 000.
+    /// The factor by which it is faster than a real device: 1 to 10 000.
     pub speed: u32,
-    /// What goes wrong with its motions.
+    /// The faults of its motions.
     pub faults: MotionFaults,
-    /// Every how many replies one is lost; 0: never.
+    /// The period of lost replies: every n-th is lost; 0: none.
     pub mute_every: u64,
-    /// Every how many replies the connection ends instead of one; 0: never.
+    /// The period of disconnections: the connection ends in place of every n-th reply; 0: never.
     pub drop_every: u64,
-    /// Where it is at rest.
+    /// The pose at rest.
     pub home: P,
 }
 
@@ -50,14 +50,14 @@ impl<P: Simulated> Default for Mma<P> {
     }
 }
 
-/// Every how many motions something goes wrong with one; 0: never.
+/// The periods of faulty motions: every n-th motion is faulty; 0: none.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct MotionFaults {
-    /// It stops half-way with an error of servo motor 1.
+    /// The period of motions that stop half-way with an error of servo motor 1.
     pub fail_every: u64,
-    /// It stops half-way, and the device does not notice.
+    /// The period of motions that stop half-way, unnoticed by the device.
     pub stall_every: u64,
-    /// It is refused with `refuse_code`.
+    /// The period of motions that are refused with `refuse_code`.
     pub refuse_every: u64,
     /// Any number but 0 that fits its field.
     pub refuse_code: i32,
@@ -112,7 +112,7 @@ mod spec {
     }
 }
 
-/// How the motion that is under way ends.
+/// The end of the motion that is under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fate {
     /// At its target.
@@ -126,19 +126,19 @@ pub enum Fate {
 /// A motion that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Motion<P> {
-    /// Where it was to go.
+    /// The commanded pose.
     pub to: P,
-    /// Where it has ended.
+    /// The pose at which it has ended.
     pub at: P,
 }
 
-/// What a device tells.
+/// An event of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MmaEvent<P> {
-    /// It moves there.
+    /// The device moves there.
     Move(P),
-    /// It moves home, after a reset.
+    /// The device moves home, after a reset.
     Home,
     /// The servo motors are on, or off.
     Servo(bool),
@@ -162,9 +162,9 @@ pub struct MmaDevice<P: Simulated> {
     asked: u64,
     motions: u64,
     fate: Fate,
-    /// Where the motion goes that is under way.
+    /// The goal of the motion that is under way.
     to: Option<P>,
-    /// The session knows that it stands, and where.
+    /// Whether the session has the pose of the axes at rest.
     is_known: bool,
 }
 
@@ -195,7 +195,7 @@ impl<P: Simulated> MmaDevice<P> {
         })
     }
 
-    /// Where it is.
+    /// Returns the pose of the device.
     pub fn pose(&self) -> P {
         self.axes.pose()
     }
@@ -205,7 +205,7 @@ impl<P: Simulated> MmaDevice<P> {
         !self.axes.stand()
     }
 
-    /// How many motions it has begun because of `MOV`.
+    /// Returns the number of motions that it has begun because of `MOV`.
     pub fn motions(&self) -> u64 {
         self.motions
     }
@@ -229,7 +229,7 @@ impl<P: Simulated> MmaDevice<P> {
     }
 
     fn decide(&mut self, now: Duration, order: Order<P>, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
-        // What is counted from 1 is never a multiple of 0.
+        // A count from 1 is never a multiple of 0.
         let every = u64::is_multiple_of;
         let MotionFaults { fail_every, stall_every, refuse_every, refuse_code } = self.settings.faults;
         if let Order::Move { .. } = order {
@@ -337,7 +337,7 @@ impl<P: Simulated> Device for MmaDevice<P> {
         Some(self.axes.passes(share)? / self.settings.speed + Duration::from_nanos(1))
     }
 
-    /// It stands where it was, with its servo motors off.
+    /// Restarts the device: its pose is unchanged, and its servo motors are off.
     fn restart(&mut self, now: Duration) {
         self.axes.stop(self.of_axes(now));
         let pose = self.axes.pose();

@@ -14,7 +14,7 @@ pub struct ArmConfig {
     pub scale: Scale,
     /// The layout of the transformations that it sends.
     pub layout: Layout,
-    /// Where the arm is at first.
+    /// The pose of the arm at first.
     pub home: Pose,
 }
 
@@ -61,7 +61,7 @@ impl Arm {
         };
     }
 
-    /// Where the arm is: the path with all corrections.
+    /// Returns the pose of the arm: the path with all corrections.
     pub(super) fn pose(&self) -> Pose {
         self.path.corrected(&self.correction, self.mode.frame(self.config.polarity))
     }
@@ -209,7 +209,7 @@ mod tests {
         };
         assert_eq!(at(Mode::CUMULATIVE_23, &[80, 80]), (405.0, 405 * 32));
         assert_eq!(at(Mode::NON_CUMULATIVE_22, &[160, 80]), (402.5, 12880));
-        // The next ALTER has its path where the one before has left the arm.
+        // The path of the next ALTER begins where the previous one has left the arm.
         let mut arm = Arm::new(ArmConfig::default(), Mode::NON_CUMULATIVE_22);
         for x in [405.0, 410.0] {
             arm.begin();

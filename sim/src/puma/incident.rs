@@ -1,10 +1,10 @@
-//! What happens to a controller that its host has not caused.
+//! Incidents of a controller that its host has not caused.
 
 use core::time::Duration;
 
 use val2_alter::{ErrorCode, Frame, Framing, SegmentStatus};
 
-/// What can happen. It waits until ALTER runs; what happens on the line, until it runs or starts.
+/// An incident. It waits until ALTER runs; an incident on the line, until ALTER runs or starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Incident {
     /// The program runs a subroutine that takes this long.
@@ -17,11 +17,11 @@ pub enum Incident {
     Status(SegmentStatus),
     /// The program ends ALTER.
     Finish,
-    /// The controller is switched off and on, and its program started: no message says that ALTER has ended.
+    /// The controller is switched off and on, and its program started: no message reports the end of ALTER.
     Restart,
 }
 
-/// What arrives in the place of a reply, so that a controller has this error with it.
+/// Returns the bytes to deliver in place of a reply, so that a controller reports this error.
 pub(super) fn misread(error: ErrorCode, framing: Framing) -> Vec<u8> {
     // An exception byte and a select byte are a whole reply; with X selected a word is missing.
     let data: &[u8] = match error {

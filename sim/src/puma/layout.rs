@@ -1,11 +1,11 @@
-//! What the twelve transformation words may mean.
+//! The possible meanings of the twelve transformation words.
 
 use val2_alter::Transform;
 
 use super::pose::Pose;
 
-/// How the twelve words make a pose. This is not documented; the default is the natural reading: percentages are Q14 and lengths
-/// 1/32 mm elsewhere in the protocol, and VAL lists transformations by columns.
+/// The layout of the pose in the twelve words. It is not documented; the default is the natural reading: percentages
+/// are Q14 and lengths 1/32 mm elsewhere in the protocol, and VAL lists transformations by columns.
 ///
 /// To find out on a live robot, compare [`Pose::orthonormality`] of each [`Layout::NAMED`] and move the arm along one axis:
 /// the check shows where the position is, but a rotation matrix and its transpose are equally orthonormal.

@@ -26,7 +26,7 @@ use crate::settings::Settings;
 
 /// The cycles of a motion segment of the program.
 const SEGMENT: u64 = 36;
-/// How long after its port is open the program starts.
+/// The time after the opening of its port at which the program starts.
 const FIRST: Duration = Duration::from_millis(200);
 
 /// A robot's settings.
@@ -36,14 +36,14 @@ pub struct Puma {
     pub config: ControllerConfig,
     /// The arm.
     pub arm: ArmConfig,
-    /// How long after its end the operator restarts the program.
+    /// The time after the program's end at which the operator restarts it.
     pub restart: Duration,
     /// The subroutine that closes or opens the gripper takes this long.
     pub subroutine_time: Duration,
-    /// What happens besides, in the order of its times, which begin with the first ALTER.
+    /// The incidents, in the order of their times. The times begin with the first ALTER.
     pub incidents: Vec<(Duration, Incident)>,
-    /// A message is carried when the last byte of it would have left the line. Not where what carries it takes that time: a port, or
-    /// [`Wire::baud`](crate::Wire::baud).
+    /// Whether a message is carried only when its last byte would have left the line. Not needed if its transport
+    /// takes that time: a port, or [`Wire::baud`](crate::Wire::baud).
     pub is_paced: bool,
 }
 
@@ -84,13 +84,13 @@ impl Settings for Puma {
     }
 }
 
-/// What a robot tells.
+/// An event of a robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum PumaEvent {
     /// ALTER runs, and the arm stands there.
     Started(Pose),
-    /// A reply was taken: what it does to the arm.
+    /// A reply was accepted, with its effect on the arm.
     Reply([i16; AXES]),
     /// The host has refused ALTER.
     Refused,
@@ -104,16 +104,16 @@ pub enum PumaEvent {
     Exception(Exception),
     /// ALTER is over, and the arm stands there.
     Ended(ErrorCode, Pose),
-    /// What was to happen has happened.
+    /// A scheduled incident has happened.
     Incident(Incident),
 }
 
-/// What a reply has done: the values that it came with, and where the arm is then.
+/// The effect of a reply: its values, and the arm's pose after it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moved {
     /// Increments, or how far the arm is held off its path.
     pub values: [i16; AXES],
-    /// Where it is.
+    /// The pose of the arm.
     pub pose: Pose,
 }
 
@@ -125,12 +125,12 @@ pub struct MarkIii {
     arm: Arm,
     now: Duration,
     connected: bool,
-    /// When the operator starts the program; `None` while it runs.
+    /// The time at which the operator starts the program; `None` while it runs.
     start_at: Option<Duration>,
     resume_at: Option<Duration>,
-    /// When the first ALTER began.
+    /// The time at which the first ALTER began.
     begun_at: Option<Duration>,
-    /// How many incidents have happened.
+    /// The number of incidents that have happened.
     happened: usize,
     /// Cycles in which the program of this ALTER went on along its path.
     path_cycles: u64,
@@ -138,12 +138,12 @@ pub struct MarkIii {
 }
 
 impl MarkIii {
-    /// Where the arm is.
+    /// Returns the pose of the arm.
     pub fn pose(&self) -> Pose {
         self.arm.pose()
     }
 
-    /// Its end of the link.
+    /// Returns the session of its end of the link.
     pub fn controller(&self) -> &Controller {
         self.port.controller()
     }
@@ -160,7 +160,7 @@ impl MarkIii {
         Some((self.begun_at?.saturating_add(at), incident))
     }
 
-    /// Whether it has happened; else it waits.
+    /// Returns whether the incident has happened; otherwise it waits.
     fn happens(&mut self, incident: Incident) -> bool {
         let on_the_line = matches!(incident, Incident::Misread(_) | Incident::Corrupt);
         match self.controller().state() {
@@ -287,7 +287,7 @@ impl Device for MarkIii {
 
     fn due(&self) -> Option<Duration> {
         let start = self.start_at.filter(|_| self.controller().state() == ControllerState::Off);
-        // What is overdue waits for a message.
+        // An overdue incident waits for a message.
         let incident = self.next_incident().map(|(at, _)| at).filter(|at| *at > self.now);
         [self.resume_at, start, incident].into_iter().flatten().min()
     }
@@ -301,6 +301,6 @@ impl Device for MarkIii {
         }
     }
 
-    /// It holds nothing.
+    /// Does nothing: the controller holds nothing.
     fn forget(&mut self, _: Duration) {}
 }

@@ -14,9 +14,9 @@ use super::incident::{misread, spoil};
 pub struct Port {
     controller: Controller,
     is_paced: bool,
-    /// What is on the line, and when its last byte is.
+    /// The bytes on the line, with the time of their last byte.
     leaving: Option<(Duration, Vec<u8>)>,
-    /// When the message that is being answered was on the line, and which reply it has got.
+    /// The time at which the message that is being answered was on the line, and the reply to it.
     asked: Option<(Duration, Answer)>,
     /// The error that the next reply is to have.
     misread: Option<ErrorCode>,
@@ -78,7 +78,7 @@ impl Session for Port {
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         match &mut self.asked {
-            // What comes before the message has left is an answer to the one before.
+            // Bytes that arrive before the message has left are an answer to the previous one.
             Some((left, answer)) if *left <= now && *answer == Answer::None => {
                 if let Some(error) = self.misread.take() {
                     *answer = Answer::Replaced;

@@ -20,8 +20,9 @@ impl Pose {
     pub const IDENTITY: Self =
         Self { n: [1.0, 0.0, 0.0], o: [0.0, 1.0, 0.0], a: [0.0, 0.0, 1.0], p: [0.0; 3] };
 
-    /// What one reply's values say: a translation, and the rotation Rz·Ry·Rx (about the fixed x, then y, then z axis). The
-    /// source does not say in which order the three turn; for the small angles of a cycle it makes no difference.
+    /// Returns the motion of one reply's values: a translation, and the rotation Rz·Ry·Rx (about the fixed x, then y,
+    /// then z axis). The source does not state the sequence of the three rotations; for the small angles of a cycle
+    /// it makes no difference.
     pub fn from_values(values: [i16; AXES], scale: &Scale) -> Self {
         let [x, y, z, rx, ry, rz] = values;
         let sin_cos = |word| {
@@ -66,8 +67,8 @@ impl Pose {
         }
     }
 
-    /// How far n, o, a are from a right-handed orthonormal frame: the largest of | |n|−1 |, | |o|−1 |, | |a|−1 | and the
-    /// elements of n×o − a. Zero for a rotation; below about 0.0002 for one that was rounded to Q14.
+    /// Returns the deviation of n, o, a from a right-handed orthonormal frame: the largest of | |n|−1 |, | |o|−1 |, |
+    /// |a|−1 | and the elements of n×o − a. Zero for a rotation; below about 0.0002 for one that was rounded to Q14.
     pub fn orthonormality(&self) -> f64 {
         let lengths = [self.n, self.o, self.a].map(|v| (length(v) - 1.0).abs());
         let [x, y, z] = cross(self.n, self.o);

@@ -24,36 +24,36 @@ pub struct Simulator<D: Device> {
     notes: Notes<D::Event, D::Work>,
     remote: Option<Remote<D>>,
     told: VecDeque<Told<D::Event>>,
-    /// What is sent later, and when.
+    /// The bytes to send later, with their times.
     outgoing: VecDeque<(Duration, Vec<u8>)>,
-    /// What has arrived, and is read later.
+    /// The arrived bytes that are read later, with their times.
     incoming: VecDeque<(Duration, Vec<u8>)>,
     now: Duration,
-    /// Until when it neither reads nor sends.
+    /// The time until which it neither reads nor sends.
     frozen: Duration,
-    /// Until when it has no power.
+    /// The time until which it has no power.
     off: Duration,
     connected: bool,
-    /// Why the connection is to be closed.
+    /// The reason to close the connection.
     closing: Option<&'static str>,
-    /// The executed commands are fetched.
+    /// Whether the executed work is fetched.
     keeps: bool,
-    /// Which of the device's connections it is, and how much of what has happened to the whole device it knows.
+    /// The number of this connection of the device, and the number of faults of the whole device that it has applied.
     connection: usize,
     seen: usize,
     /// Nothing has happened to the device since it went on.
     is_settled: bool,
 }
 
-/// What a simulator reports.
+/// A report of a simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Told<E> {
-    /// What the device says.
+    /// An event of the device.
     Device(E),
-    /// Something has gone wrong on purpose.
+    /// A fault was injected.
     Fault(Fault),
-    /// The connection is to be closed, and why.
+    /// The connection is to be closed, for this reason.
     Close(&'static str),
     /// The device is a client: a connection is to be made.
     Connect,
@@ -87,7 +87,8 @@ impl<D: Device> Simulator<D> {
         }
     }
 
-    /// The same device on one more connection, with the same faults; `None` where a new connection takes the place of the one before.
+    /// Returns the same device for one more connection, with the same faults; `None` if a new connection replaces the
+    /// previous one.
     pub fn another(&self) -> Option<Self> {
         let Self { keeps, frozen, off, .. } = *self;
         let (device, remote) = (self.device.another()?, self.remote.clone());
@@ -107,7 +108,7 @@ impl<D: Device> Simulator<D> {
         self.remote.get_or_insert_with(|| Remote::new(self.faults.clone())).clone()
     }
 
-    /// What goes wrong with it.
+    /// Returns the faults of the device.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
@@ -123,7 +124,7 @@ impl<D: Device> Simulator<D> {
         &mut self.device
     }
 
-    /// Its session, which is about to be called.
+    /// Returns its session, for a call.
     fn session(&mut self) -> &mut D::Session {
         self.device_mut().session_mut()
     }
@@ -140,7 +141,7 @@ impl<D: Device> Simulator<D> {
         !is_free && !self.wants_input()
     }
 
-    /// What was executed since the last call, oldest first.
+    /// Returns the oldest executed work that was not returned before.
     pub fn poll_executed(&mut self) -> Option<Executed<D::Work>> {
         self.notes.executed.pop_front()
     }
@@ -186,7 +187,7 @@ impl<D: Device> Simulator<D> {
         }
     }
 
-    /// What a fault does beside what it does to its message.
+    /// Applies a fault's effects, except those on its message.
     fn happen(&mut self, fault: Fault) {
         self.told.push_back(Told::Fault(fault));
         self.is_settled = false;
@@ -206,7 +207,7 @@ impl<D: Device> Simulator<D> {
         }
     }
 
-    /// What happens on this connection when something has happened to the whole device.
+    /// Applies a fault of the whole device to this connection.
     fn suffer(&mut self, at: Duration, fault: Fault) {
         match fault {
             Fault::Freeze(time) => self.frozen = self.frozen.max(at.saturating_add(time)),
@@ -316,7 +317,7 @@ impl<D: Device> Session for Simulator<D> {
                 Fault::Corrupt | Fault::Freeze(_) | Fault::Forget => {}
             }
             if fault == Fault::Cut {
-                // What has arrived before the cut is read.
+                // The bytes that have arrived before the disconnection are read.
                 let now = self.now;
                 self.session().handle_input(now, &bytes);
                 bytes.clear();

@@ -19,7 +19,7 @@ fn ten_minutes_of_polls_with_a_silence() {
         match bench.next_event(S) {
             Some(HostEvent::Packet(packet)) => {
                 fresh += 1;
-                // What the hand did within the time that the reply takes.
+                // The hand's grips within the time that the reply takes.
                 let now = bench.now();
                 let near = (0..=40).map(|ms| grip(now.saturating_sub(Duration::from_millis(ms))));
                 assert!(near.into_iter().any(|grip| grip.keys == packet.keys), "{packet:?} at {now:?}");

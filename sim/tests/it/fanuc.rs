@@ -242,7 +242,7 @@ fn bench(faults: &str) -> Bench<Client<1>, FanucController> {
     robot.bench(Client::<1>::new(ClientConfig::tcp()).unwrap()).unwrap()
 }
 
-/// What the background task shows at this time.
+/// Returns the telemetry of the background task at this time.
 fn telemetry(bench: &mut Bench<Client<1>, FanucController>, at: Duration) -> TelemetryBlock {
     bench.run_for(at - bench.now());
     let mut controller = bench.device().controller();
@@ -324,7 +324,7 @@ fn signals_and_registers_are_numbered_from_1() {
     assert_eq!(tables.signal(Signal::R(7)), Some(7));
 }
 
-/// A program is told which registers were written.
+/// A program gets the registers that were written.
 #[test]
 fn a_program_sees_the_registers_that_a_client_has_written() {
     use core::ops::Range;
@@ -440,7 +440,8 @@ fn faults_with_their_times_are_those_of_their_text() {
     assert_eq!(Ok(faults), "nan:1-1.5,busy:2-3".parse());
 }
 
-/// Every 8 ms, each of them also when nobody has looked meanwhile; the number is that of the task, which a fault has restarted.
+/// The program runs every 8 ms, even when nothing has read in between; the number is that of the task, which a fault
+/// has restarted.
 #[test]
 fn a_program_runs_once_in_each_period_of_the_background_task() {
     use std::sync::mpsc::{Sender, channel};

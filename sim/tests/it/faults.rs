@@ -1,4 +1,4 @@
-//! What each fault does, to its message, the connection and the device, and when.
+//! The effects of each fault on its message, the connection and the device, and their times.
 
 use core::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::gadget::{Gadget, Line, bench};
 const MS: Duration = Duration::from_millis(1);
 const NOW: Duration = Duration::ZERO;
 
-/// What both ends log when this happens to the first of two messages.
+/// Returns the logs of both ends when the script's fault happens to the first of two messages.
 fn logs(
     script: Script,
     of_device: &[(Duration, &'static str)],

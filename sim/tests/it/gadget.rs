@@ -22,7 +22,7 @@ impl Line {
         Self { sends: sends.iter().copied().collect(), ..Self::default() }
     }
 
-    /// What it noted last.
+    /// Returns the last entry of the log.
     pub(crate) fn last(&self) -> &str {
         self.log.last().unwrap()
     }
@@ -81,7 +81,7 @@ impl Session for Line {
     fn statistics(&self) {}
 }
 
-/// It executes one thing, at a time, and may want the end of the connection then.
+/// A gadget that executes one thing, at a time, and may want the end of the connection then.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Gadget {
     pub(crate) line: Line,

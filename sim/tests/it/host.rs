@@ -1,4 +1,4 @@
-//! A server, and what its observer is told.
+//! A server, and the reports to its observer.
 
 use core::net::SocketAddr;
 use core::sync::atomic::{AtomicBool, Ordering};

@@ -96,7 +96,7 @@ async fn a_robot_draws_each_order_of_a_pc_once() {
     let mut drawn = Vec::new();
     let mut draw = async |orders: usize| {
         while sim.executed().len() < orders {
-            // What the PC has done it says to nobody but the test.
+            // The PC reports its progress only to the test.
             let _ = tokio::time::timeout(MS, motion.wait()).await;
             while let Some(job) = motion.take() {
                 drawn.push(job.work);

@@ -54,7 +54,8 @@ async fn what_a_restart_leaves_open_is_said_and_the_next_run_goes_on() {
     assert_eq!(values.array::<3>(), Some([2, 64, 0]), "started twice, and nothing is held");
 }
 
-/// The robot of an hour, in which every hundredth answer is lost: what the host says was taken was cut, once and in this order.
+/// The robot of an hour, in which every hundredth answer is lost: each instruction reported as accepted was cut, once
+/// and in sequence.
 #[test]
 fn an_hour_of_cutting_with_lost_answers() {
     let robot = Laser { execution: 40 * MS, ..Laser::default() };
@@ -111,7 +112,7 @@ fn what_goes_wrong_is_what_was_asked_for() {
     let (event, _) = query(&mut bench, STATUS);
     assert!(matches!(event, HostEvent::Unknown { reason: UnknownReason::Silence, .. }), "{event:?}");
     bench.session_mut().resume();
-    // Halted, it holds seven; they are forgotten.
+    // Halted, it holds seven; they are dropped.
     query(&mut bench, HALT);
     for x in 0..7u8 {
         bench.session_mut().submit(CUT, |parameters| parameters.f32(&[x.into()]).map(drop)).unwrap();
@@ -124,13 +125,13 @@ fn what_goes_wrong_is_what_was_asked_for() {
     query(&mut bench, CLEAR);
 }
 
-/// The robot is sent an instruction, and what the host is told of it.
+/// Sends the robot an instruction; returns the host's event.
 fn told(bench: &mut Bench<Host, LaserRobot>, word: u16) -> HostEvent {
     bench.session_mut().submit(word, |_| Ok(())).unwrap();
     bench.next_event(S).unwrap()
 }
 
-/// It is sent one instruction to cut for each of these, at once.
+/// Submits an instruction to cut for each of these, at once; returns the next event.
 fn cuts(bench: &mut Bench<Host, LaserRobot>, xs: core::ops::Range<u8>) -> HostEvent {
     for x in xs {
         bench.session_mut().submit(CUT, |parameters| parameters.f32(&[x.into()]).map(drop)).unwrap();
@@ -148,7 +149,7 @@ fn a_halted_robot_holds_its_queue_and_goes_on_when_it_is_told_to() {
     assert!(matches!(cuts(&mut bench, 0..3), HostEvent::Done { count: 3, .. }));
     bench.run_for(10 * S);
     assert_eq!((bench.device().held(), bench.executed().len(), bench.device().due()), (3, 0, None));
-    // The queue is full, and has room again as soon as it was emptied.
+    // The queue is full, and has free space again as soon as it was emptied.
     assert!(matches!(cuts(&mut bench, 3..4), HostEvent::Refused { refusal: Refusal::QueueFull, .. }));
     bench.session_mut().resume();
     assert!(matches!(told(&mut bench, CLEAR), HostEvent::Done { count: 1, .. }));
@@ -176,7 +177,8 @@ fn a_halted_robot_holds_its_queue_and_goes_on_when_it_is_told_to() {
     assert_eq!(noted, [Ok(3), Err(Refusal::QueueFull), Ok(3)]);
 }
 
-/// A simulated host and a simulated robot: what the full queue refuses is sent again after the pause, and each is cut once.
+/// A simulated host and a simulated robot: instructions refused by the full queue are sent again after the pause, and
+/// each is cut once.
 #[test]
 fn a_host_sends_again_what_was_refused_after_a_pause() {
     let instructions = (0..9u8).map(|x| (CUT, vec![f32::from(x)])).collect();
@@ -277,7 +279,8 @@ fn a_query_for_the_position_is_answered_with_what_was_executed_last() {
     assert_eq!(position(&mut bench), [5.0]);
 }
 
-/// What a simulated host has had cut by a robot that takes 2 s for each, when something has happened to the host after 3 s.
+/// Returns the cuts of a simulated host by a robot that takes 2 s for each, when something has happened to the host
+/// after 3 s.
 fn cut_by_list(happens: impl FnOnce(&Faults)) -> Vec<f32> {
     let instructions = (0..9u8).map(|x| (CUT, vec![f32::from(x)])).collect();
     let host = LaserHost { config: HostConfig { batch: 1, ..FRESH() }, instructions, ..LaserHost::default() };

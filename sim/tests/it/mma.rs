@@ -42,7 +42,7 @@ async fn a_robot_that_stalls_refuses_and_restarts() {
     assert_eq!(ends, [pose(100.0), pose(150.0)]);
 }
 
-/// Eight hours of pick and place: no motion is begun before the one before it has ended.
+/// Eight hours of pick and place: no motion begins before the previous one has ended.
 #[test]
 fn eight_hours_take_no_time() {
     let mut bench = MmaRobot::default().bench(Central::new(CentralConfig::DEFAULT).unwrap()).unwrap();
@@ -63,7 +63,7 @@ fn eight_hours_take_no_time() {
     assert!(moves > 10_000 && events.len() as u64 > moves, "{moves}");
 }
 
-/// The robot says nothing of itself when it arrives: time passes to that moment because the device says when it is.
+/// The robot does not report its arrival: time passes to that moment because the device returns it as a deadline.
 #[test]
 fn a_motion_ends_when_it_is_due_at_any_speed() {
     let there = pose(250.0);
@@ -111,7 +111,7 @@ fn ready() -> Bench<Central<RobotPose>, MmaDevice<RobotPose>> {
     bench
 }
 
-/// It begins to move to 250 mm, which takes 1.5 s.
+/// Begins a motion to 250 mm, which takes 1.5 s.
 fn begin(bench: &mut Bench<Central<RobotPose>, MmaDevice<RobotPose>>) -> Duration {
     bench.session_mut().request(Command::Move { mode: Mode::Absolute, pose: pose(250.0) }).unwrap();
     assert!(bench.run_until(S, |bench| bench.device().moves()));

@@ -93,10 +93,10 @@ fn bench(incidents: Vec<(Duration, Incident)>) -> Bench<Host, MarkIii> {
     Puma { incidents, ..Puma::default() }.bench(Host::new(HostConfig::default()).unwrap()).unwrap()
 }
 
-/// What a robot tells.
+/// A predicate of a robot's events.
 type What = fn(&PumaEvent) -> bool;
 
-/// When the robot has told this.
+/// Returns the times of the robot's events of this kind.
 fn told(bench: &Bench<Host, MarkIii>, what: What) -> Vec<Duration> {
     let told = bench.told().iter();
     told.filter(|(_, told)| matches!(told, Told::Device(event) if what(event))).map(|(at, _)| *at).collect()
@@ -186,7 +186,7 @@ fn the_program_starts_a_while_after_its_port_is_open_and_after_its_end() {
     assert!((gone + S..gone + S + 50 * MS).contains(&bench.now()), "{:?}", bench.now());
 }
 
-/// What is due before ALTER has begun again waits until it has.
+/// An incident that is due before ALTER has begun again waits until then.
 #[test]
 fn each_program_is_finished() {
     let mut bench = bench(vec![(2 * S, Incident::Finish), (2 * S, Incident::Finish)]);

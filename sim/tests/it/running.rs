@@ -79,7 +79,7 @@ fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_re
 
 #[test]
 fn a_device_that_panics_does_so_where_it_is_dropped() {
-    // No message has room for that.
+    // A text that does not fit a message.
     let line = Line::sending(&[(NOW, "ABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLM")]);
     let sim = Running::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
     let mut program = TcpStream::connect(sim.address()).unwrap();
@@ -106,7 +106,7 @@ fn reads_late(is_blocked: bool) {
     let sim = Running::pty(Simulator::new(gadget)).unwrap();
     let inherited = std::process::Command::new("ls").args(["-l", "/proc/self/fd"]).output().unwrap();
     assert!(!String::from_utf8_lossy(&inherited.stdout).contains(sim.path()), "no process has it open");
-    std::thread::sleep(10 * MS); // until there is no room
+    std::thread::sleep(10 * MS); // until the buffers are full
     let mut program = std::fs::File::open(sim.path()).unwrap();
     let (mut count, mut buffer) = (0, [0; 4096]);
     while count < 100_000 {

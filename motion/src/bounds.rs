@@ -1,4 +1,4 @@
-//! How certain the figures of a comparison are.
+//! The confidence of a comparison's figures.
 
 use super::evaluate::{Deviation, State};
 
@@ -13,8 +13,9 @@ pub struct Bounds {
 
 /// The bounds of a comparison's delay and of the root mean squares of its deviations.
 ///
-/// A bootstrap: the comparison is cut into blocks, long enough that one says little of the next, and computed again of blocks drawn
-/// at random. What is wrong in all of them alike, such as a wrong tool frame, is not in the bounds.
+/// A bootstrap: the comparison is divided into blocks that are long enough to be nearly independent, and computed
+/// again of blocks drawn at random. An error that is in all of them alike, such as a wrong tool frame, is not in the
+/// bounds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Confidence {
     /// Of the delay, in s: how far the true one may be from the one that was found.
@@ -30,7 +31,7 @@ pub struct Confidence {
 }
 
 impl Confidence {
-    /// How long a block is, in s.
+    /// The length of a block, in s.
     pub const BLOCK: f64 = 0.25;
     /// Fewer blocks say nothing.
     pub const LEAST_BLOCKS: usize = 8;
@@ -75,7 +76,7 @@ impl Confidence {
     }
 }
 
-/// What a block adds to the figures.
+/// The contribution of a block to the figures.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     count: f64,
@@ -105,7 +106,7 @@ impl Sums {
         self.speed += other.speed;
     }
 
-    /// By how much the delay that fits these blocks best is off, then the root mean squares.
+    /// Returns the error of the delay that fits these blocks best, then the root mean squares.
     fn figures(&self) -> [f64; 5] {
         let delay = if self.speed > 0.0 { -self.moved / self.speed } else { 0.0 };
         let [position, rotation, velocity, angular] = self.squares.map(|square| (square / self.count).sqrt());

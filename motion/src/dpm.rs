@@ -4,11 +4,11 @@
 //! the number is a speed. It has 16 bits, a scale, a limit a period and a limit a path (Fig. 13), and it must go back to zero
 //! when its source falls silent: the robot would drift on.
 //!
-//! What the controller's `Scale factor` means exactly is disputed: with a group input, one user ran into the limit at
-//! once with a scale of 1, another believes that 75 gives 1 : 1. So `mm_per_count` is what you measured: send 100
-//! counts in one period, see how far the robot went, divide. `Offset accumulate: FALSE` of Fig. 13 and the increments that
-//! the text speaks of agree only if FALSE is about what is kept from one path to the next: find out before you rely on it.
-//! Motion must have begun before the offsets do (`DPMO-005 NO Zero Dist Motion` otherwise).
+//! The exact meaning of the controller's `Scale factor` is disputed: with a group input, one user ran into the limit
+//! at once with a scale of 1, another believes that 75 gives 1 : 1. So measure `mm_per_count`: send 100 counts in one
+//! period, see how far the robot went, divide. `Offset accumulate: FALSE` of Fig. 13 and the increments of the text
+//! agree only if FALSE is about what is kept from one path to the next: find out before you rely on it. Motion must
+//! have begun before the offsets do (`DPMO-005 NO Zero Dist Motion` otherwise).
 
 use core::time::Duration;
 
@@ -17,7 +17,7 @@ use libm::{floor, round};
 /// One axis: X, Y, Z in mm, W, P, R in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Axis {
-    /// What one count moves the robot by, in mm or degrees. Measured: see the module's page.
+    /// The motion of the robot per count, in mm or degrees. Measured: see the module's page.
     pub mm_per_count: f64,
     /// The most in one period, in mm or degrees: `Max offset/ITP`, 0.20 in Fig. 13 (25 mm/s).
     pub max_per_period: f64,
@@ -32,7 +32,7 @@ impl Axis {
     }
 }
 
-/// How offsets are made.
+/// The configuration of a [`Modifier`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Config {
@@ -40,7 +40,7 @@ pub struct Config {
     pub axes: [Option<Axis>; 6],
     /// The interpolation period: 8 ms by default.
     pub period: Duration,
-    /// How old a demand may be before the offsets become zero: 24 ms by default, three periods.
+    /// The age at which a demand expires and the offsets become zero: 24 ms by default, three periods.
     pub timeout: Duration,
 }
 
@@ -54,8 +54,8 @@ impl Config {
 /// Makes the group inputs of each period from speeds.
 ///
 /// Call [`demand`](Self::demand) whenever the source gives new speeds, and [`next_period`](Self::next_period) once in
-/// every interpolation period; what it returns goes to the group inputs. What is too small for a count is carried to the
-/// next period, so no motion is lost to rounding. What a limit cuts off is gone: the robot does not catch up later.
+/// every interpolation period; its counts go to the group inputs. A remainder below a count is carried to the next
+/// period, so no motion is lost to rounding. Motion beyond a limit is dropped: the robot does not catch up later.
 ///
 /// ```
 /// use core::time::Duration;
@@ -74,14 +74,14 @@ impl Config {
 #[derive(Debug, Clone)]
 pub struct Modifier {
     config: Config,
-    /// In mm/s or degrees a second, and when they came.
+    /// The speeds in mm/s or degrees a second, with the time of their arrival; `None` before the first.
     demand: Option<([f64; 6], Duration)>,
     state: [AxisState; 6],
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct AxisState {
-    /// What is left below a count, in mm or degrees.
+    /// The remainder that is smaller than a count, in mm or degrees.
     rest: f64,
     /// The counts since the path began.
     path: i64,
@@ -96,7 +96,7 @@ pub struct Offsets {
     pub limited: [bool; 6],
     /// The axes that have reached their limit a path.
     pub at_path_limit: [bool; 6],
-    /// The demand was too old, or there was none: every count is zero.
+    /// Whether the demand was too old or missing: every count is zero.
     pub lost: bool,
 }
 
@@ -104,7 +104,7 @@ impl Modifier {
     /// Offsets of zero until there is a demand.
     ///
     /// # Errors
-    /// When a scale, a limit or the period is not above zero.
+    /// If a scale, a limit or the period is not above zero.
     pub fn new(config: Config) -> Result<Self, Error> {
         for (axis, index) in config.axes.iter().zip(0..) {
             let Some(axis) = axis else { continue };
@@ -123,7 +123,7 @@ impl Modifier {
     /// The speeds from now on, in mm/s and degrees a second; those of an axis that is not modified are ignored.
     ///
     /// # Errors
-    /// When one is not a number. What was demanded before stays, and grows old.
+    /// If a speed is not a number. The previous demand stays, and grows old.
     pub fn demand(&mut self, now: Duration, speeds: [f64; 6]) -> Result<(), Error> {
         if let Some(index) = (0..).zip(speeds).find(|(_, speed)| !speed.is_finite()).map(|(index, _)| index) {
             return Err(Error::Speed { index });
@@ -137,7 +137,7 @@ impl Modifier {
         let speeds = match self.demand {
             Some((speeds, at)) if now.saturating_sub(at) <= self.config.timeout => speeds,
             _ => {
-                // What was left over is part of a motion that was given up.
+                // Drop the remainder: it is part of a motion that was given up.
                 self.state.iter_mut().for_each(|state| state.rest = 0.0);
                 return Offsets { lost: true, ..Offsets::default() };
             }
@@ -158,7 +158,7 @@ impl Modifier {
         self.state = [AxisState::default(); 6];
     }
 
-    /// How far each axis is from where the path began, in mm or degrees.
+    /// Returns the distance of each axis from the beginning of the path, in mm or degrees.
     pub fn path(&self) -> [f64; 6] {
         let mut path = [0.0; 6];
         for ((path, axis), state) in path.iter_mut().zip(&self.config.axes).zip(&self.state) {
@@ -187,7 +187,7 @@ impl AxisState {
     }
 }
 
-/// Why offsets cannot be made: the caller's fault. Axes count from 0 for X to 5 for R.
+/// The reason that offsets cannot be made: the caller's fault. Axes count from 0 for X to 5 for R.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]

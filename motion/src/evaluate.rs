@@ -34,7 +34,7 @@ impl State {
 }
 
 impl From<&MotionSample> for State {
-    /// With the sample's speeds, which are those of the middle between it and the one before.
+    /// With the sample's speeds, which are those of the middle between it and the previous one.
     fn from(sample: &MotionSample) -> Self {
         Self {
             time: sample.time.as_secs_f64(),
@@ -46,8 +46,8 @@ impl From<&MotionSample> for State {
     }
 }
 
-/// Sets the speeds of states in the order of their times: from the neighbour before to the one after, so that they are
-/// neither early nor late; at the ends from the one neighbour. Both motions must get theirs in the same way.
+/// Sets the speeds of states in the order of their times: from the previous to the next neighbour, so that they are
+/// neither early nor late; at the ends from the only neighbour. Both motions must get theirs in the same way.
 pub fn differentiate(states: &mut [State]) {
     let mut before: Option<State> = None;
     for index in 0..states.len() {
@@ -64,7 +64,7 @@ pub fn differentiate(states: &mut [State]) {
     }
 }
 
-/// By how much the recording was off at one of its states: recorded minus asked for.
+/// The error of the recording at one of its states: recorded minus asked for.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Deviation {
     /// The time on the recording's clock, in s.
@@ -120,10 +120,10 @@ fn deviation(state: &State, asked: &State) -> Deviation {
     }
 }
 
-/// What [`fit_delay`] has found.
+/// The result of [`fit_delay`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Delay {
-    /// It leaves the least squares, in seconds.
+    /// The delay with the least squares, in seconds.
     Found(f64),
     /// The least squares are at the border of the range, here: the delay is not within it, or the motions have nothing in common.
     AtBorder(f64),
@@ -177,7 +177,7 @@ pub fn moving(state: &State) -> bool {
 /// The greatest and the root mean square of the deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Summary {
-    /// How many states were compared.
+    /// The number of compared states.
     pub count: u64,
     /// Of the position's norm, in mm.
     pub position: Figures,

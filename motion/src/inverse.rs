@@ -7,7 +7,7 @@ use libm::{acos, atan2, cos, sin, sqrt};
 use super::kinematics::{Arm, Pose};
 use super::limits::Limits;
 
-/// How the arm is folded: the letters of a position's `CONFIG`.
+/// The posture of the arm: the letters of a position's `CONFIG`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Posture {
     /// `F` instead of `N`: J5 above zero.
@@ -23,7 +23,7 @@ pub struct Posture {
 pub struct Solution {
     /// J1 to J6 in degrees, each within ±180, J3 from the horizontal.
     pub joints: [f64; 6],
-    /// How the arm is folded.
+    /// The posture of the arm.
     pub posture: Posture,
 }
 
@@ -226,7 +226,7 @@ mod tests {
         };
         assert_eq!([ways(666.0, 0.0), ways(667.5, 0.0), ways(667.5, 1.0), ways(668.5, 1.0)], [4, 0, 4, 0]);
         assert_eq!([ways(7.0, 0.0), ways(6.0, 0.0), ways(6.0, 1.0), ways(5.0, 1.0)], [4, 0, 4, 0]);
-        // With links of one length, the wrist in the shoulder says nothing of J2.
+        // With links of one length, the wrist in the shoulder does not determine J2.
         let even = Arm { shoulder: 0.0, elbow: 0.0, forearm: 330.0, ..arm };
         assert_eq!(even.inverse(&Pose::IDENTITY, &[0.0; 6], 1.0).count(), 0);
     }
@@ -251,7 +251,7 @@ mod tests {
         };
         assert_eq!(turned(3605.0, 10.0, 100.0, 0.0), Some(5.0));
         assert_eq!(turned(-3605.0, -10.0, 100.0, 0.0), Some(-5.0));
-        // Where the nearest turn is beyond the limits, as many turns back as it takes.
+        // If the nearest turn is beyond the limits, as many turns back as necessary.
         for (joint, near, expected) in
             [(-170.0, 170.0, -170.0), (10.0, 400.0, 10.0), (10.0, 700.0, 10.0), (10.0, 1e6, 10.0)]
         {

@@ -1,10 +1,10 @@
-//! Where an arm's tool is for its joint angles.
+//! The pose of an arm's tool for its joint angles.
 
 use libm::{atan2, cos, sin, sqrt};
 
 use super::orientation::Quaternion;
 
-/// Where the tool stands, from the six joints. Implement it for your robot; [`Arm`] covers the usual FANUC arm.
+/// The pose of the tool, from the six joints. Implement it for your robot; [`Arm`] covers the usual FANUC arm.
 pub trait Kinematics {
     /// The pose of the tool in the robot's world frame, by the joints in degrees as the controller shows them: J3 from
     /// the horizontal, not from the upper arm (see [`Arm`]).
@@ -73,7 +73,7 @@ impl Pose {
         [x, y, z, w, p, r]
     }
 
-    /// How far the positions are apart, in mm.
+    /// Returns the distance of the positions, in mm.
     pub fn distance(&self, other: &Self) -> f64 {
         let ([x, y, z], [a, b, c]) = (self.position, other.position);
         sqrt((a - x) * (a - x) + (b - y) * (b - y) + (c - z) * (c - z))

@@ -1,4 +1,4 @@
-//! What a robot's joints can do.
+//! The limits of a robot's joints.
 
 use super::kinematics::{Arm, Pose};
 use super::trajectory::Trajectory;
@@ -55,7 +55,7 @@ pub struct JointLimits {
 }
 
 impl Limits {
-    /// What no arm can do, whichever it is: no joint turns more than twice around, none faster than 2000°/s.
+    /// The limits of any arm: no joint turns more than twice around, none faster than 2000°/s.
     pub const ANY: Self =
         Self { joints: [JointLimits { min: -720.0, max: 720.0, speed: 2000.0 }; 6], arm: None };
 
@@ -76,7 +76,8 @@ impl Limits {
     /// Reads a robot description.
     ///
     /// # Errors
-    /// When it is none, a least angle is not below the greatest, a speed is not above zero, or a part of the arm has no length.
+    /// The text is not a description, a least angle is not below the greatest, a speed is not above zero, or a part
+    /// of the arm has no length.
     pub fn from_json(text: &str) -> Result<Self, LimitsError> {
         let limits: Self = serde_json::from_str(text)
             .map_err(|error| LimitsError::Json { line: error.line(), column: error.column() })?;
@@ -116,11 +117,11 @@ impl Limits {
     }
 }
 
-/// Why a file is no robot description.
+/// The reason that a file is not a robot description.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LimitsError {
-    /// It is no such JSON.
+    /// The text is not JSON of this form.
     #[error(
         "line {line}, column {column}: expected {{\"joints\": [{{\"min\": -170, \"max\": 170, \"speed\": 450}}, …]}} with six joints"
     )]
@@ -141,7 +142,7 @@ pub enum LimitsError {
     Arm,
 }
 
-/// What a robot cannot do.
+/// A limit that a robot would exceed.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LimitError {
@@ -152,7 +153,7 @@ pub enum LimitError {
         joint: u8,
         /// The time of the sample in s.
         time: f64,
-        /// Its angle in degrees.
+        /// The angle in degrees.
         value: f64,
         /// The least angle.
         min: f64,

@@ -9,25 +9,26 @@ use super::kinematics::{Arm, Kinematics, Pose};
 use super::limits::Limits;
 use super::spline::{Spline, Stretch};
 
-/// Where an arm is, and the motions that bring it elsewhere.
+/// The position of an arm, and the motions that bring it elsewhere.
 #[derive(Debug, Clone)]
 pub struct Planner {
     arm: Arm,
     limits: Limits,
-    /// Where the arm is without the motions below.
+    /// The joints of the arm without the motions below.
     base: [f64; 6],
-    /// Where the last of them ends.
+    /// The joints at the end of the last motion.
     target: [f64; 6],
     active: Vec<Segment>,
     /// The curve that the arm follows, and the time at which it has begun: no other motion is active.
     spline: Option<(f64, Spline)>,
-    /// Where the arm was last.
+    /// The joints that were shown last.
     shown: [f64; 6],
-    /// Where the tool is without the motions above, and where the last of them ends, when no arm limits it.
+    /// The pose of the tool without the motions above, and the pose at the end of the last of them, if no arm limits
+    /// it.
     anywhere: Option<(Pose, Pose)>,
 }
 
-/// Where a motion goes.
+/// The goal of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
     /// Joint angles in degrees.
@@ -47,7 +48,7 @@ pub enum Way {
     Arc([f64; 3]),
 }
 
-/// How fast.
+/// The speed of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pace {
     /// A share of the joints' greatest speeds.
@@ -63,19 +64,19 @@ pub enum Pace {
 /// A motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Move {
-    /// Where it goes.
+    /// The goal of the motion.
     pub goal: Goal,
     /// The way there.
     pub way: Way,
-    /// How fast.
+    /// The speed of the motion.
     pub pace: Pace,
-    /// How long the moving average is, in s: the time in which the arm gets its speed.
+    /// The length of the moving average, in s: the time in which the arm gets its speed.
     pub ramp: f64,
-    /// Which share of the average the next motion need not wait for: 0 stops at the goal.
+    /// The share of the average for which the next motion need not wait: 0 stops at the goal.
     pub blend: f64,
 }
 
-/// Why a motion is none.
+/// The reason that a motion is not possible.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MoveError {
@@ -116,7 +117,7 @@ const FASTEST_TURN: f64 = 500.0;
 const FIRST_AVERAGE: f64 = 2.0 / 3.0;
 /// The speed of a tool at which no arm is asked for, in mm/s.
 const FASTEST_WAY: f64 = 2000.0;
-/// How finely a way is looked at.
+/// The number of pieces in which a way is examined.
 const PIECES: u32 = 25;
 
 impl Planner {
@@ -253,7 +254,7 @@ impl Planner {
         } else {
             let start = self.anywhere.map_or_else(|| self.arm.forward(&self.base), |(base, _)| base);
             let pose = self.pose_on_the_way(start, now);
-            // Between two ways that the arm can go it may have none: it waits where it is.
+            // Between two ways of the arm there may be poses that it cannot take: it waits where it is.
             self.arm.nearest(&pose, &self.shown, &self.limits).unwrap_or(self.shown)
         };
         self.shown
@@ -305,7 +306,7 @@ impl Planner {
         }
     }
 
-    /// Where the joints are at the end of a way of the tool: each piece nearest to the one before.
+    /// Returns the joints at the end of a way of the tool: for each piece, those nearest to the previous ones.
     fn follow(&self, segment: &Segment) -> Result<[f64; 6], MoveError> {
         if matches!(segment.path, Path::Joint) {
             return Ok(segment.to);
@@ -326,7 +327,7 @@ impl Planner {
         let joints = segment.from.iter().zip(segment.to).zip(self.limits.joints);
         let fastest = joints.map(|((from, to), limit)| (to - from).abs() / limit.speed).fold(0.0, f64::max);
         match pace {
-            // Without an arm, a share of what a tool can do.
+            // Without an arm, a share of a tool's limits.
             Pace::Share(share) if self.anywhere.is_some() => {
                 (length / FASTEST_WAY).max(turn / FASTEST_TURN) / share.max(1e-4)
             }
@@ -339,8 +340,8 @@ impl Planner {
 }
 
 impl Segment {
-    /// How much of the way lies behind at a time: a box of `cruise` under two moving averages of `ramp` together, integrated. With one
-    /// alone, a way that is shorter than the average would begin at its full speed.
+    /// Returns the share of the way that has passed at a time: a box of `cruise` under two moving averages of `ramp`
+    /// together, integrated. With only one, a way that is shorter than the average would begin at its full speed.
     fn share(&self, now: f64) -> f64 {
         let (t, cruise, ramp) = (now - self.begin, self.cruise, self.ramp);
         if t >= cruise + ramp {

@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::TelemetryBlock;
 
 use crate::{Arm, Limits, Pose, Quaternion};
 
-/// Why a block cannot be.
+/// The reason that a block is implausible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fault {
     /// A value is no number.
@@ -35,7 +35,7 @@ impl Fault {
         (Self::StandsStill, "standstill", "blocks with a stalled life counter"),
     ];
 
-    /// Its name in a row of the recording.
+    /// Returns the name of the fault in a row of the recording.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(fault, ..)| *fault == self).map_or("", |(_, name, _)| name)
     }
@@ -45,13 +45,13 @@ impl Fault {
 #[derive(Debug, Clone)]
 pub struct Plausibility {
     robot: Option<(Arm, Limits)>,
-    /// How long the life counter may show the same run.
+    /// The time for which the life counter may show the same run.
     patience: Duration,
     /// The run that was shown last, and since when.
     run: Option<(u32, Duration)>,
 }
 
-/// How far a real may be off: single precision, and a robot that is a little worn.
+/// The tolerance of a real: single precision, and a robot that is a little worn.
 const SLACK: f64 = 1.0;
 /// No arm reaches further than this, in mm, whatever it is mounted on.
 const FARTHEST: f32 = 100_000.0;
@@ -64,7 +64,8 @@ impl Plausibility {
         Self { robot, patience, run: None }
     }
 
-    /// Why a block that was read at `now` cannot be, if it cannot, and the value that shows it.
+    /// Returns the reason that a block read at `now` is implausible, and the value that shows it; `None` if it is
+    /// plausible.
     pub fn check(&mut self, block: &TelemetryBlock, now: Duration) -> Option<(Fault, &'static str)> {
         let since = match self.run {
             Some((run, since)) if run == block.life_counter => since,
@@ -77,7 +78,7 @@ impl Plausibility {
         })
     }
 
-    /// A connection was made: what the life counter showed before is of another time.
+    /// Called when a connection was made: the earlier life counter is of another time.
     pub fn reconnected(&mut self) {
         self.run = None;
     }

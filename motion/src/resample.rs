@@ -7,12 +7,12 @@ use fanuc_ls::{Builder, EncodeError, Program, Rules, Speed, Termination};
 use super::kinematics::{Kinematics, Pose};
 use super::trajectory::{JointSample, Trajectory};
 
-/// How points are chosen.
+/// The choice of points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sampling {
-    /// When the tool has gone so far, in mm.
+    /// At each such way of the tool, in mm.
     Distance(f64),
-    /// When the tool has turned so far, in degrees.
+    /// At each such turn of the tool, in degrees.
     Angle(f64),
     /// After this many seconds.
     Time(f64),
@@ -32,16 +32,16 @@ pub enum Sampling {
 /// The acceleration that [`Sampling::Dynamic`] looks at, as a share of the greatest in the trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Acceleration {
-    /// That of the position.
+    /// The acceleration of the position.
     Translation,
-    /// That of the orientation.
+    /// The acceleration of the orientation.
     Rotation,
-    /// Whichever is the greater share.
+    /// The greater share of the two.
     #[default]
     Either,
 }
 
-/// How finely a speed is written.
+/// The rounding of speeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpeedStep {
     /// In whole mm/s, as the source does.
@@ -51,13 +51,13 @@ pub enum SpeedStep {
     Tenth,
 }
 
-/// How to make a program of a trajectory.
+/// The settings for making a program of a trajectory.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Resampling {
-    /// How points are chosen.
+    /// The choice of points.
     pub sampling: Sampling,
-    /// How finely speeds are written. None is below 1 mm/s.
+    /// The rounding of speeds. No speed is below 1 mm/s.
     pub speed: SpeedStep,
     /// UFRAME of the program and its positions: 0, the world, by default.
     pub user_frame: u16,
@@ -81,7 +81,7 @@ impl Resampling {
     /// 100 mm/s.
     ///
     /// # Errors
-    /// When a step makes no sense, the points are more than a program holds, or the program cannot be written.
+    /// If a step makes no sense, the points are more than a program holds, or the program cannot be written.
     pub fn program(
         &self,
         name: &str,
@@ -187,7 +187,7 @@ fn push(times: &mut Vec<f64>, time: f64) -> Result<(), ResampleError> {
     if times.len() > MAX_POINTS { Err(ResampleError::Points) } else { Ok(()) }
 }
 
-/// What became of a trajectory in a program.
+/// The results of converting a trajectory to a program.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 #[non_exhaustive]
 pub struct Report {
@@ -195,7 +195,7 @@ pub struct Report {
     pub moves: usize,
     /// The length of the tool's path in mm.
     pub length: f64,
-    /// How far the tool turns on it, in degrees.
+    /// The angle by which the tool turns on it, in degrees.
     pub rotation: f64,
     /// The time of the trajectory in s.
     pub planned_time: f64,
@@ -260,7 +260,7 @@ impl Report {
     }
 }
 
-/// Why a trajectory cannot become a program.
+/// The reason that a trajectory cannot become a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResampleError {
@@ -283,9 +283,9 @@ struct Path {
 #[derive(Clone, Copy)]
 struct Knot {
     time: f64,
-    /// How far the tool has gone, in mm.
+    /// The length of the tool's path up to here, in mm.
     mm: f64,
-    /// How far it has turned, in degrees.
+    /// The angle by which it has turned, in degrees.
     degrees: f64,
 }
 
@@ -305,7 +305,7 @@ impl Path {
         Self { knots: trajectory.samples().iter().map(knot).collect() }
     }
 
-    /// How far the tool has gone and turned at a time of the trajectory, in mm and degrees.
+    /// Returns the length and the turned angle of the tool's path at a time of the trajectory, in mm and degrees.
     fn travelled(&self, time: f64) -> (f64, f64) {
         let next = self.knots.partition_point(|knot| knot.time <= time);
         match (self.knots.get(next.saturating_sub(1)), self.knots.get(next)) {

@@ -1,4 +1,4 @@
-//! What the telemetry blocks show of the motion: time from the life counter, speeds without the controller's jumps.
+//! The motion from telemetry blocks: time from the life counter, speeds without the controller's jumps.
 
 use core::time::Duration;
 
@@ -8,10 +8,10 @@ use super::orientation::Quaternion;
 
 /// Turns telemetry blocks, in the order in which they were read, into samples of the motion.
 ///
-/// The background task counts its runs. The difference of two counts, modulo 2³², times the period is the time between
-/// two blocks, however late they were read; a block that was read twice is no sample. Where the source's task divides by
-/// its fixed period and jumps when `Q_1` passes zero (a false speed of -250 /s), this one divides by the time that passed,
-/// and gives each quaternion the sign that follows the one before.
+/// The background task counts its runs. The difference of two counts, modulo 2³², times the period is the time
+/// between two blocks, however late they were read; a block that was read twice is not a sample. The source's task
+/// divides by its fixed period, and jumps when `Q_1` passes zero (a false speed of -250 /s). This tracker divides by
+/// the time that passed, and gives each quaternion the sign that follows the previous one.
 ///
 /// ```
 /// use fanuc_hmi_modbus::TelemetryBlock;
@@ -41,7 +41,7 @@ struct Last {
     orientation: Quaternion,
 }
 
-/// What a block adds to the blocks before it.
+/// The result of a new block, compared with the previous ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Observation {
@@ -77,7 +77,7 @@ pub struct MotionSample {
     pub angular_velocity_body: [f64; 3],
 }
 
-/// How regularly the blocks were read.
+/// Counts of the blocks that were read, and of missed runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Counts {
     /// Blocks that were compared with one before them.
@@ -153,7 +153,7 @@ impl Tracker {
         })
     }
 
-    /// How regularly the blocks came.
+    /// Returns the counts of blocks and missed runs.
     pub fn counts(&self) -> Counts {
         self.counts
     }
@@ -172,7 +172,8 @@ fn rates<const N: usize>(from: [f64; N], mut to: [f64; N], seconds: f64) -> [f64
     to
 }
 
-/// How many periods; there are more of them than a `u32` counts before a controller is switched off.
+/// Returns the time of this many periods; there are more of them than a `u32` counts before a controller is switched
+/// off.
 fn span(period: Duration, runs: u64) -> Duration {
     let nanos = period.as_nanos().saturating_mul(u128::from(runs));
     Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))

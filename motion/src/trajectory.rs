@@ -1,12 +1,12 @@
 //! A table of joints over time.
 
-/// Where the six joints are over time.
+/// The angles of the six joints over time.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Trajectory {
     samples: Vec<JointSample>,
 }
 
-/// Where the six joints are at a time.
+/// The angles of the six joints at a time.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct JointSample {
     /// In seconds, from any beginning.
@@ -22,7 +22,8 @@ impl Trajectory {
     /// A trajectory of two samples at least, in the order of their times.
     ///
     /// # Errors
-    /// When there are fewer, a number is not finite, a time is not later than the previous one, or more than a day after the first.
+    /// If there are fewer, a number is not finite, a time is not later than the previous one, or more than a day
+    /// after the first.
     pub fn new(samples: Vec<JointSample>) -> Result<Self, TrajectoryError> {
         for (line, sample) in (1..).zip(&samples) {
             let finite = sample.time.is_finite() && sample.joints.iter().all(|joint| joint.is_finite());
@@ -77,7 +78,7 @@ impl Trajectory {
         self
     }
 
-    /// Its samples, in the order of their times.
+    /// Returns the samples, in the order of their times.
     pub fn samples(&self) -> &[JointSample] {
         &self.samples
     }
@@ -104,13 +105,13 @@ impl Trajectory {
     }
 }
 
-/// Why a table is not a trajectory. Lines and columns count from 1, columns in characters; without a text, `line` is
-/// the sample.
+/// The reason that a table is not a trajectory. Lines and columns count from 1, columns in characters; without a
+/// text, `line` is the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[error("line {line}, column {column}: {reason}")]
 #[non_exhaustive]
 pub struct TrajectoryError {
-    /// What was wrong there.
+    /// The reason.
     #[serde(rename = "kind")]
     pub reason: TrajectoryReason,
     /// The line, from 1.
@@ -119,21 +120,21 @@ pub struct TrajectoryError {
     pub column: usize,
 }
 
-/// What a [`TrajectoryError`] found.
+/// The reason of a [`TrajectoryError`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum TrajectoryReason {
-    /// Not seven columns.
+    /// A line without seven columns.
     #[error("expected seven columns: time in s, J1 to J6 in degrees; found {found}")]
     Columns {
         /// The columns there are.
         found: usize,
     },
-    /// Not a number.
+    /// A value that is not a number.
     #[error("expected a number such as `-108.435`")]
     Number,
-    /// Not later than the sample before it.
+    /// A time that is not later than that of the previous sample.
     #[error("expected a time later than the previous one")]
     Time,
     /// More than a day after the first sample.

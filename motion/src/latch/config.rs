@@ -1,9 +1,9 @@
 use core::time::Duration;
 
-/// How the latch arms.
+/// The configuration of the latch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LatchConfig {
-    /// How long the hand must rest. Default: 0.3 s.
+    /// The time for which the hand must rest. Default: 0.3 s.
     pub rest: Duration,
     /// Whether a key has to confirm it besides. Default: no.
     ///
@@ -12,9 +12,10 @@ pub struct LatchConfig {
     pub confirm: bool,
     /// Whether the arm moves only while the hand holds a key: to let it go disarms. Default: no.
     pub hold_to_run: bool,
-    /// How long the end may take: coming to rest, and ending ALTER. Default: 1.5 s.
+    /// The longest time of the end: coming to rest, and ending ALTER. Default: 1.5 s.
     pub end_within: Duration,
-    /// How long the controller may take to report the end of ALTER when no message is answered any more. Default: 0.15 s.
+    /// The longest time until the controller reports the end of ALTER when no message is answered any more. Default:
+    /// 0.15 s.
     pub farewell: Duration,
     /// The rules of the latch, all of which are kept.
     #[cfg(feature = "model")]
@@ -33,11 +34,11 @@ robot_session::rules! {
         ByValues,
         /// Values that are not renewed disarm.
         Expire,
-        /// What came due is done before what a late caller brings.
+        /// Expired deadlines are handled before a late caller's input.
         TimeFirst,
-        /// Old values move nothing, also before a late caller says what time it is.
+        /// Old values move nothing, even before a late caller passes the time.
         FreshInUse,
-        /// Values that are old when they come are none.
+        /// Values that are old when they arrive do not count.
         OldOnArrival,
         /// A start message disarms.
         Start,

@@ -40,23 +40,23 @@ pub enum Latch {
     Disarmed(Cause),
     /// The hand rests.
     Resting {
-        /// Why it has to.
+        /// The reason that it has to rest.
         cause: Cause,
-        /// How long its values may be used.
+        /// The time until which its values may be used.
         fresh_until: Duration,
-        /// When it has rested long enough.
+        /// The time at which it has rested long enough.
         rested_at: Duration,
     },
     /// The hand has rested; a key has to confirm it.
     Ready {
-        /// Why it had to.
+        /// The reason that it had to rest.
         cause: Cause,
-        /// How long its values may be used.
+        /// The time until which its values may be used.
         fresh_until: Duration,
     },
     /// The hand moves the arm.
     Armed {
-        /// How long its values may be used.
+        /// The time until which its values may be used.
         fresh_until: Duration,
     },
     /// The operator has stopped: the values go to zero, then ALTER ends.
@@ -70,7 +70,7 @@ pub enum Latch {
     Ended,
 }
 
-/// Why the hand does not move the arm.
+/// The reason that the hand does not move the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// No ALTER runs.
@@ -93,7 +93,7 @@ pub enum Cause {
     Stop,
 }
 
-/// What happens.
+/// An input of the latch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LatchInput {
     /// ALTER begins: a start message has come.
@@ -112,11 +112,11 @@ pub enum LatchInput {
     Silent,
     /// New values of the hand.
     Hand {
-        /// No axis is beyond the dead zone.
+        /// Whether no axis is beyond the dead zone.
         rests: bool,
-        /// The key to be held is down.
+        /// Whether the key to be held is down.
         holds: bool,
-        /// How long they may be used.
+        /// The time until which they may be used.
         fresh_until: Duration,
     },
     /// The input sends no new values.
@@ -133,18 +133,18 @@ pub enum LatchInput {
     End,
 }
 
-/// What is to be done.
+/// An action of the latch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LatchAction {
     /// Nothing.
     Nothing,
-    /// Shows what the latch is now.
+    /// Shows the state of the latch.
     Report,
-    /// Ends ALTER, and shows what the latch is now.
+    /// Ends ALTER, and shows the state of the latch.
     Stop,
 }
 
-/// What the latch lets through: the last values of the hand.
+/// The values that the latch permits: the last values of the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct HandValues;
 
@@ -179,7 +179,7 @@ impl Latch {
         !matches!(self, Self::Off(_) | Self::Ended)
     }
 
-    /// Why the hand does not move the arm; `None`: it does.
+    /// Returns the reason that the hand does not move the arm; `None` if it moves the arm.
     pub fn cause(&self) -> Option<Cause> {
         match *self {
             Self::Off(cause)

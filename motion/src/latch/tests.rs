@@ -10,20 +10,20 @@ fn hand(now: Duration, rests: bool) -> On {
     On::Hand { rests, holds: false, fresh_until: now + FRESH }
 }
 
-/// What the rules say, written without the latch: since when the hand has rested, uninterrupted, with ALTER running, and
-/// since when nothing has happened that forbids motion.
+/// The rules, written without the latch: the time for which the hand has rested, uninterrupted, with ALTER running,
+/// and the time for which nothing has happened that forbids motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Oracle {
-    /// There is an ALTER that wants values.
+    /// Whether there is an ALTER that wants values.
     on: bool,
-    /// It is not interrupted.
+    /// Whether it is not interrupted.
     runs: bool,
-    /// The operator has stopped, and ALTER is not over.
+    /// Whether the operator has stopped, and ALTER is not over.
     stopped: bool,
     ends: bool,
     /// Time since the first value of the rest that goes on, no more than is asked for.
     rested: Option<Duration>,
-    /// What is left of the last value's time.
+    /// The remaining time of the last value.
     fresh: Duration,
     allowed: bool,
     ready: bool,
@@ -125,7 +125,7 @@ fn explore(config: &LatchConfig) -> usize {
                     !latch.is_armed(now) || oracle.allowed,
                     "{input:?} after {pass:?} leads to {latch:?}: {oracle:?}"
                 );
-                // Nor is it more careful than it says: who has rested can work.
+                // The latch is not more careful than it reports: after a rest, the hand can move the arm.
                 if oracle.allowed && oracle.runs && !oracle.stopped && !oracle.ends {
                     assert!(latch.is_armed(now), "{input:?} leads to {latch:?}: {oracle:?}");
                 }

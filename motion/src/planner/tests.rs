@@ -49,7 +49,7 @@ fn a_corner_is_rounded_the_more_the_less_the_next_motion_waits() {
         let (next, _) = planner.add(begin, &first).unwrap();
         let mut second = linear(&planner, 450.0, 100.0, 0.0);
         second.blend = 0.0;
-        // What is added later may not be known before it begins.
+        // A motion that is added later may not be known before it begins.
         let mut nearest = f64::MAX;
         let mut slowest = f64::MAX;
         let mut before: Option<[f64; 3]> = None;

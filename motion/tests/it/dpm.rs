@@ -52,7 +52,7 @@ fn the_limit_a_period_is_fig_13s_25_mm_a_second() {
     }
 }
 
-/// Where the 16 bits are the limit a period, what is beyond them is cut off as by any other.
+/// If the 16 bits are the limit per period, the counts beyond them are dropped as by any other limit.
 #[test]
 fn what_the_16_bits_hold_back_is_not_caught_up_with() {
     let mut modifier = x_only(Axis::new(1e-6));
@@ -181,7 +181,7 @@ fn what_makes_no_sense_is_refused_and_the_last_demand_grows_old() {
 }
 
 proptest! {
-    /// Whatever the source sends, each period, each path and the sum stay within their limits.
+    /// Each period, each path and the sum stay within their limits, for any speeds.
     #[test]
     fn no_limit_is_ever_passed(
         speeds in prop::collection::vec(-1e6..1e6f64, 1..200),

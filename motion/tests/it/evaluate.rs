@@ -97,7 +97,7 @@ fn a_turn_on_the_spot_shows_its_delay() {
         let angle = 20.0 * (1.0 - (time.clamp(0.0, 4.0) / 4.0 * core::f64::consts::PI).cos());
         State::at(time, [0.0; 3], Quaternion::from_wpr([0.0, 0.0, angle]))
     };
-    // The clocks may be far apart; what counts is how long the range is.
+    // The clocks may be far apart; only the length of the range counts.
     for (apart, range) in [(0.0, -0.5..=0.5), (0.0, 0.0..=0.5), (1e5, 1e5..=1e5 + 0.5)] {
         for delay in [0.0036, 0.04] {
             let mut reference = states(501, turn);

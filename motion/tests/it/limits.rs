@@ -1,4 +1,4 @@
-//! What joints can do: the files that say it, and the trajectories that go beyond it.
+//! The limits of joints: the files that state them, and the trajectories that exceed them.
 
 use cellwire_motion::{Dimensions, JointLimits, JointSample, LimitError, Limits, LimitsError, Trajectory};
 

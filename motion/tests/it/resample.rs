@@ -18,7 +18,8 @@ impl Kinematics for Plain {
     }
 }
 
-/// Where the tool is (in s, mm and degrees). J2, which moves nothing here, is the time: a point tells its own.
+/// Returns the positions of the tool (in s, mm and degrees). J2, which moves nothing here, is the time: a point tells
+/// its own.
 fn path(samples: &[(f64, f64, f64)]) -> Trajectory {
     let sample = |&(time, mm, degrees): &(f64, f64, f64)| JointSample {
         time,
@@ -115,7 +116,7 @@ fn points_at_equal_ways_are_where_the_tool_has_gone_so_far() {
     assert_eq!(to(&long), [10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.0, 14.0]);
     assert_eq!(to(&[(10.0, 0.0), (11.0, 28.0), (12.0, 33.25)]), [10.0, 10.5, 12.0]);
     assert_eq!(to(&[(10.0, 0.0), (12.0, 6.0)]), [10.0, 12.0]);
-    // What is gone counts, there and back; where the tool rests before the end, the end is one of the points.
+    // The way counts, there and back; if the tool rests before the end, the end is one of the points.
     assert_eq!(to(&[(10.0, 0.0), (11.0, 28.0), (12.0, 14.0)]), [10.0, 10.5, 11.0, 12.0]);
     assert_eq!(to(&[(10.0, 0.0), (11.0, 28.0), (13.0, 28.0)]), [10.0, 10.5, 13.0]);
 }

@@ -1,4 +1,4 @@
-//! What the telemetry shows of the motion: orientation, time and speeds from blocks, errors against a reference.
+//! The motion from telemetry: orientation, time and speeds from blocks, errors against a reference.
 #![allow(clippy::cast_possible_truncation, reason = "the controller's registers are of single precision")]
 
 use core::time::Duration;
@@ -121,7 +121,7 @@ mod tracker {
         let sample = sample(tracker.push(&jump));
         close(sample.quaternion_rate, [-0.218, 0.0, 0.0, 0.0], 0.001);
         close(sample.angular_velocity_world, [0.0, 0.0, 25.0], 0.01);
-        // The sign stays as it follows from sample to sample, also where the flip does not come back.
+        // The sign stays as it follows from sample to sample, even if the flip does not come back.
         let next = block(3, [0.0; 3], [0.0, 0.0, 180.3], [0.0, 0.0, 180.1]);
         let Observation::Sample(next) = tracker.push(&next) else { panic!() };
         close(next.angular_velocity_world, [0.0, 0.0, 25.0], 0.01);

@@ -1,4 +1,4 @@
-//! Tables of joints over time: what is read, what is refused and where, and the joints between two samples.
+//! Tables of joints over time: valid ones, refused ones with the place of the error, and the joints between two samples.
 
 use cellwire_motion::{JointSample, Trajectory, TrajectoryError, TrajectoryReason};
 

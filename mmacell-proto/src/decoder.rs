@@ -6,7 +6,7 @@ use crate::frame::{Line, find_end};
 
 /// Bytes in, lines out.
 ///
-/// After `next_frame` has returned `None` there is always room.
+/// After `next_frame` has returned `None`, there is always free space.
 ///
 /// A line that is too long is dropped up to its end, however long it is, and gives one error there: nothing within it is
 /// taken for a message, and the line after it is found.
@@ -17,9 +17,10 @@ pub type Decoder = LineDecoder<{ Line::MAX_LEN }>;
 pub struct LineDecoder<const N: usize> {
     dialect: Dialect,
     buffer: StreamBuffer<N>,
-    /// How many of the bytes hold no end of a line.
+    /// The number of bytes without the end of a line.
     searched: usize,
-    /// The stream offset after what was given last: what is between it and the buffer is the beginning of a line that is too long.
+    /// The stream offset after the last item: the bytes between it and the buffer are the beginning of a line that is
+    /// too long.
     position: u64,
     finished: bool,
 }
@@ -90,7 +91,7 @@ impl<const N: usize> robot_session::Decoder for LineDecoder<N> {
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        // What ends here is not whole: `next_frame` reports that first.
+        // The last line is not whole: `next_frame` reports it first.
         if self.finished && (!self.buffer.is_empty() || self.is_too_long()) {
             return 0;
         }

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Why a line is not a command or a reply. Offsets count from the beginning of the line.
+/// The reason that a line is not a command or a reply. Offsets count from the beginning of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -32,41 +32,41 @@ pub enum DecodeError {
     /// A character that its field does not allow.
     #[error("{:?} at byte {offset}, where {expected} is expected", *found as char)]
     Unexpected {
-        /// Where it is.
+        /// The offset of the character.
         offset: usize,
         /// The character.
         found: u8,
-        /// What the field allows there.
+        /// The characters that the field allows there.
         expected: Expected,
     },
     /// The line ends within a field, or before one.
     #[error("the line ends at byte {offset}, where {expected} is expected")]
     Short {
-        /// Where the line ends.
+        /// The offset of the end of the line.
         offset: usize,
-        /// What should follow.
+        /// The characters that should follow.
         expected: Expected,
     },
     /// The line goes on after its last field.
     #[error("expected the end of the line at byte {offset}")]
     Trailing {
-        /// The first byte too many.
+        /// The offset of the first byte too many.
         offset: usize,
     },
     /// Five digits that 16 bits cannot hold (§4).
     #[error("the integer {found} at byte {offset} is outside −32768 to 32767")]
     IntegerRange {
-        /// Where the field begins.
+        /// The offset of the field.
         offset: usize,
-        /// Its value.
+        /// The value of the field.
         found: i32,
     },
     /// An override outside 0 to 100 % (§4.3).
     #[error("the override {found} % at byte {offset} is outside 0 to 100 %")]
     Percent {
-        /// Where the field begins.
+        /// The offset of the field.
         offset: usize,
-        /// Its value.
+        /// The value of the field.
         found: i32,
     },
     /// `ER` with the number that means "no error" (§5).
@@ -74,7 +74,7 @@ pub enum DecodeError {
     ErrorZero,
 }
 
-/// What a field allows at some place.
+/// The characters that a field allows at an offset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -98,7 +98,7 @@ pub enum Expected {
     OnOrOff,
     /// `OPEN` or `CLOSE`.
     OpenOrClose,
-    /// Nothing: this kind of device has no axes and no status.
+    /// The end of the line: this kind of device has no axes and no status.
     NoAxes,
 }
 
@@ -119,7 +119,7 @@ impl fmt::Display for Expected {
     }
 }
 
-/// Why a message has no form on the wire.
+/// The reason that a message has no form on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -158,7 +158,7 @@ pub enum EncodeError {
     ErrorZero,
 }
 
-/// Why a session refuses what the caller asks.
+/// The reason that a session refuses a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -182,7 +182,7 @@ pub enum SessionError {
     Encode(#[from] EncodeError),
 }
 
-/// Why a session cannot work as configured.
+/// The reason that a session cannot work as configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]

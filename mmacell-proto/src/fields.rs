@@ -6,7 +6,7 @@ use crate::format::{ANGLE, Format, INTEGER, LENGTH};
 
 /// Reads one field after the other from a line.
 ///
-/// What a strict peer sends is read without a question about the dialect; whatever else comes is looked at a second time.
+/// The fields of a strict peer are read without regard to the dialect; only other fields are examined a second time.
 #[derive(Debug, Clone, Copy)]
 pub struct Reader<'a> {
     line: &'a [u8],
@@ -34,7 +34,7 @@ impl<'a> Reader<'a> {
         self.line.get(self.at..).unwrap_or_default()
     }
 
-    /// Where the next field begins in the line.
+    /// Returns the offset of the next field in the line.
     pub(crate) fn offset(&self) -> usize {
         self.at
     }
@@ -157,7 +157,7 @@ impl<'a> Reader<'a> {
         Some([u64::from_le_bytes(*words.first_chunk()?), u64::from_le_bytes(*words.last_chunk()?)])
     }
 
-    /// An integer in any dialect, or the reason why there is none.
+    /// Returns an integer in any dialect, or the error.
     #[cold]
     fn any_integer(self) -> Result<(i32, usize), DecodeError> {
         let misfit = self.misfit(&INTEGERS);

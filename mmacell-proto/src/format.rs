@@ -7,16 +7,16 @@ use crate::error::Expected;
 pub(crate) struct Format {
     /// The field with the value +0.
     zero: u64,
-    /// Where the sign is in the word.
+    /// The position of the sign in the word.
     sign_at: u32,
-    /// What each character less that of `zero` may be: adding `limit` sets no bit of `excess`.
+    /// The range of each character less that of `zero`: adding `limit` sets no bit of `excess`.
     limit: u64,
     excess: u64,
     /// The last four characters are worth `value % split`, those before them `value / split * scale`: a point among them
     /// is a digit 0.
     split: u32,
     scale: u32,
-    /// What a minus is worth, which is read as a digit 2.
+    /// The value of a minus, which is read as a digit 2.
     minus: u32,
     layout: &'static [Expected],
 }
@@ -79,7 +79,8 @@ impl Format {
         let word = field.wrapping_sub(self.zero);
         let misfit = (word | word.wrapping_add(self.limit)) & self.excess;
         let digits = word & (u64::MAX << self.sign_at);
-        // Neighbours are added up in pairs, three times: each lane of a product is a lane and 10, 100 or 1000 times the one before.
+        // Neighbours are added up in pairs, three times: each lane of a product is a lane and 10, 100 or 1000 times
+        // the previous one.
         let pairs = digits.wrapping_mul((10 << 8) + 1) >> 8 & 0x00FF_00FF_00FF_00FF;
         let fours = pairs.wrapping_mul((100 << 16) + 1) >> 16 & 0x0000_FFFF_0000_FFFF;
         let number = (fours.wrapping_mul((((self.split / self.scale) as u64) << 32) + 1) >> 32) as u32;
@@ -101,7 +102,7 @@ impl Format {
         self.zero + word + sign
     }
 
-    /// What each character may be.
+    /// Returns the characters that the format allows.
     pub(crate) const fn layout(self) -> &'static [Expected] {
         self.layout
     }

@@ -34,9 +34,10 @@ impl<'a> Line<'a> {
     }
 }
 
-/// What precedes the first end of a line, and the bytes up to and with that end; the first `searched` bytes hold none.
+/// Returns the contents of the first line, and the length of the line with its end; the first `searched` bytes have
+/// no end of a line.
 ///
-/// Question and answer: what has arrived is mostly one line and no more.
+/// In a request-reply protocol, mostly exactly one line has arrived.
 #[inline(always)]
 pub(crate) fn find_end<'a>(bytes: &'a [u8], searched: usize, dialect: &Dialect) -> Option<(&'a [u8], usize)> {
     match bytes.strip_suffix(b"\r\n") {

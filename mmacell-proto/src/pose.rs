@@ -2,7 +2,7 @@ use crate::error::{DecodeError, EncodeError, Expected};
 use crate::fields::{PLATFORM, ROBOT, Reader, Writer, coordinate_fits};
 use crate::units::{Angle, Length};
 
-/// Where the axes of one kind of device stand. Which messages there are, and how long they are, follows from it.
+/// The pose of one kind of device's axes. It determines the messages and their lengths.
 pub trait Pose: Copy + Eq + core::hash::Hash + core::fmt::Debug + sealed::Axes {
     /// The sum, axis by axis: where a relative motion leads. `None` when an axis leaves the range of its field.
     fn plus(self, by: Self) -> Option<Self>;

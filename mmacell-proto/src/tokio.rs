@@ -27,7 +27,7 @@ use crate::error::{ConfigError, SessionError};
 use crate::message::{Command, ErrorCode, Mode, Status};
 use crate::pose::Pose;
 
-/// How often a device is asked whether it has arrived.
+/// The interval at which a device is polled for its arrival.
 const ASK: Duration = Duration::from_millis(50);
 
 /// A device: its commands are executed one after the other. Cloning it is cheap.
@@ -56,7 +56,7 @@ where
     Ok((Device { handle }, task))
 }
 
-/// Why a command has not been executed, or may not have been.
+/// The reason that a command was not executed, or may not have been.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -132,10 +132,10 @@ impl<P: Pose + Send + 'static> Clone for Device<P> {
     }
 }
 
-/// Of a status what it says.
+/// The outcome of a command; of a status, its contents.
 type Outcome<P> = Result<Option<(Status<P>, Progress)>, Error>;
 
-/// How long a call waits.
+/// The time for which a call waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Until {
     Reply,
@@ -154,16 +154,16 @@ pub struct Asked<P> {
 #[derive(Debug)]
 struct Motion<P> {
     reply: Reply<Outcome<P>>,
-    /// When the device is asked next; none while it is asked.
+    /// The time of the next poll; `None` while a poll is open.
     ask: Option<Duration>,
     /// The time at which the motion is given up if the device has reported no status until then.
     silent_at: Duration,
 }
 
-/// What the task does: commands in, outcomes to whom they belong.
+/// The service of the task: sends commands, and returns outcomes to their callers.
 #[derive(Debug)]
 pub struct Commands<P> {
-    /// The one that is outstanding.
+    /// The outstanding command; `None` if there is no such command.
     asked: Option<Asked<P>>,
     motion: Option<Motion<P>>,
 }
@@ -202,7 +202,7 @@ impl<P: Pose> Commands<P> {
         }
     }
 
-    /// What a status means for the awaited motion.
+    /// Applies a status to the awaited motion.
     fn moved(&mut self, status: Status<P>, progress: Progress) {
         match progress {
             Progress::Arrived => self.end_motion(Ok(Some((status, progress)))),

@@ -6,15 +6,17 @@ use crate::error::ConfigError;
 /// Settings of the central controller's end that the source leaves open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CentralConfig {
-    /// What is accepted of replies. Default: [`Dialect::STRICT`].
+    /// The readings that are accepted in replies. Default: [`Dialect::STRICT`].
     pub accepts: Dialect,
-    /// How commands are written: each reading that is on is written instead of the source's own. Default: [`Dialect::STRICT`].
+    /// The form of commands: each reading that is on is written instead of the source's own. Default:
+    /// [`Dialect::STRICT`].
     pub writes: Dialect,
-    /// How long a reply may take, from 1 ns; `Duration::MAX` means no timeout, and then a half-open connection is never
-    /// noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
+    /// The longest time of a reply, from 1 ns; `Duration::MAX` means no timeout, and then a half-open connection is
+    /// never noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
     pub timeout: Duration,
-    /// How long after the start of a motion a status may be from before it: a report of rest is then
-    /// ignored, unless the device has arrived. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
+    /// The time after the start of a motion for which a status may still be from before it: a report of rest is then
+    /// ignored, unless the device has arrived. If a device takes longer to begin, its motion is reported as missed.
+    /// Default: 100 ms.
     pub settle: Duration,
     /// The distance from the target that counts as arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
     pub tolerance: u32,

@@ -5,7 +5,8 @@ use robot_session::Unexpected;
 use crate::error::DecodeError;
 use crate::message::{Command, ErrorCode, Status};
 
-/// What happened at the central controller's end. All but the first and the last are outcomes; each command has exactly one.
+/// An event at the central controller's end. All but the first and the last are outcomes; each command has exactly
+/// one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -23,14 +24,14 @@ pub enum CentralEvent<P> {
     Refused {
         /// The command.
         command: Command<P>,
-        /// Why not.
+        /// The device's reason.
         error: ErrorCode,
     },
     /// The reply to a [`Command::Status`].
     Status {
-        /// As the device reports it.
+        /// The status as the device reports it.
         status: Status<P>,
-        /// What it means for the motion that was commanded last.
+        /// The conclusion for the motion that was commanded last.
         motion: Progress,
     },
     /// The caller has aborted the command before it was sent. It was not executed.
@@ -40,16 +41,16 @@ pub enum CentralEvent<P> {
     },
     /// The connection has ended: close it, unless the reason is [`Closing::Disconnected`].
     Closed {
-        /// Why.
+        /// The reason.
         reason: Closing,
         /// The outcome of the command that was not finished.
         unfinished: Unfinished<P>,
     },
-    /// A notice: an input that the machine did not expect. It has changed nothing.
+    /// A notice: an input that the machine did not expect. It has no effect.
     Unexpected(Unexpected),
 }
 
-/// Why a connection has ended.
+/// The reason that a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -64,7 +65,7 @@ pub enum Closing {
     Aborted,
     /// The caller reported that the connection is gone.
     Disconnected,
-    /// A line that is no reply of such a device.
+    /// A line that is not a reply of such a device.
     Malformed(DecodeError),
     /// A well-formed reply that was not asked for, or of another kind than the command has.
     Mismatch,
@@ -75,15 +76,15 @@ pub enum Closing {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Unfinished<P> {
-    /// There was none.
+    /// No command was unfinished.
     Nothing,
-    /// It was not sent: it was not executed.
+    /// The command was not sent, and so not executed.
     NotSent(Command<P>),
-    /// It was sent: whether it was executed is unknown.
+    /// The command was sent; whether it was executed is unknown.
     Unknown(Command<P>),
 }
 
-/// What a status means for the motion that was commanded last on this connection.
+/// The conclusion from a status for the motion that was commanded last on this connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -91,26 +92,27 @@ pub enum Progress {
     /// The device is at rest, and there is no target to compare with: no motion was commanded, it was stopped, or it was a
     /// [`Command::Reset`] or a relative motion from an unknown pose.
     Still,
-    /// It has accepted a motion and has not been seen moving. It may seem to be at rest: the status may be older than the motion.
+    /// The device has accepted a motion and has not been seen moving. It may seem to be at rest: the status may be
+    /// older than the motion.
     Starting,
-    /// It moves.
+    /// The device is moving.
     Moving,
-    /// It has accepted a halt, and moves.
+    /// The device has accepted a halt, and is still moving.
     Stopping,
-    /// It is at rest within tolerance of its target, with its servo motors on.
+    /// The device is at rest within tolerance of its target, with its servo motors on.
     Arrived,
-    /// It is at rest, and the motion has failed.
+    /// The device is at rest, and the motion has failed.
     Missed(Miss),
 }
 
-/// How a motion has failed.
+/// The way in which a motion has failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Miss {
     /// The device is at rest elsewhere than at its target.
     Elsewhere,
-    /// Its servo motors are off.
+    /// The servo motors are off.
     ServoOff,
 }
 

@@ -1,4 +1,4 @@
-//! Every rule of the central controller's end. Nothing here knows of bytes.
+//! Every rule of the central controller's end. Bytes are decoded elsewhere.
 //!
 //! The connection: one command is outstanding at a time, because replies have no number (§3).
 //!
@@ -50,7 +50,7 @@ pub enum CentralLink<P> {
     Awaiting {
         /// The command.
         command: Command<P>,
-        /// When its reply is overdue.
+        /// The time at which its reply is overdue.
         deadline: Duration,
     },
     /// The connection has ended, and its owner is to close it.
@@ -62,48 +62,48 @@ pub enum CentralLink<P> {
 pub enum Motion<P> {
     /// The device has accepted a motion and has not been seen moving.
     Starting {
-        /// Where to.
+        /// The goal of the motion.
         target: Target<P>,
-        /// When a status is asked for whose "at rest" is believed.
+        /// The time from which a status may report "at rest".
         believed_from: Duration,
     },
-    /// It has been seen moving, or has had the time to begin.
+    /// The device has been seen moving, or has had the time to begin.
     Moving {
-        /// Where to.
+        /// The goal of the motion.
         target: Target<P>,
     },
-    /// It has accepted a halt and has not been seen at rest.
+    /// The device has accepted a halt and has not been seen at rest.
     Stopping,
-    /// It is not known to move.
+    /// The device is not known to move.
     Rest {
-        /// Where it should be.
+        /// The pose where it should be.
         target: Target<P>,
-        /// Where it is, since it accepted a motion last.
+        /// Its pose since it accepted a motion last.
         pose: Place<P>,
     },
 }
 
-/// Where a motion leads.
+/// The goal of a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target<P> {
-    /// There is no motion.
+    /// No motion.
     None,
-    /// Only the device knows.
+    /// A pose that only the device knows.
     Unknown,
-    /// Here.
+    /// This pose.
     At(P),
 }
 
-/// Where a device is.
+/// The pose of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place<P> {
-    /// It is not known.
+    /// The pose is unknown.
     Unknown,
-    /// Here.
+    /// This pose.
     At(P),
 }
 
-/// What happens at the central controller's end.
+/// An input at the central controller's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input<P> {
     /// A connection was made.
@@ -118,23 +118,23 @@ pub enum Input<P> {
     Abort,
     /// A well-formed reply.
     Reply(Reply<P>),
-    /// A line that is no reply.
+    /// A line that is not a reply.
     Corrupt(DecodeError),
     /// The command that was due is sent.
     Sent,
 }
 
-/// What the session is to do.
+/// An action for the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action<P> {
     /// Nothing.
     Nothing,
     /// The connection begins.
     Connected {
-        /// What is to be reported of the one before.
+        /// The event to report about the previous connection; `None` if there is nothing to report.
         before: Option<Event<P>>,
     },
-    /// The reply to what was sent is awaited.
+    /// The reply to the sent command is awaited.
     Sent,
     /// Report this.
     Report(Event<P>),
@@ -211,7 +211,7 @@ impl<P: Pose> Machine for CentralMachine<P> {
                 self.link = L::Down;
                 A::Report(event)
             }
-            // What still arrives on a connection that has ended.
+            // Ignore lines that still arrive on a connection that has ended.
             (L::Ended, I::Reply(_) | I::Corrupt(_)) => A::Nothing,
             (L::Down | L::Idle | L::Sending { .. } | L::Awaiting { .. } | L::Ended, I::Timeout) => A::Nothing,
             (L::Down | L::Idle | L::Ended, I::Abort) => A::Nothing,
@@ -394,12 +394,12 @@ impl<P: Pose> CentralMachine<P> {
 }
 
 impl<P> Motion<P> {
-    /// Nothing is known.
+    /// A state in which nothing is known.
     pub const NONE: Self = Self::Rest { target: Target::None, pose: Place::Unknown };
 }
 
 impl<P: Pose> Target<P> {
-    /// What it means that a device is at rest.
+    /// Returns the progress of a device at rest.
     fn judge(self, status: &Status<P>, config: &CentralConfig) -> Progress {
         let servo = status.servo || !config.keeps(Rule::ServoOn);
         match self {

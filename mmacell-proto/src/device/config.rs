@@ -2,12 +2,13 @@ use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::message::ErrorCode;
 
-/// What the source leaves open at the device's end.
+/// The configuration of a device's end: the details that the source leaves open.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceConfig {
-    /// What is accepted of commands. Default: [`Dialect::STRICT`].
+    /// The readings that are accepted in commands. Default: [`Dialect::STRICT`].
     pub accepts: Dialect,
-    /// How replies are written: each reading that is on is written instead of the source's own. Default: [`Dialect::STRICT`].
+    /// The form of replies: each reading that is on is written instead of the source's own. Default:
+    /// [`Dialect::STRICT`].
     pub writes: Dialect,
     /// The error number of what the protocol itself refuses: an unknown or malformed command, a motion that is not possible
     /// now. Any but 0 that fits its field. Default: [`ErrorCode::Generic`], 1.
@@ -21,11 +22,11 @@ pub struct DeviceConfig {
 robot_session::rules! {
     /// The rules of the machine that are independent of other settings.
     pub enum Rule for DeviceConfig {
-        /// A new connection takes the place of the one before, and gets none of its replies.
+        /// A new connection replaces the previous one, and gets none of its replies.
         TakeOver,
         /// The owner accepts the order that is pending, and no other.
         AcceptPending,
-        /// What has become impossible since it was asked for is refused, also when the owner accepts it.
+        /// An order that has become impossible since the request is refused, even if the owner accepts it.
         AcceptPossible,
         /// One motion at a time.
         OneMotion,

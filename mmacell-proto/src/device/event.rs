@@ -2,7 +2,7 @@ use robot_session::Unexpected;
 
 use crate::error::DecodeError;
 
-/// What happened at the device's end.
+/// An event at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -16,19 +16,19 @@ pub enum DeviceEvent<P> {
     },
     /// The connection has ended: close it.
     Closed {
-        /// Why.
+        /// The reason.
         reason: DeviceClosing,
     },
     /// A notice: a command was refused by the protocol itself.
     Rejected {
-        /// Why.
+        /// The reason.
         reason: Rejection,
     },
-    /// A notice: an input that the machine did not expect. It has changed nothing.
+    /// A notice: an input that the machine did not expect. It has no effect.
     Unexpected(Unexpected),
 }
 
-/// What a device is to do.
+/// An order for a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "order", rename_all = "snake_case"))]
@@ -36,7 +36,7 @@ pub enum DeviceEvent<P> {
 pub enum Order<P> {
     /// Switch the servo motors; off stops the motion too.
     Servo {
-        /// On.
+        /// Whether the motors are switched on.
         on: bool,
     },
     /// Go at this speed from now on.
@@ -46,7 +46,7 @@ pub enum Order<P> {
     },
     /// Go there, then call [`Device::arrived`](crate::Device::arrived). A relative motion has been added up.
     Move {
-        /// Where.
+        /// The pose to go to.
         target: P,
     },
     /// Stop, then call [`Device::arrived`](crate::Device::arrived).
@@ -70,7 +70,7 @@ pub enum Order<P> {
     },
 }
 
-/// Why a connection has ended at the device's end.
+/// The reason that a connection has ended at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -82,16 +82,16 @@ pub enum DeviceClosing {
     Overrun,
 }
 
-/// Why the protocol itself refuses a command.
+/// The reason that the protocol itself refuses a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Rejection {
-    /// It cannot be read.
+    /// The line cannot be read.
     #[error(transparent)]
     Malformed(#[from] DecodeError),
-    /// Not in this state.
+    /// The command is not possible in this state.
     #[error("not possible in the state {state}")]
     NotNow {
         /// The state of the axes.

@@ -1,6 +1,6 @@
 //! Every rule of the device's end. Nothing here knows of bytes, and nothing of time: a device has no deadlines.
 //!
-//! The connection: a command is read when the reply to the one before has been sent.
+//! The connection: a command is read when the reply to the previous one has been sent.
 //!
 //! ```text
 //!     Down ── connected ──► Idle ── command ──► Asked ── accept, refuse ──► Answering
@@ -39,9 +39,9 @@ use crate::pose::Pose;
 pub struct DeviceMachine<P> {
     /// The connection and the command on it.
     pub link: DeviceLink<P>,
-    /// What the axes do.
+    /// The state of the axes.
     pub axes: Axes,
-    /// Where they are, if that is known and has a form on the wire.
+    /// The pose of the axes; `None` if it is unknown or has no form on the wire.
     pub pose: Option<P>,
     /// The override.
     pub percent: u8,
@@ -70,7 +70,7 @@ pub enum DeviceLink<P> {
     Ended,
 }
 
-/// What the axes do.
+/// The state of the axes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Axes {
     /// Servo motors off.
@@ -89,7 +89,7 @@ pub enum Axes {
     },
 }
 
-/// What happens at the device's end.
+/// An input at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input<P> {
     /// A connection was made.
@@ -100,7 +100,7 @@ pub enum Input<P> {
     Timeout,
     /// A well-formed command.
     Command(Command<P>),
-    /// A line that is no command.
+    /// A line that is not a command.
     Corrupt(DecodeError),
     /// More commands than can be kept.
     Overrun,
@@ -110,7 +110,7 @@ pub enum Input<P> {
     Refuse(Order<P>, ErrorCode),
     /// The reply that was due is sent.
     Sent,
-    /// The axes are here; `None` if that is not known or has no form on the wire.
+    /// The new pose of the axes; `None` if it is unknown or has no form on the wire.
     Pose(Option<P>),
     /// The axes are at rest.
     Arrived,
@@ -118,7 +118,7 @@ pub enum Input<P> {
     Failed(ErrorCode),
 }
 
-/// What the session is to do.
+/// An action for the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action<P> {
     /// Nothing.
@@ -229,7 +229,7 @@ impl<P: Pose> Machine for DeviceMachine<P> {
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Timeout,
             ) => A::Nothing,
-            // What still arrives on a connection that has ended.
+            // Ignore lines that still arrive on a connection that has ended.
             (L::Ended, I::Command(_) | I::Corrupt(_) | I::Overrun) => A::Nothing,
             (L::Down | L::Asked { .. } | L::Answering { .. } | L::Leaving, I::Command(_) | I::Corrupt(_))
             | (L::Down, I::Overrun)
@@ -260,7 +260,7 @@ impl<P: Pose> Machine for DeviceMachine<P> {
         false
     }
 
-    /// A command is read when the reply to the one before has been sent.
+    /// Returns whether commands are read: a command is read when the reply to the previous one has been sent.
     #[inline]
     fn reads(&self) -> bool {
         matches!(self.link, DeviceLink::Idle | DeviceLink::Ended | DeviceLink::Down)
@@ -354,7 +354,7 @@ impl<P: Pose> DeviceMachine<P> {
 }
 
 impl Axes {
-    /// What the axes do after an order; `None` when they cannot obey it, which the source leaves open.
+    /// Returns the state of the axes after an order; `None` if they cannot execute it, which the source leaves open.
     pub fn after<P>(self, order: Order<P>, config: &DeviceConfig) -> Option<Self> {
         Some(match (self, order) {
             (Self::Off | Self::Still, Order::Servo { on: true }) => Self::Still,

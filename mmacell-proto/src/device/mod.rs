@@ -28,13 +28,14 @@ use crate::pose::Pose;
 /// [`fail`](Self::fail).
 ///
 /// Every line gets exactly one reply (§3). The session answers a status automatically, and refuses with
-/// [`refusal`](DeviceConfig::refusal) what is unknown, malformed, or invalid now; the owner refuses other commands with any
-/// error number. There are no deadlines at this end. A command is read when the reply to the one before has been sent, and until
-/// then the session wants no input: a central controller that does not wait loses nothing until it hangs up, and what was not read
-/// then is not executed. Further input may wait too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
+/// [`refusal`](DeviceConfig::refusal) a command that is unknown, malformed, or invalid now; the owner refuses other
+/// commands with any error number. There are no deadlines at this end. A command is read when the reply to the
+/// previous one has been sent, and until then the session wants no input: a central controller that does not wait
+/// loses nothing until it hangs up, and commands that were not read then are not executed. Further input may wait
+/// too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
 ///
-/// A new connection replaces the previous one at once, also if its loss was not reported: the one before may
-/// be half open. Nothing of it is answered on the new one; motions continue.
+/// A new connection replaces the previous one at once, even if its loss was not reported: the previous one may be
+/// half open. Its commands are not answered on the new one; motions continue.
 ///
 /// Decisions where the source is open: a motion is refused during another one, with the servo motors off, or out
 /// of the range that a status can hold; an error stops the motion, switches the servo motors off, shows in the status, and is
@@ -145,7 +146,7 @@ impl<P: Pose> End for Device<P> {
     type Statistics = DeviceStatistics;
     type Payload = ();
 
-    /// What fits beside the beginning of a line.
+    /// `MAX_INPUT`: the bytes that fit beside the beginning of a line.
     const LINK: &'static str = "mmacell-proto";
     const END: &'static str = "device";
     const MAX_INPUT: usize = BACKLOG - Line::MAX_LEN;

@@ -38,7 +38,7 @@ pub enum Command<P> {
     /// `SRV`: servo motors on or off (§4.2).
     #[cfg_attr(feature = "serde", serde(rename = "SRV"))]
     Servo {
-        /// On.
+        /// Whether the motors are switched on.
         on: bool,
     },
     /// `OVR`: set the override, the speed of all motions (§4.3).
@@ -131,7 +131,7 @@ impl<P: Pose> Command<P> {
     /// Appends the command with its end, as the source defines it.
     ///
     /// # Errors
-    /// A value does not fit its field, or there is no room; nothing is appended.
+    /// A value does not fit its field, or the message does not fit the buffer; nothing is appended.
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         self.in_dialect(Dialect::STRICT).append_to(buffer)

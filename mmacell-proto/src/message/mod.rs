@@ -44,7 +44,7 @@ where
     /// Appends the message with its end.
     ///
     /// # Errors
-    /// A value does not fit its field, or there is no room; nothing is appended.
+    /// A value does not fit its field, or the message does not fit the buffer; nothing is appended.
     pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let mut bytes = [0; 52];
         let needed = self.encode(&mut bytes)?;

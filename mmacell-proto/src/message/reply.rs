@@ -24,7 +24,7 @@ pub enum Reply<P> {
     Ok,
     /// `ER`: not done.
     Error {
-        /// Why; never [`ErrorCode::None`].
+        /// The error; never [`ErrorCode::None`].
         #[cfg_attr(feature = "arbitrary", arbitrary(with = failure))]
         error: ErrorCode,
     },
@@ -40,10 +40,10 @@ pub enum Reply<P> {
 pub struct Status<P> {
     /// A motion is going on. It may report no until a motion that it has accepted begins.
     pub moving: bool,
-    /// Where its axes stand.
+    /// The pose of the axes.
     #[cfg_attr(feature = "serde", serde(rename = "axes"))]
     pub pose: P,
-    /// Its servo motors are on.
+    /// Whether the servo motors are on.
     pub servo: bool,
     /// The override, 0 to 100 %.
     #[cfg_attr(feature = "serde", serde(rename = "override"))]
@@ -110,7 +110,7 @@ impl<P: Pose> Reply<P> {
     /// Appends the reply with its end, as the source defines it.
     ///
     /// # Errors
-    /// A value does not fit its field, or there is no room; nothing is appended.
+    /// A value does not fit its field, or the message does not fit the buffer; nothing is appended.
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         self.in_dialect(Dialect::STRICT).append_to(buffer)

@@ -19,7 +19,7 @@ use mmacell_proto::{
     Rejection, RobotPose, SessionError, Status,
 };
 
-/// §4, table of examples: each command, its reply, and what it means.
+/// §4, table of examples: each command, its reply, and their meaning.
 #[test]
 fn the_printed_examples() {
     let pose = RobotPose::from_mm_rad(10.0, -2.0, 5.999, -1.2322);
@@ -47,7 +47,7 @@ fn the_printed_examples() {
     assert_eq!(order, None);
 }
 
-/// §4.2 to §4.8, and what the source leaves open as the type's doc decides it.
+/// §4.2 to §4.8, and the decisions in the type's doc where the source is open.
 #[test]
 fn a_device_does_what_each_command_says() {
     let mut d = device_at(HOME);
@@ -229,7 +229,8 @@ fn a_central_controller_that_does_not_wait_loses_nothing() {
     assert_eq!(d.poll_event(), None, "what waits when it hangs up is not obeyed");
 }
 
-/// The transport holds what the device does not want yet: a central controller that does not wait gets every reply, in order.
+/// The transport buffers commands that the device does not read yet: a central controller that does not wait gets every
+/// reply, in sequence.
 #[test]
 fn a_thousand_commands_in_one_write_are_answered_in_order() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

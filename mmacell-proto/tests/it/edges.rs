@@ -1,4 +1,4 @@
-//! The borders: JSON that is no message, what errors and codes print, poses of which only one side has axes.
+//! Edge cases: JSON that is not a message, texts of errors and codes, poses of which only one side has axes.
 
 use bytes::BytesMut;
 use mmacell_proto::robot_session::Decoder as _;
@@ -142,7 +142,8 @@ fn a_word_is_cut_short_or_another_or_goes_on() {
     assert_eq!(command(b"SRVON"), Ok(Command::Servo { on: true }));
 }
 
-/// A character that does not fit is seen in either number, also where its bits would make a small value, and in both at once.
+/// A character that does not fit is found in either number, even if its bits would make a small value, and in both at
+/// once.
 #[test]
 fn each_character_of_the_numbers_that_end_a_status_counts() {
     let reply = |numbers: &[u8]| {

@@ -182,7 +182,7 @@ async fn without_a_motion_nothing_is_due() {
     assert!(parked < 10, "the task was woken {parked} times");
 }
 
-/// A peer, by what it does with a connection.
+/// A peer, by its treatment of a connection.
 #[derive(Debug, Clone, Copy)]
 enum Peer {
     Closes,

@@ -85,7 +85,8 @@ proptest! {
         }
     }
 
-    /// What a dialect writes it reads, and so does one that accepts every reading; only it has the bytes that it announces.
+    /// A message is read by the dialect that wrote it, and by one that accepts every reading; its length is as
+    /// announced.
     #[test]
     fn a_message_survives_any_dialect(command in messages::<Command<AnyPose>>(), reply in messages::<Reply<AnyPose>>(), dialect in messages::<Dialect>(), wide in -99_999..=99_999i32) {
         let grip = Command::<AnyPose>::Acquire { camera: wide };
@@ -156,7 +157,7 @@ proptest! {
         prop_assert_eq!(serde_json::from_str::<Reply<AnyPose>>(&text).unwrap(), reply);
     }
 
-    /// What is accepted means the same however it was written: its strict form decodes to it again.
+    /// An accepted line has the same meaning however it was written: its strict form decodes to it again.
     #[test]
     fn what_is_accepted_encodes_and_decodes_to_itself(bytes in corrupt(), dialect in messages::<Dialect>()) {
         let Ok(Some((line, _))) = Line::decode(&bytes, &dialect) else { return Ok(()) };

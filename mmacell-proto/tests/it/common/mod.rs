@@ -36,7 +36,7 @@ pub fn central_with<P: Pose>(config: CentralConfig) -> Central<P> {
     central
 }
 
-/// A new connection; the outcome of the one before.
+/// Makes a new connection; returns the outcome of the previous one.
 pub fn connect<P: Pose>(central: &mut Central<P>) -> Option<CentralEvent<P>> {
     central.handle_connected(ZERO);
     let first = central.poll_event().unwrap();
@@ -80,7 +80,7 @@ pub fn closed<P>(reason: Closing, unfinished: Unfinished<P>) -> CentralEvent<P> 
     CentralEvent::Closed { reason, unfinished }
 }
 
-/// What a device replies to a line, and its event. Its owner accepts everything.
+/// Returns the device's reply to a line, and its event. Its owner accepts everything.
 pub fn ask<P: Pose>(device: &mut Device<P>, line: &str) -> (String, Option<DeviceEvent<P>>) {
     answer(device, line, None)
 }

@@ -5,7 +5,7 @@ use mmacell_proto::{Command, Miss, Progress};
 use crate::event::Failure;
 use crate::output::Output;
 
-/// What the task knows of one device.
+/// The task's record of a device.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Channel {
     pub(crate) ready: bool,
@@ -13,11 +13,11 @@ pub(crate) struct Channel {
     pub(crate) flight: Flight,
     pub(crate) at_rest: bool,
     pub(crate) poll_at: Duration,
-    /// A motion was ordered, and it is not known that it has arrived.
+    /// Whether a motion was ordered, and its arrival is not known.
     travels: bool,
 }
 
-/// What a device has not answered yet.
+/// The order or poll that a device has not answered yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flight {
     Nothing,
@@ -25,7 +25,7 @@ pub(crate) enum Flight {
     Order,
     /// A question of this step.
     Poll,
-    /// An order or a question of an earlier step, whose answer means nothing for this one.
+    /// An order or a poll of an earlier step, whose answer has no effect on this one.
     Stale,
 }
 
@@ -77,7 +77,7 @@ impl Channel {
         match motion {
             Progress::Starting | Progress::Moving | Progress::Stopping => self.at_rest = false,
             Progress::Arrived => (self.at_rest, self.travels) = (true, false),
-            // It is at rest somewhere, and it is unknown whether it should be there.
+            // The device is at rest, and it is unknown whether it should be there.
             Progress::Still if self.travels => return Err(Failure::Missed(Miss::Elsewhere)),
             Progress::Still => self.at_rest = true,
             Progress::Missed(miss) => {

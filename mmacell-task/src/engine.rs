@@ -27,7 +27,7 @@ pub struct Task {
     switch: bool,
     /// The switch has gone high since the vacuum was ordered on.
     risen: bool,
-    /// It has gone low since the robot was sent to the place.
+    /// Whether the switch has gone low since the robot was sent to the place.
     fallen: bool,
     /// Picks of this part that have failed.
     attempts: u32,
@@ -37,9 +37,9 @@ pub struct Task {
     asked: Option<Trigger>,
     failed: bool,
     fault: Option<Fault>,
-    /// When a dwell time ends.
+    /// The time at which a dwell time ends.
     elapses: Option<Duration>,
-    /// When the step has taken too long.
+    /// The time at which the step has taken too long.
     overdue: Option<Duration>,
     entered: [Option<Step>; 8],
 }
@@ -125,7 +125,7 @@ impl Task {
         self.advance(now);
     }
 
-    /// What is to be done next.
+    /// Returns the next output.
     pub fn poll_output(&mut self, now: Duration) -> Option<Output> {
         if let [Some(step), ..] = self.entered {
             self.entered.rotate_left(1);
@@ -146,18 +146,19 @@ impl Task {
         })
     }
 
-    /// When to call [`handle_timeout`](Self::handle_timeout) and [`poll_output`](Self::poll_output) again, if nothing happens.
+    /// Returns the time of the next call of [`handle_timeout`](Self::handle_timeout) and
+    /// [`poll_output`](Self::poll_output), if nothing happens before.
     pub fn poll_timeout(&self) -> Option<Duration> {
         let polls = self.watched().iter().filter_map(|device| self.poll_at(*device));
         polls.chain(self.elapses).chain(self.overdue).min()
     }
 
-    /// Where the task is.
+    /// Returns the current step of the task.
     pub fn step(&self) -> Step {
         self.step
     }
 
-    /// What led to [`Step::Faulted`] last.
+    /// Returns the fault that led to the last [`Step::Faulted`].
     pub fn fault(&self) -> Option<Fault> {
         self.fault
     }
@@ -308,7 +309,7 @@ impl Task {
         }
     }
 
-    /// Who is asked, in this step, whether it moves.
+    /// Returns the devices that are polled in this step for whether they move.
     fn watched(&self) -> &'static [Device] {
         match self.step {
             Step::AwaitHome | Step::AwaitCamera2 | Step::Resetting => &[Device::Robot, Device::Platform],

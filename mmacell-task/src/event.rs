@@ -5,7 +5,7 @@ use mmacell_proto::{CentralEvent, Closing, ErrorCode, Miss, PlatformPose, Pose, 
 use crate::output::Device;
 use crate::step::Step;
 
-/// What happens in the cell.
+/// An event in the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -16,28 +16,28 @@ pub enum Event {
     Done(Device),
     /// The robot or the platform has answered a [`Command::Status`](mmacell_proto::Command::Status).
     Status {
-        /// Which.
+        /// The device.
         device: Device,
-        /// What it means for the motion that was ordered last.
+        /// The conclusion for the motion that was ordered last.
         motion: Progress,
     },
     /// The device will not carry out its order, or cannot.
     Failed {
-        /// Which.
+        /// The device.
         device: Device,
-        /// How.
+        /// The kind of failure.
         failure: Failure,
     },
     /// Camera 1 sees a part.
     PartFound {
         /// The pose of the platform that turns its place towards the gripper.
         platform: PlatformPose,
-        /// Where the robot takes it.
+        /// The pose in which the robot takes it.
         pick: RobotPose,
     },
     /// Camera 2 sees the place.
     SlotFound {
-        /// Where the robot puts the part.
+        /// The pose in which the robot puts the part.
         place: RobotPose,
     },
     /// The camera sees nothing.
@@ -60,43 +60,43 @@ pub enum Event {
     Recover,
 }
 
-/// How a device failed.
+/// The way in which a device failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Failure {
-    /// It refused an order.
+    /// The device refused an order.
     Refused(ErrorCode),
-    /// Its status shows an error.
+    /// The status of the device shows an error.
     Error(ErrorCode),
-    /// Its motion has ended, and it has not arrived.
+    /// The motion has ended, and the device has not arrived.
     Missed(Miss),
-    /// Its order was aborted before it was sent.
+    /// The order was aborted before it was sent.
     Aborted,
-    /// Its connection is gone; it has to become ready again.
+    /// The connection is gone; the device has to become ready again.
     Lost,
 }
 
-/// What led to [`Step::Faulted`].
+/// The fault that led to [`Step::Faulted`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault {
     /// A device failed.
     Device {
-        /// Which.
+        /// The device.
         device: Device,
-        /// How.
+        /// The kind of failure.
         failure: Failure,
     },
     /// A step took longer than it may.
     Timeout {
-        /// Which.
+        /// The step.
         step: Step,
     },
     /// The vacuum switch is high where nothing can be on the gripper: before the vacuum is on, or after the part was blown off.
     SwitchHigh {
-        /// In which step.
+        /// The step.
         step: Step,
     },
     /// [`Event::Abort`].
@@ -104,7 +104,7 @@ pub enum Fault {
 }
 
 impl Event {
-    /// What an event at the central controller's end of this device's connection means to the task.
+    /// Returns the task's event for an event at the central controller's end of this device's connection.
     pub fn from_central<P: Pose>(device: Device, event: &CentralEvent<P>) -> Option<Self> {
         let failed = |failure| Some(Self::Failed { device, failure });
         match *event {

@@ -4,7 +4,7 @@ use mmacell_proto::{Command, NoPose, PlatformPose, RobotPose};
 
 use crate::step::Step;
 
-/// Who takes orders.
+/// A receiver of orders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -33,7 +33,7 @@ impl fmt::Display for Device {
     }
 }
 
-/// What is to be done for the task.
+/// An action for the task's caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -46,7 +46,7 @@ pub enum Output {
     Platform(Command<PlatformPose>),
     /// Send this to the conditioning system.
     Conditioning(Command<NoPose>),
-    /// Take a picture, then report what is in it: [`Event::PartFound`](crate::Event::PartFound),
+    /// Take a picture, then report its contents: [`Event::PartFound`](crate::Event::PartFound),
     /// [`Event::SlotFound`](crate::Event::SlotFound) or [`Event::NotFound`](crate::Event::NotFound).
     Acquire {
         /// 1 or 2.
@@ -56,7 +56,7 @@ pub enum Output {
     Grip {
         /// [`VACUUM`](mmacell_proto::VACUUM) or [`BLOW`](mmacell_proto::BLOW).
         gripper: i32,
-        /// On.
+        /// Whether the valve is opened.
         open: bool,
     },
 }

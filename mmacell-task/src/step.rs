@@ -1,6 +1,6 @@
 use core::fmt::{self, Write};
 
-/// Where the task is. The number in brackets is the step of §6.
+/// The step of the task. The number in brackets is the step of §6.
 ///
 /// Each step gives orders when it begins and then waits for a [`Trigger`]. [`transitions`](Self::transitions) is the whole
 /// table; `docs/task.md` is drawn from it.
@@ -75,11 +75,11 @@ pub enum Step {
     Resetting,
     /// At [`Event::Finish`](crate::Event::Finish): the connections are closed (§3).
     Closing,
-    /// They are.
+    /// The connections are closed.
     Finished,
 }
 
-/// What leads from one step to the next.
+/// The cause of a step's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Trigger {
     /// A device failed, or the caller aborted.
@@ -100,7 +100,7 @@ pub enum Trigger {
     Fallen,
     /// The camera sees nothing.
     NotFound,
-    /// The camera sees what it was asked for.
+    /// The camera sees the requested object.
     Found,
     /// All devices are ready.
     Ready,
@@ -116,12 +116,12 @@ pub enum Trigger {
     TimedOut,
 }
 
-/// What ends a step that nothing ends.
+/// The limit of a step that no trigger ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Wait {
-    /// Nothing: the caller decides.
+    /// No limit: the caller decides.
     Caller,
-    /// Its dwell time.
+    /// The dwell time of the step.
     Time,
     /// `ready_timeout`
     Devices,
@@ -283,7 +283,7 @@ impl Step {
         }
     }
 
-    /// What ends the step if nothing else does.
+    /// Returns what limits the step if no trigger ends it.
     pub(crate) const fn waits_for(self) -> Wait {
         match self {
             Self::AwaitDevices => Wait::Devices,

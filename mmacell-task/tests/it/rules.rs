@@ -1,4 +1,4 @@
-//! The task of §6 when something goes wrong, and what it never does whatever happens.
+//! The task of §6 after failures, and properties that hold in every case.
 
 use core::time::Duration;
 
@@ -367,8 +367,9 @@ fn of(output: Output) -> Option<Device> {
 }
 
 proptest! {
-    /// Whatever happens in whatever order: every step follows from the one before by the table, no device has two orders at a
-    /// time, no motion is ordered before the last one is known to have ended, and the vacuum is off before a new attempt.
+    /// For any events in any sequence: every step follows from the previous one by the table, no device has two
+    /// orders at a time, no motion is ordered before the last one is known to have ended, and the vacuum is off
+    /// before a new attempt.
     #[test]
     fn whatever_happens_the_rules_hold(events in prop::collection::vec(event(), 1..300)) {
         let mut task = Task::new(CONFIG);

@@ -236,7 +236,7 @@ fn of_steps_that_nobody_polls_the_newest_eight_are_kept() {
     assert_eq!(entered(&poll(&mut task, ZERO)), steps[steps.len() - 8..]);
 }
 
-/// `docs/task.md` is what the table gives.
+/// `docs/task.md` is made from the table.
 #[test]
 fn the_diagram_is_drawn_from_the_table() {
     let fails = |step: &Step| step.next(Trigger::Failed) == Some(Step::Faulted);

@@ -12,9 +12,9 @@ use crate::frame::Frame;
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: StreamBuffer<512>,
-    /// Why the first bytes are no packet.
+    /// The error of the first bytes; `None` if they may be a packet.
     corruption: Option<DecodeError>,
-    /// How many of these begin no header.
+    /// The number of these bytes that do not begin a header.
     searched: usize,
     finished: bool,
 }
@@ -63,7 +63,8 @@ impl Decoder {
         })
     }
 
-    /// How far the corruption reaches: to the next whole header, or to the end of a finished stream.
+    /// Returns the length of the corruption: to the next whole header, or to the end of a finished stream. `None`:
+    /// more bytes are needed.
     fn corrupt_length(&mut self) -> Option<usize> {
         let bytes = self.buffer.bytes();
         let searched = self.searched;

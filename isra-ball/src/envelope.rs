@@ -1,4 +1,4 @@
-//! What is around the data of every packet.
+//! The envelope around the data of every packet.
 
 use crate::error::DecodeError;
 
@@ -24,7 +24,7 @@ pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
     Ok(())
 }
 
-/// Where the first whole header is.
+/// Returns the offset of the first whole header.
 #[inline]
 pub(crate) fn find_header(bytes: &[u8]) -> Option<usize> {
     let is_header = |head: &[u8]| matches!(head, [n, minus_n, xor_n] if [*n, *minus_n, *xor_n] == header(*n));

@@ -14,7 +14,7 @@ pub enum DecodeError {
     Header {
         /// 1 or 2: the byte that does not fit the first.
         offset: usize,
-        /// What follows from the first byte.
+        /// The byte that belongs there, by the first byte.
         expected: u8,
         /// The byte that came.
         found: u8,
@@ -66,7 +66,7 @@ pub enum EncodeError {
     BufferTooSmall {
         /// The bytes needed.
         needed: usize,
-        /// The room there is.
+        /// The free bytes of the output.
         available: usize,
     },
     /// The sensor type has three bits (§4.2).

@@ -12,7 +12,7 @@ impl Keys {
     /// All keys up.
     pub const NONE: Self = Self(0);
 
-    /// These keys with key 1..=8 down. Other numbers change nothing: the ball has no such key.
+    /// Returns these keys with key 1..=8 down. Other numbers have no effect: the ball has no such key.
     #[must_use]
     pub const fn with(self, key: u8) -> Self {
         Self(self.0 | Self::bit(key))

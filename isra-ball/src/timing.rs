@@ -1,4 +1,4 @@
-//! What the serial line allows: ten bits a byte (8N1), 9600 baud on the source's ball (§4.1).
+//! The times of the serial line: ten bits a byte (8N1), 9600 baud on the source's ball (§4.1).
 
 use core::time::Duration;
 

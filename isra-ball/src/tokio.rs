@@ -31,10 +31,10 @@ use crate::error::ConfigError;
 use crate::host::{Host, HostConfig, HostEvent};
 use crate::message::Packet;
 
-/// What the user of a ball has. Cloning it is cheap.
+/// The handle of a polled ball. Cloning it is cheap.
 #[derive(Debug, Clone)]
 pub struct Ball {
-    /// The values of the last new packet, until they are too old: what they drive has to stop then.
+    /// The values of the last new packet, until they are too old: the motion that they drive has to stop then.
     pub values: Latest<Packet>,
     /// Every event, whether there is a connection, and the end.
     pub handle: Handle<Polling>,
@@ -50,7 +50,7 @@ pub fn host<C: Connector>(config: HostConfig, connector: C) -> Result<(Ball, Tas
     Ok((Ball { values, handle }, task))
 }
 
-/// What the task does: packets in, values out.
+/// The service of the task: turns packets into values.
 #[derive(Debug)]
 pub struct Polling {
     source: Source<Packet>,

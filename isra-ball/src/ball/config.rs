@@ -2,14 +2,14 @@ use crate::error::ConfigError;
 use crate::keys::Keys;
 use crate::message::{Packet, Status};
 
-/// Which ball it is.
+/// The configuration of a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BallConfig {
     /// Sensor type, 0..=7. Default: 0.
     pub sensor_type: u8,
     /// Sensor number, 0..=7. Default: 0.
     pub sensor: u8,
-    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of a packet come back first
+    /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a packet come back first
     /// then: they are compared with it and dropped, and others are [`BallEvent::Echo`](crate::BallEvent::Echo), a collision. While it is off, the
     /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,

@@ -39,7 +39,7 @@ pub enum Values {
     New,
 }
 
-/// What happens to a ball.
+/// An input of the ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The port is open, perhaps again.
@@ -56,19 +56,19 @@ pub enum Input {
     Sent,
 }
 
-/// What the ball sends: its values.
+/// A reply of the ball with its values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reply {
-    /// Whether they are new.
+    /// Whether the values are new.
     pub fresh: bool,
 }
 
-/// What the ball does.
+/// An action of the ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
     Nothing,
-    /// Reports a poll that has no reply of its own.
+    /// Reports a poll that does not get a reply of its own.
     Ignore,
     /// Reports the values that were sent.
     Sent {

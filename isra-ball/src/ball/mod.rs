@@ -24,7 +24,7 @@ use machine::{Action, BallMachine, Input, Reply};
 ///
 /// - A reply has the newest values when it is sent. If there are none since the last reply, those are sent again, marked as
 ///   [`Status::Old`].
-/// - Any byte other than ENQ is an event and changes nothing; an ENQ before the reply to the last one has no effect.
+/// - Any byte other than ENQ is an event without an effect; an ENQ before the reply to the last one has no effect.
 /// - A poll of one connection is not answered on the next. The values outlast it.
 /// - Every event is a notice: when more than eight wait, the oldest are dropped.
 #[derive(Debug, Clone)]
@@ -49,7 +49,7 @@ pub enum BallEvent {
     /// A byte that is not ENQ. The source knows a second kind of request, a telegram, and does not describe it.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
-    /// A notice: the line returns what is sent, and [`echo`](BallConfig::echo) is off; or it is on, and something else came back.
+    /// A notice: the line returns the sent bytes, and [`echo`](BallConfig::echo) is off; or it is on, and other bytes came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A poll came without a connection.
@@ -102,7 +102,7 @@ impl End for Ball {
     type Statistics = BallStatistics;
     type Payload = ();
 
-    // What a serial port holds: requests that have piled up there have one answer.
+    // `MAX_INPUT`: the buffer of a serial port. Requests that have piled up there have one answer.
     const LINK: &'static str = "isra-ball";
     const END: &'static str = "ball";
     const MAX_INPUT: usize = 4096;

@@ -23,7 +23,7 @@ pub struct HostConfig {
     /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms if every
     /// reply is as late as it may be; the source gives none. [`Duration::MAX`] means no limit.
     pub max_age: Duration,
-    /// Whether the line returns what is sent, as adapters for two wires do. Off. Each poll comes back
+    /// Whether the line returns the sent bytes, as adapters for two wires do. Off. Each poll comes back
     /// first then, and is dropped; another byte is [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off, polls that come back are corrupt
     /// bytes.
     pub echo: bool,
@@ -46,13 +46,13 @@ robot_session::rules! {
         Uneven,
         /// A packet that comes faster than the line rate is not a reply.
         NotBefore,
-        /// New values are newer than the reply before: without a recent one nothing is known of their age.
+        /// New values are newer than the previous reply: without a recent reply nothing is known of their age.
         ProveAge,
         /// The age of values counts from the poll that the reply before them answered.
         AgeFromPoll,
-        /// What the ball marks as old is not new.
+        /// Values that the ball marks as old are not new.
         OldIsNotNew,
-        /// What a connection's end ends is reported.
+        /// The poll and the values that a connection's end ends are reported.
         ReportEnd,
         /// A reply on one connection proves nothing on the next: another ball may be there.
         ForgetReply,

@@ -26,14 +26,15 @@ pub enum HostMachine {
     Connected(Polling),
 }
 
-/// What is known while there is a connection.
+/// The state during a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Polling {
     /// The poll.
     pub poll: Poll,
     /// The values of the last packet that was reported as new.
     pub values: Values,
-    /// Until when the next new values are proved not to be too old: the poll that the last reply answered, and the longest age.
+    /// The time until which the next new values are proved not to be too old: the poll that the last reply answered,
+    /// plus the longest age.
     pub proof_until: Duration,
 }
 
@@ -42,18 +43,18 @@ pub struct Polling {
 pub enum Poll {
     /// Nothing is awaited.
     Idle {
-        /// When the next poll is due.
+        /// The time at which the next poll is due.
         due: Duration,
     },
     /// The reply is awaited.
     Waiting {
-        /// From when on a packet can be the reply.
+        /// The time from which a packet can be the reply.
         from: Duration,
-        /// Until when a packet can be the reply.
+        /// The time until which a packet can be the reply.
         until: Duration,
-        /// When the next poll is due.
+        /// The time at which the next poll is due.
         due: Duration,
-        /// Until when this poll's reply proves that the values after it are not too old.
+        /// The time until which this poll's reply proves that the values after it are not too old.
         proof_until: Duration,
     },
 }
@@ -61,23 +62,23 @@ pub enum Poll {
 /// The values of the last packet that was reported as new.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Values {
-    /// They are too old, or there were none.
+    /// The values are too old, or there were no values.
     Stale,
-    /// They may be used.
+    /// The values may be used.
     Live {
-        /// Until then.
+        /// The time until which they may be used.
         until: Duration,
     },
 }
 
-/// What happens to a host.
+/// An input of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The port is open, perhaps again.
     Connected,
     /// The port is closed or lost.
     Disconnected,
-    /// Time has passed: one thing that came due is done with each.
+    /// Time has passed: each timeout handles one expired deadline.
     Timeout,
     /// The poll that was due is sent.
     Sent,
@@ -88,11 +89,11 @@ pub enum Input {
     },
 }
 
-/// What the host sends: ENQ.
+/// A poll of the host: ENQ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Enquiry;
 
-/// What the host does.
+/// An action of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -103,17 +104,17 @@ pub enum Action {
     New,
     /// Reports the packet as the reply, its values not to be used.
     Old,
-    /// Reports the packet as no reply.
+    /// Reports that the packet is not a reply.
     Unasked,
     /// Reports that the poll had no reply.
     Missed,
     /// Reports that the values are too old.
     Stale,
-    /// Reports what the connection's end has ended.
+    /// Reports the poll and the values that the connection's end has ended.
     Closed {
-        /// The poll has no reply.
+        /// Whether the poll has no reply.
         missed: bool,
-        /// The values are not to be used any more.
+        /// Whether the values are not to be used any more.
         stale: bool,
     },
 }
@@ -195,7 +196,8 @@ impl Machine for HostMachine {
 }
 
 impl HostMachine {
-    /// Until when the values of the last packet reported as new may be used.
+    /// Returns the time until which the values of the last packet reported as new may be used; `None` if they are
+    /// stale.
     pub fn live_until(&self) -> Option<Duration> {
         match self {
             Self::Connected(Polling { values: Values::Live { until }, .. }) => Some(*until),
@@ -203,7 +205,7 @@ impl HostMachine {
         }
     }
 
-    /// Goes to a state without what was.
+    /// Goes to a state without the previous poll and values.
     fn close(&mut self, mut to: Self, config: &HostConfig) -> Action {
         let Self::Connected(was) = *self else {
             *self = to;

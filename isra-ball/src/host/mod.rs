@@ -66,7 +66,7 @@ pub enum HostEvent {
     /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A notice: the line returns what is sent, and [`echo`](HostConfig::echo) is off; or it is on, and something else came back.
+    /// A notice: the line returns the sent bytes, and [`echo`](HostConfig::echo) is off; or it is on, and other bytes came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A notice: bytes came without a connection.
@@ -84,7 +84,7 @@ robot_session::counters! {
         pub old: u64,
         /// Polls without a reply.
         pub missed: u64,
-        /// How often the values became too old.
+        /// Times that the values became too old.
         pub stale: u64,
         /// Packets that were not replies.
         pub unasked: u64,
@@ -105,8 +105,9 @@ impl Host {
         Ok(Self { core, echo: Echo::new(config.echo) })
     }
 
-    /// Until when the values of the last [`HostEvent::Packet`] may be used; `None` if they are stale. A consumer that runs apart
-    /// from this session compares it with its own clock, and so stops also when this session is not called any more.
+    /// Returns the time until which the values of the last [`HostEvent::Packet`] may be used; `None` if they are
+    /// stale. A consumer that runs apart from this session compares it with its own clock, and so stops even if this
+    /// session is not called any more.
     pub fn live_until(&self) -> Option<Duration> {
         self.core.machine.live_until()
     }
@@ -182,7 +183,7 @@ impl End for Host {
 
     fn write(&mut self, now: Duration, Enquiry: Enquiry, out: &mut [u8]) -> Option<(usize, Input)> {
         *out.first_mut()? = ENQ;
-        // What is not whole is no reply to this poll.
+        // An incomplete packet is not a reply to this poll.
         self.finish(now);
         // A packet may begin with the same byte.
         self.echo.sent(&[ENQ], false);

@@ -1,4 +1,4 @@
-//! How old the values are that a host has used: with packets that are missing, and with a ball that is late each time.
+//! The age of the values that a host has used: with packets that are missing, and with a ball that is late each time.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -8,7 +8,7 @@ use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
 
 const MS: Duration = Duration::from_millis(1);
 
-/// What becomes of the packet that answers a poll.
+/// The fate of the packet that answers a poll.
 #[derive(Clone, Copy, PartialEq)]
 enum Fate {
     New,
@@ -30,7 +30,7 @@ struct Seen {
     live: Duration,
 }
 
-/// Ten seconds of a ball that measures what it is asked for when it is asked, and whose packets are so late.
+/// Ten seconds of a ball that measures when it is polled, and whose packets are this late.
 fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Seen {
     ten_seconds_called(|at| at, late, fate)
 }
@@ -44,7 +44,7 @@ fn ten_seconds_called(
     let mut host = Host::new(HostConfig::default()).unwrap();
     let (mut seen, mut asked, mut now) = (Seen::default(), 0, Duration::ZERO);
     let mut line: VecDeque<(Duration, [u8; 12])> = VecDeque::new();
-    // When the values of each packet were measured, by their number.
+    // The times at which the values of each packet were measured, by their number.
     let mut measured = Vec::new();
     let (mut using, mut live_since, mut old_since) = (None, None, None);
     host.handle_connected(now);

@@ -64,7 +64,7 @@ async fn values_are_the_latest_until_the_ball_is_gone_and_come_back_with_it() {
     assert!(ball.values.next().await.is_err());
 }
 
-/// Values are too old also where nothing says so any more.
+/// Values become too old even if nothing reports it.
 #[tokio::test]
 async fn values_of_a_task_that_stands_still_are_too_old() {
     let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();

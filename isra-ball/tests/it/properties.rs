@@ -1,4 +1,4 @@
-//! What holds for every packet, every cut of a stream and every corruption.
+//! Properties of every packet, every division of a stream and every corruption.
 
 use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
 use isra_ball::{DecodeError, Decoder, Frame, Host, HostConfig, Packet, Status, timing};

@@ -72,7 +72,7 @@ fn the_host_polls_each_period_and_the_first_poll_waits_for_the_reply_to_another_
 #[test]
 fn values_are_new_only_if_the_reply_before_proves_it() {
     let mut host = host();
-    // The ball may have measured this long ago, before anybody asked.
+    // The ball may have measured this long ago, before the first poll.
     let first = exchange(&mut host, fresh(1));
     assert_eq!((events(&mut host), host.live_until()), (vec![HostEvent::Old(fresh(1))], None));
     // This was measured after the first reply, so after the first poll.
@@ -181,7 +181,7 @@ fn the_first_new_values_after_a_pause_are_not_used() {
     exchange(&mut host, fresh(1));
     let last = exchange(&mut host, fresh(2));
     events(&mut host);
-    // Nobody polls for a second; the ball then sends what it measured at its beginning.
+    // No poll comes for a second; the ball then sends the values that it measured at its beginning.
     let now = last + 1000 * MS;
     host.poll_transmit(now, &mut [0]).unwrap();
     host.handle_input(now + 14 * MS, &bytes(fresh(3)));
@@ -295,7 +295,7 @@ fn the_ball_sends_nothing_unasked_and_answers_once() {
     assert_eq!((ball.poll_transmit(MS, &mut out), ball.poll_timeout()), (None, None));
     ball.handle_input(MS, &[0x07, 0x05, 0x05]);
     assert_eq!(ball.poll_transmit(MS, &mut out[..11]), None);
-    // What is measured before the reply is sent is in it.
+    // A reply contains the values that were measured before it is sent.
     ball.measure([4; 3], [5; 3], Keys(6));
     assert_eq!(ball.poll_transmit(MS, &mut out), Some(12));
     assert_eq!(ball.poll_transmit(MS, &mut out), None);

@@ -10,9 +10,9 @@ use crate::message::PosePacket;
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: StreamBuffer<256>,
-    /// How many of the bytes neither end what the first one begins, nor begin a line after it.
+    /// The number of bytes that neither end what the first one begins, nor begin a line after it.
     searched: usize,
-    /// How many bytes are an item, whatever they are: [`PosePacket::MAX_LEN`], and one once the stream has ended.
+    /// The number of bytes that are an item in any case: [`PosePacket::MAX_LEN`], and one once the stream has ended.
     limit: usize,
 }
 

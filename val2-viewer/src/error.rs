@@ -19,7 +19,7 @@ pub enum DecodeError {
     /// a word.
     #[error("the number at byte {offset} of the line is missing or out of range")]
     Number {
-        /// Where the number begins.
+        /// The offset of the number.
         offset: usize,
     },
     /// A line with the wrong checksum.
@@ -60,7 +60,7 @@ impl DecodeError {
     }
 }
 
-/// The fault of the caller: no room for a message.
+/// The fault of the caller: a message does not fit the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -71,7 +71,7 @@ pub enum EncodeError {
     BufferTooSmall {
         /// The bytes needed.
         needed: usize,
-        /// The room there is.
+        /// The free bytes of the output.
         available: usize,
     },
 }

@@ -12,11 +12,11 @@ pub const XOFF: u8 = 0x13;
 /// Whether an end may send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Flow {
-    /// It may.
+    /// The end may send.
     Free,
     /// XOFF has come, and no XON since.
     Held {
-        /// From then on it may all the same: an XOFF may be noise.
+        /// The time from which it may send nevertheless: the XOFF may be noise.
         until: Duration,
     },
 }

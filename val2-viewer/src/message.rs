@@ -35,13 +35,13 @@ impl PosePacket {
     /// Reads the line at the start of `bytes`. `None`: more bytes are needed. The second value is the line's length.
     ///
     /// # Errors
-    /// When the bytes are no such line; skip to the next `$`.
+    /// The bytes are not such a line; skip to the next `$`.
     #[inline]
     pub fn decode(bytes: &[u8]) -> Result<Option<(Self, usize)>, DecodeError> {
         let mut line = Line { bytes, rest: bytes };
         match line.packet() {
             Ok(packet) => Ok(Some((packet, line.at()))),
-            // What is wrong may be that it is not whole.
+            // An error may come from an incomplete line.
             Err(error) => match bytes.get(..Self::MAX_LEN) {
                 _ if bytes.iter().take(Self::MAX_LEN).any(|byte| *byte == b'\n') => Err(error),
                 Some(_) => Err(DecodeError::TooLong { limit: Self::MAX_LEN }),
@@ -50,8 +50,8 @@ impl PosePacket {
         }
     }
 
-    /// How many packets the host has sent between one with the count `last` and this one: this many were lost. A host that was
-    /// restarted counts from 0.
+    /// Returns the number of packets that the host has sent between one with the count `last` and this one: this many
+    /// were lost. A host that was restarted counts from 0.
     pub const fn lost_since(&self, last: u16) -> u16 {
         self.count.wrapping_sub(last).wrapping_sub(1)
     }
@@ -107,14 +107,14 @@ impl Encode for PosePacket {
 
 const HEAD: &[u8; 5] = b"$POSE";
 
-/// A line and what follows it; `rest` is what is still to be read of it.
+/// A line and the bytes after it; `rest` is its unread part.
 struct Line<'a> {
     bytes: &'a [u8],
     rest: &'a [u8],
 }
 
 impl Line<'_> {
-    /// How many bytes are read.
+    /// Returns the number of bytes that are read.
     fn at(&self) -> usize {
         self.bytes.len() - self.rest.len()
     }
@@ -152,7 +152,7 @@ impl Line<'_> {
     /// A comma and up to five digits, after a minus sign or not, written in the one way that `encode` has.
     #[inline(always)]
     fn number<N: TryFrom<i32>>(&mut self) -> Result<N, DecodeError> {
-        // Eight bytes have all of it and what is behind it, or more digits than there may be.
+        // Eight bytes contain all of it and the bytes after it, or more digits than allowed.
         let word = match self.rest.first_chunk() {
             Some(word) => u64::from_le_bytes(*word),
             None => self.rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
@@ -189,7 +189,7 @@ impl Line<'_> {
 #[inline(always)]
 fn digits(word: u64) -> Option<(i32, usize)> {
     let digits = word ^ u64::from_le_bytes([b'0'; 8]);
-    // Each byte above 9 gets its top bit; what that adds to the bytes behind the first such one does not matter.
+    // Each byte above 9 gets its top bit; the carry into the bytes after the first such one does not matter.
     let others = digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits;
     // Seven, and eight for each digit.
     let end = (others & u64::from_le_bytes([0x80; 8])).trailing_zeros();
@@ -198,8 +198,8 @@ fn digits(word: u64) -> Option<(i32, usize)> {
     if aligned & 0xFF_FFFF != 0 || digits & 0xFF == 0 && end != 15 {
         return None;
     }
-    // One digit and two pairs of digits, 16 bits each; their sum begins at bit 32. What is above it is a multiple of four, and so
-    // leaves its bit 16 alone.
+    // One digit and two pairs of digits, 16 bits each; their sum begins at bit 32. The bits above it are a multiple
+    // of four, and so leave its bit 16 alone.
     let pairs = (aligned.wrapping_mul((10 << 8) + 1) >> 24) & 0x00FF_00FF_00FF;
     let sum = pairs.wrapping_mul((10_000 << 32) + (100 << 16) + 1) >> 32 & 0x1_FFFF;
     Some((i32::try_from(sum).ok()?, end as usize / 8))

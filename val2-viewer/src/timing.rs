@@ -1,4 +1,4 @@
-//! What the serial line and the display allow: ten bits a byte (8N1), 19200 baud (§5).
+//! The times of the serial line and the display: ten bits a byte (8N1), 19200 baud (§5).
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use crate::message::PosePacket;
 /// The baud rate of the source's line (§5).
 pub const BAUD: u32 = 19_200;
 
-/// What the workstation needs to draw one picture, about (§5).
+/// The approximate time for which the workstation draws one picture (§5).
 pub const CYCLE: Duration = Duration::from_millis(200);
 
 /// The time that `bytes` take on the line. A rate of 0 never ends.

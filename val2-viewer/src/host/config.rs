@@ -5,7 +5,7 @@ use robot_session::Encode as _;
 use crate::error::ConfigError;
 use crate::message::PosePacket;
 
-/// Writes a packet into a buffer and returns its length; `None` if there is no room, or nothing is to be sent.
+/// Writes a packet into a buffer and returns its length; `None` if it does not fit, or nothing is to be sent.
 pub type Format = fn(&PosePacket, &mut [u8]) -> Option<usize>;
 
 /// Settings of the host.
@@ -28,10 +28,10 @@ pub struct HostConfig {
     pub max_hold: Duration,
     /// The format of a packet. Default: the line of [`PosePacket`], since the source does not describe its own format.
     ///
-    /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. One with the bytes 11h or 13h in it, XON and XOFF, is
-    /// [not sent](crate::HostEvent::Unsendable).
+    /// Another format may write [`Host::MAX_TRANSMIT`](crate::Host) bytes. A packet with the bytes 11h or 13h in it,
+    /// XON and XOFF, is [not sent](crate::HostEvent::Unsendable).
     pub format: Format,
-    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of a packet come back first
+    /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a packet come back first
     /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off, the
     /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
@@ -52,7 +52,7 @@ robot_session::rules! {
         Expire,
         /// A request of one connection is not answered on the next.
         ForgetRequest,
-        /// XOFF holds what is to be sent.
+        /// XOFF holds the next packet.
         Hold,
         /// XOFF again holds it for longer.
         Prolong,

@@ -30,12 +30,12 @@ pub enum Link {
     Disconnected,
     /// Nothing is asked for.
     Ready {
-        /// From when on a packet may be sent.
+        /// The time from which a packet may be sent.
         from: Duration,
     },
     /// A packet is asked for, once or more often.
     Asked {
-        /// From when on it may be sent.
+        /// The time from which it may be sent.
         from: Duration,
     },
 }
@@ -43,16 +43,16 @@ pub enum Link {
 /// The pose of the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Pose {
-    /// There was none, or it is too old.
+    /// No pose was set, or it is too old.
     Unknown,
-    /// It may be sent.
+    /// The pose may be sent.
     Known {
-        /// Until then.
+        /// The time until which it may be sent.
         until: Duration,
     },
 }
 
-/// What happens to a host.
+/// An input of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The port is open, perhaps again.
@@ -71,22 +71,22 @@ pub enum Input {
     Xon,
     /// The packet that was due is sent.
     Sent,
-    /// It cannot be sent on a line with XON and XOFF.
+    /// The packet cannot be sent on a line with XON and XOFF.
     Unsendable,
 }
 
-/// What the host sends: the newest pose.
+/// An answer of the host: the newest pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Answer;
 
-/// What the host does.
+/// An action of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
     Nothing,
     /// Reports a request.
     Accept,
-    /// Reports a request that has no packet of its own.
+    /// Reports a request that does not get a packet of its own.
     Ignore,
     /// Reports the packet that was sent.
     Sent,
@@ -99,7 +99,7 @@ pub enum Action {
 }
 
 impl HostMachine {
-    /// A host that knows no pose, without a connection.
+    /// A host without a pose and without a connection.
     pub const NEW: Self = Self { link: Link::Disconnected, pose: Pose::Unknown, flow: Flow::Free };
 
     fn transmits(&self, now: Duration) -> bool {

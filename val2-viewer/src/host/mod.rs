@@ -29,7 +29,7 @@ use machine::{Action, Answer, HostMachine, Input};
 /// - A pose that is older than [`max_age`](HostConfig::max_age) is not sent: the request waits for a new one.
 /// - A request of one connection is not answered on the next. The pose outlasts it.
 /// - XOFF holds the next packet until XON, or until [`max_hold`](HostConfig::max_hold) is over.
-/// - Any other byte is an event and changes nothing.
+/// - Any other byte is an event without an effect.
 /// - Every event is a notice: when more than eight wait, the oldest are dropped.
 #[derive(Debug, Clone)]
 pub struct Host {
@@ -61,7 +61,7 @@ pub enum HostEvent {
     /// A byte that is none of ENQ, XON and XOFF.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
-    /// A notice: the line returns what is sent, and [`echo`](HostConfig::echo) is off; or it is on, and something else came back.
+    /// A notice: the line returns the sent bytes, and [`echo`](HostConfig::echo) is off; or it is on, and other bytes came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A request, XON or XOFF came without a connection.
@@ -89,7 +89,7 @@ robot_session::counters! {
 }
 
 impl Host {
-    /// A host that knows no pose, without a connection.
+    /// Returns a host without a pose and without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Interval`], [`ConfigError::MaxAge`], [`ConfigError::MaxHold`].
@@ -114,7 +114,7 @@ impl End for Host {
     type Statistics = HostStatistics;
     type Payload = ();
 
-    // What a serial port holds: requests that have piled up there have one answer.
+    // `MAX_INPUT`: the buffer of a serial port. Requests that have piled up there have one answer.
     const LINK: &'static str = "val2-viewer";
     const END: &'static str = "host";
     const MAX_INPUT: usize = 4096;

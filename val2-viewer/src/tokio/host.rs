@@ -29,7 +29,7 @@ pub fn host<C: Connector>(config: HostConfig, connector: C) -> Result<(Screen, T
     Ok((Screen { handle }, task))
 }
 
-/// Why a pose was not shown.
+/// The reason that a pose was not shown.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -18,10 +18,10 @@ use crate::workstation::{Workstation, WorkstationConfig, WorkstationEvent};
 /// A display cycle: about five times a second (§5).
 const CYCLE: Duration = Duration::from_millis(200);
 
-/// What draws the arm has this. Cloning it is cheap.
+/// The handle of a display that draws the arm. Cloning it is cheap.
 #[derive(Debug, Clone)]
 pub struct Arm {
-    /// The last pose that was asked for; none while the picture is stale.
+    /// The last requested pose; without a value while the picture is stale.
     pub pose: Latest<PosePacket>,
     /// Every event, whether there is a connection, and the end.
     pub handle: Handle<Display>,
@@ -42,8 +42,8 @@ pub fn workstation<C: Connector>(
 }
 
 impl Arm {
-    /// Pauses the display, or goes on with it. Without room for the call, in a task that has no connection, it is not made: says whether
-    /// it is.
+    /// Pauses the display, or goes on with it. If the queue of calls is full, in a task that has no connection, the
+    /// call is not made: returns whether it is made.
     ///
     /// After a host that was off, the display has to be paused for [`WorkstationConfig::pause`] before it asks again.
     pub fn pause(&self, is_paused: bool) -> bool {
@@ -55,11 +55,11 @@ impl Arm {
 #[derive(Debug, Clone, Copy)]
 pub struct Paused(bool);
 
-/// What the task does: display cycles in, poses out.
+/// The service of the task: turns display cycles into requests, and answers into poses.
 #[derive(Debug)]
 pub struct Display {
     source: Source<PosePacket>,
-    /// When the next display cycle is; none while the display is paused.
+    /// The time of the next display cycle; `None` while the display is paused.
     cycle: Option<Duration>,
 }
 

@@ -16,7 +16,7 @@ pub struct WorkstationConfig {
     /// The longest time from an XOFF to the next request that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the
     /// source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation. [`Duration::MAX`] means never.
     pub max_hold: Duration,
-    /// Whether the line returns what is sent, as adapters for two wires do. Off. Each request comes
+    /// Whether the line returns the sent bytes, as adapters for two wires do. Off. Each request comes
     /// back first then, and is dropped; another byte is [`WorkstationEvent::Echo`](crate::WorkstationEvent::Echo), a collision. While it is off, the first
     /// request that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
@@ -29,9 +29,9 @@ pub struct WorkstationConfig {
 robot_session::rules! {
     /// The rules of the workstation's machine.
     pub enum Rule for WorkstationConfig {
-        /// It asks again only after an answer.
+        /// The workstation asks again only after an answer.
         Credit,
-        /// It asks again after a pause.
+        /// The workstation asks again after a pause.
         AskAgain,
         /// An undecodable line was the answer.
         CorruptIsAnswer,
@@ -39,21 +39,21 @@ robot_session::rules! {
         NoiseIsNoAnswer,
         /// A picture without new poses becomes stale.
         Expire,
-        /// What a connection's end ends is reported.
+        /// The request and the picture that a connection's end ends are reported.
         ReportEnd,
         /// A connection begins with a credit.
         AskFirst,
         /// A request that is not answered is reported.
         ReportOverdue,
-        /// It is reported once, also if it is asked again after a pause.
+        /// A request without an answer is reported once, even if it is sent again after a pause.
         MissOnce,
         /// A late answer shows that the host is there.
         LateIsAlive,
-        /// XOFF holds what is to be sent.
+        /// XOFF holds the next request.
         Hold,
-        /// XOFF again holds it for longer.
+        /// Another XOFF holds it for longer.
         Prolong,
-        /// XON lets it go on.
+        /// XON releases it.
         Resume,
         /// An XOFF, which may be noise, expires.
         EndHold,

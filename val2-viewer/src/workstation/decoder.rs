@@ -14,7 +14,7 @@ pub struct HandshakeDecoder {
     taken_out: u64,
 }
 
-/// What comes.
+/// An item of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     Packet(PosePacket),

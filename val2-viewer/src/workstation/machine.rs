@@ -22,7 +22,7 @@ pub enum WorkstationMachine {
     Connected(Display),
 }
 
-/// What is known while there is a connection.
+/// The state during a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Display {
     /// The request.
@@ -39,18 +39,18 @@ pub struct Display {
 pub enum Request {
     /// The next display cycle asks.
     Allowed,
-    /// It is to be sent.
+    /// The request is to be sent.
     Due,
     /// The answer is awaited.
     Waiting {
-        /// From when on the next display cycle asks again: the last one was so long before.
+        /// The time from which the next display cycle asks again: the last request was so long before.
         again_from: Duration,
-        /// From when on it is missed.
+        /// The time from which the request counts as missed.
         missed_from: Duration,
     },
     /// No answer has come in time, which is reported. The picture is stale.
     Overdue {
-        /// From when on the next display cycle asks again: the last one was so long before.
+        /// The time from which the next display cycle asks again: the last request was so long before.
         again_from: Duration,
     },
 }
@@ -60,14 +60,14 @@ pub enum Request {
 pub enum Picture {
     /// No pose has come for long.
     Stale,
-    /// It follows the arm.
+    /// The picture follows the arm.
     Live {
-        /// Until then, without a new pose.
+        /// The time until which it does so without a new pose.
         until: Duration,
     },
 }
 
-/// What happens to a workstation.
+/// An input of the workstation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The port is open, perhaps again.
@@ -82,9 +82,9 @@ pub enum Input {
     Sent,
     /// A packet.
     Pose,
-    /// Bytes that are no packet.
+    /// Bytes that are not a packet.
     Corrupt {
-        /// They are a whole line.
+        /// Whether they are a whole line.
         line: bool,
     },
     /// XOFF has come.
@@ -93,11 +93,11 @@ pub enum Input {
     Xon,
 }
 
-/// What the workstation sends: ENQ.
+/// A request of the workstation: ENQ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Enquiry;
 
-/// What the workstation does.
+/// An action of the workstation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -106,7 +106,7 @@ pub enum Action {
     Sent,
     /// Reports the packet as the answer.
     Pose,
-    /// Reports the packet as no answer.
+    /// Reports that the packet is not an answer.
     Unasked,
     /// Reports that the request has no answer.
     Missed,
@@ -114,11 +114,11 @@ pub enum Action {
     Stale,
     /// Reports that no XON has come.
     HoldEnded,
-    /// Reports what the connection's end has ended.
+    /// Reports the request and the picture that the connection's end has ended.
     Closed {
-        /// The request has no answer.
+        /// Whether the request has no answer.
         missed: bool,
-        /// The picture is stale.
+        /// Whether the picture is stale.
         stale: bool,
     },
 }
@@ -199,7 +199,7 @@ impl Machine for WorkstationMachine {
 }
 
 impl WorkstationMachine {
-    /// Until when the picture follows the arm, without a new pose.
+    /// Returns the time until which the picture follows the arm without a new pose; `None` if it is stale.
     pub fn live_until(&self) -> Option<Duration> {
         match self {
             Self::Connected(Display { picture: Picture::Live { until }, .. }) => Some(*until),
@@ -207,7 +207,7 @@ impl WorkstationMachine {
         }
     }
 
-    /// Goes to a state without what was.
+    /// Goes to a state without the previous request and picture.
     fn close(&mut self, mut to: Self, config: &WorkstationConfig) -> Action {
         let Self::Connected(was) = *self else {
             *self = to;
@@ -323,7 +323,7 @@ impl Display {
         Action::Nothing
     }
 
-    /// When something comes due.
+    /// Returns the time of the next deadline.
     fn due(&self) -> Duration {
         let picture = match self.picture {
             Picture::Live { until } => until,

@@ -20,7 +20,8 @@ use machine::{Action, Enquiry, Input, WorkstationMachine};
 
 /// The graphics workstation that draws the arm (§5, §9.4): asks for one pose at a time.
 ///
-/// The order of calls is the [`Session`](robot_session::Session)'s; [`draw`](Self::draw) in every display cycle, after what has come was passed in.
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`draw`](Self::draw) in every display cycle, after the
+/// arrived bytes were passed in.
 ///
 /// - **Credit of one.** It asks in the first display cycle of a connection, and then only after an answer. Every request has one
 ///   outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent before the outcomes of
@@ -38,7 +39,7 @@ pub struct Workstation {
     echo: Echo<1>,
 }
 
-/// What the workstation reports.
+/// An event of the workstation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -50,8 +51,8 @@ pub enum WorkstationEvent {
     /// A request without an answer: none has come for [`stale_after`](WorkstationConfig::stale_after), it could not be read, the display
     /// was paused, or the connection is lost.
     Missed,
-    /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may be somewhere
-    /// else. Once, until a new pose comes.
+    /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may
+    /// be somewhere else. Reported once, until a new pose comes.
     Stale,
     /// A notice: a packet that no request has asked for, such as the answer to a request that is missed.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
@@ -61,7 +62,8 @@ pub enum WorkstationEvent {
     Corrupt(DecodeError),
     /// A notice: no XON has come since the last XOFF, for [`max_hold`](WorkstationConfig::max_hold). Requests are sent again.
     HoldEnded,
-    /// A notice: the line returns what is sent, and [`echo`](WorkstationConfig::echo) is off; or it is on, and something else came back.
+    /// A notice: the line returns the sent bytes, and [`echo`](WorkstationConfig::echo) is off; or it is on, and other
+    /// bytes came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A notice: bytes came without a connection.
@@ -69,7 +71,7 @@ pub enum WorkstationEvent {
 }
 
 robot_session::counters! {
-    /// What a workstation has done.
+    /// The counts of a workstation.
     pub struct WorkstationStatistics {
         /// Requests sent.
         pub requests: u64,
@@ -79,9 +81,9 @@ robot_session::counters! {
         pub missed: u64,
         /// Times that the picture became stale.
         pub stale: u64,
-        /// Packets that were no answer.
+        /// Packets that were not an answer.
         pub unasked: u64,
-        /// Times that the line was held for longer than it may be.
+        /// Times that the line was held for longer than allowed.
         pub holds_ended: u64,
         /// Decode errors.
         pub corrupt: u64,
@@ -104,7 +106,7 @@ impl Workstation {
         self.request(now, Input::Draw);
     }
 
-    /// Until when the picture is not stale, without a new pose; `None` if it is.
+    /// Returns the time until which the picture is not stale without a new pose; `None` if it is stale.
     pub fn live_until(&self) -> Option<Duration> {
         self.core.machine.live_until()
     }

@@ -1,4 +1,4 @@
-//! What holds for every packet, every cut of a stream and every corruption.
+//! Properties of every packet, every division of a stream and every corruption.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
@@ -129,7 +129,7 @@ proptest! {
         prop_assert!(decode([&bytes[..]]).iter().all(|(item, _)| item.is_err()));
     }
 
-    /// Whatever the line brings, a request has one outcome, and the next packet is read.
+    /// A request has one outcome, and the next packet is read, for any bytes on the line.
     #[test]
     fn a_request_has_one_outcome(noise in stream_bytes(), size in 1..120usize, pose: [i16; 12]) {
         let (mut host, mut workstation) =

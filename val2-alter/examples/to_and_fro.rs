@@ -9,7 +9,7 @@ use val2_alter::{Host, HostConfig, HostEvent, timing};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).unwrap_or("/dev/ttyS0".into());
-    // A busy computer may read apart what came together: no silence ends a frame.
+    // A busy computer may read contiguous bytes with pauses: no silence ends a frame.
     let config = HostConfig { gap: None, ..HostConfig::default() };
     let port = serialport::new(path, timing::BAUD).open()?;
     let mut host = Host::new(config)?;

@@ -14,7 +14,7 @@ const END: i32 = 1600;
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: PORT")?;
-    // A busy computer may read apart what came together: no silence ends a frame.
+    // A busy computer may read contiguous bytes with pauses: no silence ends a frame.
     let config = HostConfig { gap: None, ..HostConfig::default() };
     let reach = Reach { low: [0; 6], high: [END, 0, 0, 0, 0, 0] };
     let (arm, task) = host(config, Some(reach), Serial(tokio_serial::new(path, config.baud)))?;

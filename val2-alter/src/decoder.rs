@@ -35,7 +35,7 @@ pub struct Received<M> {
 #[derive(Debug, Clone)]
 pub struct Decoder<M> {
     framing: Framing,
-    /// What is behind the first `CAPACITY` bytes fills the words of a frame that is read there.
+    /// The bytes after the first `CAPACITY` fill the words of a frame that is read there.
     buffer: [u8; CAPACITY + Frame::MAX_LEN],
     start: usize,
     end: usize,
@@ -43,15 +43,17 @@ pub struct Decoder<M> {
     position: u64,
     /// Bytes from `position` on that belong to no frame and are not reported yet.
     skipped: u64,
-    /// DLEs after them: part of the next frame if a start mark follows, else skipped.
+    /// DLEs after them: part of the next frame if a start mark follows, otherwise skipped.
     spare_dles: usize,
-    /// `buffer[start]` is the checksum of the frame before: counted there, but perhaps the first DLE of the next start mark.
+    /// `buffer[start]` is the checksum of the previous frame: counted there, but perhaps the first DLE of the next
+    /// start mark.
     lent: bool,
-    /// How many bytes from `start` on have been read as a corrupt frame: a frame that begins there is a second reading.
+    /// The number of bytes from `start` on that have been read as a corrupt frame: a frame that begins there is a
+    /// second reading.
     read_before: usize,
     /// The frame at `start`, as far as it was read.
     reading: Reading,
-    /// What is wrong with the skipped bytes, if a frame began there.
+    /// The error of the skipped bytes, if a frame began there.
     error: Option<DecodeError>,
     /// The same, until `corruption` returns it.
     news: Option<DecodeError>,
@@ -100,7 +102,7 @@ impl<M: Message> Decoder<M> {
         self.spare_dles + (self.end - self.start) - usize::from(self.lent)
     }
 
-    /// What a frame and an error have as their offset.
+    /// Returns the offset of a frame or an error.
     #[expect(clippy::cast_possible_truncation, reason = "the offset wraps")]
     const fn offset(&self) -> usize {
         self.position as usize
@@ -279,7 +281,7 @@ impl<M: Message> Decoder<M> {
         (offset, length)
     }
 
-    /// Whether what is unread from here on is nothing, or half a mark.
+    /// Returns whether there are no unread bytes from here on, or only half a mark.
     #[inline]
     fn waits(&self, from: usize) -> bool {
         match self.buffer.get(from..self.end) {

@@ -1,4 +1,4 @@
-//! What can be wrong: [`DecodeError`] is the peer's fault; [`EncodeError`], [`SessionError`] and [`ConfigError`] are the
+//! The errors: [`DecodeError`] is the peer's fault; [`EncodeError`], [`SessionError`] and [`ConfigError`] are the
 //! caller's.
 
 use crate::message::ErrorCode;
@@ -13,9 +13,9 @@ pub enum DecodeError {
     /// Bytes without a start mark before them (§3.2).
     #[error("{length} bytes at byte {offset} are not part of a frame")]
     StartMark {
-        /// The first of them.
+        /// The first of these bytes.
         offset: usize,
-        /// How many, up to the next start mark.
+        /// The number of bytes up to the next start mark.
         length: usize,
     },
     /// Inside a frame, DLE is followed by neither DLE nor ETX (§3.2).
@@ -23,19 +23,19 @@ pub enum DecodeError {
         "DLE is followed by {found:#04x} at byte {offset}: neither a doubled DLE nor the end of the frame"
     )]
     EndMark {
-        /// Where the byte after the DLE is.
+        /// The offset of the byte after the DLE.
         offset: usize,
-        /// That byte.
+        /// The byte after the DLE.
         found: u8,
     },
     /// The checksum is not the sum of the data (§3.2).
     #[error("checksum is {found:#04x}, the data gives {expected:#04x} (at byte {offset})")]
     Checksum {
-        /// Where the checksum is.
+        /// The offset of the checksum.
         offset: usize,
-        /// What the data gives.
+        /// The sum of the data.
         expected: u8,
-        /// What was received.
+        /// The received checksum.
         found: u8,
     },
     /// More data than any message of this side has: the end of the frame was lost.
@@ -114,7 +114,7 @@ impl DecodeError {
         }
     }
 
-    /// Where it was found: at the first byte of what is wrong, or of the frame that is.
+    /// Returns the offset of the error: of the first wrong byte, or of the wrong frame.
     pub fn offset(self) -> usize {
         match self {
             Self::StartMark { offset, .. }
@@ -202,7 +202,7 @@ pub enum SessionError {
     /// The port is not open.
     #[error("not connected")]
     NotConnected,
-    /// Outcomes wait to be fetched, and there is no room for another.
+    /// The event queue is full of outcomes that are not polled yet.
     #[error("event queue full")]
     EventsFull,
 }
@@ -213,7 +213,8 @@ pub enum SessionError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// What the shortest message of the mode leaves of a cycle is too short for a reply with one value.
+    /// The reply window, which the mode's shortest message leaves of a cycle, is too short for a reply with one
+    /// value.
     #[error(
         "at {baud} baud no value fits the reply window of mode {mode}: take a higher baud rate or a mode without transformation"
     )]

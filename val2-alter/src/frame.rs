@@ -6,8 +6,8 @@ use crate::framing::{DLE, ETX, Framing, LeadingDle, STX};
 /// The data of one frame, without marks, doubled DLEs and checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
-    /// Zero behind `len`: the sum and the count of DLEs then run over a constant length. The room behind that is for words of
-    /// eight bytes that end in it.
+    /// Zero after `len`: the sum and the count of DLEs then run over a constant length. The space after that is for
+    /// words of eight bytes that end in it.
     data: [u8; Frame::SUMMED + 8],
     len: usize,
 }
@@ -37,7 +37,7 @@ impl Frame {
     /// The second value is the number of bytes that the frame has on the line.
     ///
     /// # Errors
-    /// What is wrong with the frame that begins there: its marks, its length or its checksum.
+    /// The error of the frame that begins there: in its marks, its length or its checksum.
     pub fn decode(bytes: &[u8], framing: Framing) -> Result<Option<(Self, usize)>, DecodeError> {
         Self::decode_limited(bytes, framing, Self::MAX_DATA)
     }
@@ -139,13 +139,13 @@ impl Frame {
         Self { data: [0; Self::SUMMED + 8], len: 0 }
     }
 
-    /// Appends bytes for which there is room: messages are shorter than [`Frame::MAX_DATA`] by their types.
+    /// Appends bytes, which always fit: messages are shorter than [`Frame::MAX_DATA`] by their types.
     #[inline]
     pub(crate) fn push<const N: usize>(&mut self, bytes: [u8; N]) {
         self.push_if(true, bytes);
     }
 
-    /// The same without a branch: bytes that are not wanted are zero, and stand behind the end.
+    /// The same without a branch: unwanted bytes are zero, and are written after the end.
     #[inline]
     pub(crate) fn push_if<const N: usize>(&mut self, wanted: bool, bytes: [u8; N]) {
         if let Some(room) = self.data.get_mut(self.len..).and_then(<[u8]>::first_chunk_mut) {
@@ -154,7 +154,7 @@ impl Frame {
         }
     }
 
-    /// Appends the data at `at`, up to the end mark; gives the place of what was not read.
+    /// Appends the data at `at`, up to the end mark; returns the offset of the first unread byte.
     fn unstuff(&mut self, bytes: &[u8], at: usize, limit: usize) -> (usize, Stop) {
         let Self { data, len: total } = self;
         let mut len = *total;
@@ -225,11 +225,11 @@ impl Frame {
 /// A DLE of the data.
 const PAIR: [u8; 2] = [DLE; 2];
 
-/// Why no more data is read.
+/// The reason that no more data is read.
 enum Stop {
     /// The end mark is here.
     End,
-    /// What comes next is not there yet.
+    /// The next byte has not arrived yet.
     Unread,
     /// There are more bytes than a message has.
     TooLong,
@@ -237,7 +237,7 @@ enum Stop {
     NoMark(u8),
 }
 
-/// A frame that is being read: what was looked at is not looked at again when more bytes have come.
+/// A frame that is being read: bytes that were examined are not examined again when more bytes have come.
 #[derive(Debug, Clone)]
 pub(crate) struct Reading {
     pub(crate) frame: Frame,
@@ -253,10 +253,10 @@ impl Reading {
         self.at > 0
     }
 
-    /// Takes a byte of the data that is no DLE, where the frame has begun; false: there is no room for it.
+    /// Appends a byte of the data that is not a DLE, after the frame has begun; returns false if it does not fit.
     #[inline]
     pub(crate) fn take(&mut self, byte: u8, limit: usize) -> bool {
-        // Below the limit there is room.
+        // Below the limit there is free space.
         let data = self.frame.data.get_mut(..limit);
         let room = data.and_then(|data| data.get_mut(self.frame.len));
         if let Some(room) = room {
@@ -293,7 +293,7 @@ impl Reading {
             Stop::TooLong => return Err(DecodeError::TooLong { offset: 0, limit }),
             Stop::NoMark(found) => return Err(DecodeError::EndMark { offset: at + 1, found }),
         }
-        // What the last word has left behind the end.
+        // Clear the bytes that the last word has written after the end.
         if let Some(behind) = self.frame.data.get_mut(self.frame.len..).and_then(<[u8]>::first_chunk_mut) {
             *behind = [0; 8];
         }
@@ -329,8 +329,9 @@ fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, De
     }
 }
 
-/// The data of a whole frame without a DLE in it, as nearly all are, nor for its checksum. `None`: it is another one, or corrupt,
-/// or not whole in the first `available` bytes; those behind them only fill the words.
+/// Returns the data of a whole frame if neither the data nor the checksum has a DLE, as in nearly all frames. `None`:
+/// the frame has a DLE, is corrupt, or is not whole in the first `available` bytes; the bytes after them only fill
+/// the words.
 #[inline]
 pub(crate) fn plain_data(bytes: &[u8], available: usize, framing: Framing) -> Option<&[u8]> {
     let rest = match (framing.leading_dle, bytes) {
@@ -347,7 +348,7 @@ pub(crate) fn plain_data(bytes: &[u8], available: usize, framing: Framing) -> Op
             len += 8;
             continue;
         }
-        sum.add(word & (found ^ (found - 1)) >> 8); // what is before the first one
+        sum.add(word & (found ^ (found - 1)) >> 8); // the bytes before the first one
         len += found.trailing_zeros() as usize / 8;
         let (data, [_, ETX, found, ..]) = rest.split_at_checked(len)? else { return None };
         let is_good =
@@ -383,7 +384,8 @@ const fn dle_in(word: [u8; 8]) -> usize {
     dles(u64::from_le_bytes(word)).trailing_zeros() as usize / 8
 }
 
-/// Not zero if a byte is a DLE; then the lowest bit that is set is the highest of the first one.
+/// Returns a value other than zero if a byte is a DLE; then the lowest bit that is set is the highest of the first
+/// DLE.
 #[inline]
 const fn dles(word: u64) -> u64 {
     const ONES: u64 = 0x0101_0101_0101_0101;

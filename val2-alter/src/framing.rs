@@ -1,4 +1,4 @@
-//! The bytes of the envelope, and what the source leaves open about it (§3.2).
+//! The bytes of the envelope, and the details of it that the source leaves open (§3.2).
 
 /// Data link escape: begins both marks, and is doubled inside the data.
 pub const DLE: u8 = 0x10;
@@ -7,7 +7,7 @@ pub const STX: u8 = 0x02;
 /// End of text: the end mark is DLE ETX.
 pub const ETX: u8 = 0x03;
 
-/// What the source leaves open about the envelope. The default is the text of the source, read literally.
+/// The details of the envelope that the source leaves open. The default is the text of the source, read literally.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -45,7 +45,7 @@ pub struct Limiter {
     axes: Axes,
 }
 
-/// How fast each axis is, and how far from the path.
+/// The speed of each axis, and its distance from the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Axes {
     pub(crate) speed: [i16; AXES],
@@ -121,7 +121,8 @@ impl Limiter {
         self.axes
     }
 
-    /// What [`Limiter::speeds`] or [`Limiter::positions`] would have made of the axes was sent.
+    /// Records the axes of a reply that was sent, as [`Limiter::speeds`] or [`Limiter::positions`] would have moved
+    /// them.
     pub(crate) fn set_axes(&mut self, axes: Axes) {
         self.axes = axes;
     }
@@ -156,7 +157,7 @@ impl Axes {
     const REST: Self = Self { speed: [0; AXES], position: [0; AXES] };
 }
 
-/// How far an arm may be told to go on each axis, in units of its words.
+/// The limits of an arm's commanded position on each axis, in units of its words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reach {
     /// At least; not above zero.
@@ -166,8 +167,8 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// The speeds (cumulative) nearest to `target` from which an arm that went so far as the odometer says, and that brakes with
-    /// `acceleration`, stops within reach. Beyond it, none that leads further away.
+    /// Returns the speeds (cumulative) nearest to `target` from which an arm at the way of `odometer`, which brakes
+    /// with `acceleration`, stops within reach. Beyond the reach, no speed leads further away.
     pub fn speeds(
         &self,
         odometer: [i32; AXES],

@@ -43,12 +43,12 @@ impl Scale {
         word(degrees * self.per_degree)
     }
 
-    /// As [`Scale::translation`], but what is too large becomes the largest. No number becomes zero.
+    /// As [`Scale::translation`], but values that are too large become the largest one. NaN becomes zero.
     pub fn translation_saturating(&self, mm: f64) -> i16 {
         word_saturating(mm * self.per_mm)
     }
 
-    /// As [`Scale::rotation`], but what is too large becomes the largest. No number becomes zero.
+    /// As [`Scale::rotation`], but values that are too large become the largest one. NaN becomes zero.
     pub fn rotation_saturating(&self, degrees: f64) -> i16 {
         word_saturating(degrees * self.per_degree)
     }

@@ -1,4 +1,4 @@
-//! What time there is (§3.4), for any baud rate and any length.
+//! The times of messages and replies (§3.4), for any baud rate and any length.
 //!
 //! The source prints two tables, and they are of different lines: its table of requests is right for 38400 baud, its table
 //! of replies, which it took from the maker, for 19200. Nothing here is a constant of a table: times follow from the
@@ -36,7 +36,7 @@ pub(crate) const fn window_nanos(accumulation: Accumulation) -> u64 {
     }
 }
 
-/// How long `bytes` occupy the line: ten bits each (8N1). A baud rate of 0 counts as 1.
+/// Returns the time for which `bytes` occupy the line: ten bits each (8N1). A baud rate of 0 counts as 1.
 pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     Duration::from_nanos(transmission_nanos(bytes, baud))
 }

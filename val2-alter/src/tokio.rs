@@ -38,7 +38,7 @@ pub struct Arm {
     handle: Handle<Moving>,
 }
 
-/// Where to, and since when that is to be so.
+/// The target, and the time at which it was set.
 type Target = ([i16; AXES], Duration);
 
 /// A handle, and the task that it works through.
@@ -62,7 +62,7 @@ pub fn host<C: Connector>(
     Ok((Arm { target: Arc::new(target), commanded, handle }, task))
 }
 
-/// Why a call has no such outcome.
+/// The reason that a call has no such outcome.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -89,8 +89,8 @@ impl Arm {
         self.target.send_replace(None);
     }
 
-    /// The way that the arm was told to go since the task began, in units of its words; with offsets, where it was told to be. Replies
-    /// that the controller could not read do not count.
+    /// Returns the commanded way of the arm since the task began, in units of its words; with offsets, the commanded
+    /// position. Replies that the controller could not read do not count.
     pub fn commanded(&self) -> [i32; AXES] {
         *self.commanded.borrow()
     }
@@ -112,7 +112,7 @@ impl Arm {
         self.handle.call(|reply| Call::Policy(Policy::Accept, reply)).await?
     }
 
-    /// Sends an exception; waits for what becomes of it.
+    /// Sends an exception; waits for its outcome.
     ///
     /// # Errors
     /// See [`Error`].
@@ -120,7 +120,7 @@ impl Arm {
         self.handle.call(|reply| Call::Exception(exception, reply)).await?
     }
 
-    /// What all handles have: every event, the state of the connection, the end.
+    /// Returns the handle with the parts that all handles have: every event, the state of the connection, the end.
     pub const fn handle(&self) -> &Handle<Moving> {
         &self.handle
     }
@@ -129,21 +129,21 @@ impl Arm {
 /// A call of an [`Arm`].
 #[derive(Debug)]
 pub enum Call {
-    /// Bring it to rest.
+    /// Brings it to rest.
     Stop(Reply<Result<(), Error>>),
-    /// How starts are answered.
+    /// Sets the policy for starts.
     Policy(Policy, Reply<Result<(), Error>>),
-    /// With the next reply.
+    /// Sends an exception with the next reply.
     Exception(Exception, Reply<Result<ExceptionOutcome, Error>>),
 }
 
-/// What the task does: the target into each reply, outcomes to whom they belong.
+/// The service of the task: puts the target into each reply, and returns outcomes to their callers.
 #[derive(Debug)]
 pub struct Moving {
     reach: Option<Reach>,
     to: watch::Receiver<Option<Target>>,
     odometer: watch::Sender<[i32; AXES]>,
-    /// How many replies are in the odometer, and what it was before the last one.
+    /// The number of replies in the odometer, and its values before the last one.
     replies: u64,
     before: [i32; AXES],
     stops: Vec<Reply<Result<(), Error>>>,

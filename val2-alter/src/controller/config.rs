@@ -1,4 +1,4 @@
-//! What a controller is configured with, what it reports, and what it counts.
+//! The controller's configuration, events and counters.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::framing::Framing;
 use crate::message::{AXES, Accumulation, ErrorCode, Exception, HostMessage, List, Mode, Reply};
 use crate::timing::{self, Budget};
 
-/// How a [`Controller`](crate::Controller) behaves: the ALTER instruction and the line.
+/// The configuration of a [`Controller`](crate::Controller): the ALTER instruction and the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerConfig {
     /// The envelope. Default: [`Framing::DEFAULT`].
@@ -26,22 +26,22 @@ pub struct ControllerConfig {
     /// Start messages sent before giving up, from 1. Default: 3. (The source has "up to twice repeated" in one place and "after
     /// the third repetition" in another; set 4 for the second reading.)
     pub attempts: u8,
-    /// What a value that a reply does not transmit means. Default: [`Unselected::ByMode`].
+    /// The meaning of a value that a reply does not transmit. Default: [`Unselected::ByMode`].
     pub unselected: Unselected,
     /// A silence of more than this inside a frame ends the frame. Default: 4 ms.
     pub gap: Option<Duration>,
-    /// The rules that its machine keeps.
+    /// The rules of its machine that are in force.
     #[cfg(feature = "model")]
     #[doc(hidden)]
     pub rules: robot_session::end::Rules<Rule>,
 }
 
 robot_session::rules! {
-    /// A rule of the controller's machine that the model takes out to show what it is needed for.
+    /// A rule of the controller's machine, which the model can disable to show that it is needed.
     pub enum Rule for ControllerConfig {
         /// An interruption is in one message at least.
         ReportInterruption,
-        /// What arrives while the message is still on the line is no answer to it.
+        /// Bytes that arrive while the message is still on the line are not an answer to it.
         AfterRequest,
         /// Only the first reply of a window counts.
         FirstReply,
@@ -87,7 +87,7 @@ impl Default for ControllerConfig {
     }
 }
 
-/// What a controller makes of a value that a reply does not transmit.
+/// The treatment of a value that a reply does not transmit.
 ///
 /// The source: "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen.
 /// Anfangs werden alle Werte als Null angenommen" (§3.3.2). Taken literally, an increment would then repeat without end.
@@ -96,7 +96,7 @@ pub enum Unselected {
     /// Cumulative: zero, nothing moves. Non-cumulative: as before, the offset stays.
     #[default]
     ByMode,
-    /// As before, also in cumulative mode: the words of the source.
+    /// As before, even in cumulative mode: the words of the source.
     Hold,
     /// Zero in both.
     Zero,
@@ -113,7 +113,7 @@ impl Unselected {
     }
 }
 
-/// What a [`Controller`](crate::Controller) reports. Each start ends in `Refused`, `GaveUp` or `Ended`.
+/// An event of a [`Controller`](crate::Controller). Each start ends in `Refused`, `GaveUp` or `Ended`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -125,13 +125,13 @@ pub enum ControllerEvent {
     Refused,
     /// No start message was accepted.
     GaveUp,
-    /// A reply was taken.
+    /// A reply was accepted.
     Reply {
         /// The reply.
         #[cfg_attr(feature = "serde", serde(rename = "message", serialize_with = "message"))]
         reply: Reply,
-        /// What it does to the arm: the increments of this cycle (cumulative), or how far the arm is held off the path
-        /// (non-cumulative). While the exception subroutine runs a reply changes nothing.
+        /// The effect on the arm: the increments of this cycle (cumulative), or the offset of the arm from the path
+        /// (non-cumulative). While the exception subroutine runs, a reply has no effect.
         values: [i16; AXES],
     },
     /// A reply or an answer to a start message could not be read, or did not come; the next message reports it to the host.
@@ -140,7 +140,7 @@ pub enum ControllerEvent {
     /// The exception subroutine begins: call [`Controller::resume`](crate::Controller::resume) when it returns.
     #[cfg_attr(feature = "serde", serde(serialize_with = "exception"))]
     Exception(Exception),
-    /// An exception came, and there is no subroutine: the program is aborted.
+    /// An exception came, and the program has no subroutine for it: the program is aborted.
     #[cfg_attr(feature = "serde", serde(serialize_with = "exception"))]
     Aborted(Exception),
     /// ALTER is over, the arm is at rest: the end message was sent, or the port is gone.
@@ -149,7 +149,7 @@ pub enum ControllerEvent {
     /// A message that no window was open for: late, early, or one too many. It has no effect.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Stray(HostMessage),
-    /// A call that the contract does not allow, or an input that the machine did not expect; nothing has changed.
+    /// A call that the contract does not allow, or an input that the machine did not expect. It has no effect.
     Unexpected(Unexpected),
 }
 
@@ -164,7 +164,7 @@ fn exception<S: serde::Serializer>(exception: &Exception, serializer: S) -> Resu
 }
 
 robot_session::counters! {
-    /// What a [`Controller`](crate::Controller) has counted since it was made.
+    /// The counts of a [`Controller`](crate::Controller) since it was made.
     pub struct ControllerStatistics {
         /// Start messages sent.
         pub attempts: u64,

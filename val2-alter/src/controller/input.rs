@@ -1,41 +1,41 @@
-//! What the session gives the controller's machine, and what the machine has it do.
+//! The inputs from the session to the controller's machine, and the machine's actions for the session.
 
 use crate::error::SessionError;
 use crate::message::{ErrorCode, Exception, MotionPhase, StartCode};
 
-/// What the session understood.
+/// An input, as decoded by the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The port was opened.
     Connected,
     /// The port is gone.
     Disconnected,
-    /// Bytes came, and a frame has begun that is not whole, or not.
+    /// Bytes came; a frame may have begun that is not whole.
     Bytes {
-        /// A frame has begun.
+        /// Whether a frame has begun.
         partial: bool,
     },
     /// An answer to a start message.
     StartReply(StartCode),
     /// An answer to a standard message.
     Reply {
-        /// Its exception.
+        /// The exception of the reply.
         exception: Exception,
-        /// There is room to report it.
+        /// Whether the event queue has space to report it.
         has_room: bool,
     },
-    /// Bytes that are no message, by their code.
+    /// The code of bytes that are not a message.
     Corrupt(ErrorCode),
     /// Time has passed.
     Timeout,
     /// The message that was due, of this many bytes, is sent.
     Sent {
-        /// Its length.
+        /// The length of the message in bytes.
         len: u8,
     },
     /// The program executes its ALTER instruction.
     Start {
-        /// There is room for its outcomes.
+        /// Whether the event queue has space for its outcomes.
         has_room: bool,
     },
     /// The program ends ALTER.
@@ -46,7 +46,7 @@ pub enum Input {
     Return,
 }
 
-/// What the controller does.
+/// An action of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -57,9 +57,9 @@ pub enum Action {
     Begin,
     /// A message was sent.
     Sent(Outgoing),
-    /// A reply was taken; it may have an exception.
+    /// A reply was accepted; it may have an exception.
     Take(Taken, Option<Handling>),
-    /// Reports what became of the start.
+    /// Reports the outcome of the start.
     Start(StartOutcome),
     /// The answer to a start message could not be read, or did not come: it is sent again, or that was the last one.
     BadStart(ErrorCode, Option<StartOutcome>),
@@ -69,9 +69,9 @@ pub enum Action {
     Missing,
     /// The arm is at rest: the program ends ALTER.
     Rest,
-    /// The same, and ALTER is over.
+    /// The arm is at rest, and ALTER is over.
     End(ErrorCode),
-    /// Reports a message that no window was open for.
+    /// Reports a message for which no window was open.
     Stray,
 }
 
@@ -86,25 +86,25 @@ pub enum Outgoing {
     End(ErrorCode),
 }
 
-/// What a reply does.
+/// The effect of a reply's values on the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Taken {
     /// Its values move the arm.
     Moves,
-    /// The arm does not use them.
+    /// The arm does not use its values.
     Rests,
 }
 
-/// What becomes of an exception.
+/// The treatment of an exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Handling {
     /// The subroutine begins.
     Subroutine(Exception),
-    /// There is none: the program is aborted.
+    /// The program has no subroutine, and is aborted.
     Abort(Exception),
 }
 
-/// What became of a start.
+/// The outcome of a start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StartOutcome {
@@ -112,7 +112,7 @@ pub enum StartOutcome {
     Started,
     /// The host refused.
     Refused,
-    /// There were enough attempts.
+    /// All attempts have failed.
     GaveUp,
 }
 

@@ -139,7 +139,7 @@ impl Machine for ControllerMachine {
         self.gap_at.is_some_and(|at| is_due(at, now)) || self.closes(now)
     }
 
-    /// What came before the window closes may be the reply.
+    /// Bytes that came before the window closes may be the reply.
     fn cuts(&self) -> bool {
         true
     }

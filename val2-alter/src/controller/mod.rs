@@ -36,10 +36,10 @@ use machine::{
 #[derive(Debug, Clone)]
 pub struct Controller {
     core: CoreOf<Self>,
-    /// What the next standard messages say.
+    /// The segment status and its two values in the next standard messages.
     segment: (SegmentStatus, u16, u16),
     transform: Transform,
-    /// The words that the controller keeps, and what they did to the arm in the last cycle.
+    /// The words that the controller keeps, and their effect on the arm in the last cycle.
     words: [i16; AXES],
     applied: [i16; AXES],
 }
@@ -211,7 +211,7 @@ impl robot_session::end::End for Controller {
     fn next_input(&mut self) -> Option<(Input, Option<HostMessage>)> {
         loop {
             let item = self.core.decoder.next_frame();
-            // At once: what is corrupt before the window opens is no reply to the message.
+            // Report corruption at once: corrupt bytes before the window opens are not a reply to the message.
             if let Some(error) = self.core.decoder.corruption() {
                 return Some((Input::Corrupt(error.code()), None));
             }
@@ -293,7 +293,7 @@ impl robot_session::end::End for Controller {
     }
 }
 
-/// What a controller is doing.
+/// The state of a controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ControllerState {
     /// The port is not open.
@@ -304,7 +304,7 @@ pub enum ControllerState {
     Starting,
     /// A standard message is sent each cycle, and the replies move the arm.
     Running,
-    /// The same while the exception subroutine runs; the replies move nothing.
+    /// As `Running`, while the exception subroutine runs; the replies move nothing.
     Interrupted,
     /// The end message is sent with the next cycle; the arm is at rest.
     Ending,

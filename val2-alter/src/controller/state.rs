@@ -1,4 +1,4 @@
-//! What the controller's machine remembers.
+//! The state of the controller's machine.
 
 use core::time::Duration;
 
@@ -9,13 +9,13 @@ use crate::message::ErrorCode;
 #[doc = include_str!("../../diagrams/controller.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ControllerMachine {
-    /// What is going on.
+    /// The current phase.
     pub phase: ControllerPhase,
-    /// When a silence ends the frame that has begun.
+    /// The time at which a silence ends the frame that has begun; `None`: no frame has begun.
     pub gap_at: Option<Duration>,
 }
 
-/// What is going on.
+/// The phase of a controller.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum ControllerPhase {
     /// The port is not open.
@@ -29,19 +29,19 @@ pub enum ControllerPhase {
 /// An ALTER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Alter {
-    /// How far it is.
+    /// The progress of the ALTER.
     pub progress: Progress,
-    /// Whose turn it is.
+    /// The end whose turn it is.
     pub turn: Turn,
-    /// What the next message says of the last reply.
+    /// The error of the last reply, for the next message.
     pub error: ErrorCode,
-    /// When the next message is to be sent, while a window is open not before that closes.
+    /// The time at which the next message is to be sent; while a window is open, not before it closes.
     pub slot: Duration,
     /// The slot after it.
     pub following: Duration,
 }
 
-/// How far an ALTER is.
+/// The progress of an ALTER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Progress {
     /// Start messages are sent until one is accepted or there were enough.
@@ -53,27 +53,27 @@ pub enum Progress {
     Running,
     /// The exception subroutine runs: the replies move nothing.
     Interrupted {
-        /// A message said so.
+        /// Whether a message has reported the interruption.
         reported: bool,
-        /// The subroutine has returned.
+        /// Whether the subroutine has returned.
         returned: bool,
     },
     /// The end message is to be sent.
     Ending,
 }
 
-/// Whose turn it is.
+/// The end whose turn it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Turn {
     /// The controller's: the next message waits for its slot.
     Controller,
     /// The host's: its answer is awaited.
     Host {
-        /// When the message has left: what arrives before is no answer to it.
+        /// The time at which the message has left: bytes that arrive before are not an answer to it.
         opens: Duration,
-        /// When the window closes.
+        /// The time at which the window closes.
         closes: Duration,
-        /// What was wrong first in this window.
+        /// The first error in this window; `None`: no error.
         corrupt: Option<ErrorCode>,
     },
 }

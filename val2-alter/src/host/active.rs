@@ -1,4 +1,4 @@
-//! What happens in an ALTER.
+//! The part of the host's machine for an active ALTER.
 
 use core::time::Duration;
 
@@ -50,15 +50,16 @@ impl Active {
         Action::Asked(judged)
     }
 
-    /// Whether the message before was late: a controller sends one in a cycle. The time when it counts as lost tells when it came.
+    /// Returns whether the previous message was late: a controller sends one in a cycle. `lost_at` implies the time
+    /// of its arrival.
     #[cold]
     fn was_delayed(&self, lost_at: Duration, config: &HostConfig) -> bool {
         self.stage != Stage::Accepted
             && lost_at.saturating_add(config.max_delay) < after(self.lost_at, CYCLE_NANOS)
     }
 
-    /// Where replies may be late, a message does not say which one was read: an axis leaves `kept` when all replies that can have come in
-    /// its window had a zero for it.
+    /// If replies may be late, a message does not show which one was read: an axis leaves `kept` when all replies
+    /// that can have come in its window had a zero for it.
     #[cold]
     fn keep_late(&mut self, now: Duration, phase: MotionPhase, error: ErrorCode, config: &HostConfig) {
         self.kept |= self.sent;
@@ -79,13 +80,14 @@ impl Active {
             || !config.keeps(Rule::Rejected)
     }
 
-    /// Whether no message was lost since the one before. The time when it counts as lost tells when it came.
+    /// Returns whether no message was lost since the previous one, from the times of arrival that `lost_at` implies.
     fn is_next(&self, lost_at: Duration, config: &HostConfig) -> bool {
         lost_at.saturating_add(config.max_delay) < after(self.lost_at, 2 * CYCLE_NANOS)
     }
 
-    /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it
-    /// may still be late, and the message after that says whether it has started the subroutine all the same.
+    /// Returns the outcome of the exception that was sent, if a message shows it. The message after the reply with
+    /// the exception reports whether the reply was read. If not, the reply may still be late, and the message after
+    /// that reports whether it has started the subroutine nevertheless.
     fn judge_exception(
         &mut self,
         lost_at: Duration,
@@ -146,7 +148,7 @@ impl Active {
     pub(super) fn lose_sequence(&mut self) {
         self.in_sequence = false;
         if self.settles_at.is_some() {
-            // It may have been the one that says that ALTER is interrupted.
+            // One of them may have been the message that ALTER is interrupted.
             self.sent |= self.kept;
         }
         if let Pending::Unread { in_sequence, .. } = &mut self.exception {
@@ -176,7 +178,8 @@ impl Active {
         }
     }
 
-    /// A target that is too old is not followed, also where a caller has not said what time it is before it asks for bytes.
+    /// Returns where the values go. A target that is too old is not followed, even if a caller has not passed the
+    /// time before it asks for bytes.
     pub(super) fn course(&self, now: Duration, config: &HostConfig) -> Course {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         match self.stage {
@@ -193,7 +196,7 @@ impl Active {
         }
     }
 
-    /// The words to send, and the axes that must wait; `None`: what must be sent does not fit.
+    /// Returns the words to send, and the axes that must wait; `None`: the words that must be sent do not fit.
     #[inline(always)] // where the lengths are known, so is their sum
     pub(super) fn select(
         &self,

@@ -1,4 +1,4 @@
-//! What a host is configured with, what it reports, and what it counts.
+//! The host's configuration, events and counters.
 
 use core::time::Duration;
 
@@ -24,29 +24,30 @@ pub struct HostConfig {
     /// Whether the ALTER instruction has an exception subroutine. Without one an exception aborts the robot's program,
     /// and [`Host::exception`](crate::Host::exception) refuses it. Default: no.
     pub subroutine: bool,
-    /// How start messages are answered; [`Host::set_policy`](crate::Host::set_policy) changes it. Default: accept.
+    /// The policy for start messages; [`Host::set_policy`](crate::Host::set_policy) changes it. Default: accept.
     pub policy: Policy,
-    /// How often in a row a corrupt start message is requested again; the next one is refused. Default: 2, since a controller
-    /// gives up after its third attempt.
+    /// The number of times in a row that a corrupt start message is requested again; the next one is refused.
+    /// Default: 2, since a controller gives up after its third attempt.
     pub repeats: u8,
     /// The number of cycles without a message after which the controller counts as lost; from 2. Default: 4.
     pub silence_cycles: u32,
     /// The longest silence inside a frame. `None` if reads are further apart than bytes, such as with
     /// a buffering adapter. Default: 4 ms.
     pub gap: Option<Duration>,
-    /// How long a target is valid. Then speeds go to zero (cumulative), and an offset stays constant (non-cumulative).
-    /// [`Duration::MAX`] means no limit. Default: 200 ms.
+    /// The time for which a target is valid. Then speeds go to zero (cumulative), and an offset stays constant
+    /// (non-cumulative). [`Duration::MAX`] means no limit. Default: 200 ms.
     pub target_timeout: Duration,
     /// The time left in the window when another axis begins to move: for doubled DLEs in the next messages, and for the time
     /// of the host. Relevant on slow lines. Default: 1 ms.
     pub reserve: Duration,
-    /// An assumption: the longest total delay of reading a message and sending its reply, without the transmission time on the
-    /// line. A reply has no number, and a later one may be taken for the reply to the next
-    /// message; an exception that it carries could then be executed twice. From what the window leaves of a cycle on (13 ms
-    /// cumulative, 11 ms non-cumulative) no message says anything of the reply before it: an exception that was sent is not sent
-    /// again, and its outcome is unknown; a word is sent, as zero too, until no reply can come any more in which it was not zero
-    /// (a tenth of a second and more), and a stop takes as long. [`HostEvent::Delayed`] shows that it is wrong for messages,
-    /// [`HostEvent::Rejected`] with a timeout that it may be for replies. Default: 10 ms.
+    /// An assumption: the longest total delay of reading a message and sending its reply, without the transmission
+    /// time on the line. A reply has no number, and a later one may be taken for the reply to the next message; an
+    /// exception that it carries could then be executed twice. If it is not shorter than the rest of a cycle after
+    /// the window (13 ms cumulative, 11 ms non-cumulative), no message shows the result of the previous reply: an
+    /// exception that was sent is not sent again, and its outcome is unknown; a word is sent, even as zero, until no
+    /// reply in which it was not zero can arrive any more (a tenth of a second and more), and a stop takes as long.
+    /// [`HostEvent::Delayed`] shows that the assumption is wrong for messages, [`HostEvent::Rejected`] with a timeout
+    /// that it may be wrong for replies. Default: 10 ms.
     pub max_delay: Duration,
     /// The rules that its machine keeps.
     #[cfg(feature = "model")]
@@ -61,19 +62,19 @@ robot_session::rules! {
         Mode,
         /// A word counts as zero only when the zero was read.
         WordsUntilRead,
-        /// What a controller makes of words during an interruption is not known.
+        /// The controller's treatment of words during an interruption is unknown.
         WordsInterrupted,
-        /// Nor what it makes of them while an exception that was not read may come late.
+        /// The same holds while an exception that was not read may come late.
         WordsUnread,
         /// Words that may be other than zero are always sent.
         WordsKept,
-        /// Where a reply may be late for its window, no message says what became of one.
+        /// If a reply may be late for its window, no message shows the outcome of a reply.
         InTime,
         /// An error code counts only in the message that follows the reply directly.
         InSequence,
         /// A reply counts as not read only in the message that follows it directly.
         Rejected,
-        /// Where a reply may be late for its window, a word counts as zero only when none that is not can come any more.
+        /// If a reply may be late for its window, a word counts as zero only when no other value can arrive any more.
         WordsLate,
         /// A reply that was not read may be late: the message after shows whether its exception was executed.
         Unread,
@@ -87,9 +88,9 @@ robot_session::rules! {
         Silent,
         /// A target expires.
         Stale,
-        /// What is too old is not followed, also before a late caller says what time it is.
+        /// A target that is too old is not followed, even before a late caller passes the time.
         FreshInUse,
-        /// Another start message ends the ALTER before.
+        /// Another start message ends the previous ALTER.
         Restart,
         /// A controller that sends nothing is lost.
         Lost,
@@ -101,7 +102,7 @@ robot_session::rules! {
 }
 
 impl HostConfig {
-    /// When a controller that sends nothing from now on counts as lost.
+    /// Returns the time at which a controller that sends nothing from now on counts as lost.
     pub(super) fn lost_at(&self, now: Duration) -> Duration {
         after(now, timing::CYCLE_NANOS * u64::from(self.silence_cycles))
     }
@@ -117,8 +118,9 @@ impl HostConfig {
         self.max_delay < timing::CYCLE.saturating_sub(timing::window(self.mode.accumulation()))
     }
 
-    /// When all is read that was sent before `now`, and a message says so, where replies are late: a reply, the message behind its window,
-    /// and two cycles. A line that is later than a controller is silent has no such time: then ALTER is over before.
+    /// Returns the time at which all bytes sent before `now` are read, and a message has reported it, if replies are
+    /// late: a reply, the message after its window, and two cycles. If the line is later than the silence of a lost
+    /// controller, ALTER is over before.
     pub(super) fn settles_at(&self, now: Duration) -> Duration {
         let most = timing::CYCLE.saturating_mul(self.silence_cycles);
         let late = self.max_delay.min(most);
@@ -164,7 +166,7 @@ impl Default for HostConfig {
     }
 }
 
-/// How start messages are answered.
+/// The policy for start messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Policy {
@@ -172,7 +174,7 @@ pub enum Policy {
     Accept,
     /// Refused: VAL II ends its program with an error (the operator's command "Verweigern", §10.6).
     Refuse,
-    /// Not answered at all.
+    /// Start messages are not answered.
     Ignore,
 }
 
@@ -194,30 +196,31 @@ pub enum HostEvent {
     /// ALTER is over without an end message.
     #[cfg_attr(feature = "serde", serde(serialize_with = "reason"))]
     Lost(LostReason),
-    /// What became of an exception.
+    /// The outcome of an exception.
     Exception {
-        /// Which.
+        /// The exception.
         exception: Exception,
-        /// What became of it.
+        /// The outcome of the exception.
         outcome: ExceptionOutcome,
     },
     /// [`Host::stop`](crate::Host::stop) is done: the controller has read zeros, and no message is answered any more.
     Stopped,
-    /// Bytes that are no message. `Host` has done what is to be done about it.
+    /// Bytes that are not a message. `Host` has reacted to them already.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// The deadline passed before `poll_transmit` was called: no reply was sent, and the controller will end ALTER.
     Missed,
-    /// The standard message before was read later than [`HostConfig::max_delay`] assumes: the next one came sooner after it than a
-    /// controller sends them. Exceptions may be executed twice on such a line; its adapter, or this setting, is to be changed.
+    /// The previous standard message was read later than [`HostConfig::max_delay`] assumes: the next one came sooner
+    /// after it than a controller sends them. Exceptions may be executed twice on such a line: change its adapter or
+    /// this setting.
     Delayed,
-    /// The controller could not read the last reply, and why. Behind a message that was lost or corrupt, and so not answered, it may be
-    /// about that one: then offsets go on from that of the last reply.
+    /// The controller could not read the last reply, with the reason. After a message that was lost or corrupt, and
+    /// so not answered, it may be about the missing reply: then offsets go on from that of the last reply.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
     /// No target was set for [`HostConfig::target_timeout`].
     TargetStale,
-    /// A call that the contract does not allow, or an input that the machine did not expect; nothing has changed.
+    /// A call that the contract does not allow, or an input that the machine did not expect. It has no effect.
     Unexpected(Unexpected),
 }
 
@@ -226,7 +229,7 @@ fn reason<S: serde::Serializer>(reason: &LostReason, serializer: S) -> Result<S:
     robot_session::under::name("reason", reason, serializer)
 }
 
-/// Why ALTER is over without an end message.
+/// The reason that ALTER is over without an end message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -239,34 +242,35 @@ pub enum LostReason {
     Disconnected,
 }
 
-/// What became of an exception.
+/// The outcome of an exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum ExceptionOutcome {
     /// The controller has read it: the subroutine was started.
     Done,
-    /// It was never sent, or the controller did not read it, also not late.
+    /// It was never sent, or the controller did not read it, not even late.
     NotDone,
     /// It was sent, and it is unknown whether it was read.
     Unknown(UnknownReason),
 }
 
-/// Why it is unknown whether an exception was read.
+/// The reason that it is unknown whether an exception was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum UnknownReason {
     /// ALTER ended before the next message.
     Ended,
-    /// A message was lost in between, or replies may be late: what the next message says may be about another reply.
+    /// A message was lost in between, or replies may be late: the report in the next message may be about another
+    /// reply.
     OutOfSequence,
     /// The controller did not read it in time, and the subroutine runs: by a reply that came late, or by itself.
     Unclear,
 }
 
 robot_session::counters! {
-    /// What a [`Host`](crate::Host) has counted since it was made.
+    /// The counts of a [`Host`](crate::Host) since it was made.
     pub struct HostStatistics {
         /// Start messages accepted.
         pub starts: u64,

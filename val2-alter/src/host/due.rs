@@ -1,11 +1,11 @@
-//! When an answer must leave.
+//! The time by which an answer must leave.
 
 use core::time::Duration;
 
 use super::config::HostConfig;
 use crate::timing::{after, transmission_nanos, window_after_nanos, window_nanos};
 
-/// When an answer must leave.
+/// The time by which an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Due {
@@ -28,7 +28,7 @@ impl Due {
         Self::new(now, window, config.reply_len(values as usize), config)
     }
 
-    /// What may be too late already may be tried once: a deadline lies ahead.
+    /// Returns the deadlines. `begin_by` is always later than `now`: an answer that may be too late is tried once.
     fn new(now: Duration, window: u64, shortest: usize, config: &HostConfig) -> Self {
         let slack = window.saturating_sub(transmission_nanos(shortest, config.baud)).max(1);
         Self { begin_by: after(now, slack), end_by: after(now, window) }

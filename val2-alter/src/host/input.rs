@@ -1,33 +1,33 @@
-//! What the session gives the host's machine, and what the machine has it do.
+//! The inputs from the session to the host's machine, and the machine's actions for the session.
 
 use super::config::{ExceptionOutcome, LostReason, Policy};
 use crate::error::SessionError;
 use crate::message::{AXES, ErrorCode, Exception, MotionPhase, StartCode};
 
-/// What the session understood.
+/// An input, as decoded by the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The port was opened.
     Connected,
     /// The port is gone.
     Disconnected,
-    /// Bytes came, and a frame has begun that is not whole, or not.
+    /// Bytes came; a frame may have begun that is not whole.
     Bytes {
-        /// A frame has begun.
+        /// Whether a frame has begun.
         partial: bool,
     },
     /// A start message, with the configured mode or another.
     Start {
-        /// It names the configured mode.
+        /// Whether it names the configured mode.
         is_expected: bool,
     },
     /// A standard message of this many bytes.
     Motion {
         /// Whether ALTER is interrupted.
         phase: MotionPhase,
-        /// What was wrong with the last reply.
+        /// The error of the last reply.
         error: ErrorCode,
-        /// Its length.
+        /// The length of the message in bytes.
         len: usize,
     },
     /// An end message.
@@ -40,14 +40,15 @@ pub enum Input {
     Timeout,
     /// The answer was sent.
     Sent {
-        /// Bit *i*: it has a word *i* that is not zero.
+        /// Bit *i*: word *i* of the answer is not zero.
         moving: u8,
-        /// It is all zeros, and no axis moves.
+        /// Whether it is all zeros, and no axis moves.
         at_rest: bool,
     },
     /// The answer that was due does not end in time.
     Late,
-    /// A start message is not answered: that is the policy, or there is no room for the outcomes of an ALTER.
+    /// A start message is not answered, by the policy or because the event queue has no space for the outcomes of an
+    /// ALTER.
     Ignored,
     /// The caller has set a target.
     Target,
@@ -57,12 +58,12 @@ pub enum Input {
     Exception {
         /// The code.
         exception: Exception,
-        /// There is room for the outcome.
+        /// Whether the event queue has space for the outcome.
         has_room: bool,
     },
     /// The caller stops.
     Stop,
-    /// How start messages are answered from now on.
+    /// The policy for start messages from now on.
     Policy(Policy),
     /// Whether an exception subroutine is installed.
     Subroutine(bool),
@@ -71,7 +72,7 @@ pub enum Input {
 /// An answer that could be sent. Its lengths may be greater than they are where that [fits](crate::host::machine::HostMachine::fits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Draft {
-    /// Its length without words.
+    /// The length without words.
     pub bare: u8,
     /// The length of each word.
     pub words: [u8; AXES],
@@ -79,7 +80,7 @@ pub struct Draft {
     pub moving: u8,
 }
 
-/// What is to be answered.
+/// The answer to a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Answer {
     /// No answer: the start message is ignored.
@@ -88,14 +89,14 @@ pub enum Answer {
     Start(StartCode),
     /// The answer to a standard message.
     Reply {
-        /// Where the values go.
+        /// The course of the values.
         course: Course,
         /// The exception in it.
         exception: Exception,
     },
 }
 
-/// Where the values go.
+/// The course of the values in a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Course {
     /// To the caller's target.
@@ -104,14 +105,14 @@ pub enum Course {
     Zero,
     /// An offset brakes and stays.
     Hold,
-    /// The controller has brought the arm to rest: nothing moves, and what follows begins from rest.
+    /// The controller has brought the arm to rest: nothing moves, and the next motion begins from rest.
     Rest,
 }
 
-/// What became of the caller's exception, if that is known now.
+/// The outcome of the caller's exception; `None`: it is not known yet, or there is no exception.
 pub type Outcome = Option<(Exception, ExceptionOutcome)>;
 
-/// What the host does, and reports in the order of the fields.
+/// An action of the host. It reports in the order of the fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -128,17 +129,17 @@ pub enum Action {
     Asked(Judged),
     /// A stop is done.
     Stopped(Judged),
-    /// What became of the exception.
+    /// The outcome of the exception.
     Exception(Exception, ExceptionOutcome),
     /// ALTER has ended with an end message.
     Ended(Outcome),
-    /// ALTER is over without one.
+    /// ALTER is over without an end message.
     Lost {
-        /// A message was not answered.
+        /// Whether a message was not answered.
         missed: bool,
-        /// The exception's.
+        /// The outcome of the exception.
         outcome: Outcome,
-        /// Why.
+        /// The reason.
         reason: LostReason,
     },
     /// The answer to a start message was sent.
@@ -147,16 +148,17 @@ pub enum Action {
     SentReply(Exception),
 }
 
-/// What a standard message says of the one before.
+/// The results that a standard message shows about the previous one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Judged {
-    /// It was not answered in time.
+    /// Whether it was not answered in time.
     pub missed: bool,
-    /// It was read later than the host assumes that anything is.
+    /// Whether it was read later than the longest delay that the host assumes.
     pub delayed: bool,
-    /// The controller could not read a reply, and whether that was the last one: the arm did not move by it.
+    /// The error if the controller could not read a reply, and whether that was the last reply: the arm did not move
+    /// by it.
     pub rejected: Option<(ErrorCode, bool)>,
-    /// The exception's.
+    /// The outcome of the exception.
     pub outcome: Outcome,
 }
 

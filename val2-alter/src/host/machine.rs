@@ -1,5 +1,5 @@
-//! The host's machine: everything that decides what the host does, and nothing else. Values of axes are not in it: it knows
-//! which words may be other than zero.
+//! The host's machine: everything that decides what the host does, and nothing else. It does not contain the values
+//! of axes, only which words may be other than zero.
 
 use core::time::Duration;
 
@@ -192,7 +192,7 @@ impl Machine for HostMachine {
 }
 
 impl HostMachine {
-    /// When [`Input::Timeout`] has something to do.
+    /// Returns the next time at which [`Input::Timeout`] has something to do.
     #[inline(always)]
     fn expires_at(&self) -> Duration {
         const NEVER: Duration = Duration::MAX;
@@ -242,7 +242,7 @@ impl HostMachine {
 
     fn start(&mut self, now: Duration, is_expected: bool, config: &HostConfig) -> Action {
         let missed = self.reply_by().is_some();
-        // The start message again: the answer to the one before was not read.
+        // A repeated start message: the answer to the previous one was not read.
         let again = matches!(&self.phase, HostPhase::Active(active) if active.stage == Stage::Accepted);
         let action = match self.over(LostReason::Restart, missed) {
             lost @ Action::Lost { .. } if config.keeps(Rule::Restart) && !again => lost,
@@ -254,7 +254,7 @@ impl HostMachine {
         action
     }
 
-    /// ALTER is over, if there is one: what the caller waits for ends.
+    /// Returns the action at the end of ALTER, if there is one, with the outcome of the caller's exception.
     fn over(&self, reason: LostReason, missed: bool) -> Action {
         let outcome = match &self.phase {
             HostPhase::Active(active) => active.outcome_at_end(),
@@ -310,7 +310,7 @@ impl HostMachine {
         Ok(Action::SentStart(code))
     }
 
-    /// What comes of itself, one thing each time.
+    /// Handles expired deadlines, one at a time.
     #[cold]
     fn expire(&mut self, now: Duration) -> Action {
         if self.gap_at.take_if(|at| is_due(*at, now)).is_some() {

@@ -41,7 +41,7 @@ use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judg
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
-    /// Where the caller goes, what the limits make of it, and what was sent last.
+    /// The caller's target, the limiter that approaches it, and the values that were sent last.
     target: [i16; AXES],
     limiter: Limiter,
     sent: [i16; AXES],
@@ -127,7 +127,7 @@ impl Host {
         }
     }
 
-    /// How start messages are answered.
+    /// Returns the policy for start messages.
     pub fn policy(&self) -> Policy {
         self.core.machine.policy
     }
@@ -143,7 +143,7 @@ impl Host {
         self.core.machine.reply_by()
     }
 
-    /// What is not done in every cycle: one copy of it is enough.
+    /// Applies the actions that are not taken in every cycle: one copy of the code is enough.
     #[cold]
     fn act_rarely(&mut self, now: Duration, action: Action) {
         match action {
@@ -229,7 +229,7 @@ impl Host {
         Some((length, Input::Sent { moving: 0, at_rest: true }))
     }
 
-    /// A reply on a slow line, or late: what it has depends on its length.
+    /// Writes a reply on a slow line, or late: its words depend on its length.
     #[inline(never)]
     fn write_measured(
         &mut self,

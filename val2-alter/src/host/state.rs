@@ -1,4 +1,4 @@
-//! What the host's machine remembers.
+//! The state of the host's machine.
 
 use core::time::Duration;
 
@@ -6,36 +6,36 @@ use super::config::Policy;
 use super::due::Due;
 use crate::message::{Exception, MotionPhase};
 
-/// The state of a host: everything that decides what it does, and nothing else. Values of axes are not in it: it knows which
-/// words may be other than zero.
+/// The state of a host: everything that decides what it does, and nothing else. It does not contain the values of
+/// axes, only which words may be other than zero.
 ///
 #[doc = include_str!("../../diagrams/host.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct HostMachine {
-    /// What is going on.
+    /// The current phase.
     pub phase: HostPhase,
-    /// How start messages are answered.
+    /// The policy for start messages.
     pub policy: Policy,
     /// Whether an exception subroutine is installed.
     pub subroutine: bool,
-    /// When a silence ends the frame that has begun.
+    /// The time at which a silence ends the frame that has begun; `None`: no frame has begun.
     pub gap_at: Option<Duration>,
 }
 
-/// What is going on.
+/// The phase of a host.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum HostPhase {
     /// The port is not open.
     Disconnected,
     /// No ALTER.
     Idle,
-    /// What may have been a start message was corrupt.
+    /// A corrupt frame came that may have been a start message.
     Repeating {
-        /// How often in a row it was asked for again.
+        /// The number of requests in a row to repeat it.
         asked: u8,
         /// The answer that is due.
         answer: Option<Due>,
-        /// When the count restarts.
+        /// The time at which the count restarts.
         forget_at: Duration,
     },
     /// A start message is not answered yet.
@@ -49,7 +49,7 @@ pub enum HostPhase {
     Active(Active),
     /// The host has stopped: no message is answered.
     Silent {
-        /// When the controller counts as lost.
+        /// The time at which the controller counts as lost.
         lost_at: Duration,
     },
 }
@@ -57,27 +57,28 @@ pub enum HostPhase {
 /// An ALTER.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Active {
-    /// How far it is.
+    /// The stage of the ALTER.
     pub stage: Stage,
     /// The message to be answered.
     pub request: Option<Request>,
-    /// When the controller counts as lost.
+    /// The time at which the controller counts as lost.
     pub lost_at: Duration,
     /// Whether the values follow the caller.
     pub target: Target,
     /// The caller's exception.
     pub exception: Pending,
-    /// Bit *i*: the controller may hold a word *i* that is not zero, whatever it makes of words that are left out.
+    /// Bit *i*: the controller may hold a word *i* that is not zero, however it treats words that are left out.
     pub kept: u8,
-    /// The same if it has read the last reply. Where replies may be late: what any reply had since `settles_at` was set.
+    /// The same if it has read the last reply. If replies may be late: the bits of all replies since `settles_at` was
+    /// set.
     pub sent: u8,
-    /// Where replies may be late: when none from before it was set comes any more.
+    /// If replies may be late: the time after which no reply from before it was set can arrive any more.
     pub settles_at: Option<Duration>,
-    /// The last message was answered, and nothing corrupt has come since.
+    /// Whether the last message was answered, and nothing corrupt has come since.
     pub in_sequence: bool,
 }
 
-/// How far an ALTER is.
+/// The stage of an ALTER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// No standard message came yet.
@@ -88,7 +89,7 @@ pub enum Stage {
     Interrupted,
     /// The caller has stopped: the values go to zero.
     Stopping {
-        /// The last reply was all zeros, at rest.
+        /// Whether the last reply was all zeros, at rest.
         zeros_sent: bool,
     },
 }
@@ -100,27 +101,28 @@ pub enum Target {
     Unset,
     /// A target was set.
     Fresh {
-        /// How long it holds.
+        /// The time at which it expires.
         until: Duration,
     },
-    /// It is too old.
+    /// The target is too old.
     Stale,
 }
 
 /// The caller's exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Pending {
-    /// There is none.
+    /// No exception.
     None,
     /// To be sent with the next reply.
     Unsent(Exception),
     /// Sent with the last reply.
     Sent(Exception),
-    /// Sent with the reply before the last message, which said that no reply was read: it may have come late since.
+    /// Sent with the reply before the last message, which reported that no reply was read: it may have come late
+    /// since.
     Unread {
         /// The code.
         exception: Exception,
-        /// That message followed directly, and nothing corrupt has come since.
+        /// Whether that message followed directly, and nothing corrupt has come since.
         in_sequence: bool,
     },
 }
@@ -129,7 +131,7 @@ pub enum Pending {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Request {
-    /// When the reply must leave.
+    /// The time by which the reply must leave.
     pub due: Due,
     /// Whether ALTER is interrupted.
     pub phase: MotionPhase,

@@ -1,4 +1,5 @@
-//! The codes of the messages. Every enum is total: what the source does not name is kept and is written again unchanged.
+//! The codes of the messages. Every enum is total: a code that the source does not name is kept and is written again
+//! unchanged.
 
 /// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form. The range has the codes
 /// that its field on the wire can hold.
@@ -47,27 +48,27 @@ macro_rules! codes {
 }
 
 codes! {
-    /// What was wrong with the host's last reply (§3.2.2): three bits of the control byte.
+    /// The error of the host's last reply (§3.2.2): three bits of the control byte.
     ErrorCode in 0..=7 => {
-        /// Nothing.
+        /// No error.
         None = 0,
-        /// Its checksum did not fit.
+        /// The checksum did not fit.
         Checksum = 1,
-        /// Its fields did not fit.
+        /// The fields did not fit.
         Format = 2,
-        /// It was longer than the controller's buffer.
+        /// The reply was longer than the controller's buffer.
         Overflow = 3,
-        /// It broke off.
+        /// The reply broke off.
         Incomplete = 4,
-        /// Its start or end mark was wrong.
+        /// The start or end mark was wrong.
         Mark = 5,
-        /// It did not come in time.
+        /// The reply did not come in time.
         Timeout = 6,
     }
 }
 
 codes! {
-    /// How the current motion segment goes (§3.2.2).
+    /// The state of the current motion segment (§3.2.2).
     SegmentStatus in 0..=255 => {
         /// No motion instruction has been executed yet.
         NoneYet = 1,

@@ -1,4 +1,4 @@
-//! What the host sends (§3.3).
+//! The messages of the host (§3.3).
 
 use super::codes::{Exception, StartCode};
 use super::side::{Message, Sealed};

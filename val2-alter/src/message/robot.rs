@@ -1,4 +1,4 @@
-//! What the robot controller sends (§3.2).
+//! The messages of the robot controller (§3.2).
 
 use super::codes::{ErrorCode, SegmentStatus};
 use super::mode::Mode;
@@ -87,7 +87,7 @@ pub struct Start {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "super::json::is_true"))]
     #[cfg_attr(feature = "arbitrary", arbitrary(value = true))]
     pub marked: bool,
-    /// What was wrong with the answer to the attempt before.
+    /// The error of the answer to the previous attempt.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "super::json::is_none"))]
     pub error: ErrorCode,
     /// The mode of the ALTER instruction.
@@ -140,7 +140,7 @@ impl List {
     /// A list of these words.
     ///
     /// # Errors
-    /// When there are more than [`List::MAX`].
+    /// If there are more than [`List::MAX`].
     pub fn new(words: &[i16]) -> Result<Self, EncodeError> {
         let mut list = Self::EMPTY;
         let room = list
@@ -200,15 +200,15 @@ impl defmt::Format for List {
 pub struct Motion {
     /// Whether ALTER runs or is interrupted by the exception subroutine.
     pub phase: MotionPhase,
-    /// What was wrong with the last reply.
+    /// The error of the last reply.
     pub error: ErrorCode,
-    /// How the current motion segment goes.
+    /// The state of the current motion segment.
     pub segment_status: SegmentStatus,
     /// Counts the program's motion instructions, from 1.
     pub segment: u16,
     /// The part of the segment that is done; 16384 (40000 octal) is all of it. See [`Motion::fraction`].
     pub percent: u16,
-    /// Where the tool is, when mode bit 2 asks for it.
+    /// The position and orientation of the tool, if mode bit 2 asks for it.
     pub transform: Option<Transform>,
 }
 
@@ -278,7 +278,7 @@ pub enum MotionPhase {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "end"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct End {
-    /// Why ALTER ended; none when the program ended it.
+    /// The reason that ALTER ended; [`ErrorCode::None`] if the program ended it.
     pub error: ErrorCode,
 }
 

@@ -1,4 +1,4 @@
-//! What both sides' messages have in common.
+//! The common trait of both sides' messages.
 
 use robot_session::Encode;
 
@@ -6,7 +6,7 @@ use crate::error::{DecodeError, EncodeError};
 use crate::frame::{Frame, plain_data, plain_len};
 use crate::framing::Framing;
 
-/// What one side of the link sends. Implemented by [`RobotMessage`](crate::RobotMessage) and
+/// A message of one side of the link. Implemented by [`RobotMessage`](crate::RobotMessage) and
 /// [`HostMessage`](crate::HostMessage), and closed.
 pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
     /// The most data bytes that a message of this side has.
@@ -71,7 +71,7 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
 pub struct Framed<M> {
     /// The message.
     pub message: M,
-    /// Its envelope.
+    /// The envelope of the message.
     pub framing: Framing,
 }
 

@@ -1,4 +1,4 @@
-//! The borders: JSON that is no message, places of errors, codecs at the end of a stream, getters and defaults.
+//! Edge cases: JSON that is not a message, positions of errors, codecs at the end of a stream, getters and defaults.
 
 use core::time::Duration;
 
@@ -197,7 +197,7 @@ fn a_checksum_of_dle_may_begin_the_next_frame_unless_it_is_doubled() {
     }
 }
 
-/// The first checksum is lost: what is read for it is the first DLE of the next frame.
+/// The first checksum is lost: the first DLE of the next frame is read in its place.
 #[test]
 fn a_lost_checksum_of_dle_costs_no_frame() {
     let message = RobotMessage::Start(Start::new(Mode(0x70), List::EMPTY));
@@ -255,7 +255,7 @@ fn a_wrong_checksum_is_reported_as_such_and_covers_its_frame() {
     assert_eq!(items(frame), [(sum(6), 7)]);
     assert_eq!(items(&[*frame, *frame].concat()), [(sum(6), 7), (sum(13), 14)]);
     assert_eq!(items(&[b"noise".as_slice(), frame, b"noise"].concat())[1], (sum(11), 17));
-    // It is known before the next frame shows where it ends.
+    // The error is reported before the next frame shows where the corruption ends.
     let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
     assert_eq!(decoder.push(frame), 7);
     assert_eq!(decoder.next_frame(), None);
@@ -406,7 +406,7 @@ fn the_end_of_time_is_survived() {
     }
 }
 
-/// HALT, REACTI or BREAK, a fault or a panic stop, a signal; and what has no name.
+/// HALT, REACTI or BREAK, a fault or a panic stop, a signal; and a value without a name.
 #[test]
 fn each_segment_status_says_whether_the_arm_is_stopped() {
     let moves: Vec<u8> = (0..=255).filter(|code| !SegmentStatus::from(*code).is_stop()).collect();

@@ -31,7 +31,7 @@ const LONG: Duration = Duration::from_secs(30);
 const FAST: u32 = u32::MAX;
 const MS: Duration = Duration::from_millis(1);
 
-/// Where the arm is by the values that its controller has taken, and the furthest that it was.
+/// The arm's position by the values that its controller has accepted, and its furthest position.
 type Path = Arc<Mutex<([i32; 6], [i32; 6])>>;
 
 /// A controller that executes ALTER again whenever it has ended.
@@ -112,7 +112,7 @@ async fn a_target_from_anywhere_stays_within_reach_and_a_stop_is_waited_for() {
     assert!(matches!(arm.stop().await, Err(Error::Closed(_))));
 }
 
-/// A target is as old as its caller lets it become, also where nobody has said that it ends.
+/// A target expires after its timeout, even if its caller does not clear it.
 #[tokio::test]
 async fn a_target_that_nobody_renews_ends() {
     let (arm, _path) = cell(None).await;
@@ -336,7 +336,7 @@ async fn without_a_connection_a_call_says_why() {
     }
 }
 
-/// A peer, by what it does with a connection.
+/// A peer, by its treatment of a connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Peer {
     Closes,

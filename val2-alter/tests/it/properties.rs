@@ -1,4 +1,4 @@
-//! What must hold for every message, every chunking and every damage.
+//! Properties of every message, every chunking and every damage.
 
 #![allow(clippy::cast_possible_truncation)]
 
@@ -88,7 +88,7 @@ proptest! {
         round_trip(host, framing);
     }
 
-    /// Read in place, eight bytes at a time, or byte by byte: what is wrong is wrong in the same way.
+    /// A frame read in place, eight bytes at a time, and byte by byte gives the same errors.
     #[test]
     fn a_frame_that_is_read_in_place_is_read_alike(
         robot in messages::<RobotMessage>(), framing in framings(), at in any::<prop::sample::Index>(), found in byte(),
@@ -280,7 +280,7 @@ impl Rng {
 }
 
 proptest! {
-    /// Whatever the host sends and the user does.
+    /// For any bytes of the host and any calls of the user.
     #[test]
     fn a_controller_sends_one_message_in_a_window(
         mode: u8,

@@ -1,4 +1,4 @@
-//! What the sessions count, and what a reply has in its window.
+//! The counts of the sessions, and the contents of a reply in its window.
 
 use core::time::Duration;
 
@@ -94,7 +94,7 @@ fn a_host_counts_each_message_and_each_reply() {
     assert_eq!((counted.missed, counted.lost, counted.corrupt, counted.unexpected), (0, 0, 0, 0));
 }
 
-/// Whatever is in them: they are not read.
+/// Such bytes are not read, whatever they contain.
 #[test]
 fn bytes_without_a_connection_are_one_unexpected_input() {
     let accept = wire(HostMessage::StartReply(StartCode::Accept), Framing::DEFAULT);
@@ -124,7 +124,7 @@ fn reply_in(room: usize, config: HostConfig, exception: Exception, values: [i16;
     sent(&mut host, 56 * MS + budget.slack().expect("the window is longer"))
 }
 
-/// A word that would end behind the window is left out, and no other; without room for the exception there is no reply.
+/// Only a word that would end after the window is left out; if the exception does not fit, no reply is sent.
 #[test]
 fn a_reply_has_the_words_that_fit_its_window_and_ends_in_it() {
     let words = [[0x1010; 6], [1, 2, 3, 4, 5, 6], [0, 0, 0, 0, 7, 0], [16, 0, 0x1000, -1, 0x1010, 5]];

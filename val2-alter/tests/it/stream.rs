@@ -1,4 +1,4 @@
-//! What a decoder makes of bytes that are nearly a frame, and when it says so.
+//! The results of a decoder for bytes that are nearly a frame, and when it returns them.
 
 use robot_session::Decoder as _;
 use val2_alter::{
@@ -94,7 +94,7 @@ fn no_wrong_checksum_passes_and_each_costs_its_frame_alone() {
 fn a_frame_ends_at_its_own_end_mark() {
     // 03h and the checksum stand in the data, where an end mark of a shorter message would have them.
     let shorter = start(&[0x0346, 0x55, 0, 0]);
-    // And behind it, where one of a longer message would have them.
+    // And after it, where a longer message would have them.
     let first = start(&[1, 2, 3, 4]);
     let sum = *wire(first, Framing::DEFAULT).last().unwrap();
     let longer = [first, motion(3, sum.into(), None)];

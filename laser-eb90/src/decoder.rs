@@ -18,7 +18,7 @@ pub struct Decoder {
     raw: StreamBuffer<{ Frame::MAX_LEN }>,
     /// The frame that the bytes begin with; new as long as they begin with no head.
     scan: Scan,
-    /// How many of them begin no head.
+    /// The number of these bytes that do not begin a head.
     hunted: usize,
     /// No more bytes will come.
     finished: bool,
@@ -37,7 +37,7 @@ impl Decoder {
         self.raw.is_empty()
     }
 
-    /// Whether what is held begins as a frame does, as far as it goes.
+    /// Returns whether the held bytes begin as a frame does, as far as they go.
     pub(crate) fn has_begun(&self) -> bool {
         let raw = self.raw.bytes();
         !raw.is_empty() && raw.iter().zip(HEAD).all(|(byte, head)| *byte == head)
@@ -91,7 +91,7 @@ impl Decoder {
         Some(DecodeError::NoHead { skipped })
     }
 
-    /// Waits for another byte; what is held is an error when no more will come.
+    /// Waits for another byte. When no more will come, the bytes that are held are an error.
     #[inline]
     fn wait(&mut self) -> Option<DecodeError> {
         let held = self.raw.len();

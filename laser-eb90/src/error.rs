@@ -1,7 +1,7 @@
 //! Errors: [`DecodeError`] is the peer's or the line's fault, [`EncodeError`], [`SessionError`] and [`ConfigError`] are the
 //! caller's.
 
-/// Bytes that are no frame.
+/// Bytes that are not a frame.
 ///
 /// Offsets into a frame count from its first byte on the wire, offsets into a payload count unstuffed bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -12,31 +12,31 @@ pub enum DecodeError {
     /// Bytes that no head `EB 90 82` begins (帧头, §3(2)).
     #[error("no frame head in {skipped} bytes")]
     NoHead {
-        /// How many bytes.
+        /// The number of bytes.
         skipped: usize,
     },
     /// The head is not followed by the frame flag: a false head, or a corrupt flag.
     #[error("expected the frame flag {expected:02X}h, found {found:02X}h (at byte {offset})")]
     Flag {
-        /// Its place in the frame.
+        /// The offset in the frame.
         offset: usize,
         /// The flag.
         expected: u8,
-        /// What is there.
+        /// The byte in its place.
         found: u8,
     },
     /// A 90h that is neither doubled nor the beginning of the tail (§3(2)).
     #[error("90h is followed by {found:02X}h, which is neither 90h nor a tail (at byte {offset})")]
     Stuffing {
-        /// The place of the byte after 90h in the frame.
+        /// The offset in the frame of the byte after 90h.
         offset: usize,
-        /// That byte.
+        /// The byte after 90h.
         found: u8,
     },
     /// No tail within the longest payload that is taken.
     #[error("the payload is longer than {limit} bytes (at byte {offset})")]
     TooLong {
-        /// The place in the frame of the first byte too many.
+        /// The offset in the frame of the first byte too many.
         offset: usize,
         /// The longest payload.
         limit: usize,
@@ -44,17 +44,17 @@ pub enum DecodeError {
     /// The check word is not that of the unstuffed payload (校验字, §3(3)).
     #[error("the checksum is {found:X}h, the payload's is {expected:X}h (at byte {offset})")]
     Checksum {
-        /// The place of the checksum in the frame.
+        /// The offset of the checksum in the frame.
         offset: usize,
-        /// The payload's.
+        /// The checksum of the payload.
         expected: u16,
-        /// The frame's.
+        /// The checksum in the frame.
         found: u16,
     },
-    /// A byte that is no tag where one must be. In front of the payload it shows a false head.
+    /// A byte that is not a tag where one must be. In front of the payload it shows a false head.
     #[error("{found:02X}h is not a tag (at payload byte {offset})")]
     Tag {
-        /// Its place in the payload.
+        /// The offset in the payload.
         offset: usize,
         /// The byte.
         found: u8,
@@ -62,20 +62,20 @@ pub enum DecodeError {
     /// An item needs more bytes than the payload holds.
     #[error("an item needs {needed} bytes, the payload has {found} left (at payload byte {offset})")]
     Item {
-        /// The place of the item's tag in the payload.
+        /// The offset of the item's tag in the payload.
         offset: usize,
-        /// Tag, count and values.
+        /// The length of tag, count and values, in bytes.
         needed: usize,
-        /// What is left, from the tag on.
+        /// The remaining bytes, from the tag on.
         found: usize,
     },
-    /// The payload does not begin with a command word: it is no instruction and no reply.
+    /// The payload does not begin with a command word: it is neither an instruction nor a reply.
     #[error("the payload does not begin with a command word")]
     NoWord,
     /// The line is silent, or the input ended, within a frame or in bytes without a head.
     #[error("{held} bytes are not a complete frame")]
     Incomplete {
-        /// How many bytes.
+        /// The number of bytes.
         held: usize,
     },
 }
@@ -91,33 +91,33 @@ pub enum EncodeError {
     BufferTooSmall {
         /// The bytes to write.
         needed: usize,
-        /// The room there is.
+        /// The free bytes of the buffer.
         available: usize,
     },
     /// An item's count is one byte.
     #[error("an item holds at most 255 values, not {count}")]
     TooManyValues {
-        /// How many there were.
+        /// The number of values.
         count: usize,
     },
     /// A frame needs at least one item: its first byte distinguishes a head from a false one.
     #[error("a frame without items")]
     Empty,
-    /// A NaN or an infinity: no position, no angle and no power is one.
+    /// A NaN or an infinity: it is not a position, an angle or a power.
     #[error("value {index} is not finite")]
     NotFinite {
-        /// Its place in the item, from 0.
+        /// The index in the item, from 0.
         index: usize,
     },
 }
 
-/// A request that a session cannot fulfil: the caller's fault. Nothing has changed.
+/// A call that a session cannot fulfil: the caller's fault. It has no effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The next frame has no room for the instruction, or it must travel alone. Send first.
+    /// The instruction does not fit the next frame, or must travel alone. Send the frame first.
     #[error("the next frame has no room for this instruction")]
     Full,
     /// A word that is not a command word.
@@ -164,20 +164,20 @@ pub enum ConfigError {
     /// More ranges of command words than a set of words holds.
     #[error("a set of words has at most {limit} ranges of command words")]
     TooManyRanges {
-        /// How many it holds.
+        /// The largest number.
         limit: usize,
     },
 }
 
-/// What a word is used for.
+/// The use of a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum WordUse {
-    /// It is a command word.
+    /// The word is a command word.
     Command,
-    /// It is an error code.
+    /// The word is an error code.
     Error,
 }
 

@@ -72,7 +72,7 @@ impl<'a> Frame<'a> {
         self.write(|bytes| out.put_slice(bytes));
     }
 
-    /// What it carries.
+    /// Returns the items of the frame.
     pub fn items(&self) -> Items<'a> {
         Items::new(self.payload, &self.profile)
     }
@@ -149,7 +149,7 @@ pub(crate) fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> 
     good.then_some((payload, bytes.len() - check.len() + profile.checksum.len()))
 }
 
-/// How far a frame has been read and its payload copied; goes on where it stopped when more bytes come.
+/// The position up to which a frame has been read and its payload copied; goes on from there when more bytes come.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scan {
     /// Bytes of the frame that are done with; 0 as long as nothing has been read.
@@ -166,7 +166,7 @@ pub(crate) struct Body {
     pub(crate) used: usize,
 }
 
-/// What is wrong with a frame, and how many of its bytes were examined to see it.
+/// The error of a frame, and the number of its bytes that were examined to find it.
 #[derive(Debug)]
 pub(crate) struct Corrupt {
     pub(crate) error: DecodeError,
@@ -176,7 +176,7 @@ pub(crate) struct Corrupt {
 impl Scan {
     pub(crate) const NEW: Self = Self { read: 0, len: 0 };
 
-    /// Nothing has been read yet.
+    /// Returns whether nothing has been read yet.
     #[inline]
     pub(crate) fn is_new(&self) -> bool {
         self.read == 0
@@ -216,7 +216,7 @@ impl Scan {
         }
     }
 
-    /// Blocks are copied as they are, and count as far as there is no 90h in them; what it doubles is one byte.
+    /// Copies whole blocks. A block counts up to its first 90h; a doubled 90h counts as one byte.
     #[inline]
     fn copy_blocks<const N: usize>(&mut self, raw: &[u8], payload: &mut [u8]) {
         let (mut rest, mut free) =
@@ -244,7 +244,7 @@ impl Scan {
         self.len += room - free.len();
     }
 
-    /// Checks what comes after the tail.
+    /// Checks the checksum after the tail.
     fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Corrupt> {
         let offset = self.read + 2;
         let Some(found) = check_word(raw.get(offset..).unwrap_or_default(), profile) else { return Ok(None) };
@@ -291,7 +291,7 @@ fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Corrupt> {
     Err(Corrupt { error, examined })
 }
 
-/// Where the first head in `bytes` begins, whole or cut off by their end; their length if none does.
+/// Returns the offset of the first head in `bytes`, whole or cut off by their end; their length if no head begins.
 pub(crate) fn find_head(bytes: &[u8]) -> usize {
     let mut from = 0;
     loop {
@@ -310,8 +310,8 @@ pub(crate) fn has_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD)
 }
 
-/// The place of the first 90h; the length if there is none. Blocks of a fixed size become a few vector instructions, where a
-/// search is a branch a byte.
+/// Returns the offset of the first 90h; the length if there is no 90h. Blocks of a fixed size become a few vector
+/// instructions, while a search is a branch per byte.
 fn find_mark(bytes: &[u8]) -> usize {
     let mut rest = bytes;
     while let Some((block, after)) = rest.split_first_chunk::<64>()
@@ -339,7 +339,7 @@ fn find_mark(bytes: &[u8]) -> usize {
     bytes.len() - rest.len()
 }
 
-/// The place of the first 90h, and the sum of what is before it.
+/// Returns the offset of the first 90h, and the sum of the bytes before it.
 #[inline(never)]
 fn sum_to_mark(bytes: &[u8]) -> (usize, u32) {
     let (mut rest, mut sum) = (bytes, 0);
@@ -376,7 +376,7 @@ fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
     !block.iter().fold(false, |any, &b| any | (b == MARK))
 }
 
-/// Where the first 90h of a block is that has one.
+/// Returns the offset of the first 90h of a block that has one.
 #[inline]
 fn place_of_mark(block: &[u8]) -> usize {
     let mut place = 0;
@@ -411,7 +411,7 @@ fn check_word(bytes: &[u8], profile: &Profile) -> Option<u16> {
     })
 }
 
-/// What it has to be: the sum of the unstuffed payload, as the profile wants it.
+/// Returns the sum of the unstuffed payload, in the form that the profile requires.
 fn checksum(payload: &[u8], profile: &Profile) -> u16 {
     checksum_of(sum(payload), profile)
 }

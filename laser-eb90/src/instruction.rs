@@ -1,4 +1,4 @@
-//! Instructions and replies: what the items of a payload mean.
+//! Instructions and replies: the meaning of a payload's items.
 
 use crate::error::DecodeError;
 use crate::items::{Item, Items};

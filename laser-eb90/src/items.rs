@@ -1,4 +1,4 @@
-//! What a frame carries: items, each a tag, a count and that many values of one type.
+//! The items of a frame: each a tag, a count and that many values of one type.
 
 use crate::error::DecodeError;
 use crate::profile::{ByteOrder, Profile, Tags};
@@ -48,12 +48,12 @@ impl<'a> Items<'a> {
     /// Reads over all items that are left.
     ///
     /// # Errors
-    /// A byte that is no tag, or an item that is longer than the payload.
+    /// A byte that is not a tag, or an item that is longer than the payload.
     pub fn check(mut self) -> Result<(), DecodeError> {
         self.try_for_each(|item| item.map(drop))
     }
 
-    /// The items up to where `rest` begins; `rest` is what is left of the same items.
+    /// Returns the items before `rest`, which is the end of the same items.
     pub(crate) fn before(self, rest: Items<'a>) -> Self {
         let length = self.rest.len().saturating_sub(rest.rest.len());
         Self {
@@ -126,12 +126,12 @@ impl<'a, T: Number> Values<'a, T> {
         Self { bytes, order, number: core::marker::PhantomData }
     }
 
-    /// How many there are: 0 to 255.
+    /// Returns the number of values: 0 to 255.
     pub fn len(&self) -> usize {
         self.bytes.len() / size_of::<T>()
     }
 
-    /// There are none.
+    /// Returns whether there are no values.
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }

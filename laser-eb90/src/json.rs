@@ -179,7 +179,7 @@ impl<'de> Visitor<'de> for OneItem<'_, '_> {
     }
 }
 
-/// Up to 255 numbers and how many there are.
+/// Up to 255 numbers, and their count.
 struct Numbers<T>([T; MAX_VALUES], usize);
 
 const MAX_VALUES: usize = 255;
@@ -210,7 +210,7 @@ impl<'de, T: Deserialize<'de> + Copy + Default> Deserialize<'de> for Numbers<T> 
     }
 }
 
-/// Up to 255 characters, each a byte, and how many there are.
+/// Up to 255 characters, each a byte, and their count.
 struct Text([u8; MAX_VALUES], usize);
 
 impl<'de> Deserialize<'de> for Text {

@@ -5,7 +5,7 @@ use crate::frame::{Frame, MAX_PAYLOAD};
 use crate::items::Items;
 use crate::profile::{ByteOrder, Profile};
 
-/// Writes items into a buffer, one after the other. What fails leaves the payload as it was.
+/// Writes items into a buffer, one after the other. A failed write leaves the payload as it was.
 ///
 /// ```
 /// use laser_eb90::{Payload, Profile};
@@ -38,7 +38,7 @@ impl<'b> Payload<'b> {
     /// Adds an item of floats.
     ///
     /// # Errors
-    /// A NaN or an infinity, more than 255 values, or no room.
+    /// A NaN or an infinity, more than 255 values, or a buffer that is too small.
     pub fn f32(&mut self, values: &[f32]) -> Result<&mut Self, EncodeError> {
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             return Err(EncodeError::NotFinite { index });
@@ -53,7 +53,7 @@ impl<'b> Payload<'b> {
     /// Adds an item of shorts.
     ///
     /// # Errors
-    /// More than 255 values, or no room.
+    /// More than 255 values, or a buffer that is too small.
     pub fn i16(&mut self, values: &[i16]) -> Result<&mut Self, EncodeError> {
         let order = self.profile.byte_order;
         self.numbers(self.profile.tags.i16, values, |v| match order {
@@ -65,7 +65,7 @@ impl<'b> Payload<'b> {
     /// Adds an item of bytes.
     ///
     /// # Errors
-    /// More than 255 values, or no room.
+    /// More than 255 values, or a buffer that is too small.
     pub fn u8(&mut self, values: &[u8]) -> Result<&mut Self, EncodeError> {
         self.numbers(self.profile.tags.u8, values, |v| [v])
     }
@@ -73,7 +73,7 @@ impl<'b> Payload<'b> {
     /// Adds an item of characters.
     ///
     /// # Errors
-    /// More than 255 values, or no room.
+    /// More than 255 values, or a buffer that is too small.
     pub fn char(&mut self, values: &[u8]) -> Result<&mut Self, EncodeError> {
         self.numbers(self.profile.tags.char, values, |v| [v])
     }
@@ -81,7 +81,7 @@ impl<'b> Payload<'b> {
     /// Adds a command word, or the error code of a reply: a short of its own, unsigned.
     ///
     /// # Errors
-    /// No room.
+    /// A buffer that is too small.
     pub fn word(&mut self, word: u16) -> Result<&mut Self, EncodeError> {
         self.i16(&[word.cast_signed()])
     }
@@ -89,7 +89,7 @@ impl<'b> Payload<'b> {
     /// Adds items as they are in a payload of the same profile.
     ///
     /// # Errors
-    /// No room.
+    /// A buffer that is too small.
     pub(crate) fn items(&mut self, items: Items<'_>) -> Result<&mut Self, EncodeError> {
         let bytes = items.as_bytes();
         let room = self.buffer.get_mut(self.len..).unwrap_or_default();
@@ -100,7 +100,7 @@ impl<'b> Payload<'b> {
         Ok(self)
     }
 
-    /// What has been written.
+    /// Returns the bytes written so far.
     pub fn as_bytes(&self) -> &[u8] {
         self.buffer.get(..self.len).unwrap_or_default()
     }

@@ -1,6 +1,6 @@
-//! What the source leaves open, as settings with documented defaults.
+//! The details that the source leaves open, as settings with documented defaults.
 
-/// How one installation writes its frames.
+/// The format of an installation's frames.
 ///
 /// The source prints the frame's marks and two of the four tags; everything else here is open. Each default is our
 /// reading, and its field's doc gives the reason. Both ends must agree: a capture from a real controller would settle all of them.
@@ -15,7 +15,7 @@
 pub struct Profile {
     /// The frame's end mark. Printed as `90 82`, the same as the last two bytes of the head.
     pub tail: Tail,
-    /// Where the frame flag F0h (帧标志) is. F0h is also the tag of floats, so it may be one and the same byte.
+    /// The position of the frame flag F0h (帧标志). F0h is also the tag of floats, so it may be one and the same byte.
     pub flag: Flag,
     /// The tags in front of the values. F0h (float) and F3h (char) are printed; F1h and F2h follow from the sizes.
     pub tags: Tags,
@@ -23,7 +23,7 @@ pub struct Profile {
     pub checksum: Width,
     /// The checksum is the two's complement of the sum, so that sum and checksum add up to 0. Default: the sum itself.
     pub checksum_negated: bool,
-    /// The sum counts the frame flag too. Default: the values alone. Without a separate flag it changes nothing.
+    /// The sum counts the frame flag too. Default: the values alone. Without a separate flag it has no effect.
     pub checksum_with_flag: bool,
     /// The order of the bytes of a value. Little-endian as on the 486 controller and its Windows host.
     pub byte_order: ByteOrder,
@@ -60,7 +60,7 @@ impl Tail {
     }
 }
 
-/// Where the frame flag F0h is.
+/// The position of the frame flag F0h.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]

@@ -1,4 +1,4 @@
-//! What the serial line and the controller's cycle allow. The source gives the cycle; the baud rate is open.
+//! The times of the serial line and of the controller's cycle. The source gives the cycle; the baud rate is open.
 
 use core::time::Duration;
 

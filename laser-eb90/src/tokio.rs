@@ -63,7 +63,7 @@ pub struct Command {
     parameters: Box<Parameters>,
 }
 
-/// Writes the parameters of an instruction; called again when a frame has no room for it.
+/// Writes the parameters of an instruction; called again when they do not fit a frame.
 type Parameters = dyn Fn(&mut Payload<'_>) -> Result<(), EncodeError> + Send;
 
 /// The values that a query was answered with.
@@ -73,22 +73,22 @@ pub struct Answer {
     profile: Profile,
 }
 
-/// Why not all of a run was taken, or a query has no answer.
+/// The reason that a run was not accepted completely, or that a query has no answer.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The caller's fault: this instruction, counted from 0, cannot be sent. Those before it were taken.
     #[error("instruction {index} cannot be sent: {error}")]
     Unfit {
-        /// Which.
+        /// The index of the instruction, from 0.
         index: usize,
-        /// Why.
+        /// The reason.
         error: SessionError,
     },
     /// Error codes to the end. The first `taken` instructions were taken, and no others.
     #[error("the controller refuses: {refusal}; {taken} instructions of the run were taken before")]
     Refused {
-        /// The number.
+        /// The number of accepted instructions.
         taken: usize,
         /// The last error code.
         refusal: Refusal,
@@ -98,11 +98,11 @@ pub enum Error {
         "whether {count} instructions after the first {taken} of the run were taken is unknown: {reason:?}"
     )]
     Unknown {
-        /// The number.
+        /// The number of accepted instructions.
         taken: usize,
         /// The number of instructions with unknown outcome.
         count: usize,
-        /// Why.
+        /// The reason.
         reason: UnknownReason,
     },
     /// An earlier run failed, and nothing of this one was sent: check the machine first.
@@ -111,7 +111,7 @@ pub enum Error {
     /// There is no connection, or none on which it could be sent; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
-    /// The task has ended. What was taken of the run is unknown.
+    /// The task has ended. The outcome of the run is unknown.
     #[error(transparent)]
     Closed(#[from] Closed),
 }
@@ -144,14 +144,14 @@ impl Laser {
         self.handle.call(|reply| Call::Single(Single { command, reply })).await?
     }
 
-    /// What all handles have: every event, the state of the connection, the end.
+    /// Returns the handle with the parts that all handles have: every event, the state of the connection, the end.
     pub const fn handle(&self) -> &Handle<Instructions> {
         &self.handle
     }
 }
 
 impl Command {
-    /// An instruction with parameters: as [`Host::submit`] says.
+    /// Returns an instruction with parameters, which are as in [`Host::submit`].
     pub fn new(
         word: u16,
         parameters: impl Fn(&mut Payload<'_>) -> Result<(), EncodeError> + Send + 'static,
@@ -197,7 +197,7 @@ pub struct Run {
     commands: Vec<Command>,
     /// The first that was not submitted.
     next: usize,
-    /// How many were taken, the first ones.
+    /// The number of accepted instructions at the beginning of the run.
     taken: usize,
     unfit: Option<Error>,
     reply: Reply<Result<(), Error>>,
@@ -210,18 +210,18 @@ pub struct Single {
     reply: Reply<Result<Answer, Error>>,
 }
 
-/// What the task does: instructions in, outcomes to whom they belong.
+/// The service of the task: submits instructions, and returns outcomes to their callers.
 #[derive(Debug, Default)]
 pub struct Instructions {
     singles: VecDeque<Single>,
     /// The first one is being sent.
     runs: VecDeque<Run>,
-    /// What was submitted and has no outcome; without a single it is the run's.
+    /// The submitted instructions without an outcome; `None` is an instruction of the run.
     submitted: VecDeque<Option<Single>>,
 }
 
 impl Instructions {
-    /// Submits what has room.
+    /// Submits the instructions that fit.
     fn fill(&mut self, session: &mut Host) {
         while self.fill_with_single(session) || self.fill_with_run(session) {}
     }
@@ -357,7 +357,7 @@ impl Service for Instructions {
     }
 
     fn give_up(&mut self, session: &mut Host, why: &Arc<io::Error>, _: &mut Reports<'_, HostEvent>) {
-        // What was sent has an outcome since its connection was lost.
+        // All sent instructions have an outcome, since their connection was lost.
         session.take_back();
         self.singles.extend(self.submitted.drain(..).flatten());
         for single in core::mem::take(&mut self.singles) {

@@ -27,7 +27,7 @@ pub(crate) struct Range {
     pub(crate) class: Class,
 }
 
-/// How the controller treats an instruction (§2).
+/// The controller's treatment of an instruction (§2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -40,7 +40,7 @@ pub enum Class {
     Query,
 }
 
-/// What an error code means.
+/// The meaning of an error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -50,13 +50,13 @@ pub enum Refusal {
     BadChecksum,
     /// No head, or another fault of the frame: it was dropped.
     BadFrame,
-    /// A command word that the controller does not know.
+    /// A command word that is unknown to the controller.
     UnknownCommand,
     /// More instructions than a frame may hold, or one that is not interpreted among others.
     BadBatch,
     /// Parameters that the instruction does not take, or its execution failed.
     BadParameters,
-    /// The command queue has no room for the whole frame: nothing of it was queued.
+    /// The whole frame does not fit the command queue: nothing of it was queued.
     QueueFull,
 }
 
@@ -115,7 +115,7 @@ impl Words {
         Ok(words)
     }
 
-    /// The class of a command word; `None` for a word that is none.
+    /// Returns the class of a command word; `None` for a word that is not a command word.
     pub fn class(&self, word: u16) -> Option<Class> {
         self.ranges().iter().find(|range| range.contains(word)).map(|range| range.class)
     }

@@ -1,4 +1,4 @@
-//! How the controller behaves.
+//! The configuration of the controller.
 
 use core::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::words::Words;
 /// Settings of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerConfig {
-    /// How frames are written.
+    /// The profile by which frames are written.
     pub profile: Profile,
     /// Command words and error codes.
     pub words: Words,
@@ -21,7 +21,7 @@ pub struct ControllerConfig {
     /// The silence after which corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
     /// that pauses longer within a frame gets an error code for what it has sent, and none for the rest.
     pub silence: Duration,
-    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of an answer come
+    /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of an answer come
     /// back first then: they are compared with it and dropped, and others are [`ControllerEvent::Echo`](crate::ControllerEvent::Echo), a collision. While
     /// it is off on such a line, each answer comes back as an instruction without parameters.
     pub echo: bool,
@@ -36,7 +36,7 @@ robot_session::rules! {
     pub enum Rule for ControllerConfig {
         /// Bytes that are too few for a frame are not answered.
         IgnoreShort,
-        /// Bytes without a head, after an error code, are the rest of what it answers.
+        /// Bytes without a head, after an error code, are the rest of the answered frame.
         IgnoreRest,
         /// A frame after corrupt bytes is not executed before the line was silent.
         TrustSilence,

@@ -16,25 +16,25 @@ use crate::words::Refusal;
 #[doc = include_str!("../../diagrams/controller.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ControllerMachine {
-    /// What is done about the last frame.
+    /// The work on the last frame.
     pub work: Work,
-    /// What is received.
+    /// The state of the line.
     pub line: Receiving,
 }
 
-/// What the controller does about the last frame.
+/// The controller's work on the last frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Work {
-    /// Nothing: it waits for a frame.
+    /// No work: it waits for a frame.
     Listening {
-        /// Bytes without a head are the rest of what was answered last, until a frame begins.
+        /// Whether bytes without a head are the rest of the last answered frame, until a frame begins.
         rest: bool,
     },
     /// The caller executes an immediate instruction or a query.
     Executing {
-        /// Its command word.
+        /// The command word of the instruction.
         word: u16,
-        /// Its connection is there: the answer has somewhere to go.
+        /// Whether its connection still exists: otherwise the answer is dropped.
         connected: bool,
     },
     /// The answer waits for the end of the cycle.
@@ -46,18 +46,18 @@ pub enum Work {
     },
 }
 
-/// Bytes that are no frame.
+/// Bytes that are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Fault {
-    /// What was wrong first.
+    /// The first error.
     pub refusal: Refusal,
-    /// How many bytes, as far as it matters: up to the length of the shortest frame.
+    /// The number of bytes, limited to the length of the shortest frame.
     pub bytes: u8,
-    /// An error code follows when the line is silent.
+    /// Whether an error code follows when the line is silent.
     pub is_answered: bool,
 }
 
-/// What the controller receives.
+/// The state of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Receiving {
     /// There is no connection.
@@ -71,15 +71,15 @@ pub enum Receiving {
 /// Bytes between two silences.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Stretch {
-    /// When the line counts as silent.
+    /// The time at which the line counts as silent.
     pub silent_at: Duration,
-    /// The beginning of a frame is held.
+    /// Whether the beginning of a frame is held.
     pub partial: bool,
-    /// Some of them are no frame, and none was taken since.
+    /// The corrupt bytes; `None` if no such bytes have come since the last accepted frame.
     pub fault: Option<Fault>,
 }
 
-/// What the controller answers.
+/// An answer of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Answer {
     /// The command word of the first instruction; with values if it is a query.
@@ -88,7 +88,7 @@ pub enum Answer {
     Error(Refusal),
 }
 
-/// What happens to the controller.
+/// An input of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The line was opened.
@@ -97,13 +97,13 @@ pub enum Input {
     Disconnected,
     /// Bytes came.
     Bytes,
-    /// How many of them, up to 255, are no frame.
+    /// Bytes that are not a frame; up to 255.
     Corrupt {
-        /// How they are answered.
+        /// The error code of the answer.
         refusal: Refusal,
-        /// How many.
+        /// The number of bytes.
         bytes: u8,
-        /// They begin as a frame does, as far as they go.
+        /// Whether they begin as a frame does, as far as they go.
         begun: bool,
     },
     /// A good frame that [is not trusted](ControllerMachine::trusts).
@@ -117,12 +117,12 @@ pub enum Input {
     Refused(Refusal),
     /// A good frame with an instruction to execute.
     Immediate {
-        /// Its command word.
+        /// The command word of the instruction.
         word: u16,
     },
     /// Every frame that was there has been read.
     Read {
-        /// The beginning of another one is left.
+        /// Whether the beginning of another one remains.
         partial: bool,
     },
     /// Time has passed: the line is silent. The beginning of a frame that was held has been dropped, and has come as corrupt.
@@ -133,7 +133,7 @@ pub enum Input {
     Sent,
 }
 
-/// What the controller does about it.
+/// An action of the controller after an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -162,7 +162,7 @@ impl Machine for ControllerMachine {
             let due = timing::end_of_tick(now, config.tick);
             (Is::Answering { answer, due }, Action::Answer(answer))
         };
-        // A frame that is taken ends what was corrupt before it.
+        // A frame that is accepted ends the corruption before it.
         let good = |stretch| Line::Bytes(Stretch { fault: None, ..stretch });
         let idle = Is::Listening { rest: false };
         let is_good = matches!(input, On::Queued { .. } | On::Refused(_) | On::Immediate { .. });
@@ -308,7 +308,7 @@ impl Machine for ControllerMachine {
         true
     }
 
-    /// Not while an instruction is executed: what comes meanwhile is read after that.
+    /// Returns false while an instruction is executed: bytes that arrive meanwhile are read after that.
     fn reads(&self) -> bool {
         !matches!(self.work, Work::Executing { .. })
     }
@@ -346,8 +346,8 @@ impl ControllerMachine {
         self.line != Receiving::Disconnected
     }
 
-    /// Whether a good frame is taken. Not behind corrupt bytes, before the line is silent: it may be out of the middle of another
-    /// frame. A few bytes of noise are none.
+    /// Returns whether a good frame is accepted. After corrupt bytes it is not, before the line is silent: it may be
+    /// out of the middle of another frame. A few bytes of noise do not count.
     pub fn trusts(&self, config: &ControllerConfig) -> bool {
         !self.line.fault().is_some_and(|fault| fault.is_enough()) || !config.keeps(Rule::TrustSilence)
     }
@@ -361,7 +361,8 @@ impl ControllerMachine {
         }
     }
 
-    /// When a silence is awaited: not while an instruction is executed, and not beside an answer that nothing holds up.
+    /// Returns the time of an awaited silence: none while an instruction is executed, and none beside an answer that
+    /// nothing holds up.
     fn silent_at(&self) -> Option<Duration> {
         match (self.work, self.line) {
             (Work::Listening { .. }, Receiving::Bytes(stretch))
@@ -402,7 +403,7 @@ impl Fault {
 }
 
 impl Answer {
-    /// Whether it says that bytes were corrupt: more of them may follow.
+    /// Returns whether the answer reports corrupt bytes: more of them may follow.
     fn is_to_corrupt_bytes(self) -> bool {
         matches!(self, Self::Error(Refusal::BadChecksum | Refusal::BadFrame))
     }

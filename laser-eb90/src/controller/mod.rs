@@ -27,9 +27,10 @@ use crate::words::{Class, Refusal};
 /// are executed first (§2). Drive it as every [`Session`](robot_session::Session).
 ///
 /// `T` is the job of the motion task: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
-/// called twice for each instruction, because a frame is queued completely or not at all: every instruction is checked, and the
-/// room for all of them, before the first is queued. The job numbers of the queue are counted here; the link has none. The queue's
-/// [`Wake`] wakes the motion task; the controller looks at the queue when a frame comes, and need not be woken.
+/// called twice for each instruction, because a frame is queued completely or not at all: every instruction is
+/// checked, and the free space for all of them, before the first is queued. The job numbers of the queue are counted
+/// here; the link does not have any. The queue's [`Wake`] wakes the motion task; the controller looks at the queue
+/// when a frame comes, and need not be woken.
 ///
 /// - [`Execute`](ControllerEvent::Execute) is answered by [`answer`](Self::answer) or [`refuse`](Self::refuse); until then
 ///   [`instruction`](Self::instruction) holds what to execute.
@@ -43,7 +44,8 @@ use crate::words::{Class, Refusal};
 /// - A frame with an immediate instruction or a query and another instruction is refused, and so is a NaN or an infinity.
 /// - An answer is sent at the end of the controller's cycle. If another frame comes before, the host has stopped waiting: the
 ///   older answer is withdrawn.
-/// - While an instruction is executed, input waits in a buffer of [`Frame::MAX_LEN`] bytes; what does not fit is dropped.
+/// - While an instruction is executed, input waits in a buffer of [`Frame::MAX_LEN`] bytes; bytes that do not fit are
+///   dropped.
 /// - An instruction that is being executed when the connection is lost still waits for its `answer`, which goes nowhere.
 #[derive(Debug)]
 pub struct Controller<'q, T, R: Wake = NoWake> {
@@ -55,7 +57,7 @@ pub struct Controller<'q, T, R: Wake = NoWake> {
     len: usize,
 }
 
-/// What has happened.
+/// An event of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -70,7 +72,7 @@ pub enum ControllerEvent {
     },
     /// A notice: instructions were queued.
     Queued {
-        /// How many.
+        /// The number of instructions.
         count: u8,
     },
     /// A notice: a frame, or corrupt bytes, are answered with an error code.
@@ -79,7 +81,8 @@ pub enum ControllerEvent {
     /// A notice: bytes that are not a frame.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A notice: the line returns what is sent, and [`echo`](ControllerConfig::echo) is off; or it is on, and something else came back.
+    /// A notice: the line returns the sent bytes, and [`echo`](ControllerConfig::echo) is off; or it is on, and other bytes
+    /// came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A notice: a call that is invalid in this state.
@@ -171,7 +174,7 @@ where
         }
     }
 
-    /// The writer of the queue, to clear it or to read its free room.
+    /// Returns the writer of the queue, to clear it or to read its free space.
     pub fn queue_mut(&mut self) -> &mut Writer<'q, T, R> {
         &mut self.queue
     }
@@ -183,7 +186,7 @@ where
 
     fn executed(&mut self, now: Duration, result: Result<(), Refusal>) {
         self.advance(now, Input::Executed(result), None);
-        // What has come meanwhile.
+        // Read the bytes that have arrived meanwhile.
         self.read(now);
         self.end_input(now);
     }
@@ -213,14 +216,14 @@ where
     type Decoder = Decoder;
     type Events = EventQueue<ControllerEvent, EVENTS>;
     type Statistics = ControllerStatistics;
-    /// What is reported of a good frame.
+    /// The event of a good frame.
     type Payload = ControllerEvent;
 
     const LINK: &'static str = "laser-eb90";
     const END: &'static str = "controller";
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-    /// Its one outcome was taken when the instruction before was answered.
+    /// Its single outcome was taken when the previous instruction was answered.
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(ControllerEvent::Unexpected);
@@ -282,7 +285,7 @@ where
                 self.core.events.push_notice(ControllerEvent::Refused(refusal));
             }
             (Action::Sent, _) => self.core.statistics.answers += 1,
-            // What was executed is answered with the caller's values.
+            // An executed instruction is answered with the caller's values.
             (Action::Nothing | Action::Execute | Action::Answer(Answer::Echo(_)), _) => {}
         }
     }

@@ -1,4 +1,4 @@
-//! What a good frame is answered with.
+//! Decides the answer to a good frame.
 
 use robot_work_queue::{Wake, Writer};
 
@@ -44,7 +44,7 @@ where
         check_values(instruction.parameters)?;
         T::try_from(instruction).map_err(|_| Refusal::BadParameters)?;
     }
-    // Only this end fills the queue: what is free now stays free.
+    // Only this end fills the queue: free slots stay free.
     if queue.free() < usize::from(count) {
         return Err(Refusal::QueueFull);
     }

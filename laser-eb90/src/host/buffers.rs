@@ -2,11 +2,11 @@
 
 use crate::frame::MAX_PAYLOAD;
 
-/// The payload that is being written, and the one before.
+/// The payload that is being written, and the previous one.
 #[derive(Debug, Clone)]
 pub(super) struct Buffers {
     buffers: [Buffer; 2],
-    /// The second is being written.
+    /// Whether the second is being written.
     swapped: bool,
 }
 
@@ -28,7 +28,7 @@ impl Buffers {
         if self.swapped { first } else { second }
     }
 
-    /// What was being written is the last one.
+    /// Makes the payload that was being written the last one.
     pub(super) fn swap(&mut self) {
         self.swapped = !self.swapped;
     }

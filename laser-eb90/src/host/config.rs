@@ -1,4 +1,4 @@
-//! How the host behaves, and what it assumes of controller and line.
+//! The configuration of the host, and its assumptions about controller and line.
 
 use core::time::Duration;
 
@@ -15,16 +15,16 @@ use crate::words::{Class, Words};
 /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) is the sign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
-    /// How frames are written.
+    /// The profile by which frames are written.
     pub profile: Profile,
     /// Command words and error codes.
     pub words: Words,
     /// The line's baud rate, 10 bits a byte: an answer cannot be awaited before the frame has been transmitted. Above 0.
     /// Default: 9600.
     pub baud: u32,
-    /// How many interpreted instructions a frame holds at most. Default: 7, as in the source (§3(6)); at least 1.
+    /// The largest number of interpreted instructions in a frame. Default: 7, as in the source (§3(6)); at least 1.
     pub batch: u8,
-    /// How often a frame is resent after an error code. Default: 3; the source gives no limit.
+    /// The number of times that a frame is resent after an error code. Default: 3; the source gives no limit.
     pub resends: u8,
     /// Resends a frame without an answer, up to the same limit: its contents may then be executed several
     /// times. Default: off.
@@ -61,9 +61,9 @@ pub struct HostConfig {
     pub controller_drops_partial: bool,
     /// The delay when the controller's queue is full. Default: 100 ms.
     pub backoff: Duration,
-    /// How long the queue may stay full before the frame counts as refused. Default: 60 s.
+    /// The time for which the queue may stay full before the frame counts as refused. Default: 60 s.
     pub full_timeout: Duration,
-    /// Whether the line returns what is sent, as adapters for two wires do. Off. The bytes of a frame come back first
+    /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a frame come back first
     /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off,
     /// a frame with more than one command word shows it: an answer has nothing else. That is the same event, and from then on they are dropped.
     pub echo: bool,
@@ -146,7 +146,7 @@ impl HostConfig {
         }
     }
 
-    /// How long frames of an earlier host can still have effects.
+    /// Returns the time for which frames of an earlier host can still have effects.
     pub(crate) fn drain(&self) -> Duration {
         timing::transmission_time(self.longest_frame, self.baud)
             .saturating_add(self.max_pause)

@@ -5,19 +5,19 @@ use core::time::Duration;
 use super::config::{HostConfig, Rule};
 use crate::words::{Class, Refusal};
 
-/// Where the frame that was sent last has come to.
+/// The state of the frame that was sent last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum HostLink {
     /// There is no connection.
     Disconnected {
-        /// Nothing is sent before, also on the next connection.
+        /// The time before which nothing is sent, even on the next connection.
         quiet_until: Duration,
         /// The caller has not resumed.
         held: bool,
     },
     /// No frame is in flight.
     Idle {
-        /// Nothing is sent before.
+        /// The time before which nothing is sent.
         quiet_until: Duration,
     },
     /// A frame is in flight.
@@ -26,9 +26,9 @@ pub enum HostLink {
     Resending {
         /// The frame.
         batch: Batch,
-        /// How often it was sent.
+        /// The number of times that it was sent.
         tries: Tries,
-        /// When the line has settled.
+        /// The time at which the line has settled.
         not_before: Duration,
     },
     /// An error code came that may refer to the first half of the frame alone: the frame is not sent again, but its echo may
@@ -36,14 +36,14 @@ pub enum HostLink {
     AwaitingRest {
         /// The frame.
         batch: Batch,
-        /// How often it was sent.
+        /// The number of times that it was sent.
         tries: Tries,
-        /// When it cannot come any more.
+        /// The time after which the echo cannot come any more.
         until: Duration,
     },
     /// A frame was refused for good, or its outcome is unknown: nothing is sent until the caller resumes.
     Held {
-        /// Nothing is sent before.
+        /// The time before which nothing is sent.
         quiet_until: Duration,
     },
 }
@@ -53,11 +53,11 @@ pub enum HostLink {
 pub struct Batch {
     /// The number of the first instruction.
     pub first: u64,
-    /// How many instructions.
+    /// The number of instructions.
     pub count: u8,
     /// The command word of the first: the one that is answered (§3(6)).
     pub word: u16,
-    /// How the controller treats it.
+    /// The controller's treatment of the instructions.
     pub class: Class,
 }
 
@@ -66,32 +66,32 @@ pub struct Batch {
 pub struct Sent {
     /// The frame.
     pub batch: Batch,
-    /// How often it was sent.
+    /// The number of times that it was sent.
     pub tries: Tries,
-    /// When its last byte has certainly been received.
+    /// The time by which its last byte has certainly been received.
     pub received_by: Duration,
-    /// From when on an error code refers to the whole frame.
+    /// The time from which an error code refers to the whole frame.
     pub final_from: Duration,
-    /// When it has certainly been executed, if it is executed before it is answered.
+    /// The time by which it has certainly been executed, if it is executed before it is answered.
     pub executed_by: Duration,
-    /// When the answer is overdue.
+    /// The time at which the answer is overdue.
     pub deadline: Duration,
     /// Corrupt bytes came.
     pub corrupt: bool,
 }
 
-/// How often a frame was sent.
+/// The number of times that a frame was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Tries {
-    /// How often again, because of an error code or silence.
+    /// The number of resends, because of an error code or silence.
     pub resends: u8,
-    /// How many of the transmissions before brought no answer.
+    /// The number of earlier transmissions that brought no answer.
     pub unanswered: u8,
-    /// When a full queue counts as a refusal; `None` as long as it was not full.
+    /// The time at which a full queue counts as a refusal; `None` as long as it was not full.
     pub full_until: Option<Duration>,
 }
 
-/// Which frame is due.
+/// The frame that is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Due {
     /// The next one.
@@ -100,40 +100,40 @@ pub enum Due {
     Again,
 }
 
-/// What the host does about it.
+/// An action of the host after an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
     Nothing,
-    /// Counts the frame, and forgets the bytes that came before: they are no answer to it.
+    /// Counts the frame, and drops the bytes that came before: they are not an answer to it.
     Sent(Due),
-    /// Reports what became of a frame.
+    /// Reports the outcome of a frame.
     Report(Batch, Outcome),
     /// Reports an unsolicited answer.
     Unasked {
-        /// Its word.
+        /// The word of the answer.
         word: u16,
     },
 }
 
-/// What became of a frame.
+/// The outcome of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
-    /// Its command word was echoed.
+    /// The controller has echoed the command word.
     Done {
-        /// How often it was sent again.
+        /// The number of times that it was sent again.
         resends: u8,
-        /// How many of the transmissions before brought no answer.
+        /// The number of earlier transmissions that brought no answer.
         unanswered: u8,
     },
-    /// Nothing of it was taken.
+    /// None of its instructions was accepted.
     Refused(Refusal),
-    /// It may have been taken or not.
+    /// The frame may have been accepted or not.
     Unknown(UnknownReason),
 }
 
-/// Why an outcome is unknown.
+/// The reason that an outcome is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -160,7 +160,8 @@ pub enum UnknownReason {
 }
 
 impl HostLink {
-    /// Until when nothing is sent on the next connection, whether it waits for the caller, and what is reported.
+    /// Returns the time before which nothing is sent on the next connection, whether it waits for the caller, and the
+    /// report.
     pub(super) fn disconnect(self, now: Duration, config: &HostConfig) -> (Duration, bool, Action) {
         let lost = |batch| Action::Report(batch, Outcome::Unknown(UnknownReason::Disconnected));
         match self {
@@ -288,7 +289,8 @@ impl Sent {
         now < *self.tries.full_until.get_or_insert(now.saturating_add(config.full_timeout))
     }
 
-    /// When whatever this transmission can cause has come, if the controller has taken the frame, or may take it.
+    /// Returns the time by which every effect of this transmission has come, if the controller has accepted the frame,
+    /// or may accept it.
     fn settled_if_taken(&self, now: Duration, config: &HostConfig) -> Duration {
         let outlast = config.keeps(Rule::OutlastExecution);
         let over = if outlast { self.executed_by } else { self.received_by };

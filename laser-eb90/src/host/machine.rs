@@ -22,7 +22,7 @@ pub struct HostMachine {
     pub next: Option<Batch>,
 }
 
-/// What happens to the host.
+/// An input of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The line was opened.
@@ -31,30 +31,30 @@ pub enum Input {
     Disconnected,
     /// The caller adds an instruction to the next frame.
     Submit {
-        /// Its number.
+        /// The number of the instruction.
         ticket: u64,
-        /// Its command word.
+        /// The command word of the instruction.
         word: u16,
-        /// How the controller treats it.
+        /// The controller's treatment of the instruction.
         class: Class,
     },
-    /// The caller takes back what is in the next frame.
+    /// The caller takes back the instructions of the next frame.
     TakeBack,
     /// The frame that was due is put on the line.
     Sent {
-        /// The time that it takes there.
+        /// The time of its transmission.
         line: Duration,
     },
-    /// Its last byte has left the port.
+    /// The last byte of the frame has left the port.
     Transmitted,
     /// An answer.
     Answer {
-        /// Its word.
+        /// The word of the answer.
         word: u16,
-        /// What the word means as an error code.
+        /// The meaning of the word as an error code; `None` if it is not an error code.
         refusal: Option<Refusal>,
     },
-    /// Bytes that are no answer.
+    /// Bytes that are not an answer.
     Corrupt,
     /// A deadline has passed.
     Timeout,

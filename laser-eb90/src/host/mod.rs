@@ -63,11 +63,11 @@ pub enum HostEvent {
     Done {
         /// The first instruction.
         first: u64,
-        /// How many.
+        /// The number of instructions.
         count: u8,
-        /// How often the frame was resent.
+        /// The number of times that the frame was resent.
         resends: u8,
-        /// How many earlier transmissions had no answer: each may have been queued as well. 0 unless
+        /// The number of earlier transmissions without an answer: each may have been queued as well. 0 unless
         /// [`resend_on_silence`](HostConfig::resend_on_silence) is on.
         unanswered: u8,
     },
@@ -80,7 +80,7 @@ pub enum HostEvent {
     Refused {
         /// The first instruction.
         first: u64,
-        /// How many.
+        /// The number of instructions.
         count: u8,
         /// The last error code.
         refusal: Refusal,
@@ -90,21 +90,21 @@ pub enum HostEvent {
     Unknown {
         /// The first instruction.
         first: u64,
-        /// How many.
+        /// The number of instructions.
         count: u8,
-        /// Why.
+        /// The reason.
         reason: UnknownReason,
     },
     /// A notice: an unsolicited answer. An assumption of [`HostConfig`] is wrong, or another host talks to the
     /// controller.
     Unasked {
-        /// Its word.
+        /// The word of the answer.
         word: u16,
     },
     /// A notice: bytes that are not an answer.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
-    /// A notice: the line returns what is sent, and [`echo`](HostConfig::echo) is off; or it is on, and something else came back.
+    /// A notice: the line returns the sent bytes, and [`echo`](HostConfig::echo) is off; or it is on, and other bytes came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A notice: a call that is invalid in this state.
@@ -140,14 +140,15 @@ impl Host {
         Ok(Self { core, echo: Echo::new(config.echo), frames: Buffers::EMPTY, answer: Buffer::EMPTY })
     }
 
-    /// Adds an instruction to the next frame; returns the number that events know it by: 0, 1, 2 …
+    /// Adds an instruction to the next frame; returns its number in events: 0, 1, 2 …
     ///
     /// `parameters` writes what follows the command word. In an interpreted instruction no item may be a single short: that
     /// begins the next instruction. In others a single short must not be a command word.
     ///
     /// # Errors
-    /// [`SessionError::Full`] when the frame has no room, or would mix classes: call again when it has been sent. A word
-    /// that is not a command, and parameters that do not fit a frame. Nothing has changed then.
+    /// [`SessionError::Full`] if the instruction does not fit the frame, or would mix classes: call again when the
+    /// frame has been sent. A word that is not a command, and parameters that do not fit a frame. A failed call has
+    /// no effect.
     pub fn submit(
         &mut self,
         word: u16,
@@ -273,7 +274,7 @@ impl End for Host {
         match action {
             Action::Nothing => {}
             Action::Sent(due) => {
-                // What came before this frame is no answer to it.
+                // Bytes that came before this frame are not an answer to it.
                 self.core.decoder.clear();
                 self.core.statistics.frames += 1;
                 match due {
@@ -296,7 +297,7 @@ impl End for Host {
         };
         let config = &self.core.config;
         let len = Frame::new(frame.as_bytes(), &config.profile).encode(out).ok()?;
-        // An answer has one command word, and nothing else behind it.
+        // An answer has one command word, and nothing else after that.
         let is_proof = Items::new(frame.as_bytes(), &config.profile).count() > 1;
         self.echo.sent(out.get(..len).unwrap_or_default(), is_proof);
         Some((len, Input::Sent { line: timing::transmission_time(len, config.baud) }))

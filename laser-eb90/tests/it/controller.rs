@@ -116,7 +116,8 @@ fn a_queue_of_9999_takes_9999() {
     assert!(reader.is_empty());
 }
 
-/// What comes after a pause longer than the silence has no head: it is the rest of what was answered, until a frame begins.
+/// Bytes that come after a pause longer than the silence have no head: they are the rest of the answered frame, until
+/// a frame begins.
 #[test]
 fn the_rest_of_a_frame_that_was_answered_is_not_answered() {
     let (mut controller, mut reader) = controller(ControllerConfig::default(), 21);
@@ -140,19 +141,19 @@ fn the_rest_of_a_frame_that_was_answered_is_not_answered() {
     // The same again, paused again: a frame that begins is answered.
     controller.handle_input(MS * 400, head);
     assert_eq!(answer(&mut controller, 500), Some(echo(0xE002)));
-    // The rest and the whole frame at once: what it asks for may be out of the middle of the rest.
+    // The rest and the whole frame at once: the frame may be out of the middle of the rest.
     controller.handle_input(MS * 550, &[rest, &frame].concat());
     assert_eq!(answer(&mut controller, 650), Some(echo(0xE002)));
     assert!(reader.is_empty());
     controller.handle_input(MS * 700, &frame);
     assert_eq!(answer(&mut controller, 704), Some(echo(CUT)));
     assert_eq!(reader.take().map(|job| job.complete()), Some(cut(1)));
-    // A frame has been taken: what has no head is a frame whose head is corrupt.
+    // A frame has been accepted: bytes without a head are a frame whose head is corrupt.
     controller.handle_input(MS * 900, rest);
     assert_eq!(answer(&mut controller, 1000), Some(echo(0xE002)));
 }
 
-/// A byte EBh of the rest that comes alone may begin a head, and is none.
+/// A single byte EBh of the rest may begin a head, but does not.
 #[test]
 fn a_byte_that_may_begin_a_head_does_not_end_the_rest() {
     let frame = frame(&[470, 471], |_| ());
@@ -196,7 +197,7 @@ fn nothing_is_executed_out_of_the_middle_of_a_corrupt_frame() {
     }
 }
 
-/// What is executed goes on when the connection is lost; its answer goes nowhere.
+/// An execution goes on when the connection is lost; its answer is dropped.
 #[test]
 fn an_execution_outlasts_its_connection_and_its_answer_does_not() {
     let (mut controller, reader) = controller(ControllerConfig::default(), 21);
@@ -219,7 +220,7 @@ fn an_execution_outlasts_its_connection_and_its_answer_does_not() {
     assert_eq!(controller.poll_transmit(MS * 3000, &mut out), None, "queued, and its answer is gone");
 }
 
-/// Whoever passes in bytes of no connection is told so, and no instruction comes of them.
+/// Bytes that are passed in without a connection cause an event, and no instruction.
 #[test]
 fn a_frame_without_a_connection_is_not_queued() {
     let (mut controller, mut reader) = controller(ControllerConfig::default(), 21);

@@ -1,4 +1,4 @@
-//! The borders: JSON that is no message, values at the end of their range, buffers that are one byte short.
+//! Edge cases: JSON that is not a message, values at the end of their range, buffers that are one byte short.
 
 use core::time::Duration;
 
@@ -329,7 +329,7 @@ fn an_instruction_that_cannot_be_executed_is_answered_with_its_error_code() {
     assert!(matches!(controller.poll_event(), Some(ControllerEvent::Execute { .. })));
     let too_many = controller.answer(now, |values| values.u8(&[0; 256]).map(drop));
     assert_eq!(too_many, Err(SessionError::Encode(EncodeError::TooManyValues { count: 256 })));
-    // What comes meanwhile waits in the decoder, and then outside.
+    // Bytes that arrive meanwhile wait in the decoder, and then outside.
     let noise = vec![0x55; 3 * Frame::MAX_LEN];
     controller.handle_input(now, &noise);
     assert_eq!((controller.poll_transmit(now, &mut out), controller.poll_timeout()), (None, None));

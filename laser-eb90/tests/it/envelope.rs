@@ -26,7 +26,8 @@ fn frame(payload: &[u8]) -> (Vec<u8>, u16) {
     (bytes, sum)
 }
 
-/// It is read, whatever comes after it, and written again; with any other checksum, or cut off, it is not read.
+/// Checks that the frame is read, whatever comes after it, and written again; with any other checksum, or cut off, it
+/// is not read.
 fn is_read(payload: &[u8]) {
     let profile = Profile { checksum: Width::U16Le, ..Profile::default() };
     let mut buffer = [0; MAX_PAYLOAD];

@@ -40,10 +40,10 @@ impl TryFrom<Instruction<'_>> for Cut {
     }
 }
 
-/// What a controller has executed.
+/// The numbers that a controller has executed.
 type Done = Arc<Mutex<Vec<u32>>>;
 
-/// It closes the connection when it gets a query.
+/// Runs a controller that closes the connection when it gets a query.
 async fn controller(pipe: DuplexStream, done: &Done) {
     let (writer, mut queue) = robot_work_queue::boxed::<Cut>(32, 9999).unwrap();
     let mut session = Controller::new(ControllerConfig::default(), writer).unwrap();
@@ -66,11 +66,11 @@ async fn controller(pipe: DuplexStream, done: &Done) {
 
 type Connecting = Pin<Box<dyn Future<Output = io::Result<DuplexStream>> + Send>>;
 
-/// What a laser finds when it connects.
+/// The end that a laser finds when it connects.
 #[derive(Clone, Copy, PartialEq)]
 enum Found {
     Nothing,
-    /// It closes the connection at once.
+    /// An end that closes the connection at once.
     Closing,
     Controller,
 }
@@ -128,7 +128,7 @@ async fn timed<T>(future: impl Future<Output = T>) -> (T, Duration) {
     (value, begun.elapsed())
 }
 
-/// The first frame of a connection waits for what an earlier host may have sent: on these connections nothing is sent.
+/// The first frame of a connection waits until frames of an earlier host have passed: on these connections nothing is sent.
 #[tokio::test(start_paused = true)]
 async fn a_controller_that_closes_every_connection_costs_what_waits_for_it() {
     let mut cell = Cell::new(Found::Closing);

@@ -25,7 +25,7 @@ const LINE: u16 = 0x0101;
 const OFF: u16 = 0x0201;
 const STATE: u16 = 0x0301;
 
-/// The number that an instruction carries; below zero it is no number.
+/// The number in an instruction; below zero it is invalid.
 struct Cut(f32);
 
 impl TryFrom<Instruction<'_>> for Cut {
@@ -42,7 +42,7 @@ impl TryFrom<Instruction<'_>> for Cut {
     }
 }
 
-/// What a controller has executed.
+/// The numbers that a controller has executed.
 type Done = Arc<Mutex<Vec<f32>>>;
 
 async fn controller(stream: TcpStream, done: Done) {
@@ -113,7 +113,7 @@ async fn a_run_is_taken_once_and_queries_go_between_its_frames() {
     }
     running.await.unwrap().unwrap();
     assert!(between > 1, "{between}");
-    // A second one, behind it, and nothing at all.
+    // A second run after it, and an empty run.
     laser.run([cut(60.0), cut(61.0)]).await.unwrap();
     laser.run([]).await.unwrap();
     timeout(LONG, async {

@@ -49,7 +49,7 @@ fn one_frame_at_a_time() {
     assert!(transmit(&mut host, READY + MS * 2).is_some());
 }
 
-/// What an earlier host has sent may still be on the line: the longest frame, the longest pause, the time to settle.
+/// A frame of an earlier host may still be on the line: the longest frame, the longest pause, the time to settle.
 #[test]
 fn the_first_frame_of_a_connection_waits_until_an_earlier_one_has_passed() {
     let longest = timing::transmission_time(Frame::MAX_LEN, 9600);
@@ -90,7 +90,7 @@ fn resends_end_at_the_limit() {
     assert_eq!((host.statistics().frames, host.statistics().resends), (5, 3));
 }
 
-/// What is wrong with the frame itself is wrong again. What failed may have had effects.
+/// An error of the frame itself would occur again. A failed execution may have had effects.
 #[test]
 fn only_what_was_not_taken_is_sent_again() {
     for (word, code, expected) in [
@@ -253,7 +253,7 @@ fn a_lost_connection_makes_the_outcome_unknown_and_what_was_not_sent_waits() {
     host.resume();
     assert_eq!(host.poll_timeout(), Some(READY * 2 + MS * 10));
     transmit(&mut host, READY * 2 + MS * 10).unwrap();
-    // A connection without an end to the one before.
+    // A connection without an end of the previous one.
     host.handle_connected(READY * 3);
     let lost = HostEvent::Unknown { first: 1, count: 1, reason: UnknownReason::Disconnected };
     assert_eq!(events(&mut host), [lost]);
@@ -363,7 +363,7 @@ fn the_defaults_follow_the_baud_rate() {
     assert_eq!(fast, HostConfig::default());
 }
 
-/// Nobody is there, and the line returns what is sent, behind noise, and as often as it likes: no frame with parameters is done.
+/// Without a controller, the line returns the sent bytes after noise, any number of times: no frame with parameters is done.
 #[test]
 fn a_frame_that_comes_back_is_not_an_answer() {
     for is_set in [false, true] {

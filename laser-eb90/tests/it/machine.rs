@@ -1,4 +1,4 @@
-//! What the host's machine says of its times.
+//! The times of the host's machine.
 
 use core::time::Duration;
 

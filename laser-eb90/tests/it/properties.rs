@@ -1,4 +1,4 @@
-//! What holds for every payload, profile, cutting and corruption.
+//! Properties of every payload, profile, division and corruption.
 
 use core::time::Duration;
 
@@ -148,7 +148,7 @@ proptest! {
         let mut expected = Vec::new();
         let mut offset = 0;
         for (frame, bytes) in frames.iter().zip(&encoded) {
-            // Who takes a checksum away may give the next frame's EBh its place: a blind spot of the format itself.
+            // If a checksum is removed, the next frame's EBh may take its place: a blind spot of the format itself.
             let touched = offset < end.max(at + 1) + 2 && at <= offset + bytes.len();
             offset += bytes.len();
             if !touched {
@@ -184,7 +184,7 @@ proptest! {
         prop_assert_eq!(found, batch);
     }
 
-    /// Whatever the controller sends and the user does.
+    /// For any bytes of the controller and any calls of the user.
     #[test]
     fn a_host_reports_each_instruction_once_and_in_order(
         resend_on_silence: bool,
@@ -238,7 +238,7 @@ proptest! {
                 reported += u64::from(count);
             }
             if !in_flight {
-                // They were submitted after what was in flight, and have no event.
+                // They were submitted after the frame in flight, and have no event.
                 reported += core::mem::take(&mut taken_back);
             }
             prop_assert!(reported <= submitted);

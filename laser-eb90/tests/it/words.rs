@@ -1,4 +1,4 @@
-//! Words and configurations: what each means, what cannot work, what is loaded.
+//! Words and configurations: their meanings, invalid ones, and loading.
 
 use laser_eb90::{
     Class, ConfigError, Controller, ControllerConfig, ErrorCodes, Host, HostConfig, Instruction, Refusal,

@@ -10,7 +10,8 @@ use laser_eb90::{
 use robot_work_queue::Reader;
 
 pub const MS: Duration = Duration::from_millis(1);
-/// When a host that was connected at 0 has left the line alone long enough, with the default configuration.
+/// The time at which a host that was connected at 0 has left the line alone long enough, with the default
+/// configuration.
 pub const READY: Duration = Duration::from_millis(1475);
 /// An interpreted, an immediate and a query instruction of the default words.
 pub const CUT: u16 = 0x0101;

@@ -3,7 +3,7 @@
 //! A position counts jobs from 0 up to [`Limits::wrap`], and then from 0 again: after this many laps that no two positions which are
 //! compared are half of that apart.
 
-/// What a queue was made with. The highest number is above the capacity.
+/// The parameters of a queue. The highest number is above the capacity.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     pub(crate) capacity: u32,
@@ -16,7 +16,7 @@ impl Limits {
         self.capacity << 16
     }
 
-    /// How far it is from `position` to a later one.
+    /// Returns the distance from `position` to a later one.
     #[inline(always)]
     pub(crate) const fn distance(self, position: u32, later: u32) -> u32 {
         let distance = later.wrapping_sub(position);
@@ -41,9 +41,9 @@ impl Limits {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cursor {
     pub(crate) at: u32,
-    /// Where the slots end that are known to be this end's.
+    /// The end of the slots that are known to be this end's.
     pub(crate) end: u32,
-    /// Where the lap ends, or the numbers, or earlier: a step to it must [`turn`](Self::turn).
+    /// The end of the lap, or of the numbers, or an earlier position: a step to it must [`turn`](Self::turn).
     pub(crate) stop: u32,
     /// The position of the first slot on this lap.
     lap: u32,
@@ -102,7 +102,7 @@ impl Cursor {
         self.at != self.end
     }
 
-    /// How many slots from here on are in a row, numbered one after the other, and this end's.
+    /// Returns the number of slots from here on that are in a row, numbered one after the other, and this end's.
     #[inline(always)]
     pub(crate) const fn row(&self, limits: Limits) -> u32 {
         let (left, row) = (limits.distance(self.at, self.end), self.stop - self.at);
@@ -160,12 +160,13 @@ impl Mark {
         (self.0 & 0xFFFF) as u16
     }
 
-    /// How many positions it is ahead of `at`, or behind it.
+    /// Returns the number of positions that it is ahead of `at`; negative if it is behind.
     pub(crate) const fn ahead_of(self, at: u32) -> i16 {
         ((self.0 >> 16) as u16).wrapping_sub((at & 0xFFFF) as u16).cast_signed()
     }
 
-    /// Whether it is so far behind `at` that it must be renewed. Asked once a lap at least, of at most 9999 jobs.
+    /// Returns whether it is so far behind `at` that it must be renewed. Called at least once per lap, of at most
+    /// 9999 jobs.
     pub(crate) const fn is_stale(self, at: u32) -> bool {
         self.ahead_of(at) < -(1 << 14)
     }

@@ -1,4 +1,4 @@
-//! What the compiler refuses. A nightly toolchain also checks that it refuses for the reason given.
+//! Uses that the compiler rejects. A nightly toolchain also checks the reason of each rejection.
 //!
 //! Everything around the refused lines compiles:
 //!

@@ -1,4 +1,5 @@
-//! The atomics and cells, which loom's replace under `--cfg loom`, and the memory orderings, each named after what it orders.
+//! The atomics and cells, which loom's replace under `--cfg loom`, and the memory orderings, each named after the accesses that
+//! it orders.
 
 #[cfg(not(loom))]
 mod types {
@@ -115,10 +116,10 @@ macro_rules! checks {
 }
 
 checks! {
-    /// The oldest job is taken only after what a reset discards was discarded.
+    /// The oldest job is taken only after the jobs before a reset were discarded.
     mark_in_take;
     /// The oldest jobs are.
     mark_in_batch;
-    /// A job is searched for only after what a reset discards was discarded.
+    /// A job is searched for only after the jobs before a reset were discarded.
     mark_in_find;
 }

@@ -1,6 +1,7 @@
-/// What wakes an end that sleeps: a function, such as one that unparks a thread or sets an event.
+/// The hook that wakes a sleeping end: a function, such as one that unparks a thread or sets an event.
 ///
-/// It is called after what it reports: an end that looks once more after it was registered, and then sleeps, misses nothing.
+/// `wake` is called after the change that it reports. An end that looks once more after it was registered, and then
+/// sleeps, misses nothing.
 pub trait Wake {
     /// The reader is woken after each publication, each reset, and when the writer leaves; the writer after jobs were completed, also
     /// before their turn, or discarded, and when the reader leaves.

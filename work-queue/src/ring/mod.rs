@@ -42,7 +42,7 @@ use crate::wake::Wake;
 #[cfg_attr(not(target_pointer_width = "64"), repr(align(32)))]
 struct Padded<T>(T);
 
-/// What the two ends share.
+/// The state that the two ends share.
 struct Shared<T> {
     tail: Padded<AtomicU32>,
     head: Padded<AtomicU32>,
@@ -64,12 +64,12 @@ struct Control<T> {
     done: Cell<*const AtomicBool>,
 }
 
-/// Who owns the storage.
+/// The owner of the storage.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Owner {
-    /// The caller, who outlives the ends.
+    /// The caller, which outlives the ends.
     Caller,
-    /// Nobody: it is in a static. The ends own its jobs.
+    /// No owner: it is in a static. The ends own its jobs.
     #[cfg(target_has_atomic = "8")]
     Nobody,
     /// The two ends.
@@ -81,7 +81,7 @@ enum Owner {
 struct Slot<T>(UnsafeCell<MaybeUninit<T>>);
 
 impl<T> Slot<T> {
-    /// The place of a job: for who owns the slot alone, so that loom may take each access for a write.
+    /// Returns a pointer to the job: only for the owner of the slot, so that loom may count each access as a write.
     #[inline(always)]
     fn place(&self) -> *mut T {
         self.0.with_mut(|place| place.cast())
@@ -166,14 +166,15 @@ impl<T> Shared<T> {
     }
 }
 
-/// What is at a cursor in one of the two arrays. There are ends, which have noted where it is.
+/// Returns the element at a cursor in one of the two arrays. There are ends, which have recorded the address of the
+/// array.
 #[inline(always)]
 fn at<'a, E>(array: &'a Cell<*const E>, cursor: &Cursor) -> &'a E {
     // SAFETY: by 4 the index is below the capacity, and the arrays outlive the ends.
     unsafe { &*array.get().add(cursor.index()) }
 }
 
-/// An end's hold on the ring: one pointer, so that what is seldom called takes it in a register.
+/// An end's hold on the ring: one pointer, so that rarely called functions take it in a register.
 struct Hold<T>(NonNull<Shared<T>>);
 
 impl<T> Clone for Hold<T> {
@@ -221,7 +222,7 @@ impl<T> Hold<T> {
     }
 }
 
-/// What each end has: its hold on the ring, and what wakes the other end.
+/// The parts of each end: its hold on the ring, and the hook that wakes the other end.
 struct End<T, W: Wake> {
     hold: Hold<T>,
     other: W,

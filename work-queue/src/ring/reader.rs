@@ -20,9 +20,9 @@ pub struct Reader<'q, T, W: Wake = NoWake> {
 #[derive(Debug, Clone, Copy)]
 struct Front {
     cursor: Cursor,
-    /// The mark that was obeyed last.
+    /// The last reset mark that the reader has applied.
     mark: Mark,
-    /// How many jobs after the cursor were completed before their turn.
+    /// The number of jobs after the cursor that were completed before their turn.
     ahead: u32,
 }
 
@@ -94,7 +94,7 @@ impl<T, W: Wake> Reader<'_, T, W> {
         front.waiting(&self.end.hold)
     }
 
-    /// How many jobs wait.
+    /// Returns the number of waiting jobs.
     pub fn len(&self) -> usize {
         let waiting = self.iter();
         match self.front.ahead {
@@ -108,7 +108,7 @@ impl<T, W: Wake> Reader<'_, T, W> {
         self.iter().next().is_none()
     }
 
-    /// How many jobs the queue holds at most: `1..=9999`.
+    /// Returns the capacity of the queue in jobs: `1..=9999`.
     pub fn capacity(&self) -> usize {
         self.end.hold.limits().capacity as usize
     }
@@ -297,7 +297,7 @@ impl<T: fmt::Debug, W: Wake> fmt::Debug for Taken<'_, T, W> {
 pub struct TakenBatch<'a, T, W: Wake = NoWake> {
     hold: Hold<T>,
     front: &'a mut Front,
-    /// How many from the cursor on: up to its stop.
+    /// The number of jobs from the cursor on: up to its stop.
     row: u32,
     writer: &'a W,
 }
@@ -322,14 +322,14 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
         let Freed(batch) = &Freed(self);
         if core::mem::needs_drop::<T>() {
             for slot in batch.hold.row(&batch.front.cursor, batch.row) {
-                // SAFETY: as in `iter_mut`; they are freed then. Should a drop panic, the others are forgotten.
+                // SAFETY: as in `iter_mut`; they are freed then. If a drop panics, the others are leaked.
                 drop(unsafe { slot.place().read() });
             }
         }
     }
 }
 
-/// Frees the slots when it is dropped, also where the drop of a job panics: these jobs are not found again.
+/// Frees the slots when it is dropped, even if the drop of a job panics: these jobs are not found again.
 struct Freed<'a, T, W: Wake>(TakenBatch<'a, T, W>);
 
 impl<T, W: Wake> Drop for Freed<'_, T, W> {

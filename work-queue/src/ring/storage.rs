@@ -14,7 +14,7 @@ use crate::wake::{NoWake, Wake};
 /// The highest capacity: the source's controller has no indices of five digits.
 const MAX_CAPACITY: usize = 9999;
 
-/// Where an array of slots begins, so that a job whose size is a power of two lies in one cache line.
+/// The alignment of an array of slots, so that a job whose size is a power of two lies in one cache line.
 const LINE: usize = align_of::<Padded<u8>>();
 
 /// A queue with its storage: arrays, or slices on the heap.
@@ -42,7 +42,7 @@ unsafe impl<T: Send, const N: usize> Send for WorkQueue<T, N> {}
 /// The two ends of a queue, which are woken by `R` (the reader) and `W` (the writer).
 pub type Ends<'q, T, R = NoWake, W = NoWake> = (Writer<'q, T, R>, Reader<'q, T, W>);
 
-/// Constant, but under loom, whose atomics are none.
+/// Makes a function constant, except under loom, whose atomics are not constant.
 macro_rules! constant {
     ($($(#[$doc:meta])* $v:vis fn $name:ident $(<const $max:ident: u16>)? ($($args:tt)*) -> $result:ty $body:block)*) => {$(
         #[cfg(not(loom))]
@@ -234,7 +234,7 @@ type BoxedRing<T> = Ring<T, alloc::boxed::Box<[Slot<T>]>, alloc::boxed::Box<[Ato
 ///
 /// # Safety
 ///
-/// It came from [`boxed_with`], and is no longer used.
+/// The ring came from [`boxed_with`], and is no longer used.
 #[cfg(all(feature = "alloc", target_has_atomic = "8"))]
 pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
     // SAFETY: as above; `shared` is first in it.
@@ -242,7 +242,7 @@ pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
 }
 
 impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
-    /// Where the slots begin: on a cache line, if there are enough to spare.
+    /// Returns the first slot: on a cache line, if there are enough to spare.
     fn first_slot(&self) -> *const Slot<T> {
         let slots = self.slots.as_ref();
         let spare = (slots.len() - self.shared.limits().capacity as usize) * size_of::<Slot<T>>();
@@ -251,8 +251,8 @@ impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
         first.wrapping_byte_add(if to_line <= spare { to_line } else { 0 })
     }
 
-    /// Drops the jobs that are left, and sets up what is shared for ends that begin at `start`. There are none: the ring is borrowed
-    /// as a whole, new, or a static's that is not in use.
+    /// Drops the remaining jobs, and sets up the shared state for ends that begin at `start`. No ends exist at this
+    /// time: the ring is borrowed as a whole, new, or a static's that is not in use.
     fn begin(&self, owner: Owner, start: u32) {
         self.shared.control.0.slots.set(self.first_slot()); // it may have moved
         self.shared.control.0.done.set(self.done.as_ref().as_ptr());

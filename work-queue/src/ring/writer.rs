@@ -108,13 +108,13 @@ impl<T, R: Wake> Writer<'_, T, R> {
         self.end.hold.limits().max
     }
 
-    /// How many jobs the queue holds at most: `1..=9999`.
+    /// Returns the capacity of the queue in jobs: `1..=9999`.
     pub fn capacity(&self) -> usize {
         self.end.hold.limits().capacity as usize
     }
 
-    /// How many slots are taken, that of the job being executed included. A slot completed out of order is taken until all before
-    /// it are completed too.
+    /// Returns the number of occupied slots, including that of the job being executed. A slot completed out of order
+    /// is occupied until all before it are completed too.
     pub fn len(&self) -> usize {
         self.end.hold.limits().distance(self.end.hold.head(), self.cursor.at) as usize
     }
@@ -124,7 +124,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
         self.len() == 0
     }
 
-    /// How many slots are free.
+    /// Returns the number of free slots.
     pub fn free(&self) -> usize {
         self.capacity() - self.len()
     }
@@ -221,7 +221,7 @@ impl<T, R: Wake> Claim<'_, T, R> {
         Ok(())
     }
 
-    /// Queues `job` with the next number, and returns that number: for a link whose jobs have none.
+    /// Queues `job` with the next number, and returns that number: for a link whose jobs are not numbered.
     #[inline(always)]
     pub fn push(self, job: T) -> u16 {
         self.push_with(|| job)
@@ -267,11 +267,11 @@ pub struct Batch<'a, T, R: Wake = NoWake> {
     hold: Hold<T>,
     /// The writer's, ahead of the tail.
     cursor: &'a mut Cursor,
-    /// Where the tail is.
+    /// The position of the tail.
     start: u32,
-    /// Where the slots end that were claimed.
+    /// The end of the claimed slots.
     end: u32,
-    /// How many these are.
+    /// The number of claimed slots.
     slots: u32,
     reader: &'a R,
 }
@@ -311,7 +311,7 @@ impl<T, R: Wake> Batch<'_, T, R> {
         }
     }
 
-    /// How many slots hold a job.
+    /// Returns the number of slots that hold a job.
     #[inline(always)]
     fn filled(&self) -> u32 {
         self.hold.limits().distance(self.start, self.cursor.at)
@@ -339,7 +339,7 @@ fn fill_singly<T>(hold: Hold<T>, cursor: &mut Cursor, slots: u32, jobs: impl Ite
     }
 }
 
-/// Moves the cursor over the slots that were filled when it is dropped, also where a job panics.
+/// Moves the cursor over the filled slots when it is dropped, even if a job panics.
 struct Filled<'a> {
     cursor: &'a mut Cursor,
     jobs: u32,

@@ -1,4 +1,4 @@
-//! Jobs that nobody executes are dropped once, also where that panics.
+//! Jobs that are never executed are dropped once, even if the drop panics.
 
 use core::panic::AssertUnwindSafe;
 use std::rc::Rc;

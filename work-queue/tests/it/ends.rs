@@ -142,7 +142,7 @@ fn a_job_of_a_power_of_two_lies_in_one_cache_line() {
     }
     assert_sizes::<[u8; 16]>();
     assert_sizes::<[u64; 4]>();
-    // What is longer than a line is in several.
+    // An array longer than a cache line is in several lines.
     if cfg!(target_pointer_width = "64") {
         assert_sizes::<[u64; 8]>();
         assert_sizes::<[u64; 16]>();

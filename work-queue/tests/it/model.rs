@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use robot_work_queue::{Full, NumberError, Reader, Taken, TakenBatch, WorkQueue, Writer};
 
-/// What one end can do. Nothing else changes a queue.
+/// An operation of an end. Nothing else changes a queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Op {
     /// The writer queues the next job, after operations that must have no effect: a dropped claim, a repeat, wrong numbers.
@@ -63,7 +63,7 @@ enum State {
     Waiting,
     /// A reset discards it when the reader next takes a job.
     ToDiscard,
-    /// Its slot becomes free when all before it are.
+    /// The slot becomes free when all before it are.
     Completed,
 }
 
@@ -85,9 +85,9 @@ struct Model {
     dropped: u64,
     /// The slots that a reset waits for.
     unsettled: usize,
-    /// How many of the slots the reader knows of.
+    /// The number of slots that the reader knows of.
     known: usize,
-    /// How many slots were freed, and one: a multiple of the capacity where the oldest job is the last of its lap.
+    /// The number of freed slots, plus one: a multiple of the capacity if the oldest job is the last of its lap.
     freed: usize,
 }
 
@@ -174,7 +174,7 @@ impl Model {
 
 struct Run<'q, 'j> {
     ops: &'q [Op],
-    /// How many of the first operations were checked already, as the beginning of an earlier string.
+    /// The number of the first operations that were checked already, as the beginning of an earlier string.
     known: usize,
     done: usize,
     writer: Writer<'q, Job<'j>>,
@@ -345,7 +345,7 @@ impl<'j> Run<'_, 'j> {
         }
     }
 
-    /// What the writer can see.
+    /// Checks the writer's view.
     fn observe(&self) {
         let (model, writer) = (&self.model, &self.writer);
         let free = model.capacity - model.entries.len();
@@ -361,7 +361,7 @@ impl<'j> Run<'_, 'j> {
     }
 }
 
-/// What the reader can see.
+/// Checks the reader's view.
 fn observe_reader(model: &Model, reader: &Reader<'_, Job<'_>>) {
     let expected = model.waiting().map(|entry| (entry.number, entry.serial));
     assert!(reader.iter().map(|(number, job)| (number, job.serial)).eq(expected), "{model:?}");

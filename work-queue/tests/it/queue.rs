@@ -337,7 +337,7 @@ fn resets_far_apart_are_told_apart() {
     }
 }
 
-/// A mark is renewed before half of a position cannot say any more how old it is, however far behind the reader is.
+/// A mark is renewed before half of a position no longer shows its age, however late the reader is.
 #[test]
 fn a_reset_of_long_ago_stays_settled() {
     for capacity in [1, 2, 9999] {

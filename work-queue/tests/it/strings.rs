@@ -44,7 +44,7 @@ struct Model {
     slots: VecDeque<Slot>,
     last: Option<u16>,
     serial: u32,
-    /// How many of the slots a reset waits for.
+    /// The number of slots for which a reset waits.
     cleared: usize,
     alive: Rc<()>,
 }

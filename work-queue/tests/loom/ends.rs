@@ -56,7 +56,7 @@ fn reader_leaves() {
     });
 }
 
-/// Both leave at once: whoever is second drops what is left, and sees all of it.
+/// Both leave at once: the second one drops the remaining jobs, and sees all of them.
 #[test]
 fn both_leave() {
     model_of(3, |jobs, mut writer, mut reader| {

@@ -48,7 +48,7 @@ impl Drop for Job {
     }
 }
 
-/// Something outside of the queue that only the queue's orderings protect: what the robot did.
+/// State outside of the queue that only the queue's orderings protect: the robot's work.
 #[derive(Clone)]
 struct World(Arc<UnsafeCell<Vec<u16>>>);
 
@@ -153,7 +153,7 @@ fn execute_all(reader: &mut Reader<'_, Job>) -> Vec<u16> {
 mod ends;
 mod models;
 
-/// For each ordering that can be weakened: a model that fails then, and what it says.
+/// For each ordering that can be weakened: a model that fails then, and its message.
 const GUARDS: [(&str, &str, &str); 9] = [
     ("publish_tail", "models::publish_and_release_capacity_1", "Causality violation"),
     ("observe_tail", "models::publish_and_release_capacity_1", "Causality violation"),

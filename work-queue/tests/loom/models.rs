@@ -64,7 +64,7 @@ fn full_then_low_water() {
     });
 }
 
-/// The second job overtakes the first; its slot is filled again only behind that of the first.
+/// The second job overtakes the first; its slot is filled again only after that of the first.
 fn out_of_order(capacity: usize, count: u16) {
     model_of_with((capacity > 2).then_some(3), capacity, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
@@ -239,7 +239,7 @@ fn out_of_order_across_a_reset() {
     });
 }
 
-/// Two resets, one behind the other.
+/// Two resets, one after the other.
 #[test]
 fn two_resets() {
     model_of(2, |jobs, mut writer, mut reader| {
@@ -254,8 +254,8 @@ fn two_resets() {
     });
 }
 
-/// Batches on both sides, a reset in the middle of one: what was published before is executed or discarded, in order; what is
-/// published afterwards is kept; each job has its number.
+/// Batches on both sides, a reset in the middle of one: jobs published before it are executed or discarded, in
+/// sequence; jobs published afterwards are kept; each job has its number.
 fn batches_and_a_reset(reset: fn(&mut Writer<'_, Job>), next: u16) {
     model_of(3, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {

@@ -9,7 +9,7 @@ use crate::settings;
 /// Both sides write lines.
 ///
 /// # Errors
-/// When a setting is given: the link has none.
+/// A setting is given: the link has no settings.
 pub(super) fn either(_side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     settings::read("toy-link", (), settings)?;
     Ok(codec(Decoder::new(), Lines))

@@ -122,7 +122,7 @@ impl Workspace {
         self.cargo(with(&["clippy", "-q"], &["--all-targets", "--all-features", "--", "-D", "warnings"]))?;
         self.cargo(with(&["test", "-q"], &[]))?;
         for link in packages.iter().filter(|package| self.is_link(package)) {
-            // What the link's crate has no test of its own for.
+            // Tests of testkit that the link's crate does not have itself.
             let tests = ["--test", "it", "--", "machines::", "contract::", "vectors::"];
             let mut tested =
                 self.command(env!("CARGO"), ["test", "-q", "-p", "testkit"].iter().chain(&tests));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 
-/// What the template is called in manifests, and in Rust.
+/// The name of the template in manifests, and in Rust.
 const TOY: [&str; 2] = ["toy-link", "toy_link"];
 
 /// Copies the template, which is a crate of the workspace itself, and enters it in the workspace, the table and the reference.

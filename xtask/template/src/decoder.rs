@@ -9,7 +9,7 @@ use crate::message::Message;
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     buffer: StreamBuffer<64>,
-    /// How many of the bytes end no line.
+    /// The number of bytes that do not end a line.
     searched: usize,
     finished: bool,
 }

@@ -13,10 +13,10 @@ pub enum DecodeError {
     /// A number is decimal, without leading zeros or a plus sign, and in its range.
     #[error("expected a number in its range at byte {offset}")]
     Number {
-        /// Where it begins.
+        /// The offset at which it begins.
         offset: usize,
     },
-    /// The value of a register is behind `=`.
+    /// The value of a register is after `=`.
     #[error("no = between register and value")]
     Separator,
     /// No line is so long.
@@ -44,12 +44,12 @@ pub enum EncodeError {
     BufferTooSmall {
         /// The bytes needed.
         needed: usize,
-        /// The room there is.
+        /// The free bytes of the output.
         available: usize,
     },
 }
 
-/// The fault of the caller: what the session cannot do now.
+/// The fault of the caller: the reason that the session rejects a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -58,7 +58,7 @@ pub enum SessionError {
     /// There is no connection.
     #[error("there is no connection")]
     NotConnected,
-    /// The request before has no outcome yet, or nobody has taken the events.
+    /// The previous request has no outcome yet, or the events were not polled.
     #[error("the previous request has no outcome yet, or its event is not fetched")]
     Busy,
     /// Nothing was asked for.

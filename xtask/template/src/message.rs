@@ -19,7 +19,7 @@ pub enum Message {
     Value {
         /// The register, 0 to 255.
         register: u8,
-        /// Its value.
+        /// The value of the register.
         value: i32,
     },
 }
@@ -88,7 +88,7 @@ struct Line {
 impl Line {
     fn of(message: &Message) -> Self {
         let mut line = Self { bytes: [0; Message::MAX_LEN], length: 0 };
-        // The longest line has room.
+        // The longest line fits.
         let _ = match *message {
             Message::Get { register } => writeln!(line, "G{register}"),
             Message::Value { register, value } => writeln!(line, "V{register}={value}"),

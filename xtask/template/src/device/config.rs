@@ -1,4 +1,4 @@
-/// How the device answers.
+/// The configuration of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeviceConfig {
     /// The rules of the machine, all of which are kept.

@@ -12,21 +12,21 @@ use super::config::{DeviceConfig, Rule};
 pub enum DeviceMachine {
     /// No connection.
     Disconnected,
-    /// Nothing is asked for.
+    /// No request is open.
     Ready,
     /// The caller has the request.
     Asked {
-        /// What it asks for.
+        /// The requested register.
         register: u8,
     },
     /// The reply is to be sent.
     Replying {
-        /// What it answers.
+        /// The register of the reply.
         register: u8,
     },
 }
 
-/// What happens to a device.
+/// An input of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The connection was made, perhaps again.
@@ -37,30 +37,30 @@ pub enum Input {
     Timeout,
     /// A request has come.
     Get {
-        /// What it asks for.
+        /// The requested register.
         register: u8,
     },
-    /// The caller knows the value.
+    /// The caller has given the value.
     Answered,
     /// The reply that was due is sent.
     Sent,
 }
 
-/// What the device sends: the value that the caller has given.
+/// A reply of the device: the value that the caller has given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reply {
-    /// Of this register.
+    /// The register.
     pub register: u8,
 }
 
-/// What the device does.
+/// An action of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
     Nothing,
     /// Reports a request.
     Ask {
-        /// What it asks for.
+        /// The requested register.
         register: u8,
     },
     /// Counts a reply.

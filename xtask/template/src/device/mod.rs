@@ -28,7 +28,7 @@ pub struct Device {
     value: i32,
 }
 
-/// What the device reports.
+/// An event of the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -36,7 +36,7 @@ pub struct Device {
 pub enum DeviceEvent {
     /// A request: [`Device::answer`] it.
     Asked {
-        /// What it asks for.
+        /// The requested register.
         register: u8,
     },
     /// A notice: corrupt bytes.
@@ -47,7 +47,7 @@ pub enum DeviceEvent {
 }
 
 robot_session::counters! {
-    /// What a device has done.
+    /// The counts of a device.
     pub struct DeviceStatistics {
         /// Replies sent.
         pub replies: u64,

@@ -2,10 +2,10 @@ use core::time::Duration;
 
 use crate::error::ConfigError;
 
-/// How the host asks.
+/// The configuration of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
-    /// How long a reply may take, above 0. Default: 1 s. [`Duration::MAX`]: no limit.
+    /// The longest time of a reply, above 0. Default: 1 s. [`Duration::MAX`]: no limit.
     pub timeout: Duration,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

@@ -12,23 +12,23 @@ use super::config::{HostConfig, Rule};
 pub enum HostMachine {
     /// No connection.
     Disconnected,
-    /// Nothing is asked for.
+    /// No request is open.
     Idle,
     /// A request is to be sent.
     Asking {
-        /// What it asks for.
+        /// The requested register.
         register: u8,
     },
     /// The reply is awaited.
     Waiting {
-        /// What was asked for.
+        /// The requested register.
         register: u8,
-        /// Until when.
+        /// The deadline of the reply.
         until: Duration,
     },
 }
 
-/// What happens to a host.
+/// An input of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// The connection was made, perhaps again.
@@ -39,26 +39,26 @@ pub enum Input {
     Timeout,
     /// The caller asks for a register.
     Get {
-        /// Which one.
+        /// The requested register.
         register: u8,
     },
     /// The request that was due is sent.
     Sent,
     /// The value of a register has come.
     Value {
-        /// Which one.
+        /// The register.
         register: u8,
     },
 }
 
-/// What the host sends.
+/// A request of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Request {
-    /// What it asks for.
+    /// The requested register.
     pub register: u8,
 }
 
-/// What the host does.
+/// An action of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -70,14 +70,14 @@ pub enum Action {
         /// The register.
         register: u8,
     },
-    /// Reports the value as no reply.
+    /// Reports that the value is not a reply.
     Unasked {
         /// The register.
         register: u8,
     },
     /// Reports that the request has no reply.
     TimedOut {
-        /// What was asked for.
+        /// The requested register.
         register: u8,
     },
 }

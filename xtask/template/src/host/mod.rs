@@ -35,19 +35,19 @@ pub enum HostEvent {
     Value {
         /// The register.
         register: u8,
-        /// Its value.
+        /// The value of the register.
         value: i32,
     },
     /// No reply came in time, or the connection was lost.
     TimedOut {
-        /// What was asked for.
+        /// The requested register.
         register: u8,
     },
-    /// A notice: a value that is no reply.
+    /// A notice: a value that is not a reply.
     Unasked {
         /// The register.
         register: u8,
-        /// Its value.
+        /// The value of the register.
         value: i32,
     },
     /// A notice: corrupt bytes.

@@ -1,4 +1,4 @@
-//! What holds for every message and every stream.
+//! Properties of every message and every stream.
 
 use arbitrary::Unstructured;
 use proptest::prelude::*;

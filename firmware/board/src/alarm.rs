@@ -7,7 +7,7 @@ use critical_section::Mutex;
 
 use crate::{chip, core_of, now};
 
-/// No alarm is set for longer: the session is called early, and says again when.
+/// The longest time of an alarm: for a later deadline the session is called early, and returns the deadline again.
 const LONGEST: Duration = Duration::from_secs(60);
 
 /// The two times.
@@ -19,7 +19,7 @@ pub(crate) struct Times {
 
 static TIMES: Mutex<Cell<Times>> = Mutex::new(Cell::new(Times { session: None, main: None }));
 
-/// Changes the times. The alarm calls the session, which changes nothing before its time, and wakes the main loop.
+/// Changes the times. The alarm calls the session, which does nothing before its time, and wakes the main loop.
 pub(crate) fn set(change: impl FnOnce(&mut Times)) {
     critical_section::with(|cs| {
         let mut times = TIMES.borrow(cs).get();

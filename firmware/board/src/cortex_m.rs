@@ -1,4 +1,4 @@
-//! What all boards with a Cortex-M have.
+//! The common parts of all boards with a Cortex-M.
 
 use ::cortex_m::peripheral::SCB;
 use ::cortex_m::peripheral::scb::SystemHandler;

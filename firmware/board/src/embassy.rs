@@ -41,12 +41,12 @@ impl Clock for EmbassyClock {
     }
 }
 
-/// Whole microseconds, up to the longest that `embassy-time` knows.
+/// Whole microseconds, up to the longest time of `embassy-time`.
 fn micros(time: Duration) -> u64 {
     time.as_secs().saturating_mul(1_000_000).saturating_add(u64::from(time.subsec_micros()))
 }
 
-/// Who waits for which time.
+/// The queue of wakers with the times for which they wait.
 struct Timers(Mutex<RefCell<Queue>>);
 
 embassy_time_driver::time_driver_impl!(static TIMERS: Timers = Timers(Mutex::new(RefCell::new(Queue::new()))));

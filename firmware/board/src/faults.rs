@@ -1,4 +1,4 @@
-//! What goes wrong on purpose, to see what is reported: the UART loses bytes, and the motion task stalls.
+//! Fault injection: the UART loses bytes, and the motion task stalls.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -7,9 +7,9 @@ use critical_section::Mutex;
 
 use crate::now;
 
-/// How many bytes come for one that is lost.
+/// The number of bytes of which one is lost.
 const EVERY: u32 = 5003;
-/// When this many bytes have come the motion task stalls for this time: less than the watchdog allows.
+/// The number of bytes after which the motion task stalls, and the time of the stall: less than the watchdog allows.
 const STANDS_FROM: u32 = 100;
 const STANDS_FOR: Duration = Duration::from_secs(1);
 

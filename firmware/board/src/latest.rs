@@ -15,7 +15,7 @@ impl<T> Latest<T> {
         Self(Mutex::new(Cell::new(None)))
     }
 
-    /// Replaces the one before, and has the session look.
+    /// Replaces the previous value, and triggers the session.
     pub fn set(&self, value: T) {
         critical_section::with(|cs| self.0.borrow(cs).set(Some(value)));
         session::wake();

@@ -1,4 +1,4 @@
-//! What the firmware of every end needs of its board.
+//! The board support of each end's firmware.
 //!
 //! - The bytes of the UART come and go by its interrupt, through two buffers: [`Uart`].
 //! - The session runs in an interrupt of its own, below those of the UART and of the alarm, which trigger it: [`start`], [`wake`].
@@ -59,8 +59,8 @@ use core::time::Duration;
 
 use defmt_semihosting as _;
 
-/// The main loop has nothing to do: sleeps until the next interrupt, unless `has_work`. What interrupts do is seen by it, so none comes
-/// between the look and the sleep unseen.
+/// Sleeps until the next interrupt, unless `has_work`: called when the main loop has nothing to do. Interrupts are
+/// off between the check and the sleep, so no change by an interrupt is missed.
 pub fn idle(has_work: impl FnOnce() -> bool) {
     chip::feed();
     #[cfg(feature = "faults")]

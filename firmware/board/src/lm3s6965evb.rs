@@ -27,7 +27,7 @@ registers!(0x4000_0000: WDT_LOAD = 0x00, WDT_CTL = 0x08);
 /// Starts the board: its clock, the time, the UART at a rate, without parity, and the watchdog.
 ///
 /// # Panics
-/// When it is called twice.
+/// If it is called twice.
 pub fn init(baud: u32) -> Uart {
     let mut core = cortex_m::Peripherals::take().expect("the board is started once");
     run_from_pll();

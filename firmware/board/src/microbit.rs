@@ -38,7 +38,7 @@ static SENDS: AtomicBool = AtomicBool::new(false);
 /// Starts the board: its clock, the time, the UART at a rate, without parity, and the watchdog.
 ///
 /// # Panics
-/// When it is called twice.
+/// If it is called twice.
 pub fn init(baud: u32) -> Uart {
     let mut core = ::cortex_m::Peripherals::take().expect("the board is started once");
     HFCLKSTART.write(1);
@@ -88,7 +88,7 @@ pub fn now() -> Duration {
     })
 }
 
-/// Beyond this second the session is called at its end, and says again when.
+/// For a deadline after this second the session is called at the end of it, and returns the deadline again.
 pub(crate) fn set_alarm(after: Duration) {
     critical_section::with(|_| {
         let at = micros() + after.subsec_micros() + 1;

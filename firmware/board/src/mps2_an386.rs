@@ -26,7 +26,7 @@ registers!(0x4002_8000: LEDS = 0x00);
 const RX_FULL: u32 = 1 << 1;
 const TX_FULL: u32 = 1;
 const RX_OVERRUN: u32 = 1 << 3;
-/// Both ways, with an interrupt of what was sent.
+/// Both directions, with an interrupt after a sent byte.
 const ON: u32 = 0b0111;
 const RX_INTERRUPT: u32 = 1 << 3;
 
@@ -49,7 +49,7 @@ unsafe impl InterruptNumber for Interrupt {
 /// Starts the board: the time, the UART at a rate, without parity, and the watchdog.
 ///
 /// # Panics
-/// When it is called twice.
+/// If it is called twice.
 pub fn init(baud: u32) -> Uart {
     let mut core = ::cortex_m::Peripherals::take().expect("the board is started once");
     set_drives(false);
@@ -88,7 +88,7 @@ pub(crate) fn receive() -> Option<u8> {
 pub(crate) fn set_receiving(on: bool) {
     let was_on = CTRL.read() & RX_INTERRUPT != 0;
     CTRL.write(if on { ON | RX_INTERRUPT } else { ON });
-    // What came meanwhile has no interrupt of its own.
+    // A byte that arrived while the interrupt was off does not raise one: pend it.
     if on && !was_on && STATE.read() & RX_FULL != 0 {
         NVIC::pend(Interrupt::UartRx);
     }
@@ -119,7 +119,7 @@ pub(crate) fn set_drives(on: bool) {
 }
 
 /// Every interrupt of the board.
-// SAFETY: it only calls what is safe.
+// SAFETY: it only calls safe functions.
 #[exception]
 unsafe fn DefaultHandler(number: i16) {
     if number == Interrupt::Timer0 as i16 {

@@ -1,10 +1,10 @@
-//! What goes wrong stops the motion.
+//! The panic handler: switches the drives off, logs the panic and resets the board.
 
 use core::panic::PanicInfo;
 
 use crate::{chip, core_of};
 
-/// Stops the motion, says why, and begins again.
+/// Switches the drives off, logs the panic and resets the board.
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     chip::set_drives(false);

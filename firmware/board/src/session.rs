@@ -11,9 +11,10 @@ use crate::{Uart, core_of, uart};
 pub type Driver<const INPUT: usize, const OUT: usize> =
     robot_session::embedded_io::Driver<Uart, fn() -> Duration, INPUT, OUT>;
 
-/// What is done in the interrupt of the session: most of it is `poll` of a [`Driver`].
+/// The work in the interrupt of the session: most of it is `poll` of a [`Driver`].
 pub trait Link: Send {
-    /// Bytes have come or gone, the time has come, or somebody has called [`wake`]. Returns when it is to be called at the latest.
+    /// Called when bytes have come or gone, at the returned time, or after a call of [`wake`]. Returns the latest
+    /// time of the next call.
     fn poll(&mut self) -> Option<Duration>;
 }
 
@@ -25,7 +26,7 @@ pub fn start(link: &'static mut dyn Link) {
     wake();
 }
 
-/// Has the session look at what it works with, as a queue whose jobs were completed: from anywhere.
+/// Has the session check its inputs, such as a queue whose jobs were completed. May be called from anywhere.
 pub fn wake() {
     core_of::trigger_session();
 }

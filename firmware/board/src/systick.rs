@@ -10,7 +10,7 @@ use critical_section::Mutex;
 
 use crate::chip::{HZ, PARTS};
 
-/// How long a cycle is, in nanoseconds: a whole number.
+/// The length of a cycle, in nanoseconds: a whole number.
 pub(crate) const CYCLE: u32 = 1_000_000_000 / HZ;
 
 /// The seconds, and the parts of the next one, that have passed.

@@ -22,7 +22,7 @@ struct Bytes {
     to_send: Deque<u8, TO_SEND>,
 }
 
-/// The UART: reads what its interrupt has brought, and writes what it takes away. Neither waits.
+/// The UART: reads the bytes that its interrupt has received, and writes those that it will send. Neither waits.
 #[derive(Debug)]
 pub struct Uart(());
 
@@ -38,7 +38,7 @@ impl Uart {
     }
 }
 
-/// How often bytes were lost since the last call, because the session has not run for too long.
+/// Returns the number of bytes lost since the last call, because the session has not run for too long.
 pub(crate) fn take_lost() -> u32 {
     critical_section::with(|cs| LOST.borrow(cs).take())
 }
@@ -57,7 +57,8 @@ pub(crate) fn interrupt() {
             }
             let _ = bytes.received.push_back(byte);
         }
-        // What there is no room for stays in the UART, which loses it if the session does not come soon, or holds the line.
+        // When the buffer is full, bytes stay in the UART, which loses them if the session does not come soon, or
+        // holds the line.
         chip::set_receiving(!bytes.received.is_full());
         if chip::take_overrun() {
             lose(cs);
@@ -72,7 +73,7 @@ fn lose(cs: CriticalSection<'_>) {
     lost.set(lost.get().saturating_add(1));
 }
 
-/// Gives the UART what it takes.
+/// Gives the UART as many bytes as it accepts.
 fn send(bytes: &mut Bytes) {
     while let Some(byte) = bytes.to_send.front() {
         if !chip::send(*byte) {

@@ -12,7 +12,7 @@ use crate::{Uart, uart};
 
 pub use riscv_rt::entry;
 
-/// What the timer counts in a second, and how long it takes for one, in nanoseconds.
+/// The frequency of the timer in Hz, and the time of a tick in nanoseconds.
 const HZ: u64 = 10_000_000;
 const TICK: u32 = 100;
 const UART_INTERRUPT: u32 = 10;

@@ -8,7 +8,7 @@ use heapless::Vec;
 
 use crate::measure;
 
-/// The longest that an end says at once.
+/// The longest transmission of an end.
 pub(crate) const LONGEST: usize = 4096;
 
 static NOW: Mutex<Cell<Duration>> = Mutex::new(Cell::new(Duration::ZERO));
@@ -21,7 +21,7 @@ pub fn now() -> Duration {
     critical_section::with(|cs| NOW.borrow(cs).get())
 }
 
-/// It goes on.
+/// Sets the time.
 pub(crate) fn set_now(time: Duration) {
     critical_section::with(|cs| NOW.borrow(cs).set(time));
 }
@@ -47,7 +47,7 @@ pub(crate) fn put(byte: u8) {
     critical_section::with(|cs| RECEIVED.borrow(cs).set(Some(byte)));
 }
 
-/// The byte that came last waits for room.
+/// Whether the last byte waits for free space.
 pub(crate) fn is_full() -> bool {
     critical_section::with(|cs| RECEIVED.borrow(cs).get().is_some())
 }
@@ -63,7 +63,7 @@ pub(crate) fn send(byte: u8) -> bool {
     critical_section::with(|cs| SENT.borrow_ref_mut(cs).push(byte).is_ok())
 }
 
-/// Takes what was sent since the last call, behind what is there: how many bytes.
+/// Appends the bytes sent since the last call to `behind`; returns their number.
 pub(crate) fn take_sent(behind: &mut Vec<u8, LONGEST>) -> usize {
     critical_section::with(|cs| {
         let mut sent = SENT.borrow_ref_mut(cs);

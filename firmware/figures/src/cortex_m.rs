@@ -9,7 +9,7 @@ use crate::{measure, session};
 
 pub use cortex_m_rt::entry;
 
-/// How many instructions take this many ticks.
+/// A number of instructions, and the number of ticks that they take.
 pub(crate) const TICKS: (u64, u64) = (40, 64);
 const MOST: u32 = (1 << 24) - 1;
 
@@ -25,7 +25,7 @@ pub(crate) fn ticks() -> u32 {
     SYST::get_current()
 }
 
-/// It counts down.
+/// Returns the elapsed ticks: the counter counts down.
 pub(crate) fn elapsed(since: u32) -> u32 {
     since.wrapping_sub(SYST::get_current()) & MOST
 }

@@ -39,7 +39,7 @@ pub fn init(baud: u32) -> Uart {
     Uart::new()
 }
 
-/// The main loop has nothing to do: what comes next in the world happens.
+/// Runs the next step of the world: called when the main loop has nothing to do.
 pub fn idle(has_work: impl FnOnce() -> bool) {
     if !has_work() {
         world::step();
@@ -61,7 +61,7 @@ pub fn pause(time: Duration) {
     alarm::set(|times| times.main = None);
 }
 
-/// There are none.
+/// Does nothing: there are no drives.
 pub fn enable_drives() {}
 
 #[panic_handler]

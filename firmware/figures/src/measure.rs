@@ -9,7 +9,7 @@ use critical_section::Mutex;
 
 use crate::core_of::{TICKS, elapsed, ticks};
 
-/// How many answers are measured.
+/// The number of measured answers.
 const ANSWERS: u32 = match option_env!("ANSWERS") {
     Some(number) => match u32::from_str_radix(number, 10) {
         Ok(number) => number,
@@ -23,11 +23,11 @@ static MEASURE: Mutex<Cell<Measure>> =
 
 #[derive(Clone, Copy)]
 struct Measure {
-    /// The request has come, and no answer yet.
+    /// Whether a request has come that is not answered yet.
     waits: bool,
-    /// When the interrupt began that is running.
+    /// The time at which the running interrupt began, in ticks.
     begin: u32,
-    /// What the last byte has taken: the UART's interrupt, then the session's.
+    /// The ticks for the last byte: the UART's interrupt, then the session's.
     busy: u32,
     runs: u8,
     answers: u32,
@@ -35,7 +35,7 @@ struct Measure {
     sum: u64,
 }
 
-/// What an interrupt does.
+/// Runs and measures an interrupt.
 pub(crate) fn interrupt(does: fn()) {
     critical_section::with(|cs| {
         let cell = MEASURE.borrow(cs);
@@ -78,7 +78,7 @@ pub(crate) fn answers() {
     });
 }
 
-/// Prints what was measured and ends, when it was often enough.
+/// Prints the measurements and exits, when there are enough.
 pub(crate) fn report() {
     let Measure { answers, worst, sum, .. } = critical_section::with(|cs| MEASURE.borrow(cs).get());
     if answers >= ANSWERS {

@@ -1,4 +1,4 @@
-//! Who speaks with the board: a session of the other end, and what its caller asks for.
+//! The peer of the board: a session of the other end, and its caller's requests.
 
 use core::time::Duration;
 
@@ -18,10 +18,10 @@ pub(crate) use end::start;
 
 /// A peer.
 pub(crate) trait Peer: Send {
-    /// When it acts by itself.
+    /// Returns the time at which it acts by itself.
     fn deadline(&self) -> Option<Duration>;
 
-    /// It has read these bytes, and says something if the line is free: how many bytes.
+    /// Reads these bytes, and writes to `out` if the line is free; returns the number of bytes written.
     fn turn(&mut self, now: Duration, bytes: &[u8], out: &mut [u8], is_free: bool) -> usize;
 }
 

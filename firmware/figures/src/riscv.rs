@@ -8,7 +8,7 @@ use crate::{measure, session};
 
 pub use riscv_rt::entry;
 
-/// How many instructions take this many ticks.
+/// A number of instructions, and the number of ticks that they take.
 pub(crate) const TICKS: (u64, u64) = (1, 1);
 
 pub(crate) fn init() {

@@ -1,4 +1,4 @@
-//! What happens around the board: one thing at a time, each at its time.
+//! The world around the board: one step at a time, each at its time.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -16,19 +16,19 @@ static PLACE: Mutex<Cell<Option<&'static mut World>>> = Mutex::new(Cell::new(Non
 
 struct World {
     peer: &'static mut dyn Peer,
-    /// How long a byte takes on the line.
+    /// The time of a byte on the line.
     byte: Duration,
-    /// What the peer says: this many bytes, of which this many have come, and when the next one comes.
+    /// The bytes from the peer: their number, how many have arrived, and when the next one arrives.
     to_board: [u8; LONGEST],
     length: usize,
     come: usize,
     comes_at: Duration,
-    /// What the board says, and when all of it has come.
+    /// The bytes from the board, and the time at which all have arrived.
     to_peer: Vec<u8, LONGEST>,
     is_there_at: Duration,
 }
 
-/// Whose turn it is.
+/// The next step of the world.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 enum Turn {
     Board,

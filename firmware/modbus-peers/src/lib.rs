@@ -18,15 +18,15 @@ use cortex_m_semihosting::{debug, hio};
 
 /// The unit that every server is.
 pub const UNIT: u8 = 1;
-/// How many holding registers it has.
+/// The number of holding registers.
 pub const REGISTERS: usize = 200;
 /// Room for the longest frame.
 pub const ROOM: usize = 260;
 
-/// How often each request is served.
+/// The number of times that each request is served.
 const ROUNDS: u32 = 500;
 
-/// Unit, PDU, and this many bytes of data behind it.
+/// A request: unit, PDU, and the number of data bytes after it.
 struct Case {
     name: &'static str,
     unit: u8,
@@ -39,7 +39,7 @@ const fn case(name: &'static str, pdu: &'static [u8], data: u8) -> Case {
     Case { name, unit: UNIT, pdu, data, is_damaged: false }
 }
 
-/// What is written first is read then.
+/// The first requests write the registers that the later ones read.
 const CASES: [Case; 9] = [
     case("write one", &[6, 0, 7, 0x12, 0x34], 0),
     case("write 10", &[16, 0, 8, 0, 10, 20], 20),
@@ -151,7 +151,7 @@ fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |sum: u32, byte| sum.wrapping_mul(31).wrapping_add((*byte).into()))
 }
 
-/// Without `core::fmt`, which would hide what a server links of it.
+/// Without `core::fmt`, which would hide the parts of it that a server links.
 fn print(text: &str) {
     if let Ok(mut out) = hio::hstdout() {
         let _ = out.write_all(text.as_bytes());

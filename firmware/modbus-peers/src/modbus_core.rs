@@ -1,4 +1,4 @@
-//! modbus-core: its codec. What it does not have is done here: the unit, the registers, the exceptions.
+//! modbus-core: its codec. The unit, the registers and the exceptions, which it does not have, are added here.
 
 use modbus_core::{
     Data, Exception, ExceptionResponse, FunctionCode, Request, RequestPdu, Response, ResponsePdu, rtu, tcp,

@@ -24,7 +24,7 @@ impl Registers for Bank {
     }
 }
 
-/// What a board does: the bytes, on a line the silence behind them, and everything that comes out.
+/// Serves a request as a board does: the bytes, on a serial line the silence after them, and all outputs.
 pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     let Ok(mut server) = Server::<_, 1>::new(config, Bank([0; REGISTERS])) else { fail() };
     let mut now = Duration::ZERO;

@@ -6,7 +6,7 @@ use rmodbus::{ErrorKind, ModbusProto, VectorTrait};
 
 use crate::{REGISTERS, ROOM, UNIT};
 
-/// Its replies go into a vector: the cheapest that there can be.
+/// The output of its replies, a vector: the cheapest one possible.
 struct Out<'a> {
     bytes: &'a mut [u8; ROOM],
     length: usize,

@@ -1,4 +1,5 @@
-//! A Kawasaki robot behind the TCP bridge of a UART as two tasks of Embassy: one speaks, one draws, and the queue wakes both.
+//! A Kawasaki robot at the TCP bridge of a UART as two tasks of Embassy: one communicates, one draws, and the queue
+//! wakes both.
 #![no_std]
 #![no_main]
 
@@ -19,7 +20,7 @@ static QUEUE: ConstStaticCell<JobQueue<Line, 64>> = ConstStaticCell::new(JobQueu
 static QUEUED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 static COMPLETED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-/// What wakes an end of the queue: its hooks.
+/// The hook that wakes an end of the queue.
 type Hook = fn();
 type Session = Robot<'static, Line, 256, Hook>;
 /// Made one by one where they stay: a task would be made on the stack, with both in it.

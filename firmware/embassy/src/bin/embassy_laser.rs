@@ -37,7 +37,7 @@ impl TryFrom<Instruction<'_>> for Cut {
     }
 }
 
-/// What wakes the motion: the hook of the queue.
+/// The hook of the queue that wakes the motion.
 type Queued = fn();
 type Session = Controller<'static, Cut, Queued>;
 

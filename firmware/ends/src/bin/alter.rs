@@ -1,4 +1,4 @@
-//! ALTER's host with a trajectory of its own: the main loop works out what comes next, the interrupt of the session sends it.
+//! ALTER's host with a trajectory of its own: the main loop computes the next target, the interrupt of the session sends it.
 #![no_std]
 #![no_main]
 
@@ -18,7 +18,7 @@ static AHEAD_OF_ROBOT: ConstStaticCell<WorkQueue<Words, AHEAD>> =
     ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Alter> = StaticCell::new();
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Alter {
     driver: Driver<64, { Host::MAX_TRANSMIT }>,
     session: Host,
@@ -59,7 +59,7 @@ fn trajectory(cycle: u32) -> Words {
     if (cycle / 100).is_multiple_of(2) { [speed, 0, 0, 0, 0, 0] } else { [0, speed, 0, 0, 0, 0] }
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart, words: Reader<'static, Words>) {
     let link = LINK.init_with(|| {
         // Behind an adapter, or in an emulator, bytes that came together may be read apart: no silence ends a frame.

@@ -13,10 +13,10 @@ use static_cell::StaticCell;
 static MEASURED: Latest<([i8; 3], [i8; 3])> = Latest::new();
 static LINK: StaticCell<ControlBall> = StaticCell::new();
 
-/// How often the sensor measures.
+/// The interval between the sensor's measurements.
 const PERIOD: Duration = Duration::from_millis(10);
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct ControlBall {
     driver: Driver<32, { Ball::MAX_TRANSMIT }>,
     session: Ball,
@@ -51,7 +51,7 @@ fn measure(now: Duration) -> ([i8; 3], [i8; 3]) {
     ([push, 0, 0], [0; 3])
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart) {
     let link = LINK.init_with(|| {
         let Ok(session) = Ball::new(BallConfig::default()) else { panic!("it works") };

@@ -1,4 +1,5 @@
-//! A Kawasaki robot behind the TCP bridge of a UART: lines go into a queue in the interrupt of the session, and the main loop draws them.
+//! A Kawasaki robot at the TCP bridge of a UART: lines go into a queue in the interrupt of the session, and the main
+//! loop draws them.
 #![no_std]
 #![no_main]
 
@@ -20,7 +21,7 @@ static DRIVER: StaticCell<Port> = StaticCell::new();
 static SESSION: StaticCell<Session> = StaticCell::new();
 static LINK: StaticCell<Kawasaki> = StaticCell::new();
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Kawasaki {
     driver: &'static mut Port,
     session: &'static mut Session,
@@ -44,7 +45,7 @@ fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart, jobs: Jobs<'static, Line>) {
     let driver = DRIVER.init_with(|| Driver::new(uart, board::now));
     let session = SESSION.init_with(|| {

@@ -18,7 +18,7 @@ const GO_ON: u16 = 0x0202;
 const CLEAR: u16 = 0x0203;
 const STATUS: u16 = 0x0301;
 
-/// How many instructions wait at most.
+/// The capacity of the queue in instructions.
 const QUEUE_LEN: usize = 32;
 static QUEUE: ConstStaticCell<WorkQueue<Cut, QUEUE_LEN>> =
     ConstStaticCell::new(WorkQueue::numbered::<9999>());
@@ -46,7 +46,7 @@ impl TryFrom<Instruction<'_>> for Cut {
 
 type Session = Controller<'static, Cut>;
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Laser {
     driver: Driver<64, { Session::MAX_TRANSMIT }>,
     session: Session,
@@ -84,7 +84,7 @@ fn handle(controller: &mut Session, event: ControllerEvent) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart, writer: Writer<'static, Cut>) {
     let link = LINK.init_with(|| {
         let Ok(session) = Controller::new(ControllerConfig::default(), writer) else { panic!("it works") };

@@ -18,16 +18,16 @@ static REPORTS: ConstStaticCell<WorkQueue<Report, 8>> = ConstStaticCell::new(Wor
 static LINK: StaticCell<Mma> = StaticCell::new();
 
 const HOME: RobotPose = RobotPose::from_units([0, 0, 100_000, 0]);
-/// What the axes go in a millisecond at 100 %: 250 mm/s and 3 rad/s.
+/// The motion of the axes per millisecond at 100 %: 250 mm/s and 3 rad/s.
 const SPEEDS: [i32; 4] = [250, 250, 250, 30];
 
-/// What the motion task tells the session.
+/// A report of the motion task to the session.
 enum Report {
     Pose(RobotPose),
     Arrived,
 }
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Mma {
     driver: Driver<64, { Session::MAX_TRANSMIT }>,
     session: Session,
@@ -106,7 +106,7 @@ impl Axes {
     }
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart, orders: Writer<'static, Order<RobotPose>>, reports: Reader<'static, Report>) {
     let link = LINK.init_with(|| {
         let Ok(session) = Device::new(DeviceConfig::DEFAULT) else { panic!("it works") };

@@ -11,7 +11,7 @@ use fanuc_hmi_modbus::{Exception, Registers, Server, ServerConfig, Words, WordsM
 use robot_session::Session as _;
 use static_cell::StaticCell;
 
-/// What the machine has: 0 counts, 1 is by how much, the others are memory.
+/// The registers: 0 counts, 1 is the increment, the others are memory.
 static REGISTERS: [AtomicU16; 64] = [const { AtomicU16::new(0) }; 64];
 static LINK: StaticCell<Modbus> = StaticCell::new();
 
@@ -44,7 +44,7 @@ impl Registers for Machine {
 
 type Session = Server<Machine, 1>;
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Modbus {
     driver: Driver<64, { Session::MAX_TRANSMIT }>,
     session: Session,
@@ -64,7 +64,7 @@ impl Link for Modbus {
     }
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart) {
     let link = LINK.init_with(|| {
         let Ok(session) = Server::new(ServerConfig::rtu(UNIT, BAUD), Machine) else { panic!("it works") };

@@ -20,12 +20,12 @@ const BAUD: u32 = 9_600;
 const UNIT: u8 = 1;
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Telemetry {
     driver: Driver<128, { Session::MAX_TRANSMIT }>,
     session: Session,
     blocks: Writer<'static, TelemetryBlock>,
-    /// When to ask next.
+    /// The time of the next request.
     next: Duration,
 }
 
@@ -34,7 +34,7 @@ impl Link for Telemetry {
         let now = board::now();
         if now >= self.next {
             self.next = now + PERIOD;
-            // Refused while the one before has no outcome.
+            // Refused while the previous request has no outcome.
             let _ = self.session.request(UNIT, &TelemetryBlock::request());
         }
         let blocks = &mut self.blocks;
@@ -56,7 +56,7 @@ fn handle(client: &mut Session, event: ClientEvent, blocks: &mut Writer<'static,
     }
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart, blocks: Writer<'static, TelemetryBlock>) {
     let link = LINK.init_with(|| {
         let Ok(session) = Client::new(ClientConfig::rtu(BAUD)) else { panic!("it works") };

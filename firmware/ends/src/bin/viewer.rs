@@ -1,4 +1,5 @@
-//! The computer that knows where the arm is: the main loop has a new pose every 28 ms, the interrupt of the session answers a workstation.
+//! The computer with the pose of the arm: the main loop has a new pose every 28 ms, the interrupt of the session
+//! answers a workstation.
 #![no_std]
 #![no_main]
 
@@ -16,7 +17,7 @@ static LINK: StaticCell<Viewer> = StaticCell::new();
 /// A new pose comes this often, as from ALTER.
 const POSES: Duration = Duration::from_millis(28);
 
-/// What runs in the interrupt of the session.
+/// The link of the session's interrupt.
 struct Viewer {
     driver: Driver<32, { Host::MAX_TRANSMIT }>,
     session: Host,
@@ -41,7 +42,7 @@ impl Link for Viewer {
     }
 }
 
-#[inline(never)] // what it makes passes through its stack, which the motion has again
+#[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart) {
     let link = LINK.init_with(|| {
         let Ok(session) = Host::new(HostConfig::default()) else { panic!("it works") };

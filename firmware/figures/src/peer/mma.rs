@@ -13,7 +13,7 @@ pub(crate) fn start() -> &'static mut dyn Peer {
     PEER.init(Caller::new(central, |central, now| {
         let part = now.subsec_micros();
         let at = (part % 20_000) as i32 - 10_000;
-        // Refused while the one before has no outcome.
+        // Refused while the previous command has no outcome.
         let _ = central.request(match part % 16 {
             0 => Command::Servo { on: true },
             1 => Command::Override { percent: (part % 100 + 1) as u8 },

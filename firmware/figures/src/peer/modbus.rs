@@ -21,7 +21,7 @@ pub(crate) fn start() -> &'static mut dyn Peer {
             2 => Request::ReadHoldingRegisters { address: 40, quantity }, // most are beyond the table
             _ => Request::ReadHoldingRegisters { address: 10, quantity },
         };
-        // Refused while the one before has no outcome.
+        // Refused while the previous request has no outcome.
         let _ = client.request(1, &request);
         None
     }))

@@ -31,7 +31,7 @@ struct Stream {
 /// A message to write and to read again.
 #[derive(Debug, Arbitrary)]
 struct Message {
-    /// Where the bytes of the message are cut, modulo their number.
+    /// The position at which the bytes of the message are cut, modulo their number.
     cut: u8,
     source: Source,
 }
@@ -73,9 +73,9 @@ pub(crate) fn message(link: &'static Link) -> Target {
 /// The codecs of a link.
 struct Codecs {
     link: &'static Link,
-    /// What the vectors are written with: a side, and its settings.
+    /// The sides and settings with which the vectors are written.
     known: Vec<(&'static str, Map<String, Value>)>,
-    /// Each with the place of what it is written with.
+    /// The vectors, each with the index of its side and settings.
     vectors: Vec<(usize, Vector)>,
     /// The settings of a few values, each with those other than the default.
     settings: Vec<(String, Vec<Value>)>,
@@ -151,8 +151,8 @@ impl Codecs {
         (0..self.vectors.len()).flat_map(|number| [changed(number), typed(number)]).collect()
     }
 
-    /// How a stream is read changes nothing, every byte is in one item, what is accepted is written as it was read or as the link says,
-    /// and what follows the end is read.
+    /// Checks a stream: the division into reads has no effect, every byte is in one item, an accepted message is
+    /// encoded as it was read or as the link allows, and the message after the end is read.
     fn stream(&self, Stream { settings, is_framed, size, bytes: Bytes(stream) }: &Stream) {
         let way = self.way(*settings);
         let Some(next) = self.good(&way, settings.place.into()) else { return };
@@ -185,7 +185,8 @@ impl Codecs {
         of.filter_map(|message| codec.encode(message).ok()).next()
     }
 
-    /// A message that can be written is read again as it was, a part of it is no message, and any other is refused.
+    /// Checks a message: if it can be encoded, it decodes to itself and a part of it is not a message; any other is
+    /// refused.
     fn message(&self, Message { cut, source }: &Message) {
         let (way, message) = match source {
             Source::Vector { vector, others, changes } => self.changed(*vector, *others, changes),
@@ -239,7 +240,7 @@ impl Way {
             assert!(is_read, "{items:?}, of {message}: {bytes:02X?}");
             items.iter().all(|item| !item.at_end)
         };
-        // Where nothing but the end of the stream says how long it is, nothing may follow.
+        // If only the end of the stream limits the frame, nothing may follow.
         let _ = read(1) && read(3);
         let part = self.items(&[&bytes[..cut % bytes.len()]], &[]);
         assert!(part.iter().all(|item| item.at_end), "{part:?}, of {bytes:02X?}");
@@ -262,7 +263,7 @@ impl Way {
         items
     }
 
-    /// What is accepted is written again, and read as it was.
+    /// Encodes an accepted message again, and checks that it decodes to the same.
     fn check(&self, json: &str, bytes: &[u8]) {
         let message = parsed(json);
         let written = self.codec().unwrap().encode(message.clone());
@@ -295,7 +296,7 @@ impl Way {
     }
 }
 
-/// Where an item is, and what it is.
+/// Returns the position, the length and the content of an item.
 fn placed(item: &Found) -> (usize, usize, &Result<String, String>) {
     (item.offset as usize, item.length as usize, &item.content)
 }

@@ -1,4 +1,4 @@
-//! What is behind FANUC's Modbus: the telemetry, and the assignments.
+//! FANUC's data over Modbus: the telemetry, and the assignments.
 
 use core::time::Duration;
 
@@ -10,7 +10,7 @@ use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
 use crate::Bytes;
 
-/// A block of telemetry, and what the user of DPM asks for after it.
+/// A block of telemetry, and the demand of the DPM user after it.
 #[derive(Debug, Arbitrary)]
 pub(crate) struct Sample {
     registers: [u16; 37],
@@ -20,7 +20,7 @@ pub(crate) struct Sample {
     speeds: [f32; 6],
 }
 
-/// A listing of assignments: what a slot prints is read back the same.
+/// Checks a listing of assignments: the printed form of a slot decodes to the same.
 pub(crate) fn assignment(Bytes(data): Bytes) {
     let text = String::from_utf8_lossy(&data);
     let slots = match Slots::parse(&text) {

@@ -29,8 +29,8 @@ enum By {
     Either(u8),
 }
 
-/// The bytes of an LS file. What reads is written as it was, and an edit is read as what was set. What can be written as
-/// values reads back as them, and is written the same again.
+/// Checks the bytes of an LS file. A readable file is written as it was, and an edit reads back as it was set. A
+/// program that can be written as values reads back as them, and is written the same again.
 pub(crate) fn program(Bytes(data): Bytes) {
     let data = data.as_slice();
     let placed = |text: &str, (line, column, offset): (usize, usize, usize)| {

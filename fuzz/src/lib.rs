@@ -43,7 +43,7 @@ impl Target {
         Self {
             seeds,
             run: Box::new(move |data| {
-                let _ = read(data).map(&run); // too few bytes are no value
+                let _ = read(data).map(&run); // too few bytes for a value
             }),
             show: |data| format!("{:#?}", I::arbitrary(&mut Unstructured::new(data))),
         }
@@ -52,7 +52,7 @@ impl Target {
     /// Runs the body on an input.
     ///
     /// # Panics
-    /// When an oracle fails.
+    /// If an oracle fails.
     pub fn run(&self, data: &[u8]) {
         (self.run)(data);
     }
@@ -90,7 +90,7 @@ pub fn targets() -> impl Iterator<Item = (String, Make)> {
 /// The target of a name.
 ///
 /// # Panics
-/// When there is none.
+/// If there is no target of this name.
 pub fn target(name: &str) -> Target {
     let (_, make) = targets().find(|(known, _)| known == name).unwrap_or_else(|| panic!("no target {name}"));
     make()
@@ -106,7 +106,7 @@ fn end(link: &Link, row: &EndRow) -> Target {
 /// The inputs to begin with of a target, by name: those that are made, and the files in its folder of `seeds`.
 ///
 /// # Errors
-/// When a file cannot be read.
+/// If a file cannot be read.
 pub fn seeds(name: &str, target: &Target) -> io::Result<Vec<(String, Vec<u8>)>> {
     let made = target.seeds.iter().enumerate().map(|(number, seed)| (format!("seed-{number}"), seed.clone()));
     let mut all: Vec<_> = made.collect();

@@ -33,7 +33,7 @@ thread_local! {
 /// Makes the target, and writes its seeds into the folder of its name, if that is an argument: into the corpus of `cargo fuzz run`.
 ///
 /// # Panics
-/// When a seed cannot be written.
+/// If a seed cannot be written.
 pub fn begin(name: &str) {
     let target = target(name);
     let folders = env::args_os().skip(1).map(PathBuf::from);
@@ -48,7 +48,7 @@ pub fn begin(name: &str) {
 /// Runs the body of a target over the files that the program is given.
 ///
 /// # Errors
-/// When a file cannot be read.
+/// If a file cannot be read.
 pub fn replay(name: &str) -> io::Result<()> {
     let target = target(name);
     for path in env::args_os().skip(1) {

@@ -52,10 +52,10 @@ pub trait Codec {
 /// Why an object has no bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodeError {
-    /// It is no message of this link.
+    /// The object is not a message of this link.
     #[error(transparent)]
     Message(#[from] anyhow::Error),
-    /// The link's encoder refuses it.
+    /// The link's encoder refuses the message.
     #[error("{text}")]
     Refused {
         /// The encoder's error as text.
@@ -80,16 +80,16 @@ impl EncodeError {
     }
 }
 
-/// What an object is.
+/// The two kinds of objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A message.
     Message,
-    /// Why bytes are none.
+    /// The reason for which bytes are not a message.
     Error,
 }
 
-/// What a codec needs beside the link's decoder.
+/// A link's messages: their conversion to and from JSON, beside the link's decoder.
 pub trait Messages {
     /// The link's decoder.
     type Decoder: Decoder;
@@ -122,18 +122,18 @@ pub trait Messages {
     fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value>;
 }
 
-/// A message of its object.
+/// Reads a message from its object.
 ///
 /// # Errors
-/// When the object is none.
+/// If the object is not such a message.
 pub fn read<M: DeserializeOwned>(message: Value) -> Result<M, EncodeError> {
     Ok(M::deserialize(&message).map_err(anyhow::Error::new)?)
 }
 
-/// The bytes that an encoder writes; `length` is how many it says they are.
+/// Returns the bytes that an encoder writes; `length` is the number that it states.
 ///
 /// # Errors
-/// Those of the encoder.
+/// The encoder's error.
 pub fn bytes<E: core::error::Error + Serialize>(
     length: usize,
     encode: impl Fn(&mut [u8]) -> Result<usize, E>,
@@ -235,7 +235,7 @@ pub struct Item<'a> {
     pub offset: u64,
     /// The number of bytes.
     pub length: u64,
-    /// What `json` is.
+    /// The kind of `json`.
     pub kind: Kind,
     /// The object.
     pub json: &'a [u8],
@@ -246,7 +246,7 @@ impl Item<'_> {
     /// before it: nothing, or such as `"flow":"…",`.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// An error of `out`.
     pub fn write_line(&self, label: &str, mut out: impl Write) -> io::Result<()> {
         out.write_all(b"{")?;
         out.write_all(label.as_bytes())?;
@@ -315,7 +315,7 @@ pub struct Stream {
     begin: u64,
     taken: u64,
     json: Vec<u8>,
-    /// What is taken out.
+    /// The two flow-control bytes, which are removed; `None` if the link has no such bytes.
     flow_control: Option<[u8; 2]>,
 }
 
@@ -344,7 +344,7 @@ impl Stream {
     /// Takes all of `bytes`, and calls `emit` for each complete item.
     ///
     /// # Errors
-    /// Whatever `emit` returns.
+    /// The error that `emit` returns.
     pub fn push(&mut self, bytes: &[u8], mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         let mut rest = bytes;
         while let Some([hold, go_on]) = self.flow_control
@@ -376,7 +376,7 @@ impl Stream {
     /// Ends the stream, or says that the line is silent: remaining bytes that are not a whole frame are an error.
     ///
     /// # Errors
-    /// Whatever `emit` returns.
+    /// The error that `emit` returns.
     pub fn finish(&mut self, mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         self.codec.finish();
         self.drain(&mut emit)?;

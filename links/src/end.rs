@@ -17,31 +17,31 @@ use crate::json;
 /// An end of a link in the table.
 #[derive(Debug, Clone, Copy)]
 pub struct EndRow {
-    /// Its name.
+    /// The name of the end.
     pub name: &'static str,
     /// The rules that its machine can be told to leave out.
     pub rules: fn() -> Vec<String>,
-    /// What its user may call.
+    /// Returns the names of the calls.
     pub calls: fn() -> Vec<&'static str>,
-    /// What it begins and ends again.
+    /// The items that the end begins and ends, such as requests.
     pub once: &'static [Once],
     /// Makes it of the fields of a configuration that are not the defaults, as stories have them: times are nanoseconds. With the
     /// feature `model` the rule of a number is left out.
     pub make: Make,
 }
 
-/// What ends once for each time that it begins, such as a request with its outcome.
+/// An item that ends once for each time that it begins, such as a request with its outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Once {
-    /// What begins it.
+    /// The call, event or bytes that begin the item.
     pub begins: By<'static>,
-    /// What ends it.
+    /// The events that end the item.
     pub ends: &'static [By<'static>],
     /// How much of it there may be.
     pub room: Room,
 }
 
-/// What an end does, or what is done with it.
+/// An act of an end, or of its user, peer or connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum By<'a> {
     /// A call that is not refused.
@@ -65,14 +65,14 @@ pub enum Room {
     Most(u64),
     /// One, until whose end nothing is sent.
     Silent,
-    /// One: what begins again is the same.
+    /// One: a second beginning refers to the same item.
     Merged,
 }
 
 /// Makes an end.
 pub type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
 
-/// A session behind the table; its methods are those of [`Session`].
+/// A session in the table of ends; its methods are those of [`Session`].
 #[allow(missing_docs, reason = "they are the session's")]
 pub trait End {
     fn handle_connected(&mut self, now: Duration);
@@ -92,7 +92,7 @@ pub trait End {
     /// The counters, as JSON.
     fn statistics(&self) -> String;
 
-    /// What its user may ask for, by name. Refused: the object of the refusal.
+    /// Makes a call by its name. The inner error is the object of a refusal.
     ///
     /// # Errors
     /// There is no such call, or it has another argument.
@@ -110,7 +110,7 @@ pub trait End {
     fn moves(&mut self) -> &mut dyn Any;
 }
 
-/// What a call gives: nothing, or why it is refused.
+/// The result of a call: nothing, or the reason for its refusal.
 pub type Called = Result<Result<(), String>>;
 
 /// A call by its name.
@@ -127,24 +127,24 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     /// The rules of its machine.
     type Rule: Rule;
 
-    /// What its user may ask for.
+    /// The calls, by name.
     const CALLS: &'static [Call<Self>] = &[];
 
-    /// What the end begins and ends again.
+    /// The items that the end begins and ends.
     const ONCE: &'static [Once] = &[];
 
     /// With what is given of a configuration, and the defaults of everything else.
     fn new(given: Given, rules: Rules<Self::Rule>) -> Result<Self>;
 
-    /// What an event shows of the session besides itself: a key, and JSON.
+    /// Returns a value of the session that a story shows beside an event: a key, and JSON.
     fn shows(&self, _event: &EventOf<Self::End>) -> Option<(&'static str, String)> {
         None
     }
 
-    /// What its user does at once, whatever has happened.
+    /// The user's immediate reaction after each step.
     fn then(&mut self) {}
 
-    /// What has happened beside the session, as JSON.
+    /// Removes and returns an event beside the session, such as a job that the motion task took, as JSON.
     fn beside(&mut self) -> Option<String> {
         None
     }
@@ -276,17 +276,17 @@ impl<O: Owner> End for Boxed<O> {
     }
 }
 
-/// What a call gives that the session may refuse.
+/// The result of a call that the session may refuse.
 pub(crate) fn called<T>(result: Result<T, impl Serialize>) -> Called {
     Ok(result.map(drop).map_err(|refusal| json::text(&refusal)))
 }
 
-/// What a call gives that is never refused.
+/// The result of a call that is never refused.
 pub(crate) fn done<T>(_: T) -> Called {
     Ok(Ok(()))
 }
 
-/// Until when something may be used, in nanoseconds; `None` if without limit.
+/// Returns the time at which something expires, in nanoseconds; `None` if it does not expire.
 pub(crate) fn live_until(until: Option<Duration>) -> Option<(&'static str, String)> {
     let until = until.filter(|until| *until < Duration::MAX)?;
     Some(("live_until", until.as_nanos().to_string()))

@@ -26,7 +26,7 @@ pub struct Explained {
     pub clause: Option<&'static str>,
     /// It is given only because the stream ends.
     pub at_end: bool,
-    /// What the bytes of a message are, in their order.
+    /// The meaning of the message's bytes, in their sequence.
     pub parts: Vec<Part>,
 }
 

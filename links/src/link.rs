@@ -24,7 +24,8 @@ pub struct Link {
     pub sides: &'static [&'static str],
     /// The side that sends, in a capture: the TCP client, or the server on this port; `None`: an end that sends no messages, and polls.
     pub sender: fn(is_client: bool, server_port: u16) -> Option<&'static str>,
-    /// The traces of the tool by name: which sides sent what was sent and received there. A side that sends no messages is none.
+    /// The traces of the tool by name: the sides that sent the bytes which the trace lists as sent and as received. `None` for a
+    /// side that sends no messages.
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
     /// Whether something marks where a frame begins: if not, a frame that is cut takes the next with it.
     pub marks_begin: bool,
@@ -32,7 +33,7 @@ pub struct Link {
     pub flow_control: Option<[u8; 2]>,
     /// The configurations of its crate.
     pub configs: &'static [Config],
-    /// What can be set of its codec, and the defaults.
+    /// Returns the settings of the codec, with the defaults.
     pub settings: fn() -> Vec<Setting>,
     /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
     pub codec: MakeCodec,
@@ -40,12 +41,12 @@ pub struct Link {
     pub tolerates: fn(&Accepted<'_>) -> bool,
     /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
     pub clauses: &'static [(&'static str, &'static str)],
-    /// Which bytes of a message are which of its values, and the clause that describes each.
+    /// Returns the parts of a message: the bytes of each value, and the clause that describes it.
     pub parts: fn(&Read<'_>) -> Vec<Part>,
-    /// What its source leaves open of the bytes.
+    /// The properties of the bytes that the source leaves open.
     #[cfg(feature = "captures")]
     pub open: Open,
-    /// Who looks at a conversation of both ends.
+    /// Makes a shadow, which observes a conversation of both ends.
     #[cfg(feature = "captures")]
     pub shadow: MakeShadow,
     /// Its ends; the one that asks comes first.
@@ -64,7 +65,7 @@ pub struct Config {
     pub fields: fn(given: &Map<String, Value>) -> Listed,
 }
 
-/// What the source of a link leaves open of its bytes, and a capture may decide.
+/// The properties of a link's bytes that its source leaves open, and that a capture may decide.
 #[derive(Debug, Clone, Copy)]
 pub struct Open {
     /// The settings of the codec that bytes decide.
@@ -83,16 +84,16 @@ pub struct Open {
     pub reads_more: &'static [(&'static str, &'static str, &'static str)],
     /// The settings of the codec as a function that returns the crate's configuration, with what it needs.
     pub rust: fn(&Map<String, Value>, Carrier) -> Result<String>,
-    /// How much sense a message makes behind the one before it of the same side, in bits.
+    /// Returns the information that a message contributes after the previous one of the same side, in bits.
     pub sense: fn(before: &Value, message: &Value) -> f64,
-    /// What else can be said of the messages, each with its side; one line each.
+    /// Returns further observations about the messages, each of which has its side; one line each.
     pub notes: fn(messages: &[(&'static str, Value)]) -> Vec<String>,
 }
 
 /// A setting of an end that messages show: its name, its value, and the reason.
 pub type Place = (&'static str, u64, &'static str);
 
-/// What carries the bytes of a capture.
+/// The transport of a capture's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Carrier {
     /// The capture does not say.
@@ -104,10 +105,10 @@ pub enum Carrier {
     Serial(Option<u32>),
 }
 
-/// Which values of a setting bytes suggest.
+/// The values of a setting that bytes suggest.
 #[derive(Debug, Clone, Copy)]
 pub struct Guess {
-    /// Its name.
+    /// The name of the setting.
     pub setting: &'static str,
     /// The settings that have to be known for it.
     pub with: &'static [&'static str],
@@ -120,9 +121,9 @@ pub struct Guess {
 pub struct Deciding {
     /// The side that sends it.
     pub side: &'static str,
-    /// What it is, in words.
+    /// A description of the message.
     pub about: &'static str,
-    /// Its object.
+    /// The message as JSON.
     pub message: &'static str,
 }
 
@@ -147,11 +148,11 @@ impl Open {
 pub struct Accepted<'a> {
     /// The settings of the codec.
     pub settings: &'a Map<String, Value>,
-    /// Its object.
+    /// The message as its codec shows it.
     pub message: &'a Value,
-    /// What was read.
+    /// The bytes that were read.
     pub bytes: &'a [u8],
-    /// What the encoder writes; `None` where it refuses.
+    /// The bytes that the encoder writes; `None` if it refuses the message.
     pub written: Option<&'a [u8]>,
 }
 
@@ -165,7 +166,7 @@ impl Link {
     /// The link of this name, or whose crate has it.
     ///
     /// # Errors
-    /// When there is none.
+    /// If there is no such link.
     pub fn by_name(name: &str) -> Result<&'static Self> {
         LINKS.iter().find(|link| [link.short, link.name].contains(&name)).with_context(|| {
             let names: Vec<&str> = LINKS.iter().map(|link| link.short).collect();
@@ -183,8 +184,8 @@ impl Link {
         end.with_context(|| format!("{} has no end `{name}`", self.name))
     }
 
-    /// The side that sends what the end at which a line was recorded has sent, or received: `kept` is that end where it is told. Else it
-    /// is a PC, which asks, but for a link whose PC is asked and is called so.
+    /// Returns the side that sent the bytes that a recording lists as sent (`by_keeper`) or as received. `kept` is the recording
+    /// end; without it, the side `pc` if the link has one, otherwise the client.
     ///
     /// # Errors
     /// When the link has no such side.

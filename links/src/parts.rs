@@ -8,7 +8,7 @@ use serde_json::Value;
 /// A part of a frame.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Part {
-    /// A value of the message, as a JSON pointer (`/force/0`); else a name of the envelope (`checksum`).
+    /// A value of the message, as a JSON pointer (`/force/0`); otherwise a name of the envelope (`checksum`).
     pub name: String,
     /// Its bytes, from the frame's first. Several parts may share a byte.
     pub bytes: Range<usize>,
@@ -21,9 +21,9 @@ pub struct Part {
 pub struct Read<'a> {
     /// The side that sent it.
     pub side: &'static str,
-    /// Its object.
+    /// The message as its codec shows it.
     pub message: &'a Value,
-    /// Its bytes.
+    /// The bytes of the frame.
     pub bytes: &'a [u8],
 }
 

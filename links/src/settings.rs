@@ -1,4 +1,4 @@
-//! What can be set of a link, a device or a client: `--set NAME=VALUE` and `--settings FILE`, and the fields of configurations as
+//! The settings of a link, a device or a client (`--set NAME=VALUE` and `--settings FILE`), and the fields of configurations as
 //! `reference/` has them.
 
 pub use robot_session::settings::*;

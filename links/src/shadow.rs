@@ -1,8 +1,9 @@
-//! Shadow ends: what both ends of a conversation say, held against the link's specification while it passes.
+//! Shadow ends: compare the messages of both ends of a conversation with the link's specification while they pass.
 //!
-//! A shadow sees what a tap sees, in order of time, and complains where an end breaks a rule, misses a budget of the source, or shows
-//! that a session's assumption is wrong. It may begin in the middle of a conversation: what depends on something that it has not seen
-//! is no complaint. Bytes that are no message are an error of the decoder already, with a clause of its own: they are not said again.
+//! A shadow sees what a tap sees, in order of time, and reports an end that breaks a rule or misses a budget of the source, and a
+//! session's assumption that is wrong. It may begin in the middle of a conversation: it does not report anything that depends on
+//! unseen bytes. Bytes that are not a message are not reported: they are already an error of the decoder, with a clause of its
+//! own.
 
 use core::time::Duration;
 
@@ -15,10 +16,10 @@ use crate::settings::Configure;
 
 /// An observer of one conversation of a link.
 pub trait Shadow {
-    /// What has happened. Never called with an earlier time than before.
+    /// Handles an event. Never called with an earlier time than before.
     fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>);
 
-    /// Time has passed, and nothing has happened in it: what is missing by now is said.
+    /// Called when time has passed without an event: reports messages that are missing by now.
     fn pass(&mut self, report: &mut Report<'_>);
 
     /// Where the conversation is, in a few words.
@@ -28,7 +29,7 @@ pub trait Shadow {
 /// Makes the shadow of a link.
 pub type MakeShadow = fn(setup: &Setup<'_>) -> Result<Box<dyn Shadow>>;
 
-/// What is known of the two ends.
+/// The known properties of the two ends.
 #[derive(Debug, Clone, Copy)]
 pub struct Setup<'a> {
     /// The settings of the codec.
@@ -44,7 +45,7 @@ pub struct Setup<'a> {
 /// Something that happens between the ends.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
-    /// A connection is made: nothing was said in it before.
+    /// A connection is made. It has not carried any bytes.
     Opened,
     /// It is lost or closed.
     Closed,
@@ -55,7 +56,7 @@ pub enum Seen<'a> {
         /// All of them.
         bytes: &'a [u8],
     },
-    /// What was sent is a message.
+    /// Sent bytes are a message.
     Message {
         /// The end that sent it.
         from: &'static str,
@@ -64,23 +65,23 @@ pub enum Seen<'a> {
         /// As its codec shows it.
         message: &'a Value,
     },
-    /// What was sent is none.
+    /// Sent bytes are not a message.
     Corrupt {
         /// The end that sent it.
         from: &'static str,
         /// How many bytes.
         length: u64,
-        /// Why.
+        /// The error of the decoder.
         error: &'a Value,
     },
-    /// How many bytes passed, and were not seen: what an end knows is not known any more.
+    /// Some bytes passed unobserved: the state of the ends is unknown from now on.
     Missed {
         /// The end that sent them.
         from: &'static str,
     },
 }
 
-/// What is wrong.
+/// A fault that a shadow has found.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Complaint {
     /// When that was clear.
@@ -89,7 +90,7 @@ pub struct Complaint {
     /// The end that is to blame.
     #[serde(skip)]
     pub end: &'static str,
-    /// What kind of fault it is.
+    /// The kind of the fault.
     #[serde(rename = "shadow")]
     pub kind: Kind,
     /// The clause of the link's specification.
@@ -115,7 +116,7 @@ pub enum Kind {
 pub struct Report<'a> {
     /// The time of what is seen.
     pub now: Duration,
-    /// What was said so far.
+    /// The complaints so far.
     pub complaints: &'a mut Vec<Complaint>,
 }
 

@@ -16,7 +16,7 @@ use crate::link::{Accepted, Link};
 pub struct Vector {
     /// Unique in its file: the number of a withdrawn vector is never reused.
     pub id: u32,
-    /// What it shows.
+    /// A description of the vector.
     pub comment: String,
     /// The side that sends these bytes, where the link's sides differ.
     pub from: Option<String>,
@@ -26,7 +26,7 @@ pub struct Vector {
     /// The bytes on the wire. In the file: hex, spaced by field.
     #[serde(rename = "hex", deserialize_with = "hex")]
     pub bytes: Vec<u8>,
-    /// What a decoder makes of them.
+    /// The result of a decoder for the bytes.
     pub result: Outcome,
     /// The decoded object, for `valid` and `acceptable`.
     pub message: Option<Value>,
@@ -45,7 +45,7 @@ pub struct Vector {
     pub flags: Vec<String>,
 }
 
-/// What a decoder makes of a vector's bytes.
+/// The result of a decoder for a vector's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -68,7 +68,7 @@ pub fn vectors(file: impl AsRef<Path>) -> Result<Vec<Vector>> {
 /// The vectors of a file's text.
 ///
 /// # Errors
-/// When it is no file of vectors.
+/// If the text is not a file of vectors.
 pub fn vectors_in(text: &str) -> Result<Vec<Vector>> {
     #[derive(Deserialize)]
     struct File {
@@ -130,7 +130,7 @@ pub fn includes(found: &Value, expected: &Value) -> bool {
 /// Bytes of hex digits; spaces mean nothing.
 ///
 /// # Errors
-/// When a digit is none, or their number is odd.
+/// If a character is not a hex digit, or their number is odd.
 pub fn unhex(text: &str) -> Result<Vec<u8>> {
     let digits: Vec<u8> = text.bytes().filter(|byte| !byte.is_ascii_whitespace()).collect();
     ensure!(digits.len().is_multiple_of(2), "an odd number of hex digits: {text}");

@@ -12,10 +12,10 @@ use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, error, mess
 use crate::json::value;
 use crate::settings;
 
-/// What a side sends. The settings are those of [`ViewSettings`].
+/// Returns the codec of a side's messages. The settings are those of [`ViewSettings`].
 ///
 /// # Errors
-/// When a setting is none of these.
+/// If a setting is unknown or has no such value.
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let settings = settings::read("fanuc", ViewSettings::default(), settings)?;
     let framing = settings.framing();

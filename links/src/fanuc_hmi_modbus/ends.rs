@@ -86,7 +86,7 @@ pub(super) fn client_config(mut given: Given) -> Result<ClientConfig> {
     })
 }
 
-/// What decides the other defaults: `framing`, and `baud`, the rate of a serial line.
+/// Returns the framing and the rate of a serial line, on which the other defaults depend: `framing` and `baud`.
 fn transport(given: &mut Given) -> Result<(String, u32)> {
     let framing = given.0.get("framing").map(String::deserialize).transpose()?;
     Ok((framing.unwrap_or_else(|| "tcp".into()), given.take("baud")?.unwrap_or(19_200)))

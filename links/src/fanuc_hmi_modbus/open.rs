@@ -1,4 +1,4 @@
-//! What the source leaves open of the frames and the telemetry block.
+//! The properties of frames and telemetry block that the source leaves open.
 
 use serde_json::Value;
 

@@ -1,4 +1,4 @@
-//! What the tool sets of the codec and of a client.
+//! The settings of codec and client in the tool.
 
 use crate::settings::{self, Configure, Fields, Setting};
 use fanuc_hmi_modbus::{ClientConfig, Framing, WordOrder};
@@ -63,7 +63,7 @@ impl Configure for ClientSettings<'_> {
     }
 }
 
-/// What can be set of a client, on every kind of port.
+/// Returns the settings of a client, on every kind of port.
 pub fn client_settings() -> Vec<Setting> {
     client_settings_of([ClientConfig::tcp(), ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()])
 }

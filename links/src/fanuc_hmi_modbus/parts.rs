@@ -2,7 +2,7 @@ use serde_json::Value;
 
 use crate::explain::{Part, Parts, Read, count};
 
-/// The telemetry block by field: how many values a list has, 0 for one that is none, and the bytes of each.
+/// The fields of the telemetry block: the number of values in a list (0 for a field that is not a list), and the bytes of each.
 const TELEMETRY: &[(&str, usize, usize)] = &[
     ("life_counter", 0, 4),
     ("override", 0, 2),
@@ -37,7 +37,7 @@ pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
     parts.end("crc", "FM-9")
 }
 
-/// What is behind the code of a function, in the order of the bytes.
+/// Takes the bytes after the function code, in their sequence.
 fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
     if message.get("subfunction").is_some() {
         parts.take(2, "/subfunction", "FM-96");

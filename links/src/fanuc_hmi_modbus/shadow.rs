@@ -49,18 +49,18 @@ struct Modbus {
     since: Option<Duration>,
     /// Requests without a reply, oldest first.
     open: Vec<Request>,
-    /// Requests that are none, and are answered with an exception all the same.
+    /// The number of malformed requests, which are answered with an exception all the same.
     malformed: u32,
-    /// The end of the turnaround behind a broadcast.
+    /// The end of the turnaround delay after a broadcast.
     quiet_until: Duration,
 }
 
 struct Request {
     at: Duration,
     frame: Frame<PduBuf>,
-    /// It was said that there is no reply.
+    /// The missing reply was reported.
     is_missed: bool,
-    /// Bytes that are no reply came behind it.
+    /// Bytes that are not a reply came after the request.
     is_damaged: bool,
 }
 
@@ -103,7 +103,7 @@ impl Shadow for Modbus {
 
     fn pass(&mut self, report: &mut Report<'_>) {
         let timeout = self.config.timeout;
-        // What was asked before the first thing that was seen is answered no more.
+        // By now, requests before the first observed byte are no longer answered.
         self.is_known |= self.since.is_some_and(|since| {
             report.now > since.saturating_add(timeout).saturating_add(self.config.settle)
         });
@@ -194,7 +194,7 @@ impl Modbus {
         let has_earlier = self.open.iter().take(place).any(is_before);
         let request = self.open.remove(place);
         if !self.is_tcp() {
-            // What was overtaken has no reply.
+            // Overtaken requests have no reply.
             self.open.drain(..place);
         } else if has_earlier {
             let text = format!("{} before the reply to an earlier request", name(frame));

@@ -6,10 +6,10 @@ use serde_json::{Map, Value};
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
 use crate::settings;
 
-/// What the ball sends. The host's ENQ is one byte and no message.
+/// Returns the codec of the ball's messages. The host's ENQ is one byte and not a message.
 ///
 /// # Errors
-/// When a setting is given: the link has none.
+/// If a setting is given, since the link has no settings.
 pub(super) fn ball(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     settings::read("ball", (), settings)?;
     Ok(codec(Decoder::new(), Ball))

@@ -38,7 +38,7 @@ struct Jobs {
     is_open: bool,
 }
 
-/// What the session asks for jobs.
+/// The supplier of jobs that the session calls.
 #[derive(Debug)]
 struct Source(Rc<RefCell<Jobs>>);
 
@@ -148,7 +148,7 @@ struct Robot {
     taken: Option<Job<AnyWork>>,
 }
 
-/// The motion program. A job that it executes stays in its slot; what is cleared is removed at once, but for that job.
+/// The motion program. A job that it executes stays in its slot; a clear removes all other jobs at once.
 struct Motion {
     reader: Reader<'static, Job<AnyWork>>,
     executes: Option<u16>,
@@ -258,7 +258,7 @@ impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
     }
 }
 
-/// What is agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
+/// Reads what both ends have agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
 pub(super) fn plant(given: &mut Given) -> Result<(Dialect, Layout)> {
     let mut plant = Plant::default();
     plant.charset = given.take("charset")?.unwrap_or(plant.charset);

@@ -1,4 +1,4 @@
-//! What a job is in a plant, as data: its fields in the order of the wire, in a file the tables `[[job]]`.
+//! The fields of a plant's jobs as data, in wire sequence; in a file the tables `[[job]]`.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub const MAX_FIELDS: usize = 24;
 /// The most characters of a text in a job.
 pub const MAX_TEXT: usize = 32;
 
-/// The range of a number that has none: whole numbers that a real of an AS program holds exactly.
+/// The limit of a number without a given range: an AS program's real holds whole numbers up to it exactly.
 const WIDEST: i32 = 9_999_999;
 
 /// The fields of a job. They are shared by readers and writers of jobs.
@@ -28,15 +28,15 @@ pub struct Layout(Arc<[Field]>);
 /// One field.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
-    /// What people call it; not on the wire.
+    /// The name that people use for the field; it is not on the wire.
     pub name: String,
-    /// What it holds.
+    /// The type and range of the value.
     pub holds: Holds,
     /// Its value where none is given.
     pub default: Option<AnyValue>,
 }
 
-/// What a field holds. The ranges include both ends.
+/// The type and range of a field's value. The ranges include both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holds {
     /// A number, in units of its last decimal.
@@ -101,7 +101,7 @@ impl Layout {
     /// The layout of the tables `[[job]]`.
     ///
     /// # Errors
-    /// What contradicts itself, with the name of the setting.
+    /// The contradiction, with the name of the setting.
     pub fn read(given: &[Value], charset: Charset) -> Result<Self, Refused> {
         let mut fields: Vec<Field> = Vec::new();
         if given.is_empty() || given.len() > MAX_FIELDS {
@@ -221,7 +221,7 @@ impl Layout {
     }
 }
 
-/// What the default table calls a job.
+/// The name of a job's message in the default table.
 const NAME: &str = "Tyo";
 
 impl Default for Layout {

@@ -1,4 +1,5 @@
-//! What the source leaves open of the characters. The names of a plant's messages are its table, no setting of the bytes.
+//! The properties of characters that the source leaves open. The names of a plant's messages belong to its table; they are not
+//! settings of the codec.
 
 use kawasaki_msg::Dialect;
 use serde_json::Value;

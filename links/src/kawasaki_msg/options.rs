@@ -1,10 +1,10 @@
-//! What the tool sets of the codec and of both ends.
+//! The settings of the codec and of both ends in the tool.
 
 use super::plant::Plant;
 use crate::settings::{Configure, Fields};
 use kawasaki_msg::{PcConfig, RobotConfig};
 
-/// What `decode` and `encode` are set to.
+/// The settings of `decode` and `encode`.
 #[derive(Debug, Clone, Default)]
 pub struct CodecSettings {
     /// The plant's messages.
@@ -22,12 +22,12 @@ impl Configure for CodecSettings {
     }
 }
 
-/// What of a robot's configuration the plant does not decide.
+/// Offers the settings of a robot that do not follow from the plant.
 pub fn robot_settings(fields: &mut impl Fields, config: &mut RobotConfig) {
     fields.without(&["limits", "datagrams", "max_number", "acks"], |fields| config.configure(fields));
 }
 
-/// What of a PC's configuration the plant does not decide.
+/// Offers the settings of a PC that do not follow from the plant.
 pub fn pc_settings(fields: &mut impl Fields, config: &mut PcConfig) {
     let agreed = ["limits", "datagrams", "max_number", "cumulative_acks"];
     fields.without(&agreed, |fields| config.configure(fields));

@@ -1,5 +1,5 @@
-//! What both ends of a plant have agreed on, as settings: the table of messages, in a file the tables `[messages.ROLE]`, what a
-//! job is, in a file the tables `[[job]]`, and how packets are carried and acknowledged.
+//! The agreement of both ends of a plant, as settings: the table of messages (in a file the tables `[messages.ROLE]`), the fields
+//! of a job (in a file the tables `[[job]]`), and the way in which packets are carried and acknowledged.
 
 use std::collections::{BTreeMap, btree_map};
 use std::sync::{Mutex, PoisonError};
@@ -15,7 +15,7 @@ use super::layout::{AnyWork, Layout};
 use crate::json;
 use crate::settings::{Configure, Fields, Refused};
 
-/// What both ends have agreed on.
+/// The agreement of both ends of a plant.
 #[derive(Debug, Clone)]
 pub struct Plant {
     /// The character set of names and fields.
@@ -166,7 +166,7 @@ impl Plant {
         Ok(())
     }
 
-    /// What a job is.
+    /// Returns the layout of a job.
     ///
     /// # Errors
     /// When a field contradicts itself or another one.
@@ -208,7 +208,7 @@ impl Plant {
     /// # Errors
     /// When it cannot work.
     pub fn robot(&self, config: RobotConfig) -> Result<RobotConfig> {
-        // What the plant contradicts itself in, a PC refuses, too: but for what a plant may lack and only a PC needs.
+        // A PC rejects a plant's contradictions as well, except for messages that only a PC needs.
         let takeover = kawasaki_msg::Takeover::Never;
         let PcConfig { dialect, limits, datagrams, max_number, .. } =
             self.pc(PcConfig { takeover, ..PcConfig::TCP })?;
@@ -321,12 +321,12 @@ fn role(error: &ConfigError) -> Option<Role> {
     }
 }
 
-/// What a field is called in settings and in JSON; nothing where it is a constant.
+/// Returns the name of a field in settings and in JSON; `None` for a constant.
 pub(super) fn field_name(field: Field) -> Option<&'static str> {
     NAMES.iter().find(|(_, known)| *known == field).map(|(name, _)| *name)
 }
 
-/// What a role is called in settings and in JSON.
+/// Returns the name of a role in settings and in JSON.
 pub(super) fn role_name(role: Role) -> String {
     match role {
         Role::Command(id) => format!("command_{id}"),

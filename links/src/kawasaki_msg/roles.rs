@@ -68,7 +68,7 @@ impl codec::Messages for Roles {
         });
         let fields: Vec<String> = fields.collect();
         let wire = written(self.0.charset(), entry.name, &header, &fields).map_err(EncodeError::refused)?;
-        // What the plant would not understand is not written.
+        // Reject a message that the plant could not read.
         let read = Message::decode(&wire, self.0.charset()).map_err(EncodeError::refused)?;
         self.0.read(&read.context("it is not whole")?.0).map_err(EncodeError::refused)?;
         Ok(wire)

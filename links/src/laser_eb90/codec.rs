@@ -16,7 +16,7 @@ pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     Ok(codec(Decoder::new(&profile), Eb90 { profile }))
 }
 
-/// What is set of a conversation: how its frames look, and what its words mean to who looks on.
+/// The settings of a conversation: the form of its frames, and the meaning of its words for an observer.
 #[derive(Default)]
 pub(super) struct Options {
     profile: Profile,

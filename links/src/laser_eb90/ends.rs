@@ -22,7 +22,7 @@ pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Robot>()
 const QUEUE: usize = 8;
 const MAX_NUMBER: u16 = 9999;
 
-/// The outcomes of instructions; withdrawn ones have none.
+/// The outcomes of instructions; a withdrawn instruction has no outcome.
 const TOLD: &[By<'static>] =
     &[By::Event("done"), By::Event("answer"), By::Event("refused"), By::Event("unknown")];
 
@@ -63,7 +63,7 @@ struct Robot {
     taken: Vec<Job>,
 }
 
-/// What the motion task takes: an instruction without characters among its parameters.
+/// An instruction for the motion task. Its parameters contain no characters.
 struct Job {
     word: u16,
     /// As JSON.
@@ -148,7 +148,7 @@ fn write(payload: &mut Payload<'_>, items: Option<&Value>) -> Result<(), EncodeE
     for item in items.and_then(Value::as_array).into_iter().flatten() {
         for (tag, values) in item.as_object().into_iter().flatten() {
             match tag.as_str() {
-                // A value that is no number cannot be written in JSON: `null`.
+                // JSON cannot represent infinities and NaN: they are `null`.
                 "f32" => {
                     let values: Vec<Option<f32>> = numbers(values);
                     let values: Vec<f32> =

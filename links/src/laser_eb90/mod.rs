@@ -35,7 +35,7 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(codec::Options::default()),
     codec: |_, settings| codec::either(settings),
-    // Either tail; no items; a value that is no number has no JSON.
+    // Either tail; no items; a value that JSON cannot represent.
     tolerates: |it| match it.written {
         Some(_) => it.settings.get("tail").is_some_and(|tail| tail == "either"),
         None => it.message["items"] == json!([]) || it.message.to_string().contains("null"),

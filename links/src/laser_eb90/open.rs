@@ -1,4 +1,4 @@
-//! What the source leaves open of the frames, and which tags their payloads suggest.
+//! The properties of frames that the source leaves open, and the tags that the payloads suggest.
 
 use laser_eb90::{Profile, Tags, Tail};
 use serde_json::{Map, Value, json};
@@ -90,7 +90,7 @@ fn tags(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Value> {
     values
 }
 
-/// What is between the heads and tails of a stream, each 90h once.
+/// Returns the bytes between the heads and tails of a stream, without the stuffing of 90h.
 fn payloads(bytes: &[u8], profile: &Profile) -> Vec<Vec<u8>> {
     let ends: &[u8] = match profile.tail {
         Tail::Etx => &[0x83],
@@ -151,7 +151,7 @@ fn search(payloads: &[Vec<u8>], sizes: Sizes, found: &mut Vec<(usize, Sizes)>) {
     found.push((whole, sizes));
 }
 
-/// What stops a payload from falling into items: an unknown tag, or its end within an item.
+/// Returns the reason for which a payload does not consist of items: an unknown tag, or `Some(None)` if it ends within an item.
 fn stop(payload: &[u8], sizes: &[(u8, usize)]) -> Option<Option<u8>> {
     let mut rest = payload;
     while let Some((tag, after)) = rest.split_first() {

@@ -10,10 +10,10 @@ use serde_json::{Map, Value};
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, error, message, read};
 use crate::settings;
 
-/// What a side sends.
+/// Returns the codec of a side's messages.
 ///
 /// # Errors
-/// When a setting is no field of `Dialect`.
+/// If a setting is not a field of `Dialect`.
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let dialect = settings::read("mma", Dialect::STRICT, settings)?;
     let side = match side {

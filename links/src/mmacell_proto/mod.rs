@@ -35,7 +35,7 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(Dialect::STRICT),
     codec: codec::either,
-    // What a dialect adds has several forms, and a zero may have a minus.
+    // The additions of a dialect have several forms, and a zero may have a minus.
     tolerates: |it| {
         let is_plus = |(read, written): (&u8, &u8)| read == written || (*read, *written) == (b'-', b'+');
         let same =

@@ -1,4 +1,4 @@
-//! What the source leaves open of the lines.
+//! The properties of lines that the source leaves open.
 
 use mmacell_proto::Dialect;
 

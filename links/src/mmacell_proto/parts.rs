@@ -1,6 +1,6 @@
 use crate::explain::{Part, Parts, Read, count};
 
-/// What ends a number.
+/// The bytes that end a number.
 const NO_DIGITS: &[u8] = b"+-TFOC\r\n";
 
 pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {

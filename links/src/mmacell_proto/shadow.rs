@@ -30,7 +30,7 @@ struct Cell {
     /// The commands without a reply, oldest first.
     open: VecDeque<Open>,
     axes: Axes,
-    /// It has reported rest behind the `OK` to a motion, and was not seen moving.
+    /// The device has reported rest after the `OK` to a motion, and was not seen moving.
     is_at_rest: bool,
     /// The override.
     percent: Option<u64>,
@@ -43,7 +43,7 @@ struct Open {
     is_missed: bool,
 }
 
-/// What is known of a device's axes (MM-72).
+/// The known state of a device's axes (MM-72).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Axes {
     Unknown,
@@ -67,7 +67,7 @@ impl Shadow for Cell {
                 (self.is_known, self.axes, self.percent) = (false, Axes::Unknown, None);
             }
             Seen::Message { from: CENTRAL, message, .. } => self.ask(Some(message.clone()), report),
-            // A line that is no command is answered all the same.
+            // A line that is not a command is answered all the same.
             Seen::Corrupt { from: CENTRAL, .. } => self.ask(None, report),
             Seen::Message { from, message, .. } => self.answer(from, message, report),
             // It was a reply.
@@ -82,7 +82,7 @@ impl Shadow for Cell {
 
     fn pass(&mut self, report: &mut Report<'_>) {
         let timeout = self.timeout;
-        // What was sent before the first command that was seen is answered no more.
+        // By now, commands before the first observed one are no longer answered.
         let is_old = |at: Duration| report.now > at.saturating_add(timeout.saturating_mul(10));
         if self.since.is_some_and(is_old) && !self.is_known {
             self.is_known = true;
@@ -117,7 +117,7 @@ impl Open {
 }
 
 impl Cell {
-    /// The connection is another: what was ordered and not answered may have been carried out.
+    /// Clears the state for another connection: commands without a reply may have been executed.
     fn forget(&mut self) {
         if self.open.drain(..).any(|open| open.name() != "STA") {
             (self.axes, self.percent) = (Axes::Unknown, None);
@@ -148,7 +148,7 @@ impl Cell {
             report.assumption(device, "MM-60", text);
         }
         if !self.is_known {
-            // Which command it answers is not known either.
+            // The command that it answers is not known either.
             return;
         }
         let Some(command) = &open.command else {

@@ -1,4 +1,4 @@
-//! What was seen at a machine, as vectors, streams and stories: the files of `reference/field/`.
+//! Recordings from machines as vectors, streams and stories: the files of `reference/field/`.
 
 use std::fs;
 use std::path::Path;
@@ -17,15 +17,15 @@ use crate::vectors::{Vector, unhex};
 pub struct Field {
     /// The link's name.
     pub link: String,
-    /// What was recorded.
+    /// A description of the recording.
     pub source: String,
     /// Frames.
     #[serde(default)]
     pub vectors: Vec<Vector>,
-    /// What a side sent.
+    /// The bytes of a side.
     #[serde(default)]
     pub streams: Vec<Stream>,
-    /// What an end was given and did.
+    /// The inputs of an end, and its actions.
     #[serde(default)]
     pub stories: Vec<Story>,
 }
@@ -33,9 +33,9 @@ pub struct Field {
 /// The bytes of a side, and what a decoder makes of them.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Stream {
-    /// Its number.
+    /// The number of the stream.
     pub id: u32,
-    /// What it shows.
+    /// A description of the stream.
     pub comment: String,
     /// The side.
     pub from: Option<String>,
@@ -61,16 +61,16 @@ impl Field {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it cannot be read, or is none.
+    /// If it cannot be read, or does not contain such data.
     pub fn read(path: &Path) -> Result<Self> {
         let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
         serde_json::from_str(&text).with_context(|| path.display().to_string())
     }
 
-    /// Checks everything in it; how much that was.
+    /// Checks all vectors, streams and stories; returns their number.
     ///
     /// # Errors
-    /// What our decoders or ends make of it instead.
+    /// The first difference from the results of our decoders and ends.
     pub fn check(&self) -> Result<usize> {
         let link = Link::by_name(&self.link)?;
         for vector in &self.vectors {
@@ -87,10 +87,10 @@ impl Field {
 }
 
 impl Stream {
-    /// Whether a decoder makes of the bytes, whole and byte by byte, what the stream says.
+    /// Checks that a decoder returns the stream's items for the bytes, whole and byte by byte.
     ///
     /// # Errors
-    /// What it makes instead.
+    /// The items that it returns instead.
     pub fn check(&self, link: &Link) -> Result<()> {
         let parts = self.hex.split('|').map(unhex).collect::<Result<Vec<_>>>()?;
         let whole: Vec<Vec<&[u8]>> = parts.iter().map(|part| vec![part.as_slice()]).collect();

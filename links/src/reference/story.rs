@@ -28,9 +28,9 @@ pub enum Do {
     Nothing,
     /// A call of the end's user.
     Call {
-        /// Its name.
+        /// The name of the call.
         name: String,
-        /// Its argument, or null.
+        /// The argument of the call, or null.
         argument: Value,
     },
 }
@@ -51,10 +51,10 @@ impl Do {
         }
     }
 
-    /// What a step has.
+    /// Reads the input of a step.
     ///
     /// # Errors
-    /// When it is no input.
+    /// If it is not an input.
     pub fn read(step: &Map<String, Value>) -> Result<Self> {
         let (name, argument) = step.iter().next().context("a step does something")?;
         Ok(match name.as_str() {
@@ -69,7 +69,7 @@ impl Do {
     }
 }
 
-/// What the driver of a session does not do in a step.
+/// The driver's actions that a step omits.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Omits {
     /// `hold`: it asks for nothing to transmit.
@@ -78,14 +78,14 @@ pub struct Omits {
     pub events: bool,
 }
 
-/// What a session did.
+/// The result of a step.
 #[derive(Debug, Default)]
 pub struct Done {
     /// The refusal of a call, as JSON.
     pub refused: Option<String>,
     /// As JSON.
     pub events: Vec<String>,
-    /// What it sent.
+    /// The bytes that the session sent.
     pub transmit: Vec<Vec<u8>>,
 }
 
@@ -127,10 +127,10 @@ pub fn step(end: &mut dyn End, now: Duration, input: &Do, omits: Omits) -> Resul
     }
 }
 
-/// A step as a story has it; `state` is what the reader is told.
+/// Returns a step as a line of a story; `state` is a name for readers.
 ///
 /// # Errors
-/// None: everything in it is JSON.
+/// Never: everything in the line can be written as JSON.
 pub fn line(
     now: Duration,
     input: &Do,
@@ -153,9 +153,9 @@ pub fn line(
 /// A story of a file.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Story {
-    /// Its number.
+    /// The number of the story.
     pub id: u32,
-    /// What it shows.
+    /// A description of the story.
     pub comment: String,
     /// The end that it drives.
     pub end: String,
@@ -183,10 +183,10 @@ struct Step {
 }
 
 impl Story {
-    /// Whether our end does what the story says, step by step; the name of its state is not checked.
+    /// Checks that our end acts as the story states, step by step; does not check the name of its state.
     ///
     /// # Errors
-    /// When it does not: what it does instead.
+    /// The first difference.
     pub fn check(&self, link: &Link) -> Result<()> {
         let mut end = (link.end(&self.end)?.make)(&self.config, None)?;
         for (number, step) in (1..).zip(&self.steps) {

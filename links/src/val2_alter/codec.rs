@@ -10,7 +10,7 @@ use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, re
 use crate::link::Accepted;
 use crate::settings;
 
-/// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
+/// Returns the codec of the messages of the `robot` or the `host`. The settings are the fields of [`Framing`].
 ///
 /// # Errors
 /// When a setting is unknown or has no such value.

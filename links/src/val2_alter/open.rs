@@ -1,4 +1,4 @@
-//! What the source leaves open of the framing.
+//! The properties of the framing that the source leaves open.
 
 use val2_alter::Framing;
 

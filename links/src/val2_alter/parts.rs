@@ -40,7 +40,7 @@ pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
     parts.end("checksum", "AL-7")
 }
 
-/// The control byte: what the message has of these; `error` is the clause of the error code.
+/// Takes the control byte, which has those of these values that the message contains; `error` is the clause of the error code.
 fn control(parts: &mut Parts<'_>, read: &Read<'_>, names: &[&str], error: &'static str) {
     let mut there = names.iter().filter(|name| read.message.pointer(name).is_some());
     if let Some(first) = there.next() {

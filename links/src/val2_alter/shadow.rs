@@ -31,7 +31,7 @@ struct Alter {
     phase: Phase,
     /// The last message of the controller that is to be answered.
     asked: Option<Asked>,
-    /// That of the last start message.
+    /// The mode of the last start message; `None` if unknown.
     mode: Option<u64>,
     /// The last reply has moved an axis: the host has not stopped.
     moves: bool,
@@ -39,11 +39,12 @@ struct Alter {
     values: Vec<i64>,
     /// When the last standard message was seen.
     last: Option<Duration>,
-    /// Bytes of the controller that are no message, or not yet: what may be a corrupt start message is answered (AL-47).
+    /// The number of the controller's bytes that are not a message, or not yet: they may be a corrupt start message, which is
+    /// answered (AL-47).
     loose: u64,
 }
 
-/// How far ALTER is.
+/// The phase of ALTER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Unknown,
@@ -59,15 +60,15 @@ struct Asked {
     is_interrupted: bool,
     /// An answer that ends before it is in time, whether the message was seen when it began or when it ended.
     sure: Duration,
-    /// One that ends later is not.
+    /// An answer that ends later is late.
     closes: Duration,
     answer: Option<Answer>,
-    /// Bytes came that are no answer.
+    /// The host sent bytes that are not an answer.
     is_damaged: bool,
 }
 
 struct Answer {
-    /// A good one of the right kind, in time; `None` if it may have begun before its window.
+    /// A good answer of the right kind, in time; `None` if it may have begun before its window.
     is_read: Option<bool>,
     exception: u64,
 }
@@ -91,7 +92,7 @@ impl Shadow for Alter {
                     asked.is_damaged = true;
                 }
             }
-            // What it said is not known.
+            // The contents of the message are unknown.
             Seen::Corrupt { from: ROBOT, .. } => (self.phase, self.asked) = (Phase::Unknown, None),
             Seen::Bytes { .. } | Seen::Corrupt { .. } | Seen::Message { .. } => {}
         }
@@ -211,7 +212,7 @@ impl Alter {
         }
     }
 
-    /// What the controller makes of the answer to its message before.
+    /// Follows the controller's reaction to the answer to its previous message.
     fn outcome(&self, before: &Asked, message: &Value, report: &mut Report<'_>) {
         let kind = message["kind"].as_str().unwrap_or_default();
         let error = message["error"].as_u64().unwrap_or_default();
@@ -251,7 +252,7 @@ impl Alter {
         }
     }
 
-    /// What the host answers.
+    /// Follows an answer of the host.
     fn answered(&mut self, length: u64, message: &Value, report: &mut Report<'_>) {
         let now = report.now;
         let line = transmission_time(usize::try_from(length).unwrap_or(usize::MAX), self.baud);
@@ -268,7 +269,7 @@ impl Alter {
             return;
         };
         if let Some(answer) = &mut asked.answer {
-            // Which of them was read shows what the controller sends next.
+            // The controller's next message shows which answer it has read.
             (answer.is_read, self.phase) = (None, Phase::Unknown);
             report.rule(HOST, "AL-53", "a second answer to one message");
             return;
@@ -312,5 +313,5 @@ impl Alter {
     }
 }
 
-/// What a tap between the ends cannot tell from being in time.
+/// The largest delay that a tap between the ends cannot distinguish from an answer in time.
 const SLACK: Duration = Duration::from_millis(2);

@@ -6,10 +6,10 @@ use val2_viewer::{Decoder, PosePacket};
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
 use crate::settings;
 
-/// What the host sends. The workstation's ENQ is one byte and no message.
+/// Returns the codec of the host's messages. The workstation's ENQ is one byte and not a message.
 ///
 /// # Errors
-/// When a setting is given: the link has none.
+/// If a setting is given, since the link has no settings.
 pub(super) fn host(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     settings::read("viewer", (), settings)?;
     Ok(codec(Decoder::new(), Host))

@@ -29,7 +29,7 @@ struct Viewer {
     sent: Option<Duration>,
     /// The number of the last packet.
     count: Option<u16>,
-    /// Until when the host and the workstation are held.
+    /// The times of the XOFF that hold the host and the workstation; `None` if that end may send.
     holds: [Option<Duration>; 2],
 }
 
@@ -113,7 +113,7 @@ impl Shadow for Viewer {
 }
 
 impl Viewer {
-    /// What an end sends holds the other one, or lets it go on.
+    /// Follows XON and XOFF of an end, which release and hold the other one; reports bytes that a held end sends.
     fn handshake(&mut self, from: &'static str, byte: u8, report: &mut Report<'_>) {
         let [host, workstation] = &mut self.holds;
         let (its, others) = if from == HOST { (host, workstation) } else { (workstation, host) };

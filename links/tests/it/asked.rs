@@ -1,4 +1,4 @@
-//! What a program asks of the library that shows bytes and settings to people.
+//! The functions of the library that show bytes and settings to people.
 
 use cellwire_links::codec::{Item, Kind};
 use cellwire_links::explain::explain;
@@ -79,7 +79,7 @@ fn what_the_plant_decides_is_set_of_no_end() {
         robot.refuse_repeated_start robot.end_foreign_order \
         pc.reply_delay pc.silence pc.takeover pc.start_retries pc.end_when_done";
     assert_eq!(names(settings::list(Both(RobotConfig::TCP, PcConfig::TCP))), both);
-    // What any kind of port has, each once.
+    // The settings on every kind of port, each once.
     assert_eq!(
         names(client_settings()),
         "timeout any_unit broadcast turnaround settle pause echo silence stall"

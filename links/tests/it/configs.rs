@@ -201,7 +201,7 @@ fn what_else_decides_is_no_setting() {
     assert_eq!(alter, ["gap", "leading_dle", "negated_sum", "stuffed_checksum", "ignore_spare_select"]);
 }
 
-/// What a program's own file has of an end, with units; what it does not have is as by default.
+/// An end's fields in a program's own file, with units; missing fields have the defaults.
 #[test]
 fn a_configuration_is_part_of_a_program_s_own() {
     #[derive(serde::Deserialize)]

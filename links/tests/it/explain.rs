@@ -17,7 +17,7 @@ fn explained(link: &Link, vector: &Vector) -> Vec<Explained> {
     explain(link, side, &vector.options, &vector.bytes).unwrap()
 }
 
-/// The pointers of all values that are no lists and no objects, and are there.
+/// Pushes the pointers of all values except null, lists and objects.
 fn leaves(value: &Value, at: &str, all: &mut Vec<String>) {
     match value {
         Value::Object(map) => map.iter().for_each(|(key, value)| leaves(value, &format!("{at}/{key}"), all)),
@@ -56,7 +56,7 @@ fn the_parts_of_a_message_are_its_bytes_and_its_values() {
             leaves(message, "", &mut all);
             for leaf in all {
                 let parts = found[0].parts.iter().filter(|part| part.name == leaf).count();
-                // What a reply of ALTER's host is follows from its length; an empty text has no bytes.
+                // The kind of a reply of ALTER's host follows from its length; an empty text has no bytes.
                 let without = leaf == "/kind" && vector.from.as_deref() == Some("host")
                     || message.pointer(&leaf) == Some(&"".into());
                 assert_eq!(parts, usize::from(!without), "{name}: {leaf}");
@@ -73,7 +73,7 @@ fn a_value_that_changes_changes_its_own_bytes() {
             let found = explained(link, vector).remove(0);
             let message = found.message.unwrap();
             let codec = vector.codec(link).unwrap();
-            // What is written as it was read.
+            // Skip a message that would be written differently.
             if !codec.encode(message.clone()).is_ok_and(|bytes| bytes == vector.bytes) {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! What a plant of Kawasaki's messages is: its table, its jobs, and both ends' configurations in it.
+//! A plant of Kawasaki's messages: its table, its jobs, and both ends' configurations in it.
 
 use cellwire_links::Link;
 use cellwire_links::kawasaki_msg::layout::{Field, Holds, Layout};
@@ -47,7 +47,7 @@ fn acknowledgements_of_single_jobs_need_their_message() {
     assert_eq!(refused.to_string(), text);
 }
 
-/// What only a PC that interrupts orders needs is needed by nobody else.
+/// A message that only an interrupting PC needs may be missing for all other ends.
 #[test]
 fn a_plant_may_lack_what_a_pc_alone_needs() {
     let given = json!({"messages": {"order_interrupt": {"sent": false}}});

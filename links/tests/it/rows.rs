@@ -1,4 +1,4 @@
-//! What a link's row says of its bytes: what is open of them, what is tolerated, and its vectors.
+//! A link's row of data about its bytes: the open properties, tolerated differences, and vectors.
 
 use cellwire_links::codec::{Item, Stream};
 use cellwire_links::end::EndRow;
@@ -88,7 +88,7 @@ fn a_life_counter_counts_up_and_the_block_s_address_is_told() {
 /// A link, its settings, a message, the bytes that were read, those that are written, and whether that is accepted.
 type Row<'a> = (&'a str, &'a Value, &'a Value, &'a [u8], Option<&'a [u8]>, bool);
 
-/// What is accepted although it is written another way, or not at all.
+/// Messages that are accepted although the encoder would write them in another way, or not at all.
 #[test]
 fn a_link_tolerates_what_its_source_leaves_open() {
     let (any, none) = (json!({}), None::<&[u8]>);
@@ -194,7 +194,7 @@ fn what_holds_a_line_counts_in_the_offsets_of_what_follows() {
     assert_eq!(stream.offset(), all.len() as u64);
 }
 
-/// A checksum that is stuffed is the last two bytes; what comes between control byte and end mark is ignored.
+/// A stuffed checksum is the last two bytes; bytes between control byte and end mark are ignored.
 #[test]
 fn the_parts_of_alter_s_end_and_motion_messages_are_told() {
     let parts = |settings: Value, bytes: &[u8]| -> Vec<(String, core::ops::Range<usize>, &str)> {

@@ -18,7 +18,7 @@ use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
 const ROBOT: &str = "robot";
 const PC: &str = "pc";
 
-/// What an end sends after such a pause is another packet.
+/// After such a pause, bytes of the same end begin a new packet.
 const PAUSE: Duration = Duration::from_millis(20);
 
 pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
@@ -52,19 +52,19 @@ struct Orders {
     talk: Talk,
     /// The packet whose messages are coming.
     packet: Option<Packet>,
-    /// The PC has sent bytes since the robot's packet: they end its wait, also where they are no message.
+    /// The PC has sent bytes since the robot's packet: they end the robot's wait, even if they are not a message.
     has_bytes: bool,
-    /// What the robot has said since the PC's last answer.
+    /// The robot's messages since the PC's last answer.
     asked: Asked,
     starts: Starts,
     /// The connection was seen from its beginning, or the robot without an order: which order it is in is known.
     is_whole: bool,
     order: Option<Order>,
-    /// When the robot was last heard; `None` once it was said that it is silent.
+    /// The time of the robot's last bytes; `None` once its silence was reported.
     heard: Option<Duration>,
 }
 
-/// Whose turn it is.
+/// The end whose turn it is to send.
 #[derive(Debug, Clone, Copy)]
 enum Talk {
     Unknown,
@@ -94,7 +94,7 @@ struct Starts {
     last: bool,
 }
 
-/// How far an order is, in jobs.
+/// The progress of an order, in jobs.
 #[derive(Debug, Clone, Copy)]
 struct Order {
     number: u16,
@@ -240,7 +240,7 @@ impl Orders {
         self.has_bytes = false;
     }
 
-    /// What a message of the robot says of the order.
+    /// Follows the order in a message of the robot.
     fn progress(&mut self, role: Role, params: &Params, report: &mut Report<'_>) {
         let number = params.number(Field::Order);
         match role {
@@ -368,7 +368,7 @@ impl Orders {
         self.talk = Talk::Robot(since);
     }
 
-    /// Whether a job comes behind the last one that was acknowledged: those before it are not sent again.
+    /// Returns whether a job follows the last acknowledged one; jobs before it are not sent again.
     fn is_behind_executed(&self, number: u16) -> bool {
         self.order.is_some_and(|order| self.numbers.next(order.acked) == number)
     }

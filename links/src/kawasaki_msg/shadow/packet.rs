@@ -1,4 +1,4 @@
-//! What an end sends together, and what is true of it whichever end it is.
+//! Packets, and the rules for those of both ends.
 
 use core::time::Duration;
 
@@ -17,12 +17,12 @@ pub(super) struct Packet {
     pub(super) begun: Duration,
     pub(super) last: Duration,
     pub(super) messages: Vec<(Role, Params)>,
-    /// Something in it is no message of the plant's.
+    /// Some bytes of the packet are not a message of the plant.
     pub(super) is_damaged: bool,
 }
 
 impl Packet {
-    /// What is true of the packets of both ends.
+    /// Checks the rules for packets of both ends.
     pub(super) fn judge(&self, report: &mut Report<'_>) {
         let clause = if self.from == ROBOT { "KM-52" } else { "KM-92" };
         let once = [
@@ -67,7 +67,7 @@ impl Packet {
     }
 }
 
-/// What a message means in the plant.
+/// Returns a message's role in the plant, and its parameters.
 pub(super) fn read(dialect: &Dialect, message: &Value) -> Option<(Role, Params)> {
     if let Some(role) = message["role"].as_str() {
         let entry = dialect.entries().iter().find(|entry| role_name(entry.role) == role)?;

@@ -1,4 +1,4 @@
-//! What is in a frame.
+//! Checks the contents of a frame.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::HOST;
 use crate::shadow::Report;
 
-/// What the frame of a host holds.
+/// Checks the contents of a host's frame.
 pub(super) fn judge(message: &Value, words: &Words, batch: u8, report: &mut Report<'_>) {
     let Some(word) = first_word(message) else {
         return report.rule(HOST, "LE-19", "a frame that does not begin with a word");

@@ -46,7 +46,7 @@ struct Laser {
     open: Stretch,
 }
 
-/// What the host has sent since the last answer.
+/// The host's bytes since the last answer.
 #[derive(Default)]
 struct Stretch {
     /// Bytes that are in no message yet.
@@ -76,7 +76,7 @@ struct Asked {
     /// It is wanted again, with the same bytes.
     is_wanted: bool,
     message: Value,
-    /// It was said that there is no answer.
+    /// The missing answer was reported.
     is_missed: bool,
 }
 
@@ -230,7 +230,7 @@ impl Laser {
         };
         let of_half = matches!(refusal, Some(Refusal::BadFrame | Refusal::BadChecksum));
         if of_half && sent >= SHORTEST_FRAME {
-            // Of bytes that are no frame.
+            // It answers bytes that are not a frame.
             self.open.corrupt = 0;
             return;
         }

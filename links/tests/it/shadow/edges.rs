@@ -1,4 +1,4 @@
-//! Conversations at the edges of what a shadow knows and of its times, each with everything that is said of it.
+//! Conversations at the limits of a shadow's knowledge and of its times, each with all complaints about it.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -9,9 +9,9 @@ use cellwire_links::shadow::{Complaint, Seen, Setup, Watcher};
 use cellwire_links::vectors::unhex;
 use serde_json::{Map, Value};
 
-/// The file, written again with what is said now. A line `LINK CONFIGURATIONS SETTINGS` is about the conversations that follow, each in
-/// a line of its own: what happens, at which millisecond. That is `opened`, `closed`, `state`, a side with its bytes or its message,
-/// or the name that a line `= NAME SIDE …` has given to such.
+/// Returns the file with the present complaints. A line `LINK CONFIGURATIONS SETTINGS` applies to the conversations after it,
+/// each of which is a line of its own: the events, each with its millisecond. An event is `opened`, `closed`, `state`, a side
+/// with its bytes or its message, or a name that a line `= NAME SIDE …` has given to bytes or a message.
 fn said(file: &str) -> String {
     let (mut text, mut names) = (String::new(), BTreeMap::new());
     let mut setup = None::<(&Link, [Map<String, Value>; 2])>;

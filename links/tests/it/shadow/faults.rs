@@ -19,7 +19,7 @@ pub(crate) enum Fault {
     Dropped,
     /// It comes twice.
     Repeated,
-    /// It and everything behind it come later than any budget of the link.
+    /// The message and everything after it arrive later than any budget of the link allows.
     Delayed,
     /// One value of it is another.
     Changed,
@@ -38,18 +38,18 @@ pub(crate) struct Case<'a> {
     pub(crate) fault: Fault,
     /// Its place in the story.
     pub(crate) place: usize,
-    /// Who sends it.
+    /// The side that sends the message.
     pub(crate) from: &'static str,
     /// The message, if it is whole and alone.
     pub(crate) message: Option<Value>,
-    /// What it was changed to.
+    /// The changed message.
     pub(crate) other: Option<Value>,
 }
 
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 struct Count {
     all: u32,
-    /// Complained about at the message, or at the first thing behind it that depends on it.
+    /// Complaints at the message, or at the first event after it that depends on it.
     found: u32,
     /// Of these, at something later.
     later: u32,
@@ -159,14 +159,14 @@ fn is_error(link: &Link, story: &Story, told: &[Told]) -> bool {
     })
 }
 
-/// Whether bytes are a message, or several, or a poll: a part of one is none.
+/// Returns whether bytes are a message, or several, or a poll, rather than a part of a message.
 fn is_whole(link: &Link, story: &Story, from: &str, bytes: &[u8]) -> bool {
     let codec = || (link.codec)(from, &story.settings(link)).unwrap();
     !link.sides.contains(&from)
         || items(codec(), &[vec![bytes]]).unwrap().iter().all(|item| item.content.is_ok() && !item.at_end)
 }
 
-/// What bytes say, if they are one message.
+/// Returns the message, if the bytes are exactly one.
 fn alone(link: &Link, story: &Story, from: &str, bytes: &[u8]) -> Option<Value> {
     if !link.sides.contains(&from) {
         return None;
@@ -221,7 +221,7 @@ pub(crate) fn late(link: &Link) -> Duration {
     })
 }
 
-/// The place of the first thing that is said and was not said before.
+/// Returns the place of the first new complaint.
 fn first_new(before: &[Said], after: &[Said]) -> Option<usize> {
     let mut before: Vec<_> = before.iter().map(key).collect();
     let mut is_new = |said: &&Said| match before.iter().position(|known| *known == key(said)) {
@@ -234,7 +234,7 @@ fn first_new(before: &[Said], after: &[Said]) -> Option<usize> {
     after.iter().find(|said| is_new(said)).map(|said| said.place)
 }
 
-/// What a complaint is, without the times in its text.
+/// Returns the properties of a complaint apart from the times in its text.
 fn key(said: &Said) -> (&'static str, &'static str, bool) {
     (said.complaint.end, said.complaint.clause, said.complaint.kind == Kind::Rule)
 }

@@ -16,7 +16,7 @@ fn from_the_middle_nothing_is_said_that_cannot_be_known() {
         for story in stories(link) {
             let whole = story.say(link, &story.told);
             for from in 1..story.told.len() {
-                // What begins a connection is a start, and a part of a message is none.
+                // Start neither at the beginning of a connection nor within a message.
                 if story.told[from].what == What::Opened {
                     continue;
                 }

@@ -9,7 +9,7 @@ use cellwire_links::{LINKS, Link};
 use super::counts::{STORIES, compare, keep};
 use super::told::stories;
 
-/// What a tap cannot know. Each of these is complained about, or its line goes.
+/// Facts that a tap cannot observe. Each causes a complaint; otherwise its line is to be removed.
 const UNSEEN: [(&str, u64, &str); 5] = [
     ("kawasaki-msg", 146, "the PC sends more jobs than the numbers tell apart: none of them counts as sent"),
     ("laser-eb90", 164, "the controller drops a byte that has passed the tap"),
@@ -18,7 +18,7 @@ const UNSEEN: [(&str, u64, &str); 5] = [
     ("fanuc-hmi-modbus", 174, "a frame that is too long ends where the server ends it"),
 ];
 
-/// Whether what is said of our end in this story is wrong for that reason.
+/// Returns whether the complaints about our end in this story are wrong for that reason.
 pub(super) fn is_unseen(link: &str, story: u64) -> bool {
     UNSEEN.iter().any(|(name, id, _)| (*name, *id) == (link, story))
 }

@@ -18,7 +18,7 @@ pub(crate) struct Story {
     pub(crate) end: &'static str,
     pub(crate) config: Map<String, Value>,
     pub(crate) told: Vec<Told>,
-    /// Its driver is late somewhere, or cannot send: what it sends is later than its session wants.
+    /// The end's driver is late somewhere, or cannot send: its bytes are later than its session requests.
     pub(crate) is_late: bool,
 }
 
@@ -36,7 +36,7 @@ pub(crate) enum What {
     Bytes(&'static str, Vec<u8>),
 }
 
-/// A complaint, or an error of a decoder, and at which place of the conversation it was said.
+/// A complaint or a decoder error, and its place in the conversation.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Said {
     pub(crate) place: usize,
@@ -89,7 +89,7 @@ fn read(link: &Link, story: &Value) -> Story {
 }
 
 impl Story {
-    /// What is set of the link's codec.
+    /// Returns the settings of the link's codec.
     pub(crate) fn settings(&self, link: &Link) -> Map<String, Value> {
         let known: Vec<String> = (link.settings)().into_iter().map(|setting| setting.name).collect();
         let mut settings = Map::new();
@@ -108,7 +108,7 @@ impl Story {
         settings
     }
 
-    /// Everything that is said to a conversation like it.
+    /// Returns all complaints about a conversation with these events.
     pub(crate) fn say(&self, link: &Link, told: &[Told]) -> Vec<Said> {
         self.watch(link, told, &mut |_| ())
     }
@@ -171,7 +171,7 @@ impl Story {
                 }
             }
         }
-        // Nothing happens any more: what is missing by then is said.
+        // Nothing more happens: report the messages that are missing by then.
         let complaints = watcher.pass(told.last().map_or(LONG, |told| told.at + LONG)).into_iter();
         said.extend(complaints.map(|complaint| Said { place: told.len(), complaint }));
         state(watcher.state());

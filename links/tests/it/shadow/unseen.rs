@@ -57,12 +57,12 @@ fn may_wait(case: &Case<'_>) -> bool {
     !["val2-alter", "kawasaki-msg"].contains(&case.link.name) || is_start
 }
 
-/// Whether nothing passes behind it.
+/// Returns whether nothing follows the message.
 fn is_last(case: &Case<'_>) -> bool {
     case.story.told.len() == case.place + 1
 }
 
-/// What comes behind a message, until the connection is another.
+/// Returns the senders of the bytes after a message, until the connection changes.
 fn behind<'a>(case: &'a Case<'_>) -> impl Iterator<Item = &'static str> + use<'a> {
     let behind = case.story.told.iter().skip(case.place + 1);
     behind.map_while(|told| match &told.what {

@@ -31,7 +31,7 @@ fn main() {
     }
 }
 
-/// What a file is and has, each with an example. With its name, each finding is printed.
+/// Returns the properties of a file, each with an example. With the file's name (`every`), prints each finding.
 fn found(bytes: &[u8], every: Option<&str>) -> BTreeMap<String, String> {
     let mut found = BTreeMap::from([("  files".to_owned(), String::new())]);
     let document = match Document::decode_bytes(bytes) {

@@ -12,11 +12,11 @@ pub struct Attribute {
     /// Its name: `OWNER`; `SPEICHERGR.` on controllers set to German.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::attribute_name))]
     pub name: String,
-    /// Its value.
+    /// The value of the attribute.
     pub value: AttributeValue,
 }
 
-/// What an attribute says.
+/// The value of an attribute.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
@@ -121,7 +121,7 @@ impl Attribute {
     }
 }
 
-/// What is before the next `=` or `:`.
+/// Reads the text before the next `=` or `:`.
 fn decode_name(input: &str, reason: Reason) -> Read<'_, &str> {
     let length = input.find(['=', ':', ';', ',', '\r', '\n']).unwrap_or(input.len());
     let name = input.get(..length).unwrap_or(input).trim_end();

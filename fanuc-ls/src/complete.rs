@@ -1,4 +1,4 @@
-//! What may stand at a place of a program, for an editor.
+//! Completions at a byte of a program, for an editor.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -17,11 +17,11 @@ use crate::statement::Statement;
 pub struct Completion {
     /// The text.
     pub text: String,
-    /// The bytes of the document that it would replace: what of it is there already.
+    /// The bytes of the document that it would replace: the part of the text that is there already.
     pub place: Range<usize>,
 }
 
-/// What may stand where the text is read up to this byte.
+/// Returns the completions at this byte.
 pub(crate) fn find(text: &str, parts: &Parts, byte: usize) -> Vec<Completion> {
     let within =
         |(range, nested): &&(Range<usize>, bool)| !nested && (range.start..=range.end).contains(&byte);

@@ -1,4 +1,4 @@
-//! A text and how far it was read, byte by byte: what marks the parts of a position is ASCII.
+//! A position in a text that is read byte by byte: the delimiters of a position are ASCII.
 
 use crate::error::Reason;
 use crate::text::{Fault, decimal_prefix};
@@ -14,7 +14,7 @@ impl<'a> Cursor<'a> {
         Self { text, rest: text.as_bytes() }
     }
 
-    /// What is still to be read.
+    /// The unread text.
     pub(crate) fn rest(self) -> &'a str {
         self.text.get(self.text.len() - self.rest.len()..).unwrap_or("")
     }
@@ -30,7 +30,7 @@ impl<'a> Cursor<'a> {
         self.rest = self.rest.get(bytes..).unwrap_or(&[]);
     }
 
-    /// What is wrong here.
+    /// Returns a fault at the cursor.
     #[cold]
     pub(crate) fn fault(self, reason: Reason) -> Fault<'a> {
         Fault { at: self.rest(), reason }
@@ -39,7 +39,7 @@ impl<'a> Cursor<'a> {
     /// Moves over spaces, tabs and line ends.
     #[inline(always)]
     pub(crate) fn space(&mut self) {
-        // Mostly there is none: one comparison.
+        // Usually there is no blank: one comparison.
         while let [byte @ ..=b' ', after @ ..] = self.rest
             && matches!(byte, b' ' | b'\t' | b'\r' | b'\n')
         {
@@ -75,7 +75,7 @@ impl<'a> Cursor<'a> {
         if self.take(word) { Ok(()) } else { Err(self.fault(reason)) }
     }
 
-    /// Moves over blanks and words, and the blanks behind them: at once where they stand as controllers print them.
+    /// Moves over blanks and words, and the blanks after them: at once if they are spelled as controllers print them.
     ///
     /// # Errors
     /// When one of them is not here, for its reason.
@@ -91,7 +91,7 @@ impl<'a> Cursor<'a> {
     /// A whole number without a sign.
     ///
     /// # Errors
-    /// When there is none, or not one of `N`.
+    /// When there is no number, or it does not fit into `N`.
     #[inline(always)]
     pub(crate) fn number<N: TryFrom<u32>>(&mut self, reason: Reason) -> Result<N, Fault<'a>> {
         let (mut rest, mut number) = (self.rest, 0u64);
@@ -111,7 +111,7 @@ impl<'a> Cursor<'a> {
     /// A decimal number.
     ///
     /// # Errors
-    /// When there is none.
+    /// When there is no number.
     #[inline(always)]
     pub(crate) fn decimal(&mut self, reason: Reason) -> Result<f64, Fault<'a>> {
         let Some((value, length)) = decimal_prefix(self.rest) else { return Err(self.fault(reason)) };

@@ -18,8 +18,8 @@ use crate::statement::Statement;
 
 /// An LS file, to the byte: its text, and where in it the attributes, statements and positions are.
 ///
-/// Whatever has `/PROG`, `/MN` and `/END` is read. What is not understood stays in the text as it is spelled, and is one of the
-/// [`findings`](Self::findings). What is written is what was read, but for what was edited.
+/// Reads any file with `/PROG`, `/MN` and `/END`. Text that is not understood stays as it is spelled, and is one of the
+/// [`findings`](Self::findings). The written file is equal to the one that was read, except for edits.
 ///
 /// ```
 /// use fanuc_ls::{Document, Instruction, Speed};
@@ -56,7 +56,7 @@ impl Document {
     /// Reads an LS file.
     ///
     /// # Errors
-    /// When it has no name, no `/MN` or no `/END`, or something follows that: it is no program, or not a whole one.
+    /// When it has no name, no `/MN` or no `/END`, or text follows that: it is not a program, or not a whole one.
     pub fn decode(text: &str) -> Result<Self, DecodeError> {
         Self::new(text.to_owned(), Encoding::Utf8)
     }
@@ -85,17 +85,17 @@ impl Document {
         }
     }
 
-    /// Its text.
+    /// The text of the file.
     pub fn as_str(&self) -> &str {
         &self.text
     }
 
-    /// Its encoding.
+    /// The encoding of the file.
     pub fn encoding(&self) -> Encoding {
         self.encoding
     }
 
-    /// What it says, as values.
+    /// Returns its contents as values.
     ///
     /// # Errors
     /// The first of its findings that is [`Problem::Error`](crate::Problem::Error). Other mistakes are in values that can be read.
@@ -103,8 +103,8 @@ impl Document {
         Program::from_parts(&self.text, &self.parts)
     }
 
-    /// What a controller would not take, and what it takes and the author probably did not mean; each once, in the order of
-    /// the text. [`Problem::level`](crate::Problem::level) says how bad each is.
+    /// Returns the findings, each once, in the sequence of the text: text that a controller would not take, and text that it
+    /// takes but that the author probably did not mean. [`Problem::level`](crate::Problem::level) is the severity of each.
     pub fn findings(&self, rules: &Rules) -> Vec<Finding> {
         self.findings_among(rules, &Surroundings::default())
     }
@@ -115,7 +115,7 @@ impl Document {
         inspect::find(&self.text, &self.parts, rules, around)
     }
 
-    /// What may stand at a byte of the text, in an editor: instructions, registers, options, labels, positions.
+    /// Returns the completions at a byte of the text, for an editor: instructions, registers, options, labels, positions.
     ///
     /// ```
     /// use fanuc_ls::Document;
@@ -130,8 +130,8 @@ impl Document {
         complete::find(&self.text, &self.parts, at)
     }
 
-    /// What there is in it, each with its place and the findings of its layout, in the order of the text: what every reader of the
-    /// format says, of which [`findings`](Self::findings) has more.
+    /// Returns the entries of the file in the sequence of the text, each with its place and the findings of its layout, which all
+    /// readers of the format report. [`findings`](Self::findings) has more findings.
     ///
     /// ```
     /// use fanuc_ls::{Content, Document, Rules};
@@ -153,7 +153,7 @@ impl Document {
         at(&self.text, &self.parts.name)
     }
 
-    /// What follows the name, such as `Macro`.
+    /// The word after the name, such as `Macro`.
     pub fn kind(&self) -> Option<&str> {
         Some(at(&self.text, &self.parts.kind)).filter(|kind| !kind.is_empty())
     }

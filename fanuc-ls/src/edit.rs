@@ -71,7 +71,7 @@ impl Document {
         Ok(())
     }
 
-    /// Sets the motion of a statement; `index` counts from 0. What is the same as before stays as it is spelled.
+    /// Sets the motion of a statement; `index` counts from 0. Unchanged values stay as they are spelled.
     ///
     /// # Errors
     /// When there is no such statement, it is nested or has no number, or the motion cannot be written.
@@ -117,7 +117,7 @@ impl Document {
         Ok(())
     }
 
-    /// Sets the position with this number. What is the same as before stays as it is spelled.
+    /// Sets the position with this number. Unchanged values stay as they are spelled.
     ///
     /// # Errors
     /// When there is no such position, or it cannot be written.

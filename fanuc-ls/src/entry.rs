@@ -1,4 +1,4 @@
-//! What a document holds, each with its place and what there is to find in it.
+//! The contents of a document as entries, each with its place and findings.
 
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -17,22 +17,22 @@ use crate::text::Fault;
 pub struct Entry<'a> {
     /// Its bytes in the text, without white space around it.
     pub place: Range<usize>,
-    /// What it says. None when it is not understood.
+    /// The contents as values. `None` if they are not understood.
     pub content: Option<Content<'a>>,
-    /// Where it is not understood, why; then its other findings.
+    /// If the contents are not understood, the reason; then the other findings.
     pub findings: Vec<Finding>,
 }
 
-/// What an [`Entry`] says.
+/// The contents of an [`Entry`].
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Content<'a> {
-    /// What follows `/PROG`.
+    /// The line of `/PROG`.
     Program {
         /// The program's name.
         name: &'a str,
-        /// What follows the name, such as `Macro`.
+        /// The word after the name, such as `Macro`.
         kind: Option<&'a str>,
     },
     /// One of `/ATTR`.
@@ -43,7 +43,7 @@ pub enum Content<'a> {
     Statement {
         /// Its number. None when it is left out, or the line belongs to the motion above it.
         number: Option<usize>,
-        /// What it does.
+        /// The instruction as a value.
         instruction: Instruction,
     },
     /// One of `/POS`.

@@ -7,7 +7,7 @@ use crate::expression::ItemKind;
 #[non_exhaustive]
 #[error("line {line}, column {column}: {reason}")]
 pub struct DecodeError {
-    /// What was expected there.
+    /// The text that was expected there.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub reason: Reason,
     /// The line of the text, from 1.
@@ -32,7 +32,7 @@ impl DecodeError {
     }
 }
 
-/// What a [`DecodeError`] found missing.
+/// The text that a [`DecodeError`] found missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
@@ -40,7 +40,7 @@ pub enum Reason {
     /// The text does not begin with `/PROG`.
     #[error("expected `/PROG` and the program's name")]
     Program,
-    /// Something that is no attribute between `/ATTR` and the next section.
+    /// Text that is not an attribute between `/ATTR` and the next section.
     #[error("expected an attribute, `NAME = value;`, or the next section")]
     Attribute,
     /// An attribute, or an item of one, without a value.
@@ -76,7 +76,7 @@ pub enum Reason {
     /// A smoothness outside 0..=100.
     #[error("expected CNT with 0 to 100, or with a register")]
     Continuous,
-    /// Something in `/POS` that is no position.
+    /// Text in `/POS` that is not a position.
     #[error("expected a position, `P[1]{{`, or `/END`")]
     Position,
     /// A position without its end.
@@ -88,10 +88,10 @@ pub enum Reason {
     /// A configuration without its text.
     #[error("expected a configuration such as `CONFIG : 'N U T, 0, 0, 0',`")]
     Configuration,
-    /// Something that is no axis.
+    /// Text that is not an axis.
     #[error("expected an axis: X, Y, Z, W, P, R, RX to RR, J1 to J9 or E1 to E9, and `=`")]
     Axis,
-    /// Something that is no number.
+    /// Text that is not a number.
     #[error("expected a number such as `-108.435`, `.582` or `********`")]
     Number,
     /// A coordinate without a unit.
@@ -138,23 +138,23 @@ pub enum EncodeError {
         /// The comment's length.
         found: usize,
     },
-    /// What two edits change overlaps, or the text that they make would not be read again.
+    /// Two edits overlap, or the edited text could not be read again.
     #[error("the edited text cannot be parsed")]
     Edit,
     /// A label or a position cannot take the number of another one.
     #[error("{item}[{number}] is already defined")]
     Taken {
-        /// What it is.
+        /// The kind of the item: label or position.
         item: ItemKind,
-        /// Its number.
+        /// The number of the item.
         number: u32,
     },
     /// A controller has none of this number.
     #[error("there is no {item}[{number}]: the numbers are {low} to {high}")]
     ItemRange {
-        /// What it is.
+        /// The kind of the item.
         item: ItemKind,
-        /// Its number.
+        /// The number of the item.
         number: u32,
         /// The least number.
         low: u32,
@@ -256,10 +256,10 @@ pub enum Warning {
         /// The position's number.
         number: u32,
     },
-    /// The number does not follow the one before; a line may be missing.
+    /// The number does not follow the previous one; a line may be missing.
     #[error("the line is numbered {found}, the one before it {}", expected.saturating_sub(1))]
     LineNumber {
-        /// The number after the one before.
+        /// The number that follows the previous one.
         expected: usize,
         /// The number in the text.
         found: usize,
@@ -267,7 +267,7 @@ pub enum Warning {
     /// LINE_COUNT is neither 0 nor the number of instructions.
     #[error("LINE_COUNT is {expected}, the program has {found} lines")]
     LineCount {
-        /// What LINE_COUNT says.
+        /// The value of LINE_COUNT.
         expected: usize,
         /// The instructions there are.
         found: usize,
@@ -290,7 +290,7 @@ pub enum Warning {
 }
 
 impl Warning {
-    /// What to do about it.
+    /// The advice for the reader of the warning.
     pub fn advice(self) -> &'static str {
         match self {
             Self::UnusedPosition { .. } => "delete the position, or check which motion should go there",

@@ -134,7 +134,7 @@ impl Function {
     }
 }
 
-/// What is between the two sides of an [`Expression`].
+/// The operator between the two sides of an [`Expression`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
@@ -185,13 +185,13 @@ impl Operator {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Item {
-    /// What it is.
+    /// The kind of the item.
     pub kind: ItemKind,
     /// The motion group, where one is named: 1 for `GP1`, and the first of `GP1,2`.
     pub group: Option<u8>,
-    /// Which one.
+    /// The number of the item, or the item that contains it.
     pub index: Index,
-    /// Which coordinate of a position register, from 1.
+    /// The coordinate of a position register, from 1; `None` for the whole register.
     pub element: Option<Index>,
     /// Its name, if it has one.
     pub name: Option<String>,
@@ -209,7 +209,7 @@ pub enum Index {
     Untaught,
 }
 
-/// What an [`Item`] is.
+/// The kind of an [`Item`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
@@ -239,7 +239,7 @@ pub enum ItemKind {
     UserFrame,
     UserTool,
     Label,
-    /// `VR`: what a vision process has found.
+    /// `VR`: the result of a vision process.
     VisionRegister,
     /// `PL`: where in a pallet the next part is.
     PalletRegister,

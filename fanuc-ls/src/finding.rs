@@ -10,7 +10,7 @@ use crate::mistake::{Level, Mistake};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Finding {
-    /// What it is.
+    /// The problem that was found.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub problem: Problem,
     /// The line of the text, from 1.
@@ -21,7 +21,7 @@ pub struct Finding {
     pub offset: usize,
 }
 
-/// What a [`Finding`] is.
+/// The problem of a [`Finding`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
 pub enum Problem {
@@ -31,7 +31,7 @@ pub enum Problem {
     /// A controller takes it.
     #[error(transparent)]
     Warning(Warning),
-    /// What is wrong with a statement, or with how statements and positions fit together; its level says how bad.
+    /// A mistake in a statement, or in the relation between statements and positions; its level is its severity.
     #[error(transparent)]
     Mistake(Mistake),
 }
@@ -51,7 +51,7 @@ impl Problem {
         self.level() == Level::Error
     }
 
-    /// What to do about it.
+    /// The advice for the reader of the finding.
     pub fn advice(self) -> &'static str {
         match self {
             Self::Error(_) => "correct it: a controller would not take it",

@@ -40,10 +40,10 @@ impl Document {
         self.apply([(place..place, format!("{number:4}:{written} ;{end}"))].into()).map(drop)
     }
 
-    /// Adds a position at the end of `/POS`, and that section if there is none.
+    /// Adds a position at the end of `/POS`, and that section if the file lacks it.
     ///
     /// # Errors
-    /// When a position has this number, or the new one cannot be written; nothing has changed.
+    /// When a position has this number, or the new one cannot be written; the document is then unchanged.
     pub fn add_position(&mut self, position: &Position) -> Result<(), EncodeError> {
         position.check()?;
         let number = position.number;

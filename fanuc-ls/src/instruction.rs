@@ -57,7 +57,7 @@ impl Instruction {
         })
     }
 
-    /// Writes what stands from behind the line's `:` to before its ` ;`.
+    /// Writes the text between the line's `:` and its ` ;`.
     pub(crate) fn encode(&self, out: &mut String) {
         match self {
             Self::Empty => out.push_str("  "),

@@ -16,9 +16,10 @@ use crate::statement::Statement;
 use crate::text::{decimal_prefix, indent, push_shortest};
 
 impl Document {
-    /// Lays the text out as controllers print it: line numbers and what is behind them in their columns, seconds of motions and pulses
-    /// with one decimal, coordinates with three, attributes and frames in their places. What is not understood stays, and so do line
-    /// ends, the spelling of words and `/APPL`. A second time, nothing changes. How many places have changed.
+    /// Lays the text out as controllers print it: line numbers and the text after them in their columns, seconds of motions and
+    /// pulses with one decimal, coordinates with three, attributes and frames in their places. Text that is not understood is
+    /// unchanged, as are line ends, the spelling of words and `/APPL`. A second call has no effect. Returns the number of changed
+    /// places.
     ///
     /// ```
     /// use fanuc_ls::Document;
@@ -30,7 +31,7 @@ impl Document {
     /// ```
     ///
     /// # Errors
-    /// None is known: what would not be read again is not written.
+    /// No case is known: an edit that could not be read again is not made.
     pub fn format(&mut self) -> Result<usize, EncodeError> {
         let mut edits: Vec<Edit> = Vec::new();
         let (mut number, mut last_end) = (0, None);
@@ -95,7 +96,7 @@ fn line(text: &str, number: usize) -> Option<String> {
         _ => {
             let before = text.get(..offset(text, body)).unwrap_or("");
             let colon = before.rfind(':').map_or(0, |at| at + 1);
-            // A case of a SELECT is behind the register's column.
+            // A case of a SELECT follows the register's column.
             let is_case = body.starts_with('=') || body.starts_with("ELSE,") || body.starts_with("SONST,");
             let lead = before.get(colon..).filter(|_| is_case && before.len() - colon > 2);
             let lead = lead.unwrap_or(if body.starts_with('=') { "         " } else { "  " });

@@ -1,10 +1,10 @@
-//! What is wrong with a program that is read: its statements, blocks, labels, frames and positions.
+//! Mistakes in a program that can be read: in its statements, blocks, labels, frames and positions.
 
 use crate::expression::ItemKind;
 use crate::motion::SpeedUnit;
 use crate::position::AxisName;
 
-/// How bad something is.
+/// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Level {
@@ -17,7 +17,7 @@ pub enum Level {
 }
 
 impl Level {
-    /// Its name.
+    /// The name of the level.
     pub fn text(self) -> &'static str {
         match self {
             Self::Hint => "hint",
@@ -27,7 +27,7 @@ impl Level {
     }
 }
 
-/// What is wrong with a statement, or with how statements and positions fit together.
+/// A mistake in a statement, or in the relation between statements and positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
@@ -35,7 +35,7 @@ pub enum Mistake {
     /// Something else belongs there.
     #[error("expected {what}")]
     Expected {
-        /// What belongs there.
+        /// The missing text.
         what: Expected,
     },
     /// A word that differs by one letter from an instruction or an option.
@@ -76,10 +76,10 @@ pub enum Mistake {
     /// No instruction that is known, and no macro's name.
     #[error("the instruction is not known")]
     Unknown,
-    /// A word behind a motion that is not known.
+    /// An unknown word after a motion.
     #[error("the motion option is not known")]
     UnknownOption,
-    /// Letters and brackets that are no register, input or output that is known.
+    /// Letters and brackets that are not a known register, input or output.
     #[error("unknown register, input or output")]
     UnknownItem,
     /// A name, which can be that of a macro.
@@ -113,34 +113,34 @@ pub enum Mistake {
     /// `...` or `Constant`: a template that has to be filled in.
     #[error("an operand is missing")]
     Untaught,
-    /// An assignment to what a program cannot set.
+    /// An assignment to an item that a program cannot set.
     #[error("{item} cannot be set")]
     ReadOnly {
-        /// What it is.
+        /// The kind of the item.
         item: ItemKind,
     },
     /// A jump to a label that is not there.
     #[error("there is no LBL[{number}]")]
     UndefinedLabel {
-        /// Its number.
+        /// The number of the label.
         number: u32,
     },
     /// Two labels with one number.
     #[error("LBL[{number}] is already defined")]
     RepeatedLabel {
-        /// Its number.
+        /// The number of the label.
         number: u32,
     },
     /// A block without its end.
     #[error("{} has no {}", block.begin(), block.end())]
     Open {
-        /// Which one.
+        /// The block that is not closed.
         block: Block,
     },
     /// The end, or another part, of a block that is not open here.
     #[error("no {} is open here", block.begin())]
     NotOpen {
-        /// Which one.
+        /// The block that is not open.
         block: Block,
     },
     /// The end of a block while one within it is open.
@@ -169,7 +169,7 @@ pub enum Mistake {
     Joint {
         /// The position's number.
         number: u32,
-        /// Which one.
+        /// The joint.
         axis: AxisName,
     },
     /// Nothing leads here.
@@ -189,7 +189,7 @@ pub enum Mistake {
     MissingAxis {
         /// The position's number.
         number: u32,
-        /// What it lacks.
+        /// The missing coordinate.
         axis: AxisName,
     },
     /// A coordinate that is there twice, or does not belong to the others.
@@ -197,18 +197,18 @@ pub enum Mistake {
     ForeignAxis {
         /// The position's number.
         number: u32,
-        /// Which one.
+        /// The coordinate.
         axis: AxisName,
     },
-    /// A coordinate in a unit that it has not.
+    /// A coordinate in a unit that its axis does not have.
     #[error("{} of P[{number}] has the wrong unit", axis.name())]
     AxisUnit {
         /// The position's number.
         number: u32,
-        /// Which one.
+        /// The coordinate.
         axis: AxisName,
     },
-    /// A CONFIG that is none.
+    /// A CONFIG that is not valid.
     #[error("CONFIG of P[{number}] is not N or F, U or D, T or B, and turns from -8 to 7")]
     Configuration {
         /// The position's number.
@@ -219,19 +219,19 @@ pub enum Mistake {
     Frame {
         /// The position's number.
         number: u32,
-        /// Its frame.
+        /// The position's frame.
         found: u16,
-        /// The program's.
+        /// The frame that the program selected.
         chosen: u16,
     },
-    /// A motion to a position of another tool than the program has chosen.
+    /// A motion to a position of another tool than the program has selected.
     #[error("P[{number}] has UT {found}, but the program selected UTOOL_NUM={chosen}")]
     Tool {
         /// The position's number.
         number: u32,
-        /// Its tool.
+        /// The position's tool.
         found: u16,
-        /// The program's.
+        /// The tool that the program selected.
         chosen: u16,
     },
     /// A motion without FINE or CNT.
@@ -242,7 +242,7 @@ pub enum Mistake {
     Attribute,
 }
 
-/// What belongs in the place of something else.
+/// The text that is expected instead of the text at hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
@@ -298,7 +298,7 @@ pub enum Expected {
     End,
 }
 
-/// What has a beginning and an end.
+/// A structure with a beginning and an end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
@@ -358,7 +358,7 @@ impl Mistake {
         }
     }
 
-    /// What to do about it.
+    /// The advice for the reader of the mistake.
     pub fn advice(self) -> &'static str {
         match self {
             Self::Macro => "check its spelling; name the controller's macros in a file",

@@ -16,7 +16,7 @@ pub struct Motion {
     pub kind: MotionKind,
     /// For [`MotionKind::Circular`]: the point on the arc before the target.
     pub via: Option<Target>,
-    /// What follows that point, as it stands: `Offset,PR[3]`. Empty when there is nothing.
+    /// The text after that point, as spelled: `Offset,PR[3]`. Empty if there is no such text.
     pub via_options: String,
     /// Where the robot moves to.
     pub target: Target,
@@ -24,7 +24,7 @@ pub struct Motion {
     pub speed: Speed,
     /// How close the robot comes to the target before it goes on. Some applications leave it out.
     pub termination: Option<Termination>,
-    /// What follows, as it stands: `ACC50 Offset,PR[3]`. Empty when there is nothing.
+    /// The text after the termination, as spelled: `ACC50 Offset,PR[3]`. Empty if there is no such text.
     pub options: String,
 }
 
@@ -57,7 +57,7 @@ impl Motion {
         let (mut via, mut via_options) = (None, "");
         if kind == MotionKind::Circular {
             via = Some(target);
-            // What is on the first point's line belongs to it, where the second point is on the next.
+            // If the second point is on the next line, the rest of the first line belongs to the first point.
             if let Some((line, _)) = rest.split_once('\n') {
                 via_options = line.trim();
                 rest = rest.get(line.len()..).unwrap_or("");
@@ -118,7 +118,7 @@ impl Motion {
         {
             return Err(EncodeError::Speed { line });
         }
-        // The texts inside may hold anything: what is read back must be what was meant.
+        // The texts inside may contain anything: the written motion must decode to the same value.
         let same = Self::decode(written.trim_end()).is_ok_and(|(_, again)| again == *self);
         let plain = match written.contains('\r') {
             true => is_plain(&written.replace("\r\n", "\n")),
@@ -146,7 +146,7 @@ pub enum MotionKind {
 }
 
 impl MotionKind {
-    /// The letter behind the line's number.
+    /// The letter after the line's number.
     pub fn letter(self) -> char {
         match self {
             Self::Joint => 'J',
@@ -176,7 +176,7 @@ impl MotionKind {
 pub enum Target {
     /// `P[3]` or `P[3:name]`: a position of this program.
     Position {
-        /// Its number.
+        /// The number of the position.
         number: u32,
         /// Its name, if it has one. Not quoted here; in `/POS` it is.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
@@ -184,7 +184,7 @@ pub enum Target {
     },
     /// `PR[3]` or `PR[3:name]`: a position register.
     Register {
-        /// Its number.
+        /// The number of the register.
         number: u32,
         /// Its name, if it has one.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
@@ -254,7 +254,7 @@ pub enum Speed {
     Fixed {
         /// The number. Written with as many decimals as it has; seconds with at least one.
         value: f64,
-        /// Its unit.
+        /// The unit of the speed.
         unit: SpeedUnit,
     },
     /// `R[23:slow]mm/sec`: the number is in a register.
@@ -288,7 +288,7 @@ impl Speed {
     }
 
     fn decode(input: &str) -> Read<'_, Self> {
-        // What a template leaves open stands for a register.
+        // A template's placeholder counts as a register.
         if let Some(rest) = input.strip_prefix("...")
             && let Ok((rest, unit)) = SpeedUnit::decode(rest)
         {
@@ -414,7 +414,7 @@ impl fmt::Display for SpeedUnit {
 pub enum Termination {
     /// `FINE`: stops at the target.
     Fine,
-    /// `CNT0` to `CNT100`: passes by the target; what exactly the number does is not published.
+    /// `CNT0` to `CNT100`: passes by the target; the exact effect of the number is not published.
     Continuous(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::percent))] u8),
     /// `CNT R[1]`: the number is in a register, given as it stands.
     ContinuousRegister(

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use crate::expression::{Expression, Index, Item};
 
-/// What an instruction that is no motion does. It is a view: what is written is the instruction's text.
+/// The action of an instruction other than a motion. It is a view: the encoder writes the instruction's text.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
@@ -13,7 +13,7 @@ pub enum Operation {
     Call {
         /// The program's name as it stands; `SR[25]` where a register has it.
         program: String,
-        /// What the program finds in its `AR[1]` and on.
+        /// The values of the called program's `AR[1]` and so on.
         arguments: Vec<Expression>,
     },
     /// `RUN NAME`: starts another program, and goes on.
@@ -40,7 +40,7 @@ pub enum Operation {
     Wait(Expression),
     /// `WAIT DI[1]=ON TIMEOUT,LBL[570]`.
     WaitFor {
-        /// What ends the wait.
+        /// The condition that ends the wait.
         condition: Expression,
         /// Where the program goes when `$WAITTMOUT` ends it.
         timeout: Option<Item>,
@@ -100,21 +100,21 @@ pub enum Operation {
     Command {
         /// Its words in English.
         name: &'static str,
-        /// Its values.
+        /// The operands of the instruction.
         operands: Vec<Expression>,
-        /// What follows as it stands, where an option's own manual has the form of it.
+        /// The text after them as spelled, if its form is described in an option's own manual.
         text: String,
     },
     /// `OPEN HAND 1`: a macro, or an unknown instruction.
     Macro {
-        /// Its name.
+        /// The name of the macro.
         name: String,
-        /// What it is given.
+        /// The arguments of the macro.
         arguments: Vec<Expression>,
     },
 }
 
-/// What is done with a timer.
+/// An action on a timer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
@@ -125,7 +125,7 @@ pub enum TimerAction {
 }
 
 impl Operation {
-    /// What is done if a condition holds; else the operation itself.
+    /// Returns the operation that is executed if a condition holds; otherwise the operation itself.
     pub fn action(&self) -> &Self {
         match self {
             Self::If(_, inner)

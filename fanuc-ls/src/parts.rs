@@ -13,7 +13,7 @@ use crate::text::{Fault, after_blanks, indent, is_letter_or_digit, is_nested};
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Parts {
     pub(crate) name: Range<usize>,
-    /// What follows the name on its line.
+    /// The text after the name on its line.
     pub(crate) kind: Range<usize>,
     /// Between the line `/ATTR` and the next section.
     pub(crate) attributes: Option<Range<usize>>,
@@ -27,7 +27,7 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    /// Finds the sections, the statements and the positions. What they hold is not looked at.
+    /// Finds the sections, the statements and the positions. Does not check their contents.
     ///
     /// # Errors
     /// When the text has no name, no `/MN` or no `/END`, or something follows that.
@@ -105,7 +105,7 @@ impl Parts {
                 Ok((after, attribute)) => (after, Ok(attribute)),
                 Err(error) => {
                     let fault = Fault::of(error);
-                    // What is wrong ends where the next attribute begins, at the left edge; items of a list are indented.
+                    // The faulty text ends where the next attribute begins, at the left edge; items of a list are indented.
                     let blank = |c: char| c.is_whitespace();
                     let next =
                         fault.at.match_indices('\n').map(|(at, _)| fault.at.get(at + 1..).unwrap_or(""));
@@ -136,7 +136,7 @@ impl Parts {
         self.blocks.iter().map(|range| Position::decode_block(at(text, range)))
     }
 
-    /// The text up to `end` got `new` bytes in the place of `old`: what follows has moved.
+    /// Moves all ranges after `end`, since the text before it got `new` bytes in the place of `old`.
     pub(crate) fn replaced(&mut self, end: usize, new: usize, old: usize) {
         let sections = [&mut self.name, &mut self.kind, &mut self.main];
         let optional = [&mut self.attributes, &mut self.application, &mut self.positions];
@@ -206,7 +206,7 @@ impl Parts {
 
     /// A line of `/POS`, and what is on it after blanks.
     fn begin_block(&mut self, line: Line<'_>, words: &str) {
-        // What is before the first position is a block as well, which cannot be read.
+        // Text before the first position is a block as well, which cannot be read.
         if words.starts_with("P[") || (self.blocks.is_empty() && !words.is_empty()) {
             self.end_block(line.start);
             self.blocks.push(line.end() - words.len()..line.end());
@@ -322,7 +322,7 @@ pub(crate) fn ends_application(line: &str) -> bool {
     section(after_blanks(line)).is_some_and(|(section, _)| ![0, 2].contains(&section))
 }
 
-/// Which of the sections, in their order, a line begins, and what follows on it.
+/// Returns the section that a line begins, counted in their sequence, and the text after its name.
 fn section(line: &str) -> Option<(usize, &str)> {
     let (section, length) = match line.as_bytes() {
         [b'/', b'P', b'R', b'O', b'G', ..] => (0, 5),
@@ -337,7 +337,7 @@ fn section(line: &str) -> Option<(usize, &str)> {
     (!rest.starts_with(is_letter_or_digit)).then_some((section, rest))
 }
 
-/// What is missing after a section.
+/// Returns the reason for a missing next section.
 fn missing(section: usize) -> Reason {
     if section < 3 { Reason::Main } else { Reason::End }
 }

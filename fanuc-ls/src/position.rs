@@ -11,7 +11,7 @@ use crate::text::{Fault, fixed_decimal, push_fixed, push_number, rounded, word};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Position {
-    /// Its number.
+    /// The number of the position.
     pub number: u32,
     /// Its name, without the quotes that it has in `/POS`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
@@ -115,7 +115,7 @@ pub struct Group {
     pub user_frame: Option<u16>,
     /// `UT`. None for `F`.
     pub user_tool: Option<u16>,
-    /// Which of the arm's solutions a Cartesian position means. None for joints.
+    /// The arm's solution that a Cartesian position means. `None` for joints.
     pub configuration: Option<Configuration>,
     /// The coordinates, in their order.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::list::<1, 9, _>))]
@@ -160,7 +160,7 @@ impl Group {
         }
     }
 
-    /// What follows `GP`.
+    /// Reads the text after `GP`.
     fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
         let number = cursor.number(Reason::Group)?;
         let uf = [(":", Reason::Group), ("UF", Reason::Frames), (":", Reason::Frames)];
@@ -171,7 +171,7 @@ impl Group {
         let user_tool = decode_frame(cursor)?;
         cursor.expect_all(",\t\r\n\t", &[(",", Reason::Frames)])?;
         let mut configuration = None;
-        // Not behind the name of an axis, which is shorter.
+        // A keyword is longer than the name of an axis.
         if !matches!(cursor.bytes(), [_, b' ' | b'=', ..] | [_, _, b' ' | b'=', ..])
             && let Ok((_, keyword)) = word(cursor.rest())
             && keyword.chars().count() > 2
@@ -233,7 +233,7 @@ impl Group {
     }
 }
 
-/// Which of the arm's solutions a Cartesian position means, as it stands: `N U T, 0, 0, 0`.
+/// The arm's solution that a Cartesian position means, as spelled: `N U T, 0, 0, 0`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
@@ -259,13 +259,13 @@ impl Configuration {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Axis {
-    /// Which.
+    /// The name of the axis.
     pub name: AxisName,
-    /// Its value; None when it was never taught (`********`). Written with three decimals, as controllers do, or with as
-    /// many as it has.
+    /// The value; `None` if it was never taught (`********`). Written with three decimals, as controllers do, or with as many as
+    /// it has.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::coordinate))]
     pub value: Option<f64>,
-    /// Its unit.
+    /// The unit of the value.
     pub unit: AxisUnit,
 }
 

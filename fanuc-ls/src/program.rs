@@ -23,7 +23,7 @@ pub struct Program {
     /// The name, which is also the file's.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::word))]
     pub name: String,
-    /// What stands behind the name, such as `Macro`.
+    /// The word after the name, such as `Macro`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub kind: Option<String>,
     /// `/ATTR`, in its order. None when there is no such section.
@@ -42,13 +42,13 @@ pub struct Program {
 /// The characters of a COMMENT that a controller keeps.
 pub const COMMENT_LENGTH: usize = 16;
 
-/// What a written program must keep to.
+/// The rules for a written program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Rules {
-    /// The longest program name: 36 by default, 8 on old controllers. Which has which is not published.
+    /// The longest program name in characters: 36 by default, 8 on old controllers. The limit of each model is not published.
     pub name_limit: usize,
-    /// What to do with a comment of more than [`COMMENT_LENGTH`] characters.
+    /// The treatment of a comment of more than [`COMMENT_LENGTH`] characters.
     pub comment: CommentRule,
 }
 
@@ -58,7 +58,7 @@ impl Default for Rules {
     }
 }
 
-/// What to do with a comment that is too long.
+/// The treatment of a comment that is too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CommentRule {
     /// [`EncodeError::CommentLength`].
@@ -138,7 +138,7 @@ impl Program {
         Ok(out)
     }
 
-    /// What is before `/MN`.
+    /// Writes the text before `/MN`.
     fn encode_head(&self, rules: &Rules, out: &mut String) -> Result<(), EncodeError> {
         check_name(&self.name, rules.name_limit)?;
         if self.kind.as_deref().is_some_and(|kind| kind.trim() != kind || kind.is_empty() || !is_line(kind)) {

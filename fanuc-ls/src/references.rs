@@ -92,8 +92,8 @@ const SELECTIONS: [(&str, ItemKind); 4] = [
     ("WKZ_NUM", ItemKind::UserTool),
 ];
 
-/// All of them in the text of an instruction, in their order. What is text itself has none: comments, remarks, messages, strings
-/// and names.
+/// Returns the references in the text of an instruction, in their sequence. Comments, remarks, messages, strings and names do not
+/// contain references.
 fn find(body: &str) -> impl Iterator<Item = Reference> {
     let is_label = ["LBL", "LABEL"]
         .iter()
@@ -246,7 +246,7 @@ fn closing(text: &str) -> usize {
 /// The number of `P[3]{` and those of `UF : 1, UT : 2` in a position of `/POS`.
 fn of_position(block: &str) -> impl Iterator<Item = Reference> {
     let marks = [("P[", ItemKind::Position), ("UF", ItemKind::UserFrame), ("UT", ItemKind::UserTool)];
-    // A name may hold anything; the frames are behind it.
+    // A name may contain anything; the frames follow it.
     let body = block.find('{').unwrap_or(0);
     marks.into_iter().flat_map(move |(mark, kind)| {
         let is_header = kind == ItemKind::Position;

@@ -180,11 +180,11 @@ impl Document {
         Ok((self.apply(edits)?, others))
     }
 
-    /// Numbers the lines from 1, right-aligned in four columns as controllers do, and brings LINE_COUNT up to date. How many numbers
-    /// have changed.
+    /// Numbers the lines from 1, right-aligned in four columns as controllers do, and updates LINE_COUNT. Returns the number of
+    /// changed numbers.
     ///
     /// # Errors
-    /// None is known: what would not be read again is not written.
+    /// No case is known: an edit that could not be read again is not made.
     pub fn renumber_lines(&mut self) -> Result<usize, EncodeError> {
         let mut edits: Vec<Edit> = Vec::new();
         let mut number = 0usize;

@@ -1,4 +1,4 @@
-//! What a writer keeps to, field by field.
+//! The rules of a writer, field by field.
 
 use robot_session::spec::{Configure, Fields};
 

@@ -44,7 +44,7 @@ impl<'a> Statement<'a> {
         self.head().ok().map(|_| self.body())
     }
 
-    /// Its instruction as a value. What is not understood is [`Instruction::Other`].
+    /// Returns the instruction as a value. An instruction that is not understood is [`Instruction::Other`].
     pub fn instruction(&self) -> Instruction {
         self.decode().unwrap_or_else(|_| Instruction::Other(crate::text::join_lines(self.body())))
     }
@@ -81,7 +81,7 @@ impl<'a> Statement<'a> {
     }
 }
 
-/// What is before the `;` that closes an instruction, and what follows it on its line.
+/// Returns the text before the `;` that closes an instruction, and the text after it on its line; `None` without a `;`.
 fn close(body: &str) -> (&str, Option<&str>) {
     let trimmed = body.trim_end();
     if let Some(closed) = trimmed.strip_suffix(';') {

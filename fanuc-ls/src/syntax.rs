@@ -14,7 +14,7 @@ use crate::motion::MotionKind;
 pub struct Syntax {
     /// The spellings of its words: in English, then on controllers set to German.
     pub words: &'static [&'static str],
-    /// What may follow the words, with the ranges of numbers, as markdown, such as `` `UALM[n]`, n from 1 to 9999 ``.
+    /// The text that may follow the words, with the ranges of numbers, as markdown, such as `` `UALM[n]`, n from 1 to 9999 ``.
     pub form: String,
 }
 

@@ -1,4 +1,4 @@
-//! What every part of the grammar needs: white space, numbers, and an error that knows its place.
+//! Common parts of the grammar: white space, numbers, and an error with its place.
 
 use alloc::borrow::ToOwned;
 use alloc::format;
@@ -10,7 +10,7 @@ use nom::{IResult, Parser};
 
 use crate::error::Reason;
 
-/// What is still to be read, and what was read.
+/// The unread text, and the result.
 pub(crate) type Read<'a, T> = IResult<&'a str, T, Fault<'a>>;
 
 /// Where reading stopped, and why. Becomes a [`DecodeError`](crate::DecodeError) once the whole text is at hand.
@@ -46,7 +46,7 @@ pub(crate) fn fail<T>(at: &str, reason: Reason) -> Read<'_, T> {
     Err(nom::Err::Failure(Fault { at, reason }))
 }
 
-/// What `parser` reads, or the failure at this place, for this reason.
+/// Returns the result of `parser`, or the failure at this place, with this reason.
 pub(crate) fn or_fail<'a, T>(
     input: &'a str,
     reason: Reason,
@@ -58,14 +58,14 @@ pub(crate) fn or_fail<'a, T>(
     }
 }
 
-/// What follows spaces and tabs.
+/// Returns the text after spaces and tabs.
 #[inline]
 pub(crate) fn indent(input: &str) -> &str {
     let blanks = input.bytes().position(|byte| !matches!(byte, b' ' | b'\t')).unwrap_or(input.len());
     input.get(blanks..).unwrap_or("")
 }
 
-/// What follows white space, which is seldom more than spaces and tabs.
+/// Returns the text after white space, which is seldom more than spaces and tabs.
 #[inline]
 pub(crate) fn after_blanks(line: &str) -> &str {
     let rest = indent(line);
@@ -96,7 +96,7 @@ pub(crate) fn joint(input: &str) -> &str {
     rest
 }
 
-/// What follows `word`, or the failure.
+/// Returns the text after `word`, or the failure.
 #[inline]
 pub(crate) fn expect<'a>(
     input: &'a str,
@@ -208,7 +208,7 @@ pub(crate) fn fixed_decimal(columns: &[u8; 10]) -> Option<f64> {
     Some(if negative { -value } else { value })
 }
 
-/// The top bit of each byte above 9; a point and a blank add nothing to the byte behind them.
+/// Returns the top bit of each byte above 9; a point and a blank add nothing to the next byte.
 #[inline(always)]
 fn above_nine(digits: u64) -> u64 {
     (digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits) & u64::from_le_bytes([0x80; 8])
@@ -258,7 +258,7 @@ fn long_decimal(input: &[u8], negative: bool, sign: usize) -> Option<(f64, usize
 const POWERS: [f64; 16] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// What stands for a register or a position: letters and brackets, `R[1]`, `PR[GP1:3]`, `P[R[1]]`.
+/// The text of a register or a position: letters and brackets, `R[1]`, `PR[GP1:3]`, `P[R[1]]`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reference<'a> {
     pub(crate) text: &'a str,

@@ -24,7 +24,7 @@ pub(super) fn blocks(lines: &[Line<'_>], found: &mut Found<'_>) {
     for line in lines {
         let begin = |block| Open { block, place: line.place, has_else: false };
         let What::Operation(operation) = &line.what else {
-            // A comment may stand among the cases; what is not understood may be one of them, or begin a block.
+            // A comment may stand among the cases; an instruction that is not understood may be a case, or begin a block.
             in_select &= !matches!(line.what, What::Motion(_));
             if matches!(line.what, What::Unknown)
                 && line.place.starts_with("IF")
@@ -152,7 +152,7 @@ pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Found<'_>) {
                 | Operation::Otherwise(_)
                 | Operation::When(..) => is_dead = false,
                 _ => {
-                    // Many end with END, behind what is the end already.
+                    // Many programs finish with END even after the last reachable instruction.
                     let is_end = matches!(operation, Operation::End | Operation::Abort | Operation::Jump(_));
                     if is_dead && !is_end {
                         found.add(line.place, Mistake::Unreachable);
@@ -224,7 +224,7 @@ pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, fo
                 | Operation::Payload(_)
                 | Operation::Override(_)
                 | Operation::Jump(_) => {}
-                // What is called, or comes from elsewhere, may have chosen another one.
+                // A called program, or one that jumps to this label, may have selected another frame or tool.
                 _ => (frame, tool) = (None, None),
             },
             What::Unknown => (frame, tool) = (None, None),

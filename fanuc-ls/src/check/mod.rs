@@ -1,4 +1,4 @@
-//! What is wrong with a program beyond how its file is laid out: statements, values, blocks, labels, frames, positions.
+//! Checks a program beyond the layout of its file: statements, values, blocks, labels, frames, positions.
 
 mod flow;
 mod motion;
@@ -19,7 +19,7 @@ use crate::operation::Operation;
 use crate::parts::{Parts, at, offset};
 use crate::position::Position;
 
-/// What is around a program, as far as it is known.
+/// The known surroundings of a program.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Surroundings {
     /// The names of the programs that it may call, in capitals. None: any may be there.
@@ -53,7 +53,7 @@ impl Surroundings {
 
 /// A statement, and what it does.
 struct Line<'a> {
-    /// Its instruction.
+    /// The text of the instruction.
     place: &'a str,
     what: What,
 }
@@ -67,7 +67,7 @@ enum What {
     Unknown,
 }
 
-/// What is found, each with its byte.
+/// The findings so far, each with its byte.
 struct Found<'a> {
     text: &'a str,
     around: &'a Surroundings,
@@ -139,7 +139,7 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
         found.add(line.place, Mistake::NoGroup);
     }
     positions::check(text, parts, mask.as_deref(), &mut found);
-    // What is a template is one in many places.
+    // A template has many untaught positions: report the first.
     let mut is_template = false;
     found.found.retain(|(_, problem)| {
         *problem != Problem::Mistake(Mistake::Untaught) || !core::mem::replace(&mut is_template, true)
@@ -199,7 +199,7 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
             }
         }
         Err(trouble) => {
-            // What is missing is missing behind the last word.
+            // Report a missing word at the end of the statement.
             let missing =
                 if trouble.at.is_empty() { place.get(place.len()..).unwrap_or("") } else { trouble.at };
             found.add_unknown(missing, trouble.at, trouble.mistake);
@@ -208,7 +208,7 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
     }
 }
 
-/// Which motion groups the program has.
+/// Returns the motion groups that the program has, from its attributes.
 fn mask(text: &str, parts: &Parts, found: &mut Found<'_>) -> Option<Vec<bool>> {
     let mut mask = None;
     for (place, attribute) in parts.attributes(text) {

@@ -65,7 +65,7 @@ fn highest(unit: SpeedUnit) -> Option<u32> {
     }
 }
 
-/// What is wrong with a target.
+/// Returns the mistake in a target.
 fn wrong(target: &Target) -> Option<Mistake> {
     let number = match target {
         Target::Position { number, .. } | Target::Register { number, .. } => *number,

@@ -5,7 +5,7 @@ use crate::expression::{Expression, Index, Item, ItemKind, Operator};
 use crate::mistake::{Expected, Mistake};
 use crate::operation::Operation;
 
-/// What a value is, as far as it shows.
+/// The kind of a value, as far as its text shows it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     State,
@@ -35,7 +35,7 @@ pub(super) fn check(operation: &Operation, place: &str, found: &mut Found<'_>) {
 
 /// A part of an operation.
 enum Part<'a> {
-    /// What is set.
+    /// An item that is set.
     Target(&'a Item),
     Item(&'a Item),
     Value(&'a Expression),
@@ -175,7 +175,7 @@ fn kind_of(item: &Item) -> Kind {
     }
 }
 
-/// What is assigned to something of another kind. A register takes a state, as 0 or 1, and an output a register.
+/// Returns the mistake if the kinds of item and value differ. A register takes a state, as 0 or 1, and an output a register.
 fn assigned(item: &Item, value: &Expression) -> Option<Mistake> {
     let is_constant = value.constant().is_some();
     let what = match (kind_of(item), kind(value)) {

@@ -40,7 +40,7 @@ fn has_misplaced_edge(value: &Expression) -> bool {
     }
 }
 
-/// What is true or not. Outside of parentheses it compares, and AND and OR are not mixed.
+/// Reads an expression that is true or false. Outside of parentheses it is a comparison, and does not mix AND and OR.
 pub(super) fn condition(input: &str) -> Parsed<'_, Expression> {
     let (rest, found) = level(input, 0, DEEPEST)?;
     let text = input.get(..input.len() - rest.len()).unwrap_or("");
@@ -195,7 +195,7 @@ fn pallet(input: &str) -> Parsed<'_, Expression> {
     Ok((rest, Expression::Pallet(["[", text].concat())))
 }
 
-/// What a function is given: in brackets, in parentheses, or for those of strings behind a blank.
+/// Reads the arguments of a function: in brackets, in parentheses, or for string functions after a blank.
 fn arguments(input: &str, function: Function, depth: u8) -> Parsed<'_, Expression> {
     let open = [("[", "]", Expected::Bracket), ("(", ")", Expected::Parenthesis)];
     let open =
@@ -220,7 +220,7 @@ fn arguments(input: &str, function: Function, depth: u8) -> Parsed<'_, Expressio
     }
 }
 
-/// A system variable: words that begin with `$`, with `.` between them and brackets behind them.
+/// Reads a system variable: words that begin with `$`, with `.` between them and brackets after them.
 pub(super) fn system(input: &str) -> Parsed<'_, &str> {
     let text = blank(input);
     let (mut depth, mut length) = (0i32, text.len());
@@ -275,7 +275,7 @@ fn item_at(input: &str, depth: u8) -> Parsed<'_, Item> {
     }
     let (mut rest, ()) = or_fail(rest, Expected::Bracket, sign("]"))?;
     if kind == ItemKind::VisionRegister {
-        // What it has found is behind a point: `VR[1].MODELID`.
+        // The result follows a point: `VR[1].MODELID`.
         let field =
             rest.strip_prefix('.').map_or(0, |field| 1 + field.find(|c| !is_word(c)).unwrap_or(field.len()));
         rest = rest.get(field..).unwrap_or("");
@@ -328,7 +328,7 @@ pub(super) fn index(input: &str, depth: u8) -> Parsed<'_, Index> {
     }
 }
 
-/// The number in brackets behind an instruction, with its comment: `[3:gripper]`.
+/// Reads the number in brackets after an instruction, with its comment: `[3:gripper]`.
 pub(super) fn bracketed(input: &str) -> Parsed<'_, Index> {
     let (rest, ()) = sign("[").parse(input)?;
     index_to_bracket(rest)

@@ -1,4 +1,4 @@
-//! Instructions that are no motions, by the table.
+//! Instructions other than motions, by the table.
 
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;

@@ -1,5 +1,5 @@
-//! The grammar of statements: what is between a line's number and its `;`, as far as an instruction is no motion, and the words
-//! behind a motion. Whatever does not fit is a [`Mistake`] at its place.
+//! The grammar of statements: the text between a line's number and its `;` for instructions other than motions, and the options
+//! after a motion. Text that does not fit is a [`Mistake`] at its place.
 
 mod expression;
 mod instruction;
@@ -20,10 +20,10 @@ pub(crate) use instruction::{in_capitals, operation};
 pub(crate) use options::{OPTIONS, option, options};
 pub(crate) use table::{Form, Place, ROWS};
 
-/// What is still to be read, and what was read.
+/// The unread text, and the result.
 pub(crate) type Parsed<'a, T> = IResult<&'a str, T, Trouble<'a>>;
 
-/// What is wrong, and where.
+/// A mistake, and its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Trouble<'a> {
     pub(crate) at: &'a str,
@@ -67,7 +67,7 @@ pub(crate) fn fail<T>(at: &str, mistake: Mistake) -> Parsed<'_, T> {
     Err(nom::Err::Failure(Trouble { at: blank(at), mistake }))
 }
 
-/// What `parser` reads, or the failure at this place.
+/// Returns the result of `parser`, or the failure at this place.
 pub(crate) fn or_fail<'a, T>(
     input: &'a str,
     expected: Expected,
@@ -79,7 +79,7 @@ pub(crate) fn or_fail<'a, T>(
     }
 }
 
-/// What follows blanks, and line ends with the `:` that continues an instruction.
+/// Returns the text after blanks, and after line ends with the `:` that continues an instruction.
 pub(crate) fn blank(input: &str) -> &str {
     let mut rest = input.trim_start_matches([' ', '\t']);
     while rest.starts_with(['\r', '\n']) {

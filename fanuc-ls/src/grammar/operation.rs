@@ -1,4 +1,4 @@
-//! The forms of instructions that are no motions, after their words.
+//! The forms of instructions other than motions, after their words.
 
 use alloc::boxed::Box;
 use alloc::string::ToString;
@@ -53,7 +53,7 @@ pub(super) fn decide(input: &str) -> Parsed<'_, Operation> {
             false => fail(input, Mistake::Expected { what: Expected::OpenParenthesis }),
         };
     }
-    // In mixed logic, the comma may be missing behind the parenthesis.
+    // In mixed logic, the comma may be missing after the parenthesis.
     let text = input.get(..input.len() - rest.len()).unwrap_or("");
     let is_closed = text.trim_end().ends_with(')');
     let rest = match next(rest, sign(",")) {
@@ -242,7 +242,7 @@ pub(super) fn message(input: &str) -> Parsed<'_, Operation> {
     }
 }
 
-/// What follows a register, an output, a timer.
+/// Reads the assignment to a register, an output or a timer.
 pub(super) fn assign(input: &str, item: Item) -> Parsed<'_, Operation> {
     // A timer counts seconds; `TIMER[1]MS` is set in milliseconds.
     let milliseconds = next(input, keyword("MS")).filter(|_| item.kind == ItemKind::Timer);

@@ -1,4 +1,4 @@
-//! The words behind a motion.
+//! The options after a motion.
 
 use super::expression::{index, item};
 use super::instruction::is_near;
@@ -7,7 +7,7 @@ use super::{Parsed, Trouble, blank, fail, is_word, keyword, next, number, or_fai
 use crate::expression::ItemKind;
 use crate::mistake::{Expected, Mistake};
 
-/// A word behind a motion, and what follows it.
+/// An option after a motion, and the form of its arguments.
 pub(crate) struct Choice {
     pub(crate) words: &'static [&'static str],
     pub(crate) form: fn(&str) -> Parsed<'_, ()>,
@@ -64,7 +64,7 @@ pub(crate) static OPTIONS: &[Choice] = &[
     choice(&["TC"], to_end),
 ];
 
-/// Reads the options of a motion; what is wrong with the first that does not fit.
+/// Reads the options of a motion; the error is the mistake in the first that does not fit.
 pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
     let mut rest = input;
     while let Some((after, _)) = option(rest)? {
@@ -199,7 +199,7 @@ fn action(input: &str) -> Parsed<'_, ()> {
     Ok((rest, ()))
 }
 
-/// `Arc Start[1]`, of another equipment `Arc Start E2[1]`: what an application has in brackets.
+/// `Arc Start[1]`, with other equipment `Arc Start E2[1]`: an application's arguments in brackets.
 fn bracketed(input: &str) -> Parsed<'_, ()> {
     let equipment =
         blank(input).strip_prefix('E').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
@@ -219,7 +219,7 @@ fn bracketed(input: &str) -> Parsed<'_, ()> {
     fail(rest, Mistake::Expected { what: Expected::Bracket })
 }
 
-/// What an application has up to the end.
+/// The text of an application up to the end of the options.
 fn to_end(_: &str) -> Parsed<'_, ()> {
     Ok(("", ()))
 }

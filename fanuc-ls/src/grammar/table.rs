@@ -14,7 +14,7 @@ pub(crate) struct Row {
     pub(crate) place: Place,
 }
 
-/// What follows the words of an instruction.
+/// The form of the text after the words of an instruction.
 pub(crate) enum Form {
     /// Nothing.
     Alone(Operation),
@@ -30,7 +30,7 @@ pub(crate) enum Form {
     State,
     /// A condition.
     Condition,
-    /// What an option's own manual says: a text.
+    /// A text whose form only an option's own manual describes.
     Text,
     /// A form of its own.
     Own(fn(&str) -> Parsed<'_, Operation>),
@@ -41,7 +41,7 @@ pub(crate) enum Form {
 pub(crate) enum Place {
     /// On a line of its own.
     Line,
-    /// There, and behind a condition and its comma.
+    /// As a line, and after a condition and its comma.
     Anywhere,
 }
 
@@ -52,7 +52,7 @@ const fn row(words: &'static [&'static str], form: Form, place: Place) -> Row {
 use Form::{Alone, Condition, Index, IndexOfGroup, Own, Set, State, Text, Value};
 use Place::{Anywhere, Line};
 
-/// The instructions that begin with a word. What begins with a register or an output is an assignment.
+/// The instructions that begin with a word. A statement that begins with a register or an output is an assignment.
 pub(crate) static ROWS: &[Row] = &[
     row(&["IF", "WENN"], Own(decide), Line),
     row(&["ELSE", "SONST"], Own(otherwise), Line),

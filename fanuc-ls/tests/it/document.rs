@@ -18,7 +18,7 @@ fn motion(document: &Document, index: usize) -> Motion {
 
 fn found(text: &str) -> Vec<(usize, usize, Problem)> {
     let findings = Document::decode(text).unwrap().findings(&Rules::default()).into_iter();
-    // What is wrong with statements and positions that can be read is in `mistakes.rs`.
+    // `mistakes.rs` tests the mistakes in statements and positions that can be read.
     let findings = findings.filter(|finding| !matches!(finding.problem, Problem::Mistake(_)));
     findings.map(|Finding { line, column, problem, .. }| (line, column, problem)).collect()
 }
@@ -29,7 +29,7 @@ fn difference<'a>(before: &'a str, after: &'a str) -> Vec<(&'a str, &'a str)> {
     before.split('\n').zip(after.split('\n')).filter(|(before, after)| before != after).collect()
 }
 
-/// What people's files have that the canonical layout has not. All are understood but where it says so.
+/// Spellings that occur in files but not in the canonical layout. All are understood unless a comment states otherwise.
 const SPELLINGS: [&str; 22] = [
     "   1:  WAIT (F[7])    ;",
     "    :  UFRAME_NUM=0 ;",

@@ -92,7 +92,7 @@ fn what_stands_in_the_wrong_place_is_named() {
     assert_eq!(error("/PROG  A\n/ATTR\n/MN x\n/END\n"), "line 3, column 4: expected the section `/MN`");
 }
 
-/// What is in `/POS`, as far as it is read.
+/// Returns the axes of a position, if it can be read.
 fn axes(block: &str) -> Option<Vec<(&'static str, Option<f64>)>> {
     let text = format!("/PROG  A\n/MN\n/POS\nP[1]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\t{block}\n/END\n");
     let position = Document::decode(&text).unwrap().positions().next()?;

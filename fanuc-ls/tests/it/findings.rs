@@ -1,10 +1,10 @@
-//! Programs with all that is found in them, word by word, and programs that come near to a mistake and have none.
+//! Programs with all their findings, word by word, and programs that are close to a mistake but do not contain one.
 
 use fanuc_ls::{Document, Problem, Rules};
 
 use crate::mistakes::program;
 
-/// What is found in a sound program with these statements, each with the statement's number, from 1.
+/// Returns the findings in a sound program with these statements, each with the statement's number, from 1.
 fn findings(text: &str) -> Vec<String> {
     let (program, first) = program("mn", text);
     let findings = Document::decode(&program).unwrap().findings(&Rules::default());
@@ -24,7 +24,7 @@ fn blocks_are_opened_and_closed_by_instructions_alone() {
         ("SELECT R[1]=1,JMP LBL[2]\n!between\n=2,JMP LBL[2]", &[]),
         ("SELECT R[1]=1,JMP LBL[2]\nL P[1] 5mm/sec FINE\n=2,JMP LBL[2]", &["3: no SELECT is open here"]),
         ("!IF IT IS SO THEN\n!FOR ALL", &[]),
-        // What is not understood opens a block if it begins as one does, and then has its end.
+        // A line that is not understood opens a block if it begins like one, and then has a matching end.
         ("IF (R[1]=) THEN\nENDIF", &["1: expected a value such as `R[1]`, `5` or `ON`"]),
         ("IF R[1]=,JMP LBL[2]", &["1: expected a value such as `R[1]`, `5` or `ON`"]),
         ("R[1]=", &["1: expected a value such as `R[1]`, `5` or `ON`"]),

@@ -70,7 +70,7 @@ fn each_mistake_is_found_at_its_line() {
     assert!(count >= 200, "{count}");
 }
 
-/// What controllers write, and people by hand.
+/// Statements as controllers write them, and people by hand.
 const SOUND: &[&str] = &[
     "!a comment ; with a semicolon",
     "!IF IT IS READY, THEN",
@@ -225,7 +225,7 @@ fn a_long_instruction_of_a_block_goes_on_in_the_next_line() {
         )
     };
     assert_eq!(found(&program("M[95:safe] AND M[3])")), []);
-    // A line of nothing and a comment have none.
+    // An empty line and a comment do not have findings.
     assert_eq!(found(&program("M[3]) ;\n      3:   ;\n      4:  !a ( b")), []);
     // A mistake is found in the line that it is in.
     assert_eq!(found(&program("M[95:safe] AND [3])")), [(5, "expected".to_owned(), Level::Error)]);

@@ -9,7 +9,7 @@ fn read(columns: &str) -> Option<f64> {
     Document::decode(&text).unwrap().positions().next()?.groups[0].axes[0].value
 }
 
-/// The same, with the decimal numbers that a position may have: digits, and a point somewhere, behind a sign.
+/// Returns the same for the decimal numbers that a position may have: an optional sign, digits, and a point somewhere.
 fn expected(columns: &str) -> Option<f64> {
     let text = columns.trim_matches(' ');
     let digits = text.strip_prefix(['-', '+']).unwrap_or(text);

@@ -1,4 +1,4 @@
-//! What instructions do, typed: those that public programs share. The rest stays text.
+//! The operations of instructions that public programs share. All other instructions stay text.
 
 use fanuc_ls::{
     Attribute, Document, Expression, Function, Index, Instruction, Item, ItemKind, Operation, Operator,

@@ -133,7 +133,7 @@ fn lines_are_numbered_anew() {
     assert_eq!(after[0], "LINE_COUNT\t= 7;");
 }
 
-/// What controllers print stays; what people and post-processors write becomes it.
+/// The layout of controllers is unchanged; the layouts of people and post-processors become that of controllers.
 #[test]
 fn the_layout_is_that_of_controllers_and_stays_so() {
     for (before, after) in [
@@ -151,7 +151,7 @@ fn the_layout_is_that_of_controllers_and_stays_so() {
         ("   1:  WAIT .125(sec) ;", "   1:  WAIT   .125(sec) ;"),
         ("   1:  DO[1]=PULSE, .5sec ;", "   1:  DO[1]=PULSE,0.5sec ;"),
         (" 12:!two ;\n\n 12:;", "   1:  !two ;\n   2:   ;"),
-        // What would say something else stays.
+        // A text whose meaning would change is unchanged.
         ("1:--eg PULSE,1sec ;", "   1:  --eg PULSE,1sec ;"),
         ("1:CALL A\u{a0} ;", "1:CALL A\u{a0} ;"),
         // A comment says what it says, without blanks at its end.
@@ -206,7 +206,7 @@ fn attributes_and_positions_are_laid_out_and_what_is_not_taught_stays() {
         formatted("OWNER\t\t= A;", &block).1.split_once("\tJ1=").unwrap().1.to_owned()
     };
     assert_eq!(position(" 1.5", " 2"), "     1.500 deg,\tJ2=     2.000 deg\n};");
-    // Zero is printed with the zero before its point, unless this file has none.
+    // Zero is printed with the zero before its point, unless this file omits it.
     assert_eq!(position(" 1.5", " 0.000"), "     1.500 deg,\tJ2=     0.000 deg\n};");
     assert_eq!(position(" 1.5", " .000"), "     1.500 deg,\tJ2=      .000 deg\n};");
     assert_eq!(position(" 0.000", " .000"), "     0.000 deg,\tJ2=     0.000 deg\n};");

@@ -1,4 +1,4 @@
-//! What is said about a mistake, and what is said to do about it, for every one of them; and how parts of a motion are written.
+//! The texts and the advice of all mistakes, word by word; and the text of parts of a motion.
 
 use fanuc_ls::{
     AxisName, Block, Document, Expected, ItemKind, Level, Mistake, Problem, Reason, Rules, Speed, SpeedUnit,

@@ -50,14 +50,14 @@ pub(super) struct Piece {
 /// A message among some bytes.
 #[derive(Debug, Default)]
 pub(super) struct Within {
-    /// That of all messages.
+    /// The weight of all messages.
     pub(super) weight: u64,
     pub(super) level: Level,
     pub(super) len: usize,
     pub(super) message: Value,
 }
 
-/// What a combination makes of all streams.
+/// The result of a combination for all streams.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reading {
     /// In order.
@@ -234,7 +234,7 @@ impl Combination {
         Some(piece)
     }
 
-    /// What it makes of streams. Unless `exactly`, what is read counts as what is written.
+    /// Reads streams. Unless `exactly`, a message that is read counts as one that is written.
     pub(super) fn read(&mut self, streams: &[Stream], exactly: bool) -> Result<Reading> {
         let mut reading = Reading::default();
         for (number, stream) in streams.iter().enumerate() {
@@ -304,7 +304,8 @@ impl Combination {
             let is_written = !exactly || {
                 let message: Value = serde_json::from_str(&json)?;
                 let is_number = !has_null(&message);
-                // What is no number cannot be written, and says nothing: it may be corrupt. That it makes no sense counts.
+                // JSON cannot represent infinities and NaN, so the message cannot be written. That is not evidence against it:
+                // the bytes may be corrupt. It counts that the message makes no sense.
                 self.encode(side, message).map_or(!is_number, |written| written == bytes)
             };
             let level = if is_written { Level::Written } else { Level::Read };
@@ -314,7 +315,7 @@ impl Combination {
     }
 }
 
-/// About how many messages are missing between those that were read: those cut off at both ends are none.
+/// Returns about how many messages are missing between those that were read, without those cut off at both ends.
 fn corrupt(stream: &Stream, pieces: &[Piece]) -> usize {
     let bytes: usize = pieces.iter().map(|piece| piece.bytes.len()).sum();
     let usual = bytes.checked_div(pieces.len()).unwrap_or_default().max(1);

@@ -9,10 +9,10 @@ const OF_TEN: usize = 9;
 /// How many pieces show it.
 const ENOUGH: usize = 2;
 
-/// The streams without what came back to the end that sent it, if the line returns what one of two ends sends.
+/// Returns the streams without the echo, if the line returns the bytes that one of two ends sends.
 ///
-/// It needs the times of both. Some answers are equal to what they answer: what comes back is followed by an answer at least every second
-/// time.
+/// Needs the times of both streams. Some replies are equal to their requests, so these bytes count as an echo only if a reply
+/// follows at least every second time.
 pub(crate) fn without_echo(streams: &[Stream]) -> Option<Vec<Stream>> {
     let [first, second] = streams else { return None };
     let cleaned = |sent, received| Some(without(received, &returned(sent, received)?));

@@ -52,7 +52,7 @@ pub(super) fn evidence(a: &mut Combination, of_a: &Reading, b: &mut Combination,
     bits
 }
 
-/// Messages as the second combination writes them, each with the one behind it: where one ends depends on that.
+/// Returns messages as the second combination writes them, each with the next one, because its end may depend on that.
 fn base(of_a: &Reading, b: &mut Combination) -> Vec<(&'static str, Vec<u8>)> {
     let step = of_a.pieces.len() / MESSAGES + 1;
     let looked_at = || of_a.pieces.iter().enumerate().step_by(step);
@@ -195,7 +195,7 @@ mod tests {
             let many = [sent(&strict, "central", &vec![sta.clone(); count])];
             assert_eq!(base(&strict.read(&many, true).unwrap(), &mut lone).len(), looked_at, "of {count}");
         }
-        // Those that they cannot write are as they were read.
+        // A message that the second combination cannot write has the bytes that were read.
         let [mut latin1, mut ascii] =
             ["latin1", "ascii"].map(|it| of("kawasaki-msg", &json!({ "charset": it })));
         let streams = [sent(&latin1, "pc", &[json!({"name": "ä", "fields": ["1"]})])];
@@ -256,7 +256,7 @@ mod tests {
             let found = (format!("{found:.1}"), rules_out(&mut a, &of_a, &mut b, &of_b));
             assert_eq!(found, (bits.to_owned(), is_out), "{messages:?}");
         }
-        // What the other explains counts against it.
+        // Messages that only the other combination explains count against the first.
         let [mut a, mut b] = [&dle, &plain].map(|given| of("val2-alter", given));
         let [more, less] = [(&a, 20), (&b, 3)].map(|(by, count)| sent(by, "robot", &vec![motion(1); count]));
         let [of_a, of_b] = [&mut a, &mut b].map(|it| it.read(&[more.clone(), less.clone()], true).unwrap());

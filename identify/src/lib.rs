@@ -27,10 +27,10 @@ use cellwire_links::link::Link;
 pub use draft::{draft, toml_text};
 pub use search::identify;
 
-/// What one end sent.
+/// The bytes that one end sent.
 #[derive(Debug, Clone)]
 pub struct Stream {
-    /// What is known of who sent it.
+    /// The known facts about the sender.
     pub sender: Sender,
     /// Its bytes; between two parts some are missing.
     pub parts: Vec<Vec<u8>>,
@@ -38,7 +38,7 @@ pub struct Stream {
     pub arrivals: Vec<(usize, Duration)>,
 }
 
-/// What is known of a sender.
+/// The known facts about a sender.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Sender {
     /// Nothing, or both ends on one line.
@@ -52,14 +52,14 @@ pub enum Sender {
         /// It was sent by the end that recorded.
         by_keeper: bool,
     },
-    /// Which end of a connection it seems to be, and the server's port.
+    /// The likely end of a connection, and the server's port.
     Connected {
         /// It seems to have opened the connection.
         is_client: bool,
         /// The server's port.
         port: u16,
     },
-    /// What a trace of the tool has as sent, or as received.
+    /// The bytes that a trace of the tool lists as sent, or as received.
     Traced {
         /// The name of the trace.
         name: String,
@@ -102,7 +102,7 @@ impl Finding {
         if all > 0.0 { explained / all } else { 0.0 }
     }
 
-    /// What links are compared by: how much is explained, and how surely.
+    /// Returns the measure by which links are compared: the share of explained bytes, and its certainty.
     pub fn rank(&self) -> f64 {
         self.share() * self.bits.min(100.0)
     }
@@ -116,15 +116,15 @@ impl Finding {
 /// A setting that the source leaves open.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Open {
-    /// Its name.
+    /// The name of the setting.
     pub name: String,
     /// The value that explains the bytes.
     pub value: Value,
-    /// What decides it.
+    /// The evidence for the value.
     pub decided: Decided,
 }
 
-/// What decides a setting.
+/// The evidence for the value of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Decided {
     /// Every other value leaves messages unexplained.

@@ -135,7 +135,7 @@ fn candidates(link: &Link, sample: &[Stream]) -> Result<Vec<Map<String, Value>>>
         all.iter_mut().for_each(|given| drop(given.insert((*name).into(), (*value).into())));
     }
     let guessed = |name: &str| open.guess.is_some_and(|guess| guess.setting == name);
-    // What a guess needs comes first.
+    // The settings that a guess needs come first.
     let needed = |name: &&&str| open.guess.is_some_and(|guess| guess.with.contains(name));
     let first = open.settings.iter().filter(needed);
     for name in first.chain(open.settings.iter().filter(|name| !needed(name) && !guessed(name))) {
@@ -181,7 +181,7 @@ fn changes(combination: &Combination) -> usize {
     combination.settings.iter().map(is_changed).sum()
 }
 
-/// The combination that no other one rules out, and behind it those that it does not rule out.
+/// Returns the combination that no other one rules out, followed by those that it does not rule out.
 fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Likely> {
     let key = |(combination, reading): &(Combination, Reading)| {
         (core::cmp::Reverse(reading.weight()), changes(combination))
@@ -333,7 +333,7 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
         None => Decided::ByValues,
         Some(Other { value: other, .. }) => {
             let settings = likely.iter().map(|it| &it.combination.settings);
-            // The one that is most like the first.
+            // The settings most similar to the first.
             let nearest = settings.filter(|it| of(it).as_ref() == Some(other)).min_by_key(|it| {
                 it.iter().filter(|(name, value)| first.settings.get(*name) != Some(value)).count()
             });

@@ -11,7 +11,7 @@ mod compared;
 mod echo;
 mod findings;
 
-/// What a side of a link sends with these settings.
+/// Returns the bytes of messages that a side of a link sends with these settings.
 fn sent(link: &str, side: &str, given: &Value, messages: &[Value]) -> Vec<u8> {
     let link = Link::by_name(link).unwrap();
     let codec = (link.codec)(side, given.as_object().unwrap()).unwrap();
@@ -151,7 +151,7 @@ fn every_open_setting_is_shown_by_a_message() {
     }
 }
 
-/// What is printed is Rust: each text is that of items which compile by themselves.
+/// The printed lines are Rust: each text is that of items which compile by themselves.
 #[test]
 fn the_lines_of_rust_compile() {
     macro_rules! is_rust {
@@ -400,7 +400,8 @@ fn one_move_decides_the_order_of_bytes() {
     }
 }
 
-/// One message with a letter beyond ASCII may be corrupt: the set that explains it is chosen, and the other one is said to explain less.
+/// One message with a letter beyond ASCII may be corrupt: the character set that explains it is chosen, and the finding states
+/// how much less the other one explains.
 #[test]
 fn the_value_that_explains_more_is_chosen_and_the_others_say_how_much_less() {
     let job = |name: &str| json!({"name": name, "fields": ["1", "2"]});

@@ -1,4 +1,5 @@
-//! Drafts of what no bytes say: what the words of an installation mean, guessed from when they are said, to be corrected by hand.
+//! Drafts of settings that the bytes do not determine: the meanings of an installation's words, guessed from the times at which
+//! they are sent, to be corrected by hand.
 
 mod kawasaki;
 mod laser;
@@ -25,10 +26,10 @@ struct Said {
     time: Duration,
 }
 
-/// The text of a settings file: what is uncertain in it has a remark that begins with `?`.
+/// Returns the text of a settings file. A remark that begins with `?` marks an uncertain entry.
 ///
 /// # Errors
-/// Of a link whose words the source gives.
+/// If the link's source states the meanings of its words.
 pub fn draft(finding: &Finding, streams: &[Stream]) -> Result<String> {
     match finding.link.name {
         "kawasaki-msg" => {
@@ -41,7 +42,7 @@ pub fn draft(finding: &Finding, streams: &[Stream]) -> Result<String> {
     }
 }
 
-/// A text as a value of TOML: every character that could end it, or that a terminal would obey, is escaped.
+/// Returns a text as a value of TOML, with an escape for each character that could end it or control a terminal.
 pub fn toml_text(text: &str) -> String {
     let mut quoted = String::from("\"");
     for c in text.chars() {

@@ -6,7 +6,7 @@ use super::*;
 
 const RTU: &str = r#"{"framing": "rtu"}"#;
 
-/// What the client and the server of a conversation sent, exchange by exchange.
+/// Returns the bytes of the client and of the server in a conversation, exchange by exchange.
 fn exchanges(writes: bool) -> Vec<[Vec<u8>; 2]> {
     let given: Value = serde_json::from_str(RTU).unwrap();
     let one = |side: &str, message: Value| sent("fanuc-hmi-modbus", side, &given, &[message]);

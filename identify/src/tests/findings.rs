@@ -1,8 +1,8 @@
-//! Whole findings: what is printed of each is all that a user sees.
+//! Whole findings: a user sees only their printed text.
 
 use super::*;
 
-/// What identify finds: the settings, how much of the bytes they explain and how surely, and what decides each option.
+/// Compares a finding of identify: the settings, the explained bytes and their certainty, and the evidence for each option.
 fn is(link: &str, streams: &[Stream], expected: &str) {
     let finding = identify(Link::by_name(link).unwrap(), streams).unwrap();
     let Finding { settings, options, messages, bytes, bits, senders, .. } = &finding;

@@ -1,4 +1,4 @@
-//! Which bytes of a message check which others.
+//! Finds the bytes of a message that are a check of other bytes.
 
 use serde::Serialize;
 
@@ -11,19 +11,19 @@ mod tests;
 /// Bytes that check others.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What they are: `sum`, `negated sum`, `xor`, or a CRC by its name in the catalogue.
+    /// The kind: `sum`, `negated sum`, `xor`, or a CRC by its name in the catalogue.
     pub kind: String,
-    /// How many bytes they are; of hex digits, how many digits.
+    /// The number of bytes of the check; of hex digits, the number of digits.
     pub width: usize,
-    /// The order of their bytes: `little`, `big`, or `hex` digits.
+    /// The order of the check's bytes: `little`, `big`, or `hex` digits.
     pub order: &'static str,
-    /// How many bytes are between them and the end of the message.
+    /// The number of bytes between the check and the end of the message.
     pub from_end: usize,
-    /// The first byte that they check.
+    /// The index of the first checked byte.
     pub first: usize,
-    /// How many bytes are between the last that they check and them.
+    /// The number of bytes between the last checked byte and the check.
     pub before: usize,
-    /// What is added, or of an XOR, what it is changed by, beside the bytes.
+    /// The constant that is added to the sum, or combined with the XOR, beside the bytes.
     pub constant: u32,
     /// The bytes that are doubled count once.
     pub once: bool,
@@ -139,7 +139,7 @@ fn is_check(values: &[Option<u32>]) -> bool {
     known.len() >= 3
 }
 
-/// What is checked.
+/// Returns the checked bytes.
 fn body(message: &[u8], first: usize, behind: usize, once: Option<u8>) -> Vec<u8> {
     let end = message.len().saturating_sub(behind);
     let mut bytes = message.get(first..end).unwrap_or_default().iter();

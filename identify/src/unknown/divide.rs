@@ -14,7 +14,7 @@ use crate::Stream;
 #[cfg(test)]
 mod tests;
 
-/// The longest mark that is searched for; what is constant beside it is found then.
+/// The longest mark that is searched for, in symbols; constant symbols beside it are found later.
 const MARK: usize = 4;
 /// How many marks of each length are tried.
 const TRIED: usize = 8;
@@ -38,22 +38,22 @@ const KEPT: usize = 4;
 const LESS: f64 = 0.5;
 /// How much of where messages begin and bytes arrive has to be the same.
 const TOGETHER: f64 = 0.7;
-/// How much one symbol at a place says of the next: as much as so many that come as often as in the whole stream.
+/// The weight of the whole stream's frequencies in the prediction of the next symbol at a place, in symbols.
 const PRIOR: f64 = 2.0;
-/// That a place depends on the kind has to be worth this many bits.
+/// The number of bits that must be saved for a place to depend on the kind.
 const DEPENDS: f64 = 3.0;
 
 /// The symbol that says which kind of message it is, and one of the message.
 type OfKind = (Option<u32>, u32);
 
-/// A stream, divided; what is cut off at an end is left out.
+/// A stream, divided; messages that are cut off at an end are left out.
 pub(super) struct Division {
     pub(super) messages: Vec<Vec<u8>>,
-    /// What is better without a look at the messages' fields, the most important first.
+    /// The rank before the messages' fields are compared.
     pub(super) rank: Rank,
 }
 
-/// What speaks for a division beside the bits that it saves.
+/// The evidence for a division beside the bits that it saves, the most important first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rank {
     /// Messages begin where bytes arrive: a message is sent at once.
@@ -114,7 +114,7 @@ pub(super) fn divide(stream: &Stream) -> Vec<Division> {
     found.into_iter().map(|(_, division)| division).collect()
 }
 
-/// Places at which bytes came after a pause: every arrival, and those behind a pause that is much longer than others.
+/// Returns places at which bytes came after a pause: all arrivals, and those after a pause that is much longer than others.
 fn pauses(arrivals: &[(usize, Duration)]) -> Vec<Vec<usize>> {
     let gaps: Vec<(usize, Duration)> = arrivals
         .iter()
@@ -156,20 +156,20 @@ fn marks(symbols: &Symbols) -> Vec<Vec<u32>> {
             .map(|(mark, count)| (count, mark))
             .collect();
         counts.sort_by_key(|(count, mark)| (core::cmp::Reverse(*count), *mark));
-        // Those that are in every message are beside one another.
+        // Marks that are in all messages are adjacent in this sequence.
         found.extend(counts.into_iter().take(TRIED * length).map(|(_, mark)| mark.to_vec()));
     }
     found
 }
 
-/// Cut before a mark; in a text also behind it.
+/// Cuts before a mark; in a text also after it.
 fn cut(symbols: &Symbols, mark: &[u32]) -> Vec<Bounds> {
     let places = |part: &Part| {
         let (mut places, mut at) = (Vec::new(), 0);
         while let Some(next) =
             part.symbols.get(at..).and_then(|rest| rest.windows(mark.len()).position(|it| it == mark))
         {
-            // A mark behind another one begins no message.
+            // A mark after another one does not begin a message.
             if next > 0 || at == 0 {
                 places.push(at + next);
             }
@@ -183,7 +183,7 @@ fn cut(symbols: &Symbols, mark: &[u32]) -> Vec<Bounds> {
     }
     let behind = |(part, places): (&Part, &Vec<usize>)| {
         let mut cuts: Vec<usize> = places.iter().map(|at| at + mark.len()).collect();
-        // What the capture begins with is a message if it begins as the others do, and cut off otherwise.
+        // The first bytes of the capture are a message if they begin like the others; otherwise the message is truncated.
         let firsts: Vec<&u32> = cuts.iter().filter_map(|at| part.symbols.get(*at)).collect();
         let first = part.symbols.first();
         if firsts.iter().filter(|it| Some(**it) == first).count() * 10 >= firsts.len() {
@@ -200,7 +200,7 @@ impl Bounds {
         self.cuts.iter().map(|cuts| cuts.len().saturating_sub(1)).sum()
     }
 
-    /// Every message: its part, and its first symbol and the one behind it.
+    /// Returns the messages: the part, the first symbol, and the symbol after the last one.
     fn messages<'a>(&'a self, symbols: &'a Symbols) -> impl Iterator<Item = (&'a Part, usize, usize)> {
         symbols.parts.iter().zip(&self.cuts).flat_map(move |(part, cuts)| {
             let ends = cuts.iter().copied().skip(1);

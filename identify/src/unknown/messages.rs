@@ -18,7 +18,7 @@ fn constant(messages: &[&[u8]], byte: impl Fn(&[u8], usize) -> Option<&u8>) -> V
     (0..).map_while(|at| same(messages.iter().map(|message| byte(message, at)))).collect()
 }
 
-/// What nearly all of these bytes are, one of each message.
+/// Returns the value that nearly all of these bytes have, one of each message.
 pub(super) fn same<'a>(bytes: impl ExactSizeIterator<Item = Option<&'a u8>>) -> Option<u8> {
     let all = bytes.len();
     let mut counts = [0_usize; 256];
@@ -31,7 +31,7 @@ pub(super) fn same<'a>(bytes: impl ExactSizeIterator<Item = Option<&'a u8>>) -> 
     enough(count, all).then_some(byte)
 }
 
-/// A byte that comes in pairs only between the marks: that of a mark, which is doubled where it is no mark.
+/// Returns a byte that comes only in pairs between the marks: the byte of a mark, which is doubled elsewhere.
 pub(super) fn doubled(messages: &[&[u8]], begin: usize, end: &[u8]) -> Option<u8> {
     let mut pairs = [0_usize; 256];
     let mut singles = [0_usize; 256];

@@ -1,5 +1,5 @@
-//! What can be seen of bytes that no combination of options explains: where messages begin and end, what is constant in them, which bytes
-//! check which others, lengths, counters, numbers that change slowly, and which link comes nearest.
+//! The visible structure of bytes that no combination of options explains: the beginnings and ends of messages, constants,
+//! checks, lengths, counters, numbers that change slowly, and the nearest link.
 
 mod checks;
 mod crc;
@@ -19,7 +19,7 @@ pub use checks::Check;
 pub use fields::{Length, Number};
 pub use nearest::{Nearest, nearest};
 
-/// What can be seen of what one end sent.
+/// The visible structure of the bytes of one end.
 #[derive(Debug, Clone, Serialize)]
 pub struct Seen {
     /// How many messages.
@@ -51,7 +51,7 @@ const MOST: usize = 200;
 /// A capture may have corrupt bytes: so much of the messages has to have what is found, in percent.
 pub(crate) const SHARE: usize = 85;
 
-/// What can be seen of each stream in which there is anything.
+/// Returns the visible structure of each stream that has any.
 pub fn look(streams: &[Stream]) -> Vec<Seen> {
     streams.iter().filter_map(seen).collect()
 }

@@ -1,4 +1,5 @@
-//! Which link comes nearest to bytes that none explains: whose decoder finds the beginnings of messages in them, and what it says then.
+//! Finds the link that is nearest to unexplained bytes: its decoder finds the most beginnings of messages in them. Also returns
+//! the decoder's errors.
 
 use std::collections::HashMap;
 
@@ -10,7 +11,7 @@ use super::super::Stream;
 use cellwire_links::codec;
 use cellwire_links::link::Link;
 
-/// What a decoder says of bytes in which it finds no beginning of a message.
+/// The errors of a decoder for bytes in which it finds no beginning of a message.
 const NOTHING: [&str; 9] = [
     "garbage",
     "start_mark",
@@ -26,17 +27,17 @@ const NOTHING: [&str; 9] = [
 /// How near a link comes.
 #[derive(Debug, Clone, Serialize)]
 pub struct Nearest {
-    /// Its name.
+    /// The name of the link.
     pub link: &'static str,
-    /// The settings with which it comes nearest, where they are not the defaults.
+    /// The settings with which the link is nearest, without the defaults.
     pub settings: Map<String, Value>,
     /// The side.
     pub side: &'static str,
-    /// How many messages begin as its own.
+    /// The number of messages that begin like those of the link.
     pub begin: usize,
-    /// How many of them are whole.
+    /// The number of these messages that are whole.
     pub whole: usize,
-    /// What is wrong with most of the others: the kind of the error.
+    /// The kind of the most frequent error in the others.
     pub wrong: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a stream is divided as: bytes, or the words and numbers of a text.
+//! The symbols into which a stream is divided: bytes, or the words and numbers of a text.
 
 use std::collections::HashMap;
 

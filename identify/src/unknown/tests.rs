@@ -58,7 +58,7 @@ fn a_line_ends_with_its_end_and_a_check_in_digits() {
     assert_eq!((check.kind.as_str(), check.order, check.first, check.before), ("xor", "hex", 1, 1));
 }
 
-/// Nothing is the same in these messages but their beginning, which is no mark: it is everywhere.
+/// Only the beginning is the same in all these messages. It is not a mark, since it is everywhere.
 #[test]
 fn messages_are_divided_by_the_pauses_between_them() {
     let message = |at: u32| -> Vec<u8> {
@@ -84,7 +84,7 @@ fn messages_are_divided_by_the_pauses_between_them() {
     assert_ne!(without.messages, 40, "{without:?}");
 }
 
-/// What is seen in messages that are divided already, in short.
+/// Returns a short text about the structure of messages that are already divided.
 fn told(messages: &[Vec<u8>]) -> String {
     let it = of_messages(messages).unwrap();
     let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
@@ -117,7 +117,7 @@ fn of<T>(values: impl IntoIterator<Item = T>, message: impl Fn(u32, T) -> Vec<u8
     (0..).zip(values).map(|(at, value)| message(at, value)).collect()
 }
 
-/// What takes four values, in turn.
+/// Takes four values in turn.
 fn one_of_four(at: u8) -> u8 {
     at / 3 % 4 + 1
 }

@@ -20,7 +20,7 @@ struct Kind {
     header: usize,
 }
 
-/// What a message is for.
+/// The guessed role of a message.
 struct Guess<'a> {
     role: &'static str,
     kind: Option<&'a Kind>,
@@ -113,7 +113,7 @@ pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
     );
     let Some(job) = job else { return Ok(String::new()) };
     let orders = orders(job, &kinds);
-    // The one that counts, of which the robot speaks, and for which it asks; of equals the first.
+    // Prefer the value that counts, that the robot reports, and that it requests; of equals the first.
     let of_robot = || kinds.iter().filter(|it| it.side == "robot");
     let wanted = |at: usize| of_robot().map(|it| asked(it, job, at)).sum::<usize>();
     let spoken = |at: usize| {
@@ -220,7 +220,7 @@ pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
     text::draft(&guesses, job, &work, &left, acks(job_ack), (&fields, charset))
 }
 
-/// What is proven, for the lines of a draft.
+/// The proven roles and fields, for the lines of a draft.
 struct Draft<'a> {
     proof: &'a Proof,
     index: &'a dyn Fn(&Kind) -> usize,
@@ -352,7 +352,7 @@ impl Fields<'_> {
         known * 2 > kind.all.len()
     }
 
-    /// A constant that every message with a header has at this place of it, or that is no number.
+    /// Returns a constant that all messages with a header have at this place, or that is not a number.
     fn as_constant(&self, kind: &Kind, at: usize) -> Option<String> {
         let value = kind.constant(at).filter(|_| !self.is_order(kind, at))?;
         let alike = self.kinds.iter().all(|it| it.header <= at || it.constant(at) == Some(value));
@@ -414,7 +414,7 @@ impl Fields<'_> {
                 None => "unused".into(),
             };
         }
-        // What is queued is ahead of what is executed.
+        // The number of queued jobs is ahead of the number of executed ones.
         let sums: Vec<i64> = counting.iter().map(|at| numbers(*at).iter().sum()).collect();
         let first = usize::from(sums.first() < sums.last());
         for (number, at) in counting.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The text of a draft. What a capture holds is escaped, in values and in comments.
+//! The text of a draft. Contents of the capture are escaped, in values and in comments.
 
 use core::fmt::Write as _;
 
@@ -46,7 +46,7 @@ pub(super) fn draft(
     }
     let highest = fields.jobs.iter().max().copied().unwrap_or_default();
     writeln!(text, "# max_number = 9999 # ? the highest in the capture is {highest}")?;
-    // Which of a job's values are its own fields.
+    // The job's own fields.
     let is_divided = guesses.first().is_some_and(|job| job.header.is_sure && job.fields.is_sure);
     let is_line = is_line(job, work);
     for (count, at) in work.iter().enumerate() {

@@ -20,7 +20,7 @@ use crate::evidence::Random;
 use crate::{Finding, Sender, Stream};
 
 const MS: Duration = Duration::from_millis(1);
-/// What drafts say, counted.
+/// The counted entries of drafts.
 #[derive(Debug, Default)]
 struct Count {
     drafts: usize,
@@ -94,7 +94,7 @@ fn a_draft_of_more_messages_is_sure_of_more_and_right() {
     assert!(count.right > 10 * count.drafts, "{count:?}");
 }
 
-/// What identify finds, without a measure of how likely chance is.
+/// Returns the finding of identify, without its calculation of chance.
 fn found(streams: &[Stream]) -> Finding {
     let link = Link::by_name("kawasaki-msg").unwrap();
     let read = |charset: &str| {
@@ -139,7 +139,7 @@ const ROLES: [(&str, &[&str]); 11] = [
     ("status", &["order", "phase", "queued", "executed", "ended"]),
     ("filler", &[]),
 ];
-/// What a plant may lack.
+/// The messages and fields that a plant may lack.
 const LACKS: [(&str, &str); 10] = [
     ("job", "order"),
     ("job_ack", "order"),
@@ -318,7 +318,7 @@ impl Session for Tapped {
     }
 }
 
-/// What both ends of a plant say about some orders: each message, when, and whether it is the PC's.
+/// Returns the messages of both ends of a plant during some orders: each with its time, and whether it is the PC's.
 fn talk(drawn: &Drawn, longest: usize, random: &mut Random) -> Vec<(Duration, bool, Vec<u8>)> {
     let lacks = |role: &str| drawn.settings["messages"][role]["sent"] == json!(false);
     let config = PcConfig {
@@ -389,7 +389,7 @@ fn capture(talk: &[(Duration, bool, Vec<u8>)], shortest: usize, random: &mut Ran
         stream.arrivals.push((stream.size(), *at + Duration::from_nanos(turn)));
         stream.parts[0].extend(*bytes);
     }
-    // Which end is which may be unknown, known, or guessed from ports and wrong.
+    // The ends may be unknown, known, or guessed from ports and wrong.
     match random.below(4) {
         0 => {
             for (stream, name) in streams.iter_mut().zip(["robot", "pc"]) {

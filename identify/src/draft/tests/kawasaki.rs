@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::super::{Said, kawasaki};
 
-/// The draft of a conversation. Each line, or what is between `;`, is a message: `pc Job M 7 | 501 101` has the header `M 7`, and `pc Job
-/// 501 101` has none. `_` is a text without characters.
+/// Returns the draft of a conversation. Each line, or the text between two `;`, is a message: `pc Job M 7
+///  501 101` has the header `M 7`, and `pc Job 501 101` has no header. `_` is a text without characters.
 fn draft(talk: &str) -> anyhow::Result<String> {
     let said = |line: &str| {
         let (line, header) = match line.split_once('|') {

@@ -1,4 +1,4 @@
-//! What is called the check of messages that were built with one.
+//! The checks that are found in messages which were built with a check.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
 use super::super::tests::bytes;

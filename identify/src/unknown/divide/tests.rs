@@ -129,7 +129,7 @@ fn report(bytes: &[u8]) -> Value {
     serde_json::to_value(look(&[of_bytes(bytes)])).unwrap()
 }
 
-/// What is reported of messages of which nothing else is seen, with this beside it.
+/// Returns the report of messages with only these properties, and those in `other`.
 fn seen(messages: usize, lengths: [usize; 2], marks: [&str; 2], other: &Value) -> Value {
     let mut seen = json!({"messages": messages, "lengths": lengths, "begin": marks[0], "end": marks[1], "doubled": null,
         "constant": [], "check": null, "length": null, "counters": [], "numbers": []});
@@ -165,7 +165,8 @@ fn frames_are_seen_from_five_on_and_between_noise() {
     assert_eq!(report(&frames[..36]), expected(5));
     assert_eq!(report(&frames), expected(39));
     assert_eq!(report(&frames[..frames.len() - 3]), expected(39));
-    // Three bytes of noise behind some of them: both marks begin messages then, for what is behind the end is not the frame's.
+    // Three bytes of noise follow some frames: both marks then begin messages, because the bytes after the end are not the
+    // frame's.
     let noise = |at: u8| if at % 13 == 7 { bytes(100, 3) } else { vec![] };
     let frames = (0..40).flat_map(|at| [framed(at), noise(at)].concat());
     let frames: Vec<u8> = bytes(99, 5).into_iter().chain(frames).collect();
@@ -220,7 +221,7 @@ fn bytes_that_never_come_again_show_nothing() {
     assert!(look(&[Stream { arrivals, ..of_bytes(&(0x80..0xB0).collect::<Vec<u8>>()) }]).is_empty());
 }
 
-/// A mark, and behind it one of two words that say how much follows.
+/// Returns messages of a mark, one of two words, and a number of bytes that depends on the word.
 fn of_kinds(mark: &[u8], count: u32) -> Vec<u8> {
     let message = |at: u32| {
         let kind = bytes(at, 1)[0] % 2;

@@ -40,7 +40,7 @@ impl Proof {
     }
 }
 
-/// What the messages prove.
+/// Returns the roles and fields that the messages prove.
 pub(super) fn prove(kinds: &[Kind]) -> Proof {
     let mut proof = Proof::default();
     for (role, kind) in shared(kinds) {
@@ -295,7 +295,7 @@ impl<'a> Conversation<'a> {
         Some(*place).filter(has_numbers)
     }
 
-    /// The place of the number of a job that is executed: jobs behind it were queued already, so it is not the last that was queued.
+    /// Returns the place of the number of an executed job: later jobs were queued already, so it is not the last queued one.
     fn executed(&self, kind: &Kind) -> Option<usize> {
         let place = self.number_of(kind)?;
         let mut in_run: BTreeMap<usize, BTreeSet<i64>> = BTreeMap::new();

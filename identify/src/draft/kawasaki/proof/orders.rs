@@ -42,7 +42,7 @@ impl<'a> Conversation<'a> {
         }
     }
 
-    /// The run before a message, and the one after it: `None` within a run.
+    /// Returns the runs before and after a message; `None` within a run.
     fn between(&self, when: usize) -> Option<(Option<&Run>, Option<&Run>)> {
         let next = self.runs.iter().position(|run| when < run.first);
         let before = next.unwrap_or(self.runs.len()).checked_sub(1).and_then(|at| self.runs.get(at));
@@ -55,7 +55,7 @@ impl<'a> Conversation<'a> {
         values.iter().any(|value| value == order)
     }
 
-    /// What the robot has said before `when` and after a run.
+    /// Returns the robot's messages after a run and before `when`.
     fn robot_since(&self, run: Option<&Run>, when: usize) -> impl Iterator<Item = &'a [String]> {
         let since = run.map_or(0, |run| run.last);
         let robot = self.kinds.iter().filter(|kind| kind.side != self.pc);

@@ -167,7 +167,7 @@ fn busy(id: u32) -> f64 {
     text.split(' ').next().and_then(|time| time.parse::<f64>().ok()).unwrap_or(0.0) / 1e6
 }
 
-/// What the process has and has had at most, on Linux.
+/// Returns the memory that the process uses and its maximum, on Linux.
 fn memory(id: u32) -> String {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
     let lines = status.lines().filter(|line| line.starts_with("VmHWM") || line.starts_with("VmRSS"));

@@ -7,7 +7,7 @@ use lsp_server::ErrorCode;
 use crate::document::Document;
 use crate::folder::Folder;
 
-/// The result of a request, or the reason why there is none.
+/// The result of a request, or the reason for its failure.
 pub(crate) type Answer<T> = Result<T, Failure>;
 
 /// A request that failed: the code and the text of the answer.

@@ -149,7 +149,7 @@ impl Document {
         }
     }
 
-    /// What the text names.
+    /// Returns the items that the text refers to.
     pub(crate) fn index(&self) -> &Index {
         self.index.get_or_init(|| {
             self.unfinished_program().map_or_else(Index::default, |program| Index::new(&program))

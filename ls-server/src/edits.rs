@@ -80,7 +80,7 @@ pub(crate) fn versioned(document: &Document, edits: Vec<TextEdit>) -> TextDocume
 mod tests {
     use super::*;
 
-    /// What an editor makes of a text with edits.
+    /// Returns the text after the edits, as an editor applies them.
     fn applied(old: &str, edits: &[(Range<usize>, String)]) -> String {
         let (mut text, mut copied) = (String::new(), 0);
         for (place, new) in edits {

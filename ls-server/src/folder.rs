@@ -41,7 +41,7 @@ pub(crate) struct Folder {
     changes: u64,
 }
 
-/// What the client understands of edits.
+/// The kinds of edits that the client supports.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Client {
     /// Edits of a version of a document.
@@ -262,7 +262,7 @@ impl Folder {
         self.neighbours(from).find(is_meant)
     }
 
-    /// What is known around a document, for its findings.
+    /// Returns the known surroundings of a document, for its findings.
     pub(crate) fn surroundings(&self, document: &Document) -> Surroundings {
         let mut around = self.around.clone();
         around.file = document.path().and_then(stem);
@@ -289,7 +289,7 @@ impl Folder {
             .map(String::as_str)
     }
 
-    /// What a backup's listing has of an item, and the listing's file.
+    /// Returns a backup's entry for an item, and the listing's file.
     pub(crate) fn listed(&self, document: &Document, item: Item) -> Option<(&Listed, &str)> {
         self.listings_of(document)
             .find_map(|listing| Some((listing.items.get(&item)?, listing.file.as_str())))

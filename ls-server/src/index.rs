@@ -8,7 +8,7 @@ use fanuc_ls::{Document, ItemKind, Reference};
 /// A kind of register, input, label … and a number.
 pub(crate) type Item = (ItemKind, u32);
 
-/// What a program names.
+/// The items that a program refers to.
 #[derive(Debug, Default)]
 pub(crate) struct Index {
     name: Place,

@@ -11,7 +11,7 @@ use crate::index::Item;
 /// The longest listing that is read, in bytes.
 const MAX_LISTING: usize = 8 << 20;
 
-/// What a listing has.
+/// The contents of a listing.
 #[derive(Debug, Default)]
 pub(crate) struct Listing {
     /// The file's name.
@@ -24,7 +24,7 @@ pub(crate) struct Listing {
 /// A register, an input or an output in a listing.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Listed {
-    /// The comment; empty if there is none.
+    /// The comment; empty if the item lacks one.
     pub(crate) name: String,
     /// The value as it stands; empty for one that was never set.
     pub(crate) value: String,

@@ -1,4 +1,4 @@
-//! The requests that are answered, and what the client is told of them.
+//! The supported requests, and the capabilities that the client receives.
 
 use lsp_types::request::{
     CallHierarchyIncomingCalls, CallHierarchyOutgoingCalls, CallHierarchyPrepare, CodeActionRequest,
@@ -67,7 +67,7 @@ fn on<R: Request>(
     serde_json::to_value(answer(folder, params)?).map_err(Failure::refused)
 }
 
-/// What the server can do; `runs` is whether it has a simulation.
+/// Returns the capabilities of the server; `runs` is whether it has a simulation.
 pub(crate) fn capabilities(encoding: Encoding, runs: bool) -> ServerCapabilities {
     ServerCapabilities {
         position_encoding: Some(encoding.kind()),

@@ -66,7 +66,7 @@ fn numbers(
     let mut found = folder.names(document);
     found.retain(|(of, _), _| *of == kind);
     for reference in document.index().references().filter(|found| found.kind == kind) {
-        // The number that is being typed is none.
+        // Leave out the number that is being typed.
         if !(reference.digits.start..=reference.digits.end).contains(&offset) {
             found.entry((kind, reference.number)).or_default();
         }

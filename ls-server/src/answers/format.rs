@@ -50,7 +50,7 @@ fn broken(document: &Document, cursor: usize) -> Option<Vec<TextEdit>> {
     }
     let previous = document.at(&before).trim();
     if previous.is_empty() && split(rest).is_some_and(|(number, _)| !number.is_empty()) {
-        // The line end is before a numbered line: what is above is a line of its own.
+        // The line end is before a numbered line: the text above it is a line of its own.
         let new = [text.get(..before.start)?, "   0:   ;", text.get(before.end..)?].concat();
         return Some(edits::between(document, &renumbered(&new)?));
     }
@@ -89,7 +89,8 @@ fn broken(document: &Document, cursor: usize) -> Option<Vec<TextEdit>> {
     Some(edits)
 }
 
-/// A line of `/MN` as its number, which a line that goes on with a statement lacks, and what is behind the colon. None for another line.
+/// Splits a line of `/MN` into its number, which is empty if the line continues a statement, and the text after the colon. `None`
+/// for another line.
 fn split(line: &str) -> Option<(&str, &str)> {
     let (number, body) = line.split_once(':')?;
     let number = number.trim_end();
@@ -107,7 +108,7 @@ fn is_circle_begun(body: &str) -> bool {
     })
 }
 
-/// Text in place of the blanks before the cursor, which is behind it then.
+/// Returns an edit that replaces the blanks before the cursor by `text`; the cursor is then after the text.
 fn typed(document: &Document, blanks: Range<usize>, text: &str) -> TextEdit {
     let found = document.at(&blanks);
     let (place, text) = match text.strip_prefix(found) {

@@ -8,7 +8,7 @@ use crate::document::Document;
 use crate::folder::{Folder, is_local};
 use crate::index::Item;
 
-/// What a person points at.
+/// The item or program under the cursor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Target {
     /// A register, an input, a label, a position …

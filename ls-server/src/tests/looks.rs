@@ -1,4 +1,4 @@
-//! Requests that change nothing.
+//! Requests without edits.
 
 use lsp_types::{DiagnosticSeverity, NumberOrString};
 use serde_json::{Value, json};
@@ -247,7 +247,7 @@ fn a_lost_letter_is_a_warning() {
     let place = Some((Some(DiagnosticSeverity::WARNING), 2, 11, 12));
     let text = "/PROG A\n/MN\n   1:  R[1:Z\u{fffd}hler]=1 ;\n   2:  !\u{fffd} ;\n/END\n";
     assert_eq!(lost(&text.replace('Z', "")), place);
-    // A text that is no program too, and one that was read right is none of these.
+    // A text that is not a program is reported too; a letter that was read correctly is not.
     assert_eq!(lost("1\n2\n           \u{fffd}"), place);
     assert_eq!(lost(&text.replace('\u{fffd}', "\u{e4}")), None);
 }

@@ -1,4 +1,4 @@
-//! What is edited while somebody types: the text and the cursor after a key.
+//! Edits while a person types: the text and the cursor after a key.
 
 use serde_json::{Value, json};
 
@@ -16,7 +16,7 @@ fn typed(text: &str, key: &str) -> String {
     let found: Vec<lsp_types::TextEdit> = serde_json::from_value(edits.clone()).unwrap();
     let mut cursor = text.find('|').unwrap();
     let places = found.iter().map(|edit| (document.converter().bytes(edit.range), edit.new_text.len()));
-    // An editor puts its cursor behind what is inserted there.
+    // An editor puts its cursor after the text that is inserted at the cursor.
     let moved: Vec<_> = places.filter(|(place, _)| place.end <= cursor).collect();
     cursor += moved.iter().map(|(_, length)| length).sum::<usize>();
     cursor -= moved.iter().map(|(place, _)| place.len()).sum::<usize>();

@@ -94,7 +94,7 @@ fn a_client_that_is_gone_ends_the_server() {
         assert_eq!(client.read(), None);
         assert!(!server.join().unwrap().unwrap());
     }
-    // A client that does not read: what it is sent cannot be written.
+    // A client that does not read: the server cannot write to it.
     let (mut client, server) = ready(None, "utf-16");
     client.ask("workspace/symbol", json!({"query": ""}));
     drop(client);

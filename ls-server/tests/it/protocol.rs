@@ -177,7 +177,7 @@ fn a_folder_comes_and_goes() {
     tell(&mut client, &[("sub", 3), ("sub%20two", 1)]);
     assert!(findings(&mut client).is_empty());
     assert_eq!(known(&mut client), [format!("{root}/sub%20two/deep/B.LS")]);
-    // What is no program changes nothing, nor does a folder elsewhere with the same beginning.
+    // A file that is not a program has no effect, nor does a folder elsewhere with the same beginning.
     tell(&mut client, &[("notes.txt", 1), ("sub", 3), ("sub%20tw", 3)]);
     assert_eq!(known(&mut client).len(), 1);
     std::fs::remove_dir_all(folder.path().join("sub two")).unwrap();

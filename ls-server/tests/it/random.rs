@@ -128,7 +128,7 @@ impl Model {
     }
 }
 
-/// What shows the text of a document: its diagnostics aside, which need no request.
+/// Returns the replies that depend on a document's text, except diagnostics, which need no request.
 fn seen(client: &mut Piped, uri: &str) -> Vec<Value> {
     let document = json!({"textDocument": {"uri": uri}});
     let all =

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Rung by anybody, heard by one thread, also if it is rung before.
+/// A signal that any thread may send, and for which one thread waits. A signal before the wait ends the next wait.
 #[derive(Debug, Clone, Default)]
 pub struct Bell(Arc<(Mutex<bool>, Condvar)>);
 

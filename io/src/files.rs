@@ -13,11 +13,11 @@ use anyhow::{Context, Result, ensure};
 #[error("{0}")]
 pub struct Unwritten(pub Cow<'static, str>);
 
-/// Writes a file, through one beside it that takes its name when it is whole: where that fails, the earlier file is as it was.
-/// What is no regular file, such as a pipe, is written directly.
+/// Writes a file through a temporary one beside it, which takes its name when it is whole: if that fails, the earlier file is
+/// unchanged. A target that is not a regular file, such as a pipe, is written directly.
 ///
 /// # Errors
-/// When there is no room or no right to write there.
+/// When the disk is full, or the user may not write there.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, bytes).with_context(|| Unwritten(format!("cannot write {}", path.display()).into()))
 }
@@ -43,7 +43,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
         file.persist(&path)?;
         Ok(())
     };
-    // Of an error only its kind is said: its text names the temporary file.
+    // Report only the kind of the error: its text names the temporary file.
     Ok(write().map_err(|error: io::Error| io::Error::from(error.kind()))?)
 }
 

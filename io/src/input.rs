@@ -1,4 +1,4 @@
-//! What comes from the command line: times, and the input of a command.
+//! Inputs from the command line: times, and the standard input of a command.
 
 use core::ops::RangeInclusive;
 use std::fs::File;
@@ -156,10 +156,10 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> 
             if !matches!(input.read_until(b'\n', &mut line), Ok(1..)) {
                 break;
             }
-            // What is no text is not a word.
+            // A line that is not valid UTF-8 counts as empty.
             let text = String::from_utf8(core::mem::take(&mut line)).unwrap_or_default();
             put(Some(Typed::Line(text.trim_end_matches(['\n', '\r']).to_owned())));
-            // Nobody types faster: a program that does is not to fill the memory.
+            // Nobody types faster. The pause prevents that a program's output fills the memory.
             thread::sleep(Duration::from_millis(5));
         }
         drop(input);

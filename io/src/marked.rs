@@ -47,15 +47,16 @@ impl Marked {
         of_mode(&mut settings, mode);
         settings.set_speed(baud).with_context(why)?;
         tcsetattr(&self.file, OptionalActions::Now, &settings).with_context(why)?;
-        // What is there was received with the settings before.
+        // Discard bytes that were received with the previous settings.
         tcflush(&self.file, QueueSelector::IFlush).with_context(why)?;
-        // What a driver does not have it leaves out in silence.
+        // A driver silently ignores settings that it does not support.
         let format = ControlModes::CSIZE | ControlModes::PARENB | ControlModes::PARODD;
         let found = tcgetattr(&self.file).with_context(why)?.control_modes;
         Ok(found & format == settings.control_modes & format)
     }
 
-    /// What arrives within a time, as it is marked: FF 00 before a character that is broken, FF FF for FF. Empty: nothing.
+    /// Returns the bytes that arrive within `limit`, as they are marked: FF 00 before a broken character, FF FF for FF. Empty if
+    /// none arrive.
     ///
     /// # Errors
     /// When the port is gone.

@@ -13,7 +13,7 @@ const ROOM: usize = 1 << 20;
 /// How long a reader gets at the end of the program to take the buffered output.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// A thread that writes lines. What there is no room for is dropped and counted.
+/// A thread that writes lines. When its buffer is full, lines are dropped and counted.
 #[derive(Debug)]
 pub(super) struct Outlet(Arc<Shared>);
 
@@ -121,7 +121,7 @@ mod tests {
     use std::io::ErrorKind;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
-    /// Writes nothing until it is told.
+    /// Waits for a signal before each write.
     struct Slow(Receiver<()>, Sender<Vec<u8>>);
 
     impl Write for Slow {

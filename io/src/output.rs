@@ -1,4 +1,4 @@
-//! What the tool prints: lines of JSON, or for people at a terminal, on standard output; remarks on standard error.
+//! The output of the tool: lines of JSON, or for people at a terminal, on standard output; remarks on standard error.
 
 use core::fmt::Display;
 use std::io::{self, ErrorKind, IsTerminal as _, Write};
@@ -302,7 +302,7 @@ pub fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
 }
 
-/// A text with its control characters escaped, but for line ends and tabs: a terminal obeys none.
+/// Returns a text with its control characters escaped, except line ends and tabs, so that it cannot control a terminal.
 pub fn printable(text: &str) -> String {
     let mut line = String::with_capacity(text.len() + 1);
     for c in text.chars() {

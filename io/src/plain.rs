@@ -199,7 +199,7 @@ fn wrapped(pieces: &[String], width: usize) -> String {
     text
 }
 
-/// A number, without decimals if it has none: `40` for 40.0.
+/// Returns a number, without decimals if it is whole: `40` for 40.0.
 pub fn number(number: &Number) -> String {
     let text = number.to_string();
     text.strip_suffix(".0").map_or_else(|| text.clone(), str::to_owned)

@@ -12,9 +12,9 @@ pub struct Port {
     pub port: String,
     /// `usb`, `bluetooth`, or `built_in` for what is in the machine.
     pub kind: &'static str,
-    /// What the adapter calls itself.
+    /// The name that the adapter reports.
     pub adapter: Option<String>,
-    /// Who has made it.
+    /// The manufacturer of the adapter.
     pub maker: Option<String>,
     /// Its serial number: two adapters of one kind differ in it alone.
     pub serial_number: Option<String>,

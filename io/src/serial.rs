@@ -158,7 +158,7 @@ pub fn listen(port: &mut dyn SerialPort, time: Duration) -> Result<Vec<u8>> {
 #[derive(Debug)]
 pub struct PtyLink {
     path: PathBuf,
-    /// What it leads to.
+    /// The target of the link.
     name: PathBuf,
 }
 
@@ -171,7 +171,7 @@ impl PtyLink {
     pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
         // Before the pseudo-terminal, which may get the number of the one that is gone.
         if let Ok(earlier) = std::fs::read_link(path) {
-            // That of a simulator that was killed leads nowhere any more.
+            // The link of a simulator that was killed has no target any more.
             let is_left = earlier.starts_with("/dev/pts") && !earlier.exists();
             anyhow::ensure!(
                 is_left,
@@ -191,7 +191,7 @@ impl PtyLink {
         Ok((link, device))
     }
 
-    /// There are none.
+    /// Fails: pseudo-terminals need Unix.
     ///
     /// # Errors
     /// Always.
@@ -229,7 +229,8 @@ pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
     Ok((Box::new(device), name))
 }
 
-/// Discards what the client's end of a pseudo-terminal holds: the next client would read what was sent to the one before it.
+/// Discards unread bytes at the client's end of a pseudo-terminal: otherwise the next client would read bytes for the previous
+/// one.
 #[cfg(unix)]
 pub fn discard(path: &Path) {
     use rustix::fs::{Mode, OFlags, open};
@@ -246,7 +247,7 @@ pub fn discard(path: &Path) {
 #[cfg(not(unix))]
 pub fn discard(_: &Path) {}
 
-/// There are none: see [`Lines`](crate::line::Lines).
+/// Fails: pseudo-terminals need Unix. See [`Lines`](crate::line::Lines).
 ///
 /// # Errors
 /// Always.

@@ -115,10 +115,10 @@ impl ConnectArgs {
     }
 }
 
-/// Whether an address has a port, before anything else is done.
+/// Checks that an address has a port, before anything else is done.
 ///
 /// # Errors
-/// When it has none.
+/// When it lacks one.
 pub fn check(address: &str) -> Result<()> {
     let port = address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
     match port {
@@ -171,7 +171,7 @@ pub fn connect(address: &str, dialing: Dialing) -> Result<TcpStream> {
     }
     let stream = stream.ok_or(last)?;
     stream.set_nodelay(true)?;
-    // Who is never written to does not learn otherwise that a serial device server was switched off and on.
+    // Without keepalive, a program that never writes does not notice that a serial device server was power-cycled.
     SockRef::from(&stream).set_tcp_keepalive(&cellwire_sim::host::probes())?;
     dialing.pause();
     Ok(stream)

@@ -157,7 +157,7 @@ impl Trace {
         let mut text = Vec::new();
         writeln!(text, "# {}: {why}", self.name)?;
         write_lines(&mut text, &sent, &received)?;
-        // Those of earlier runs stay: the next free number is taken.
+        // Traces of earlier runs are unchanged: the next free number is taken.
         let (mut file, path) = files::create_new(&dir.join(format!("{}.trace", self.name)))?;
         if let Err(error) = file.write_all(&text) {
             // A part of a trace would be taken for the whole.

@@ -59,7 +59,7 @@ impl Datagrams {
         Self { socket, peer: None, first: None }
     }
 
-    /// Over a socket that others can send to as well: what they send is passed over. `first` is read first.
+    /// Creates it over a socket that other senders can reach as well: their datagrams are skipped. `first` is read first.
     pub fn of(socket: UdpSocket, peer: SocketAddr, first: Vec<u8>) -> Self {
         Self { socket, peer: Some(peer), first: Some(first) }
     }

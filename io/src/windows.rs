@@ -1,4 +1,4 @@
-//! What Windows alone asks for: waits that are exact, the end of a console, and what an adapter is set to.
+//! Functions for Windows only: exact waits, the end of a console, and the settings of an adapter.
 
 use std::sync::OnceLock;
 use std::thread;

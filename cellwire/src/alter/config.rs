@@ -1,4 +1,4 @@
-//! What the host is configured with.
+//! The configuration of the host.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use super::input::InputConfig;
 use super::port::PortConfig;
 use super::profile::Profile;
 
-/// What the host is to do.
+/// The configuration of the host.
 #[derive(Debug, Clone)]
 pub struct TeleopConfig {
     /// The robot's port.
@@ -26,7 +26,7 @@ pub struct TeleopConfig {
     pub alter: HostConfig,
     /// The polls of the ball.
     pub polls: isra_ball::HostConfig,
-    /// What the hand's values mean.
+    /// The meaning of the hand's values.
     pub profile: Profile,
     /// When the hand may move the arm.
     pub latch: LatchConfig,

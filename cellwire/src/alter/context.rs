@@ -1,4 +1,4 @@
-//! What every thread of the host has: the clock, the reports, the stop, its trace.
+//! The common parts of the host's threads: the clock, the reports, the stop, the trace.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +9,7 @@ use super::messages::Notification;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::Trace;
 
-/// What every thread of the host has.
+/// The common parts of the host's threads.
 #[derive(Clone)]
 pub(super) struct Context {
     pub(super) clock: Clock,

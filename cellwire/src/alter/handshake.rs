@@ -19,7 +19,7 @@ const XOFF: u8 = 0x13;
 
 /// Bytes that are written at once: what a serial chip holds.
 const PIECE: usize = 16;
-/// Bytes of the workstation that wait for the session at most; what comes then are requests like those before.
+/// The most bytes of the workstation that wait for the session; later bytes are requests like these.
 const REQUESTS: usize = 64;
 
 /// The port, and what its handshake holds.
@@ -27,13 +27,13 @@ pub(super) struct Handshake {
     port: Port,
     baud: u32,
     max_hold: Duration,
-    /// Until when XOFF holds the line, if it does.
+    /// The time until which XOFF holds the line; `None` if it does not.
     held_until: Option<Duration>,
     /// The rest of a packet.
     waiting: VecDeque<u8>,
     /// When the next piece of it may be written.
     next_at: Duration,
-    /// What came while nothing could be sent.
+    /// The requests that came while nothing could be sent.
     requests: Vec<u8>,
 }
 

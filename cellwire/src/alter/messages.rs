@@ -14,7 +14,7 @@ use val2_alter::{
 use super::profile::Profile;
 use super::sample::Sample;
 
-/// What the robot thread is to do.
+/// A command to the robot thread.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Order {
     /// New values of the hand.
@@ -25,7 +25,7 @@ pub enum Order {
     HandLost,
     /// The operator confirms that the hand may move the arm.
     Confirm,
-    /// What the hand's values mean from now on: come to rest first.
+    /// The meaning of the hand's values from now on: come to rest first.
     Profile(Box<Profile>),
     /// How start messages are answered.
     Policy(Policy),
@@ -41,7 +41,7 @@ pub enum Order {
     Stall(Duration),
 }
 
-/// What the threads of the host report, each with its time.
+/// The reports of the host's threads, each with its time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notification {
     /// A port is open (again).
@@ -58,7 +58,7 @@ pub enum Notification {
     Motion(Motion),
     /// A reply has left.
     Reply {
-        /// What the ball asked for.
+        /// The values that the ball asked for.
         demand: [i16; AXES],
         /// The demand within the limits, as it is sent.
         values: [i16; AXES],
@@ -75,7 +75,7 @@ pub enum Notification {
     Missed,
     /// The controller could not read a reply.
     Rejected(ErrorCode),
-    /// Bytes from the robot that are no message.
+    /// Bytes from the robot that are not a message.
     Corrupt(val2_alter::DecodeError),
     /// ALTER is over without an end message.
     Lost(LostReason),
@@ -83,13 +83,13 @@ pub enum Notification {
     Stopped,
     /// The session's state after something happened.
     State(HostState),
-    /// What the safety latch is.
+    /// The state of the safety latch.
     Latch(Latch),
     /// The host has ended: nothing is answered any more.
     Ended,
-    /// A key of the gripper was pressed, and what became of it.
+    /// A key of the gripper was pressed; the result of the call.
     Gripper(Exception, Result<(), SessionError>),
-    /// What became of it at the robot.
+    /// The outcome of a gripper command at the robot.
     GripperOutcome(Exception, ExceptionOutcome),
     /// New values of the input.
     Hand(Sample),
@@ -99,7 +99,7 @@ pub enum Notification {
     BallOld(Packet, Duration),
     /// A poll of the ball without a packet.
     BallMissed,
-    /// A packet of the ball that is no reply: it comes too late.
+    /// A packet of the ball that is not a reply: it comes too late.
     BallLate,
     /// Corrupt bytes from the ball.
     BallCorrupt(isra_ball::DecodeError),
@@ -113,7 +113,7 @@ pub enum Notification {
     PoseAsked,
     /// The workstation was sent a pose.
     Pose,
-    /// What was received at a port at one baud rate.
+    /// The messages at a port at one baud rate.
     Probed {
         /// The port.
         port: &'static str,

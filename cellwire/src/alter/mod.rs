@@ -10,9 +10,9 @@
 //!                                  └──────▶ screen, demo, records: one way
 //! ```
 //!
-//! The robot thread alone answers the controller, and has the [latch](cellwire_motion::latch). It never waits: not for the screen and
-//! its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties before a
-//! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where it is not taken.
+//! The robot thread alone answers the controller, and has the [latch](cellwire_motion::latch). It never waits: not for the screen
+//! and its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties
+//! before a reply. Its reports and traces leave after the reply; if they are not accepted, they are dropped or buffered.
 
 mod config;
 mod context;
@@ -159,7 +159,7 @@ impl Teleop {
         }
     }
 
-    /// What was reported since the last call, in its order.
+    /// Returns the reports since the last call, in sequence.
     pub fn notifications(&self) -> impl Iterator<Item = (Duration, Notification)> {
         self.notification.try_iter()
     }

@@ -32,7 +32,7 @@ pub struct PortConfig {
 const REOPEN: Duration = Duration::from_millis(200);
 /// A wait that has run out still takes what is there.
 const LEAST_WAIT: Duration = Duration::from_micros(50);
-/// What waits for the trace: more is not kept there either.
+/// The most entries that wait for the trace: it does not store more either.
 const UNTRACED: usize = 256;
 
 type Opened = AnyPort;
@@ -45,7 +45,7 @@ pub(super) struct Port {
     /// Takes a port that is gone, to close it and to open it again: a driver may take its time for both.
     lost: Sender<Opened>,
     opened: Receiver<Opened>,
-    /// What goes to the trace when its lock is free.
+    /// The entries for the trace, which are written when its lock is free.
     untraced: VecDeque<(Duration, Way, Vec<u8>)>,
     returned: Returned,
     /// When bytes were read last.
@@ -232,7 +232,7 @@ fn reopen(config: &PortConfig, context: &Context, lost: &Receiver<Opened>, opene
     }
 }
 
-/// A port that is gone is as silent as one that is there: what is lost with it is the end of the connection.
+/// A lost port behaves like a silent one; its loss ends the connection.
 impl Transport for Port {
     fn now(&self) -> Duration {
         self.context.clock.now()

@@ -1,4 +1,4 @@
-//! What the hand's values mean for the robot.
+//! The conversion of the hand's values to targets of the robot.
 
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
@@ -8,7 +8,8 @@ use super::filter::{Axes, Filter};
 use super::sample::{FULL, Sample};
 use cellwire_links::settings::{Configure, Fields};
 
-/// What the hand's values ask of the robot. Signs and units of both ends are open in the source, so try it slowly.
+/// The conversion of the hand's values to targets of the robot. Signs and units of both ends are open in the source, so try it
+/// slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Profile {
     /// The ball's TRA, ROT and DOM keys, in software.
@@ -19,7 +20,7 @@ pub struct Profile {
     pub speed: u16,
     /// The same for each axis of the robot, in percent of `speed`: -200 to 200. A negative one turns the axis round.
     pub gain: [i16; AXES],
-    /// Which axis of the input each axis of the robot follows.
+    /// The axis of the input that each axis of the robot follows.
     pub axes: [Source; AXES],
     /// Non-cumulative ALTER: how far off the path full deflection asks for, in mm.
     pub reach_mm: u16,
@@ -27,7 +28,7 @@ pub struct Profile {
     pub reach_degrees: u16,
     /// The button to be held, where the arm moves only while it is: 1 to 32.
     pub hold_key: u8,
-    /// What each axis may do in a cycle.
+    /// The limits of each axis per cycle.
     pub limits: Limits,
 }
 
@@ -83,7 +84,7 @@ impl Profile {
         sample.buttons.checked_shr(bit).is_some_and(|buttons| buttons & 1 != 0)
     }
 
-    /// What a sample asks for, in units of ALTER's words.
+    /// Returns the target of a sample, in units of ALTER's words.
     pub fn target(&self, sample: &Sample, mode: Mode) -> [i16; AXES] {
         let passed = self.filter.apply(sample.axes.map(|value| self.without_play(value)));
         let full = self.full(mode.accumulation());
@@ -97,7 +98,7 @@ impl Profile {
         target
     }
 
-    /// What full deflection asks for.
+    /// Returns the target of full deflection, in units of ALTER's words.
     fn full(&self, accumulation: Accumulation) -> [i64; AXES] {
         match accumulation {
             Accumulation::Cumulative => {

@@ -35,7 +35,7 @@ pub(super) struct Robot {
     gripper: GripperKeys,
     latch: Latch,
     latch_config: LatchConfig,
-    /// What the hand asked for last: used while the latch lets it through.
+    /// The latest values of the hand: used while the latch lets them through.
     hand: Option<Sample>,
     orders: Receiver<Order>,
     poses: Sender<Transform>,
@@ -186,7 +186,7 @@ impl Robot {
     /// One turn; its events are reported when the reply has left.
     fn turn(&mut self, wait: Duration) {
         let Self { driver, host, later, .. } = self;
-        // Four inputs at most: what comes in one turn is a message, and what it has ended.
+        // Four inputs at most: one turn has a message, and the end of an earlier state.
         let mut inputs = Vec::with_capacity(4);
         let turn = driver.turn(host, Some(wait), |host, event| {
             later.push(match event {

@@ -26,7 +26,7 @@ pub(super) struct Feed {
     poses: Receiver<Transform>,
     probe: Receiver<()>,
     is_connected: bool,
-    /// What was reported of the handshake last.
+    /// The last reported state of the handshake: true if XOFF holds the line.
     is_held: bool,
 }
 

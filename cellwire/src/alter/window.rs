@@ -14,7 +14,7 @@ pub fn axes_that_fit(config: &HostConfig) -> usize {
     (1..=AXES).rev().find(fits).unwrap_or(0)
 }
 
-/// What to say before anything moves, where not all axes fit.
+/// Returns the advice for the operator before the arm moves, if not all axes fit.
 pub fn advice(config: &HostConfig) -> Option<String> {
     let axes = axes_that_fit(config);
     if axes == AXES {

@@ -49,7 +49,7 @@ Examples:
 /// Makes them.
 ///
 /// # Errors
-/// When the folder is not empty, a name or a role is none, or a file cannot be written.
+/// When the folder is not empty, a name or a role is not valid, or a file cannot be written.
 pub fn run(args: &Args) -> Result<bool> {
     let folder = &args.folder;
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;

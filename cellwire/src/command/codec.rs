@@ -10,7 +10,7 @@ use cellwire_links::codec::{Codec, Stream};
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{Setup, Watcher};
 
-/// Which bytes are read or written.
+/// The bytes to read or write.
 #[derive(Debug, clap::Args)]
 pub(super) struct CodecArgs {
     #[command(flatten)]
@@ -55,7 +55,7 @@ impl CodecArgs {
 }
 
 impl LinkArgs {
-    /// What is set of the codec.
+    /// Returns the settings of the codec.
     ///
     /// # Errors
     /// When the file of settings cannot be read.
@@ -71,7 +71,7 @@ impl LinkArgs {
         (self.link.codec)(side, &self.settings()?)
     }
 
-    /// What a side sends, from this offset on: without flow control.
+    /// Returns a stream of a side's bytes from this offset on, without flow control.
     ///
     /// # Errors
     /// When the link has no such setting.
@@ -79,7 +79,7 @@ impl LinkArgs {
         Ok(Stream::starting_at(self.codec_of(side)?, begin).without(self.link.flow_control))
     }
 
-    /// Who looks at a conversation of both ends: over a serial line or not, at this rate if it is known.
+    /// Returns a watcher of a conversation of both ends: over a serial line or not, at this rate if it is known.
     ///
     /// # Errors
     /// When the link has no such setting.

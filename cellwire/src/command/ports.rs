@@ -20,7 +20,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Prints them; false: there are none.
+/// Prints the serial ports; returns false if no port was found.
 ///
 /// # Errors
 /// When the system does not say, or standard output is closed.

@@ -11,7 +11,7 @@ use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Line};
 use cellwire_io::output::{counted, remark};
 
-/// Which of the conversations of a capture.
+/// The selection of a capture's conversation.
 #[derive(Debug, clap::Args)]
 pub(super) struct ConversationArgs {
     #[command(flatten)]
@@ -21,7 +21,7 @@ pub(super) struct ConversationArgs {
     conversation: Option<u32>,
 }
 
-/// What both ends sent.
+/// The bytes of both ends.
 #[derive(Debug)]
 pub(super) struct Conversation {
     name: String,
@@ -32,7 +32,7 @@ pub(super) struct Conversation {
     pub(super) sent: Vec<Sent>,
 }
 
-/// What tells conversations apart.
+/// The key that distinguishes conversations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Place {
     /// The ends of a network, the client's first, and the how manyth connection it is.

@@ -1,10 +1,10 @@
-//! What every input does.
+//! The common parts of all inputs.
 
 use std::time::Duration;
 
 use crate::alter::sample::Sample;
 
-/// What an input reports.
+/// An event of an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::alter) enum InputEvent {
     /// New values.

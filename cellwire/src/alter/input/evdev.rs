@@ -1,7 +1,7 @@
 //! A device of the Linux input system: a game pad, a joystick, a 3D mouse. Its state is read in a fixed period; so long as it can
 //! be read, the system answers for it.
 //!
-//! What a wireless device's receiver does when the device is out of reach, the system does not know: use `--hold-to-run` there.
+//! The system does not report that a wireless device is out of its receiver's reach: use `--hold-to-run` with such a device.
 
 #[cfg(target_os = "linux")]
 pub(super) use linux::Evdev;

@@ -1,8 +1,8 @@
 //! A 3Dconnexion device by its HID reports, without a daemon and without the maker's driver, on every platform.
 //!
-//! Report 1 has X, Y, Z and, of some devices, RX, RY, RZ behind them; report 2 has the rotation of the others; report 3 the buttons, a
-//! bit each. The values are little-endian words of 16 bits, at most ±350. Such a device sends while it is pushed, each 8 or 16 ms, and
-//! then a few times that it rests. Its X points to the right, Y to the user, Z down; here Y points away and Z up.
+//! Report 1 has X, Y, Z and, of some devices, RX, RY, RZ after them; report 2 has the rotation of the others; report 3 the
+//! buttons, a bit each. The values are little-endian words of 16 bits, at most ±350. Such a device sends while it is pushed, each
+//! 8 or 16 ms, and then a few times that it rests. Its X points to the right, Y to the user, Z down; here Y points away and Z up.
 
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ pub(super) struct Mouse<R> {
     next: Duration,
 }
 
-/// What the reports have said.
+/// The latest values of the reports.
 #[derive(Debug, Default)]
 struct State {
     axes: [i16; 6],
@@ -323,7 +323,7 @@ mod tests {
         assert_eq!(state.sample(900 * MS).fresh_until, 1000 * MS);
     }
 
-    /// What is plugged in: its reports, and that it is pulled out when they have ended.
+    /// The plugged-in device: its reports, and that it is pulled out when they have ended.
     static PLUGGED: Mutex<Option<Receiver<Vec<u8>>>> = Mutex::new(None);
 
     fn plugged() -> MutexGuard<'static, Option<Receiver<Vec<u8>>>> {

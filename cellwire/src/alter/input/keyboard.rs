@@ -9,7 +9,7 @@ use cellwire_io::clock::Clock;
 
 /// A key moves this long: terminals repeat it thirty times a second, and do not say when it is let go.
 const HOLD: Duration = Duration::from_millis(120);
-/// What no key contradicts is renewed this often.
+/// The interval at which values without a newer key are renewed.
 const PERIOD: Duration = Duration::from_millis(28);
 /// Half of the full deflection: a key has no middle.
 const DEFLECTION: i16 = FULL / 2;

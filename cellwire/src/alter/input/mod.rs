@@ -1,4 +1,4 @@
-//! What a hand asks for, whatever it is on: a ball, a 3D mouse, a game pad, the keyboard, a recording.
+//! The inputs of the hand: a ball, a 3D mouse, a game pad, the keyboard, a recording.
 
 mod ball;
 mod device;
@@ -43,7 +43,7 @@ pub enum InputConfig {
 }
 
 impl InputConfig {
-    /// What it is, and where, for the operator.
+    /// Returns the kind and the port or path of the input, for the operator.
     pub fn name(&self) -> String {
         match self {
             Self::Ball(port) => format!("ball: {} at {} baud", port.path, port.baud),

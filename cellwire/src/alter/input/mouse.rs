@@ -1,4 +1,4 @@
-//! What 3Dconnexion devices have in common, for every driver.
+//! The common parts of 3Dconnexion devices, for every driver.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::alter::sample::FULL;
 const DEFLECTION: i32 = 350;
 /// The age at which a push that is not repeated is old.
 pub(super) const MAX_AGE: Duration = Duration::from_millis(100);
-/// A device at rest sends nothing: its rest is as good as new while the device is there, and is said this often.
+/// The interval at which rest is reported: a device at rest sends nothing, so its rest counts as new while the device is there.
 pub(super) const PERIOD: Duration = Duration::from_millis(28);
 /// A device that is gone is looked for this often.
 const REOPEN: Duration = Duration::from_millis(200);
@@ -25,7 +25,7 @@ pub(super) fn looks_again(context: &Context, next: &mut Duration, wait: Duration
     is_due
 }
 
-/// What is beyond full deflection is that.
+/// Converts a value to thousandths of full deflection, and clamps it there.
 pub(super) fn thousandths(value: i32) -> i16 {
     let full = i64::from(FULL);
     let value = (i64::from(value) * full / i64::from(DEFLECTION)).clamp(-full, full);

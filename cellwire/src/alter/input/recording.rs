@@ -21,7 +21,7 @@ const HEADER: &str =
 /// An event and its time since ALTER began to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Recorded {
-    /// Its time.
+    /// The time of the values.
     pub at: Duration,
     /// Axes, buttons, and how long they may be used from `at` on; `Err(true)`: the device is gone, `Err(false)`: old values.
     pub values: Result<([i16; 6], u32, Duration), bool>,

@@ -1,4 +1,4 @@
-//! What the keys do.
+//! The commands of the keys.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::alter::{Axes, Order, PortConfig, Profile};
 
 /// How long the tests of ball and workstation take.
 const TEST: Duration = Duration::from_secs(3);
-/// What a key asks for.
+/// The command of a key.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Command {
     Order(Order),
@@ -19,7 +19,7 @@ pub(super) enum Command {
 }
 
 impl Model {
-    /// What a key does.
+    /// Handles a key; returns its command.
     pub(super) fn key(&mut self, key: KeyEvent, now: Duration) -> Option<Command> {
         self.now = now;
         if let Some(stop) = stop(key) {

@@ -8,7 +8,7 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, Ke
 use crate::alter::input::Jog;
 use crate::alter::{Order, Orders};
 
-/// What a key does to the arm, whatever the screen shows.
+/// The effect of a key on the arm, on every screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stop {
     /// Come to rest.

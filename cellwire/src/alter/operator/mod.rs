@@ -82,7 +82,7 @@ fn show(
     keys: &Receiver<KeyEvent>,
 ) -> Result<()> {
     loop {
-        // Before the reports: what has ended has reported it.
+        // Before the reports: a host that has ended has reported it.
         let has_ended = teleop.has_ended();
         for (at, notification) in teleop.notifications() {
             model.take(at, notification);

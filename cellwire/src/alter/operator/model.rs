@@ -1,4 +1,4 @@
-//! What the operator sees, and what the keys do.
+//! The state of the operator's screen, and the handling of keys.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -31,12 +31,12 @@ pub(super) struct Ports {
     pub(super) viewer: Option<PortConfig>,
 }
 
-/// What the lower part of the screen shows.
+/// The contents of the lower part of the screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum View {
     Main,
     Options,
-    /// What each key does.
+    /// The meaning of the keys.
     Keys,
     /// The last bytes of a line: robot, ball or viewer.
     Debug(usize),
@@ -56,7 +56,7 @@ pub(super) struct Counts {
     pub(super) packets: u64,
     pub(super) ball_missed: u64,
     pub(super) ball_corrupt: u64,
-    /// Packets that were no reply.
+    /// The number of the ball's packets that were not a reply.
     pub(super) ball_late: u64,
     pub(super) asked: u64,
     pub(super) poses: u64,
@@ -72,7 +72,7 @@ pub(super) struct Model {
     pub(super) mode: Mode,
     /// The axes that fit a reply.
     pub(super) axes: usize,
-    /// What to do where that is not all of them.
+    /// The advice if not all axes fit.
     pub(super) advice: Option<String>,
     /// The mode of a start that was refused last, unless ALTER has begun since.
     pub(super) refused: Option<Mode>,
@@ -318,7 +318,7 @@ impl Model {
         self.has_ended
     }
 
-    /// What the host has not waited for when it ended: the latch's `end_within` or `farewell` was over before.
+    /// Returns a text if the host ended too early: the latch's `end_within` or `farewell` was over before.
     pub(super) fn unfinished(&self) -> Option<&'static str> {
         match self.state {
             HostState::Running | HostState::Interrupted | HostState::Stopping => {
@@ -336,7 +336,7 @@ impl Model {
         (age > timing::CYCLE * 3 / 2).then_some(age)
     }
 
-    /// What the input's values are, if they are not live.
+    /// Returns a word for the input's values if they are not live.
     pub(super) fn input_age(&self) -> Option<&'static str> {
         if matches!(self.latch, Latch::Disarmed(Cause::InputLost)) {
             return Some("GONE");
@@ -354,7 +354,7 @@ impl Model {
         self.motion.map_or_else(String::new, words)
     }
 
-    /// Whether the ball has sent a packet in the last second that was no reply.
+    /// Returns whether the ball has sent a packet in the last second that was not a reply.
     pub(super) fn ball_is_late(&self) -> bool {
         self.ball_late_at.is_some_and(|at| self.now < at + DAMAGE)
     }

@@ -178,7 +178,7 @@ fn a_second_timeout_in_a_row_names_the_latency_timer() {
     assert_eq!(last(&model), ENDED);
 }
 
-/// What the robot says of its arm, and what reaches the host in pieces or late, is on the screen.
+/// The screen shows the robot's messages about its arm, and bytes that reach the host in pieces or late.
 #[test]
 fn what_stops_the_arm_and_what_is_corrupt_or_late_is_shown() {
     use crate::alter::operator::screen::tests::{drawn, rows};

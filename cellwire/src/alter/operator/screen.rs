@@ -13,14 +13,14 @@ use crate::alter::input::FULL;
 use cellwire_sim::puma::Layout as Words;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
-/// What is not live.
+/// The style of values that are not live.
 const OLD: Style = Style::new().fg(Color::DarkGray);
 /// Why the robot could not read a reply, from error code 1 on: three fit the line.
 const REASONS: [&str; 7] = ["checksum", "format", "overflow", "incomplete", "marks", "timeout", "code 7"];
 
 /// The least terminal that has room for every window of the source.
 const WHOLE: (u16, u16) = (80, 24);
-/// What the keys do, in the order of need.
+/// The meaning of the keys, the most important first.
 const KEYS: [&str; 8] = [
     "Space, Esc  STOP: the arm comes to rest",
     "A  answer the robot's ALTER    V  refuse it",
@@ -58,7 +58,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
         Constraint::Min(33),
     ]);
     let [alter, control, segment, transform] = columns.areas(middle);
-    // What no message has confirmed is not shown as if it was so now.
+    // A value that no recent message confirms is dimmed.
     let age = model.position_age();
     let dim = |lines: Vec<Line<'static>>| match age {
         None => lines,
@@ -123,7 +123,7 @@ fn draw_input(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     }
 }
 
-/// What the arm does, in the first line, and what was counted.
+/// Draws the state of the arm, in the first line, and the counts.
 fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     let (word, why, color) = state(model);
     let counts = &model.counts;

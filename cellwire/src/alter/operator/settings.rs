@@ -1,11 +1,11 @@
-//! What can be set of the operator's cell.
+//! The settings of the operator's cell.
 
 use val2_alter::{HostConfig, Policy};
 
 use crate::alter::{LIMITS, Profile, host_config};
 use cellwire_links::settings::{Configure, Fields};
 
-/// What can be set of the cell.
+/// The settings of the cell.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
     /// The ALTER session.
@@ -14,7 +14,7 @@ pub struct Settings {
     pub polls: isra_ball::HostConfig,
     /// The answers to the workstation.
     pub viewer: val2_viewer::HostConfig,
-    /// What the hand's values mean.
+    /// The meaning of the hand's values.
     pub profile: Profile,
 }
 

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// A message, or bytes that are none.
+/// A message, or bytes that are not a message.
 #[derive(Debug, Clone)]
 pub(super) struct Message {
     /// From 1.

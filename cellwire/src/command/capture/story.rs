@@ -1,4 +1,4 @@
-//! What an end was given, as a story: what our end does with it, and where that differs from what was seen.
+//! Turns the inputs of an end into a story: the actions of our end, and the differences from the capture.
 
 use std::time::Duration;
 
@@ -35,7 +35,7 @@ pub(super) struct Args {
     /// A call of its user, with the time in seconds since the connection: '1.5={"submit":{"word":257}}'
     #[arg(long, value_name = "TIME=JSON", value_parser = call)]
     call: Vec<Call>,
-    /// What the story shows
+    /// A description of the story
     #[arg(long, value_name = "TEXT")]
     comment: Option<String>,
     #[command(flatten)]
@@ -114,7 +114,7 @@ struct Playing {
     end: Box<dyn End>,
     now: Duration,
     lines: Vec<String>,
-    /// What our end sent.
+    /// The bytes that our end sent.
     sent: Vec<(Duration, Vec<u8>)>,
 }
 
@@ -129,10 +129,10 @@ impl Playing {
         Ok(())
     }
 
-    /// What is due before a time.
+    /// Handles the deadlines before a time.
     fn until(&mut self, at: Duration) -> Result<()> {
         while let Some(due) = self.end.poll_timeout().filter(|due| *due < at) {
-            // What is due at once has not been possible: it will not be by asking again.
+            // A deadline that is still due after its step was not possible: a second attempt has no effect.
             if due <= self.now && self.lines.last().is_some_and(|last| last.contains("\"timeout\"")) {
                 return Ok(());
             }

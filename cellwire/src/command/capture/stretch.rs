@@ -11,7 +11,7 @@ use super::message::Message;
 use crate::command::codec::LinkArgs;
 use crate::command::recorded::{Conversation, ConversationArgs};
 
-/// Which stretch of which conversation.
+/// The conversation, and the range of its messages.
 #[derive(Debug, clap::Args)]
 pub(super) struct StretchArgs {
     #[command(flatten)]
@@ -52,7 +52,7 @@ impl StretchArgs {
     /// The conversation, and the messages of the stretch.
     ///
     /// # Errors
-    /// When there are none.
+    /// When the range contains no message.
     pub(super) fn read(&self) -> Result<(Conversation, Vec<Message>)> {
         let conversation = self.conversation.read()?;
         let mut messages = messages(&self.of, &conversation)?;
@@ -112,7 +112,7 @@ fn messages(of: &LinkArgs, conversation: &Conversation) -> Result<Vec<Message>> 
     Ok(all)
 }
 
-/// What one end sends.
+/// The bytes of one end.
 struct Reading<'a> {
     all: &'a mut Vec<Message>,
     is_first: bool,

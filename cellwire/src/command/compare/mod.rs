@@ -27,7 +27,7 @@ pub(super) struct Compare {
     filled: usize,
     /// How many of them have come, or will not.
     pub(super) passed: usize,
-    /// Those that have not come when later ones did.
+    /// The messages that have not come although later ones have.
     outstanding: Vec<usize>,
     same: usize,
     report: Report,
@@ -156,7 +156,7 @@ impl Compare {
         self.report.add(kind, line, before.as_ref())
     }
 
-    /// What has not come does not come any more.
+    /// Reports the messages that have not come as missing.
     fn end(&mut self) -> Result<()> {
         self.missed(self.expected.len().saturating_sub(self.passed));
         for index in std::mem::take(&mut self.outstanding) {

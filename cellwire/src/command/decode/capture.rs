@@ -46,12 +46,12 @@ struct Decoding<'a> {
     watchers: HashMap<Ends, Watcher>,
 }
 
-/// Whose conversation it is.
+/// The two ends of a conversation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Ends {
     /// A client's and a server's, counted from 1 for the same two.
     Network(SocketAddr, SocketAddr, u64),
-    /// A program's with what is behind a line.
+    /// A program and the end at the other side of its line.
     Kept(Line),
 }
 
@@ -69,9 +69,9 @@ struct Decoded {
     side: &'static str,
     /// Its fields before those of a line.
     label: String,
-    /// Whose conversation it is, where that is looked at, and which end sends.
+    /// The conversation of this direction, if it is watched, and the end that sends.
     watched: Option<(Ends, &'static str)>,
-    /// How many of its bytes are no message, where it may be an end that sends none, and polls.
+    /// The number of bytes that are not a message, if the end may be one that only polls.
     polls: Option<u64>,
     /// It sends datagrams, each of which is whole.
     is_datagrams: bool,
@@ -85,7 +85,7 @@ impl<'a> Decoding<'a> {
         Self { args, out, now: Duration::ZERO, watchers: HashMap::new() }
     }
 
-    /// Whose conversation a direction is.
+    /// Returns the conversation of a direction.
     fn watch(&mut self, flow: Flow, is_client: bool, number: u64, is_whole: bool) -> Result<Option<Ends>> {
         if !self.args.shadow {
             return Ok(None);
@@ -93,14 +93,14 @@ impl<'a> Decoding<'a> {
         let (ends, is_serial) = match flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => {
                 let (client, server) = if is_client { (from, to) } else { (to, from) };
-                // What a tap has written of a line.
+                // The address of a line in a tap's capture.
                 (Ends::Network(client, server, number), server == SERIAL[1].into())
             }
             Flow::Kept(line, _) => (Ends::Kept(line), true),
             Flow::Serial(_) => return Ok(None),
         };
         if !self.watchers.contains_key(&ends) {
-            // What a line carried before is unknown.
+            // Earlier bytes of a line are unknown.
             let mut watcher = self.args.codec.of.watcher(None, is_serial)?;
             if is_whole && !is_serial {
                 watcher.see(self.now, &Seen::Opened);
@@ -110,7 +110,7 @@ impl<'a> Decoding<'a> {
         Ok(Some(ends))
     }
 
-    /// What is wrong with something that was said.
+    /// Reports the complaints about an event.
     fn see(&mut self, ends: &Ends, seen: &Seen<'_>) -> Result<()> {
         let Some(watcher) = self.watchers.get_mut(ends) else { return Ok(()) };
         let complaints = watcher.see(self.now, seen);
@@ -164,7 +164,7 @@ impl Directions for Decoding<'_> {
         decoded.take(self.args, piece, self.out, &mut said)?;
         let Some((ends, from)) = decoded.watched else { return Ok(()) };
         for (kind, length, json) in said {
-            // What a poller sends is no message.
+            // Skip the end that only polls: its bytes are not messages.
             if from != decoded.side {
                 continue;
             }
@@ -237,7 +237,7 @@ fn begin(
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
             let server = if is_client { to.port() } else { from.port() };
             sender = (args.codec.of.link.sender)(is_client, server);
-            // Which of the two polls is not sure enough to leave its messages out.
+            // The end that polls is not certain enough to leave its messages out.
             polls = sender.is_none().then_some(0);
             let side = sender.map_or_else(|| args.codec.of.link.side(None), Ok)?;
             if wanted.is_some_and(|wanted| wanted != side) {
@@ -297,7 +297,7 @@ fn write(label: &str, polls: &mut Option<u64>, out: &mut Lines, item: Item<'_>) 
     Ok(())
 }
 
-/// What the capture lacks of a flow.
+/// The bytes of a flow that the capture lacks.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Lack {
@@ -311,11 +311,11 @@ enum Lack {
     BeforeStart { bytes: u64 },
 }
 
-/// What an item of a stream is, how many bytes it has, and its object.
+/// The kind of an item of a stream, the number of its bytes, and its object.
 type Said = (Kind, u64, Vec<u8>);
 
 impl Decoded {
-    /// `said` gets what there is to be looked at.
+    /// `said` gets the items for the watcher.
     fn take(&mut self, args: &Args, piece: Piece<'_>, out: &mut Lines, said: &mut Vec<Said>) -> Result<()> {
         let is_watched = self.watched.is_some();
         let polls = &mut self.polls;
@@ -340,7 +340,7 @@ impl Decoded {
         };
         let offset = self.stream.offset();
         if let Lack::Gap { .. } | Lack::CutOff { .. } = lack {
-            // What is before the gap and what is after it are no frame together.
+            // The bytes before and after the gap are not one frame.
             let next = args.codec.of.stream_of(self.side, offset)?;
             core::mem::replace(&mut self.stream, next).finish(|item| write(&self.label, item))?;
         }

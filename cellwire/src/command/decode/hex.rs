@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 const HINT: &str = "use --format hexdump for lines with offsets, --format raw for binary input";
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Reads hex that may be cut anywhere, as `EB 90`, `eb90` or `0xEB, 0x90`, also behind a byte order mark.
+/// Reads hex that may be split anywhere, as `EB 90`, `eb90` or `0xEB, 0x90`, also after a byte order mark.
 pub(in crate::command) struct HexReader {
     high: Option<u8>,
     comment: bool,

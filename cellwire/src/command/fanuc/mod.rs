@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
-/// What can be set of the session with the controller.
+/// Returns the settings of the session with the controller.
 pub fn settings() -> Vec<Setting> {
     client_help(client_settings_of([ClientConfig::tcp(), ClientConfig::rtu_over_tcp()]), &USES)
 }

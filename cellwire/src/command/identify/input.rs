@@ -20,7 +20,7 @@ const MOST: u64 = 1 << 20;
 /// How many conversations are looked at: those with most bytes.
 const CONVERSATIONS: usize = 8;
 
-/// What the ends of one link sent each other, on however many connections.
+/// The bytes of both ends of one link, on any number of connections.
 #[derive(Debug)]
 pub(super) struct Conversation {
     pub(super) name: String,
@@ -180,7 +180,7 @@ impl Directions for Collecting<'_> {
                 }
             }
             Piece::Bytes(_) => self.cut = true,
-            // What is before the gap and what is after it are no message together.
+            // The bytes before and after the gap are not one message.
             Piece::Gap(_) | Piece::Cut(_) => direction.stream.parts.push(Vec::new()),
             Piece::Late(_) | Piece::BeforeStart(_) => {}
         }

@@ -25,7 +25,7 @@ const MOST: usize = 1 << 20;
 /// How many settings are tried with the links.
 const TRIED: usize = 3;
 
-/// What was heard.
+/// The result of listening to a line.
 pub(super) struct Line {
     pub(super) conversation: Conversation,
     /// Every setting, the likeliest first.

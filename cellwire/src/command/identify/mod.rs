@@ -136,7 +136,7 @@ fn written(file: &Path, finding: &Finding, text: &str, is_draft: bool) -> String
     format!("{} has the {what} of {}: {left}", file.display(), finding.link.short)
 }
 
-/// What is said on a serial line, after its rate and format are told.
+/// Listens to a serial line: reports its rate and format, and returns its bytes.
 #[cfg(unix)]
 fn heard(args: &Args, name: &str) -> Result<Conversation> {
     let line = live::listen(args, name)?;
@@ -153,7 +153,7 @@ fn heard(_: &Args, _: &str) -> Result<Conversation> {
     bail!("detecting the rate needs Unix: capture with cellwire tap, at a known rate")
 }
 
-/// What each link makes of a conversation, the best first.
+/// Returns the findings of the links for a conversation, the best first.
 fn findings(links: &[&'static Link], conversation: &Conversation) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
     for link in links {

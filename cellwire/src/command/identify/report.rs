@@ -1,4 +1,4 @@
-//! What was found, for people and for programs.
+//! The text and the JSON of findings.
 
 use std::io::{self, Write};
 
@@ -103,7 +103,7 @@ pub(super) fn line_json(line: &Line) -> Result<()> {
     log(&json!({"port": line.conversation.name, "likely": line.likely, "lines": line.judged}))
 }
 
-/// What can be seen of bytes that no link explains.
+/// Writes the visible structure of bytes that no link explains.
 fn unknown(conversation: &Conversation, out: &mut impl Write) -> Result<()> {
     let seen = look(&conversation.streams);
     if seen.is_empty() {

@@ -1,4 +1,4 @@
-//! What was found, as a file for `--settings`.
+//! A finding as a file for `--settings`.
 
 use core::fmt::Write as _;
 
@@ -86,7 +86,7 @@ pub(super) fn or(others: &[Other]) -> String {
     groups.collect::<Vec<_>>().join(", ")
 }
 
-/// What to capture.
+/// Returns advice about the messages to capture.
 pub(super) fn would_decide(others: &[Other], message: Option<&str>) -> String {
     // The capture has such messages, and too few of them to decide.
     let is_seen = !others.is_empty() && others.iter().all(|other| other.fewer > 0);

@@ -78,7 +78,7 @@ fn names(first: u16) -> [String; 3] {
     [format!("R[{first}]"), format!("R[{}]@1.1", first + 1), format!("R[{}]", first + 2)]
 }
 
-/// What to set on the controller so that the registers from `first` on are the telemetry block.
+/// Returns the settings of the controller with which the registers from `first` on are the telemetry block.
 fn slots(first: u16) -> String {
     let mut text = String::from(
         "  on the controller, instead of its first slot (from public programs: the source does not show its own), then restart it:\n  \

@@ -1,4 +1,4 @@
-//! What a change of a file changes, and the change itself.
+//! A file before and after an edit, and the difference between them.
 
 use std::path::{Path, PathBuf};
 

@@ -174,7 +174,7 @@ fn errors(document: &Document) -> Vec<Finding> {
 
 type Named = (ItemKind, u32);
 
-/// Which motions get which speed.
+/// The selected motions, and their new speed.
 #[derive(Debug, Clone)]
 struct SpeedChange {
     kind: Option<MotionKind>,

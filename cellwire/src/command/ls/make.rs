@@ -135,7 +135,7 @@ pub(super) fn make(args: &Args) -> Result<()> {
 }
 
 impl Args {
-    /// What the mode's own options set; those of another mode are refused rather than ignored.
+    /// Returns the sampling from the mode's own options; rejects those of another mode rather than ignoring them.
     fn sampling(&self) -> Result<Sampling> {
         let given = [
             ("--mm", Mode::Distance, self.mm.is_some()),
@@ -156,7 +156,7 @@ impl Args {
             ("--max", self.max),
         ];
         for (option, step) in steps {
-            // What is no step at all is refused with the others.
+            // A value that is not a number above 0 is refused with the others.
             let is_too_long = step.is_some_and(|step| step > 1e6);
             ensure!(!is_too_long, "{option}: give a number above 0, and 1000000 at most");
         }
@@ -180,7 +180,7 @@ impl Args {
     }
 }
 
-/// What the program has of the trajectory, for people.
+/// Returns the report about program and trajectory, for people.
 fn made(trajectory: &Trajectory, report: &Report, path: &str) -> String {
     let mut text = format!(
         "{path}: {} spline moves from {} samples\n  path       {:.1} mm, {:.1}° in {:.3} s; at the speeds as written {:.3} s\n  \

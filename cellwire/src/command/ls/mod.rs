@@ -142,7 +142,7 @@ impl ArmArgs {
     /// A trajectory from its file.
     ///
     /// # Errors
-    /// When it cannot be read, or is none.
+    /// When it cannot be read, or is not a trajectory.
     pub fn trajectory(&self, path: &Path) -> Result<Trajectory> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -163,7 +163,7 @@ enum J3 {
 /// A robot description from its file.
 ///
 /// # Errors
-/// When it cannot be read, or is none.
+/// When it cannot be read, or is not a robot description.
 pub fn limits(path: &Path) -> Result<Limits> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     Limits::from_json(&text).with_context(|| path.display().to_string())

@@ -138,7 +138,7 @@ fn event(clock: &Clock, line: Value) -> Value {
     Value::Object(object)
 }
 
-/// What one request reads, and what was shown of it last.
+/// The range of one request, and its values that were shown last.
 struct Watched {
     range: Range,
     shown: Option<Result<Vec<Value>, String>>,

@@ -17,9 +17,9 @@ pub(super) const TABLES: [(Table, &str); 4] = [
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Range {
     pub(super) table: Table,
-    /// The PDU address of the first.
+    /// The PDU address of the first item.
     pub(super) first: u16,
-    /// That of the last.
+    /// The PDU address of the last item.
     pub(super) last: u16,
 }
 

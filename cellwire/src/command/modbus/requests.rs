@@ -37,7 +37,7 @@ pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> 
             interrupt::account(format!("line {number} and the following were not sent"));
             interrupt::end_at_once("interrupted");
         }
-        // Each request has its line, also when the connection is lost.
+        // Each request has its line, even when the connection is lost.
         let mut answer = match ask(&mut client, &frame) {
             Err(error) if error.is::<Lost>() => {
                 lost = Some(error.context(format!("line {number}")));
@@ -112,8 +112,8 @@ fn failed(frame: &Frame<PduBuf>, failure: Failure, explained: &str) -> Value {
     answer
 }
 
-/// Reads back what a write has written, and adds to its reply whether it is there. True for what is no write, and for a broadcast,
-/// which has no reply.
+/// Reads back the values of a write, and adds to its reply whether they are there. Returns true for a request that is not a
+/// write, and for a broadcast, which has no reply.
 fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Result<bool> {
     let request = frame.pdu.request()?;
     let Some(read) = read_back(&request) else { return Ok(true) };
@@ -161,7 +161,7 @@ fn read_back(request: &Request<'_>) -> Option<Request<'static>> {
     })
 }
 
-/// What the server holds, where that is not what was written. Of a mask only the bits that it sets or clears are known.
+/// Returns the server's values if they differ from the written ones. Of a mask only the bits that it sets or clears are known.
 fn differs(written: &Request<'_>, reply: &Reply<'_>) -> Option<Value> {
     let bits: Vec<bool>;
     let words: Vec<u16>;

@@ -103,7 +103,7 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut Seen) -> Result<u64> {
     Ok(found)
 }
 
-/// What a request for a run of addresses came to.
+/// The result of a request for a run of addresses.
 enum Tried {
     Read,
     /// Smaller runs may be read.

@@ -1,4 +1,4 @@
-//! What is played, and what is expected of the other end.
+//! The bytes to play, and the messages that are expected of the other end.
 
 use std::time::Duration;
 
@@ -94,12 +94,12 @@ fn messages(args: &LinkArgs, party: Party, bytes: &[u8]) -> Result<Vec<(Vec<u8>,
         found.push((its.to_vec(), message));
         Ok(())
     })?;
-    // What has begun is whole in the next part.
+    // An incomplete message is completed by the next part.
     found.push((rest.to_vec(), None));
     Ok(found)
 }
 
-/// What an end sends, as messages; each byte of one that polls.
+/// The bytes of an end as messages; those of an end that polls one by one.
 #[allow(missing_debug_implementations, reason = "a stream has none")]
 pub(super) struct Reader(Option<Stream>);
 

@@ -83,7 +83,7 @@ impl TransportArgs {
 /// This end of a pseudo-terminal.
 struct Terminal {
     port: Serial,
-    /// What came with the news that the other end is open.
+    /// The bytes that arrived when the other end was opened.
     first: Vec<u8>,
     _link: PtyLink,
 }

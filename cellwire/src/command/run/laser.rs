@@ -164,7 +164,7 @@ fn machine(before: usize, tally: &Tally) -> String {
     }
 }
 
-/// What can be set.
+/// Returns the settings of a run.
 pub(super) fn settings() -> Vec<settings::Setting> {
     [settings::list(Settings::at_baud(laser_eb90::timing::BAUD)), connect_settings()].concat()
 }

@@ -1,4 +1,4 @@
-//! What the clients have in common that do each part of some work once.
+//! The common parts of clients that do each part of some work once.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -53,9 +53,9 @@ pub(super) struct Work<'a> {
     pub(super) robot: &'a str,
     /// The file.
     pub(super) file: &'a Path,
-    /// What people call it.
+    /// The name of the work for people.
     pub(super) what: &'a str,
-    /// What tells it from other work.
+    /// The value that distinguishes it from other work.
     pub(super) fingerprint: String,
     /// How many parts it has.
     pub(super) parts: usize,
@@ -69,9 +69,9 @@ const NO_TABLE: files::Unwritten = files::Unwritten(Cow::Borrowed("the outcomes 
 
 /// A run that has ended.
 pub(super) struct Ran<R, T> {
-    /// How.
+    /// The way in which it ended.
     pub(super) ended: T,
-    /// Its journal.
+    /// The journal of the run.
     pub(super) journal: Journal<R>,
     /// Whether the table of `--outcomes` is written.
     table: Result<()>,

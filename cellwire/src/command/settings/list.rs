@@ -17,7 +17,7 @@ use cellwire_io::plain;
 
 /// Prints the settings of a command as a file for --settings
 ///
-/// Each line is a default, behind a `#`: remove the `#` and change the value.
+/// Each line is a default, after a `#`: remove the `#` and change the value.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(true)
 }
 
-/// What a command calls itself, and what can be set of it.
+/// Returns the full name of a command, and its settings.
 fn of_command(command: &str, of: Option<&str>) -> Result<(String, Vec<Setting>)> {
     let link = || match of {
         Some(name) => Link::by_name(name),
@@ -117,7 +117,7 @@ pub fn named(option: &str) -> Option<String> {
     settings.into_iter().map(|setting| setting.name).find(|setting| *setting == name)
 }
 
-/// The lines of a file of settings, each behind a `#`; the settings in tables come last.
+/// Returns the lines of a file of settings, each after a `#`; the settings in tables come last.
 fn file(settings: &[Setting]) -> String {
     let (within, own): (Vec<_>, Vec<_>) = settings.iter().partition(|it| it.name.contains('.'));
     let (mut text, mut table) = (String::new(), "");

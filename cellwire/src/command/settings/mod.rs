@@ -180,7 +180,7 @@ pub fn located(error: anyhow::Error) -> anyhow::Error {
 
 /// The settings that were given to a Modbus client.
 pub(super) struct ClientGiven {
-    /// Those of the link's bytes.
+    /// The settings of the link's codec.
     pub(super) view: ViewSettings,
     /// The order of words, if it was given.
     pub(super) word_order: Option<WordOrder>,
@@ -190,7 +190,7 @@ pub(super) struct ClientGiven {
     what: &'static str,
     /// The settings of the link's bytes that the command uses.
     uses: &'static [&'static str],
-    /// Those of the session.
+    /// The settings of the session.
     given: Map<String, Value>,
 }
 
@@ -212,7 +212,7 @@ pub(crate) fn no_effect(name: &str) {
     remark(&format!("the setting {name} has no effect on this command"));
 }
 
-/// What `identify` finds of a line, and ends of several links have.
+/// The setting of a line that returns sent bytes: `identify` finds it, and ends of several links have it.
 const ECHO: &str = "echo";
 
 /// The name of the setting.

@@ -90,7 +90,8 @@ impl SourceArgs {
     }
 }
 
-/// What never holds bytes of a link is counted on standard error: it is no fault. So is what USB adapters were told.
+/// Reports packets that never contain bytes of a link on standard error, with their number: they are not a fault. Also reports
+/// the settings of USB adapters.
 pub(super) fn report(summary: &Summary) {
     for adapter in &summary.adapters {
         remark(adapter);

@@ -1,4 +1,4 @@
-//! What both ends say, decoded.
+//! The decoded messages of both ends.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -28,7 +28,7 @@ pub(super) struct Entry {
 /// On a line that carries both directions: the unknown sender of bytes that neither end sends.
 pub(super) const UNKNOWN: &str = "unknown";
 
-/// What was said or done.
+/// A message or another event of an end.
 #[derive(Debug, Clone)]
 pub(super) enum Told {
     Opened(Place),
@@ -37,7 +37,7 @@ pub(super) enum Told {
         length: u64,
         content: Value,
     },
-    /// Bytes that are no message, with the clause that they break.
+    /// Bytes that are not a message, with the clause that they break.
     Corrupt {
         offset: u64,
         error: Value,
@@ -66,13 +66,13 @@ pub(super) struct Decoding<'a> {
 }
 
 enum Connection {
-    /// What the ends A and B send.
+    /// The bytes of the ends A and B.
     Ends([Direction; 2]),
     /// A line that carries both directions.
     Line(Split),
 }
 
-/// What one end sends.
+/// The bytes of one end.
 struct Direction {
     /// The name of the end.
     end: &'static str,
@@ -142,7 +142,7 @@ impl<'a> Decoding<'a> {
         outcome
     }
 
-    /// What is missing by now is said.
+    /// Reports the messages that are missing by now.
     fn pass_time(&mut self, at: SystemTime, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
         self.watchers
             .iter_mut()
@@ -196,7 +196,7 @@ impl<'a> Decoding<'a> {
         }
     }
 
-    /// Nothing was seen for a while: what is held on a line is all that was sent.
+    /// Called when nothing was seen for a while: decodes the buffered bytes of a line as they are.
     pub(super) fn silence(&mut self, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
         self.pass_time(SystemTime::now(), tell)?;
         for (number, connection) in &mut self.connections {
@@ -210,11 +210,11 @@ impl<'a> Decoding<'a> {
     }
 }
 
-/// What a shadow says to something that was said or done.
+/// Passes an event to the shadow; returns its complaints.
 fn watch(watcher: &mut Watcher, entry: &Entry, poller: Option<&'static str>) -> Vec<Complaint> {
     let from = entry.end;
     let seen = match &entry.what {
-        // What lines and ports carried before is unknown.
+        // Earlier bytes of lines and ports are unknown.
         Told::Opened(Place::Tcp(..)) => shadow::Seen::Opened,
         Told::Message { length, content, .. } => {
             shadow::Seen::Message { from, length: *length, message: content }
@@ -250,7 +250,7 @@ fn since(at: SystemTime) -> Duration {
     at.duration_since(UNIX_EPOCH).unwrap_or_default()
 }
 
-/// What is on a line that carries both directions.
+/// Returns the entry for bytes on a line that carries both directions.
 fn said_on_line(connection: u32, said: Said) -> Entry {
     let Said { at, offset, bytes, message } = said;
     let (end, what) = match message {
@@ -300,7 +300,7 @@ impl Direction {
         if flow.is_empty() { Ok(()) } else { tell(Told::Bytes(flow)) }
     }
 
-    /// What is before missing bytes and what is after them are no frame together.
+    /// Skips missing bytes: those before and after them are not one frame.
     fn skip(&mut self, args: &LinkArgs, missing: u64, tell: Tell<'_>) -> Result<()> {
         self.finish(args.link, tell)?;
         if let Some(decoded) = &mut self.decoded {

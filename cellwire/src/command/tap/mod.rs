@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<bool> {
         if !args.screen {
             way.announce()?;
         }
-        // A server that is not there is said at once.
+        // An unreachable server is reported at once.
         let remarks = args.screen.then(screen::remarks);
         let passing = scope.spawn(move || way.pass(&args.way, &watch));
         if let Some(remarks) = remarks {

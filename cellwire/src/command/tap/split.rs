@@ -13,14 +13,14 @@ use cellwire_links::codec::{Item, Kind, Stream};
 /// on a line for both directions, ends take turns.
 pub(super) struct Split {
     sides: Vec<Side>,
-    /// Everything before it was said.
+    /// The offset of the first byte whose sender is not yet known.
     at: u64,
     /// The bytes from there on.
     held: VecDeque<u8>,
     spoke_last: Option<&'static str>,
 }
 
-/// What is read as one side's.
+/// The decoding of the line as one side's bytes.
 struct Side {
     name: &'static str,
     stream: Stream,
@@ -36,12 +36,12 @@ struct Message {
     content: Value,
 }
 
-/// What is on the line.
+/// Bytes on the line.
 pub(super) struct Said {
     pub(super) at: SystemTime,
     pub(super) offset: u64,
     pub(super) bytes: Vec<u8>,
-    /// Who has said what; `None`: bytes that neither side says.
+    /// The side, and the message; `None`: bytes that are not a message of either side.
     pub(super) message: Option<(&'static str, Value)>,
 }
 
@@ -76,7 +76,7 @@ impl Split {
         self.clear_up(now, say)
     }
 
-    /// The line is silent: what is held is all there is.
+    /// Called when the line is silent: decodes the buffered bytes as they are.
     pub(super) fn finish(&mut self, now: SystemTime, say: impl FnMut(Said) -> Result<()>) -> Result<()> {
         for Side { stream, messages, decided, .. } in &mut self.sides {
             stream.finish(|item| note(now, item, messages, decided))?;

@@ -1,4 +1,4 @@
-//! What is tapped.
+//! The transport that `cellwire tap` forwards or listens to.
 
 use std::net::{TcpListener, UdpSocket};
 
@@ -50,7 +50,7 @@ impl WayArgs {
     }
 }
 
-/// What is tapped.
+/// The transport that `cellwire tap` forwards or listens to.
 pub(in crate::command) enum Way {
     Tcp(TcpListener),
     Udp(UdpSocket),

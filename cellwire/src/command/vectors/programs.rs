@@ -15,7 +15,7 @@ struct File {
     vectors: Vec<Vector>,
 }
 
-/// What stands around a part, and which list of the program it is alone in.
+/// The text around a part, and the list of the program that contains the part alone.
 #[derive(Deserialize)]
 struct Part {
     list: String,

@@ -17,7 +17,7 @@ const WRONG_STOP: f64 = 0.3;
 const MOST: f64 = 96.0;
 /// The highest bit of every character is a stop bit that was taken for a data bit.
 const NEVER_LOW: f64 = -20.0;
-/// What a link that explains the bytes is worth at most.
+/// The highest weight of a link that explains the bytes, in bits.
 const EXPLAINED: f64 = 40.0;
 
 /// A setting, and what speaks for it.

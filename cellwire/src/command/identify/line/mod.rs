@@ -35,7 +35,7 @@ pub(super) struct Setting {
     pub(super) mode: Mode,
 }
 
-/// What was heard with a setting.
+/// The bytes that were received with a setting.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Heard {
     /// The characters that are whole.
@@ -118,7 +118,7 @@ impl Heard {
         }
     }
 
-    /// What 8N1 has heard, as seven bits and a parity.
+    /// Converts bytes that were received as 8N1 to seven bits and a parity.
     pub(super) fn of_seven(&self, parity: Parity) -> Self {
         let is_right = |byte: &u8| byte.count_ones().is_multiple_of(2) == (parity == Parity::Even);
         let mut heard = Self { broken: self.broken, ..Self::default() };
@@ -170,10 +170,11 @@ impl Search {
         &mut self.heard[at].1
     }
 
-    /// What to listen with next, the one first that was listened with least; none when more would not decide. `has` says whether
-    /// the port has a format.
+    /// Returns the next setting to listen with: the one with the fewest turns first; `None` when more bytes would not decide.
+    /// `has` returns whether the port has a format.
     ///
-    /// Every rate as 8N1 first. Where one is clean, a character is ten bits long; where none is, it may be eleven, or nine.
+    ///
+    /// First all rates as 8N1. If one of them is clean, a character is ten bits long; otherwise it may be eleven, or nine.
     pub(super) fn next(&self, has: &dyn Fn(Mode) -> bool) -> Option<Setting> {
         let wanting = |setting: &Setting| self.heard(*setting).is_none_or(|heard| !Self::has_enough(heard));
         let times = |setting: &Setting| self.heard(*setting).map_or(0, |heard| heard.times);
@@ -202,7 +203,7 @@ impl Search {
         best.bits >= LIKELY && is_apart && plain.is_some_and(|heard| heard.count() >= SOME)
     }
 
-    /// What was heard with a setting, or would have been.
+    /// Returns the bytes that were received with a setting, or would have been.
     pub(super) fn heard_with(&self, setting: Setting) -> Option<Heard> {
         let heard = self.heard(setting.heard_as())?;
         Some(if setting == setting.heard_as() { heard.clone() } else { heard.of_seven(setting.mode.parity) })
@@ -218,7 +219,7 @@ impl Search {
         };
         let settings =
             self.heard.iter().flat_map(|(setting, _)| core::iter::once(*setting).chain(seven(setting)));
-        // Where characters have ten bits, a parity behind the eighth is a stop bit: always high.
+        // With characters of ten bits, a parity bit after the eighth data bit is a stop bit: always high.
         let has_ten = |it: &Setting| self.heard(it.with(Mode::EIGHT_N_ONE)).is_some_and(Heard::is_clean);
         let is_longer = |it: &Setting| it.mode.data_bits == DataBits::Eight && it.mode.parity != Parity::None;
         let mut judged: Vec<Judged> = settings
@@ -230,7 +231,7 @@ impl Search {
     }
 }
 
-/// Those that the best does not rule out; itself is the first.
+/// Returns the settings that the best one does not rule out, beginning with itself.
 pub(super) fn likely(judged: &[Judged]) -> &[Judged] {
     let most = judged.first().map_or(0.0, |best| best.bits);
     let count = judged.iter().take_while(|it| it.bits > most - APART).count();

@@ -14,7 +14,7 @@ const FORMATS: [Mode; 6] = [
     OTHERS[2],
 ];
 
-/// What a receiver with a setting makes of bytes.
+/// Adds the characters that a receiver with a setting reads from bytes.
 fn hear(heard: &mut Heard, from: Format, setting: Setting, bytes: &[u8]) {
     let odd = match setting.mode.parity {
         Parity::None => None,
@@ -26,7 +26,8 @@ fn hear(heard: &mut Heard, from: Format, setting: Setting, bytes: &[u8]) {
     heard.take(Duration::ZERO, &marked(&to.receive(&from.bits(bytes), from.baud)));
 }
 
-/// What the search finds of a line on which these messages are sent, with pauses between them; and how often it listened.
+/// Returns the result of the search on a line on which these messages are sent, with pauses between them, and the number of
+/// turns.
 fn search(from: Format, messages: &[Vec<u8>]) -> (Vec<Judged>, usize) {
     let (mut search, mut listened, mut said) = (Search::default(), 0, messages.iter().cycle());
     while let Some(setting) = search.next(&|_| true).filter(|_| listened < 200) {

@@ -29,7 +29,7 @@ impl<'a> File<'a> {
         self.problems().map(|(problem, _)| problem.level()).max()
     }
 
-    /// What was found, and its line and column: why it is no program, or the findings in it.
+    /// Returns the problems, with line and column: the reason for which the file is not a program, or its findings.
     pub(super) fn problems(&self) -> impl Iterator<Item = (Problem, (usize, usize))> {
         let error = self.document.as_ref().err().map(|e| (Problem::Error(e.reason), (e.line, e.column)));
         error.into_iter().chain(self.findings.iter().map(|f| (f.problem, (f.line, f.column))))
@@ -104,7 +104,7 @@ impl<'a> File<'a> {
 
 /// A line of a file with a mark below a place in it.
 fn point_at(line: &str, number: usize, column: usize) -> String {
-    // A tab takes one column, in the count as on the screen, and so does what a terminal would obey.
+    // A tab takes one column, in the count as on the screen, and so does a control character.
     let shown = |c: char| match c {
         '\t' => ' ',
         c if c.is_control() => char::REPLACEMENT_CHARACTER,

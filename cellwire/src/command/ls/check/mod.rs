@@ -42,7 +42,7 @@ pub(super) struct KnownArgs {
     #[arg(long, value_name = "FILE")]
     macros: Option<PathBuf>,
     /// A file with the first words of instructions and motion options that fanuc-ls does not know, one per line, such as those of
-    /// an application; what begins with one of them is not reported
+    /// an application; text that begins with one of them is not reported
     #[arg(long, value_name = "FILE")]
     instructions: Option<PathBuf>,
     /// The longest program name; 8 on old controllers

@@ -1,4 +1,4 @@
-//! What the screen shows: counts, rates, times and the last messages.
+//! The contents of the screen: counts, rates, times and the last messages.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, SystemTime};
@@ -34,16 +34,16 @@ pub(super) struct Board {
     pub(super) state: String,
     pub(super) ends: BTreeMap<&'static str, EndBoard>,
     pub(super) errors: BTreeMap<String, u64>,
-    /// What is wrong with what is said, by kind, and the last of it.
+    /// The number of complaints, by kind, and the last one.
     pub(super) complaints: BTreeMap<&'static str, u64>,
     pub(super) complaint: Option<LineBoard>,
     /// Why messages are no longer decoded.
     pub(super) failure: Option<String>,
-    /// What the tap itself has said, oldest first.
+    /// The remarks of the tap itself, oldest first.
     pub(super) remarks: VecDeque<String>,
     pub(super) missed: u64,
     pub(super) lines: VecDeque<LineBoard>,
-    /// Who has sent the last message of a connection, and when.
+    /// The sender of the last message of a connection, and its time.
     last: BTreeMap<u32, (&'static str, SystemTime)>,
 }
 

@@ -19,7 +19,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, board: &Board) {
     let ends = u16::try_from(board.ends.len()).unwrap_or(u16::MAX).clamp(2, 6);
     let mut free = frame.area().height.saturating_sub(HEAD + ends + 3 + FOOT);
     let mut left_out = Vec::new();
-    // The table of the ends comes first: what has no space below it is named.
+    // The table of the ends comes first: parts without space below it are named.
     let [wrong, last, times] = PARTS.map(|(name, rows)| {
         let rows = if rows <= free { rows } else { 0 };
         free -= rows;
@@ -153,7 +153,8 @@ fn axis_of(width: usize) -> String {
     text
 }
 
-/// What the shadows say: how much of each kind, and the last of it; or why nothing is decoded any more.
+/// Draws the complaints of the shadows: the number of each kind, and the last one; or the reason for which nothing is decoded any
+/// more.
 fn draw_wrong(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     if let Some(failure) = &board.failure {
         return frame

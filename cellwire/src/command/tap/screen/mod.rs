@@ -22,16 +22,16 @@ use cellwire_io::output;
 /// A picture is drawn this often.
 const PICTURE: Duration = Duration::from_millis(100);
 
-/// Whether there is a terminal for a screen.
+/// Checks that standard output is a terminal.
 ///
 /// # Errors
-/// When there is none.
+/// When it is not.
 pub(super) fn check() -> Result<()> {
     ensure!(io::stdout().is_terminal(), "--screen needs a terminal");
     Ok(())
 }
 
-/// What there is to say from now on, for the screen.
+/// Returns the remarks from now on, for the screen.
 pub(super) fn remarks() -> Receiver<String> {
     let (sender, remarks) = channel();
     output::show_remarks(Some(sender));

@@ -36,7 +36,7 @@ struct Cli {
     command: Command,
 }
 
-/// What `cellwire --help` prints, before what it ends with.
+/// The first part of the output of `cellwire --help`.
 const HELP: &str = "\
 Tests robot links without a robot, and runs jobs on real ones
 

@@ -56,12 +56,12 @@ struct Timing {
     p50: Duration,
     p99: Duration,
     max: Duration,
-    /// What the budget is compared with: [`Samples::judged`].
+    /// The value that is compared with the budget: [`Samples::judged`].
     judged: Duration,
     budget: Option<Budget>,
 }
 
-/// What the source allows, for the p99 of a timing.
+/// The time that the source allows, for the p99 of a timing.
 #[derive(Debug, Clone, Copy)]
 pub struct Budget {
     /// The time.
@@ -130,8 +130,9 @@ impl Report {
         });
     }
 
-    /// Adds a row with p50, p99, max and the budget. A p99 above the budget is reported; it is no failure, because other programs of
-    /// a shared machine cause it too. In a short run, where the p99 is nearly the maximum, three samples may be above the budget.
+    /// Adds a row with p50, p99, max and the budget. A p99 above the budget is reported; it is not a failure, because other
+    /// programs on a shared computer can cause it. In a short run, where the p99 is nearly the maximum, three samples may be
+    /// above the budget.
     pub fn timing(&mut self, key: &str, label: &str, samples: &Samples, budget: Option<Budget>) {
         self.timings.push(Timing {
             key: key.into(),
@@ -250,7 +251,7 @@ impl Timing {
         [self.label.clone(), show(self.p50), show(self.p99), show(self.max), limit, margin]
     }
 
-    /// What is left of the budget, in seconds; negative when it is exceeded.
+    /// Returns the unused part of the budget, in seconds; negative when it is exceeded.
     fn margin(&self, budget: Budget) -> f64 {
         budget.time.as_secs_f64() - self.judged.as_secs_f64()
     }

@@ -108,7 +108,7 @@ pub fn run(link: &str, options: &DemoOptions) -> Result<Report> {
     Ok(report)
 }
 
-/// What can be set of the demo of the link of this name.
+/// Returns the settings of the demo of the link of this name.
 pub fn settings(link: &str) -> Vec<Setting> {
     DEMOS.iter().find(|demo| demo.link == link).map_or_else(Vec::new, |demo| (demo.settings)())
 }

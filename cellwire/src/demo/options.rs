@@ -1,4 +1,4 @@
-//! What a demo is to do.
+//! The options of a demo.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -20,7 +20,7 @@ pub struct DemoOptions {
     pub seed: u64,
     /// Where to write the result.
     pub out: Option<PathBuf>,
-    /// What is done to the record of the run before it is judged.
+    /// The change of the run's record before it is judged.
     pub must_fail: Option<MustFail>,
     /// The SVG file to draw; `None`: a built-in picture.
     pub drawing: Option<PathBuf>,
@@ -28,13 +28,13 @@ pub struct DemoOptions {
     pub trace: TraceArgs,
     /// Settings other than the demo's defaults.
     pub settings: Map<String, Value>,
-    /// What stands for serial lines.
+    /// The transport in place of serial lines.
     pub lines: Lines,
     /// The progress line, on standard error.
     pub progress: ProgressBar,
 }
 
-/// What is done to the record of a run before it is judged, to show that the verdict finds it.
+/// The change of a run's record before it is judged, to show that the verdict finds it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum MustFail {
     /// Remove one entry that must be there
@@ -60,7 +60,7 @@ impl MustFail {
 }
 
 impl DemoOptions {
-    /// Those of a run without options, which shows no progress.
+    /// Returns the options of a run without options, which shows no progress.
     #[cfg(test)]
     pub(crate) fn quiet() -> Self {
         Self {

@@ -73,7 +73,7 @@ impl TypedValueParser for LinkParser {
 /// The device of this name.
 ///
 /// # Errors
-/// When there is none, or the link of this name has two.
+/// When the name is unknown, or belongs to a link with two devices.
 pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
     DEVICES.iter().find(|device| device.is_called(name)).with_context(|| {
         let names: Vec<&str> = DEVICES.iter().map(|device| device.name).collect();

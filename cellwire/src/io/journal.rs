@@ -27,7 +27,7 @@ pub fn beside(work: &Path) -> PathBuf {
     work.with_file_name(name)
 }
 
-/// What is known of a part of the work.
+/// The known outcome of a part of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -118,10 +118,10 @@ pub trait Record {
         0
     }
 
-    /// What is known of each part; of what is in flight, as it was before.
+    /// Returns the known outcome of each part; for a part in flight, the previous one.
     fn settled(&self) -> &[Outcome];
 
-    /// What is known of each part if nothing more is heard.
+    /// Returns the known outcome of each part if nothing more is received.
     fn outcomes(&self) -> Cow<'_, [Outcome]> {
         self.settled().into()
     }
@@ -171,11 +171,12 @@ pub struct Journal<R> {
 }
 
 impl<R: Record> Journal<R> {
-    /// Opens the journal of this work, which may be none yet. With `again`, what it says of an earlier run of the same robot is replaced by
-    /// the first entry. `work` is what people call it.
+    /// Opens the journal of this work; the file may not exist yet. With `again`, the first entry replaces the entries of an
+    /// earlier run of the same robot. `work` is its name for people.
     ///
     /// # Errors
-    /// When another process has it open, it is the journal of another robot, or of other work and not `again`, or no journal.
+    /// When another process has it open, it is the journal of another robot, or of other work and not `again`, or it is not a
+    /// journal.
     pub fn open(path: &Path, work: &str, head: Head, again: bool) -> Result<Self> {
         let what = || format!("the journal {}", path.display());
         // Not in append mode: on Windows such a file cannot be truncated.
@@ -228,17 +229,17 @@ impl<R: Record> Journal<R> {
         Ok(())
     }
 
-    /// Its file.
+    /// The path of the journal.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What it says.
+    /// The contents of the journal.
     pub fn record(&self) -> &R {
         &self.record
     }
 
-    /// What is known of each part.
+    /// Returns the known outcome of each part.
     pub fn outcomes(&self) -> Cow<'_, [Outcome]> {
         self.record.outcomes()
     }

@@ -1,5 +1,5 @@
-//! A terminal that shows pictures: what is drawn is written by a thread of its own, because a terminal may block (a selection, a hung
-//! link, Ctrl-S), and it is given back as it was however the program ends.
+//! A terminal that shows pictures: a thread of its own writes them, because a terminal may block (a selection, a hung link,
+//! Ctrl-S). The terminal is restored however the program ends.
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -51,7 +51,7 @@ impl Screen {
         Ok(Self { terminal, is_free, has_failed })
     }
 
-    /// Draws a picture if the terminal has taken the one before; false if it has not.
+    /// Draws a picture if the terminal has taken the previous one; returns false otherwise.
     pub fn draw(&mut self, picture: impl FnOnce(&mut ratatui::Frame<'_>)) -> Result<bool> {
         if !self.is_free.load(Ordering::Acquire) {
             return Ok(false);

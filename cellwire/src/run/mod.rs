@@ -19,7 +19,7 @@ use cellwire_io::output::{admits, remark};
 
 /// After a signal, the longest wait for the machine to stop by itself.
 pub const STOP_WITHIN: Duration = Duration::from_secs(30);
-/// The longest wait after that, for a machine that was told to stop at once, and for whatever blocks.
+/// The longest wait after that, for a machine that was told to stop at once, and for calls that block.
 pub const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// The interval at which a question looks for its answer.
@@ -60,8 +60,8 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// Returns how many of `count` unknown parts, the first of which has the index `first`, are done; `None` for a number that is neither
-    /// one of them nor the one before them.
+    /// Returns how many of `count` unknown parts, the first of which has the index `first`, are done; `None` for a number that is
+    /// neither one of these parts nor the part before the first.
     pub fn done(self, first: usize, count: usize) -> Option<usize> {
         match self {
             Self::Done => Some(count),
@@ -258,8 +258,8 @@ impl<'a> Console<'a> {
         self.notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
     }
 
-    /// The next line or stop of the operator, within `wait`; without one, however long that takes. `None` if there is none, and when
-    /// nobody types any more.
+    /// Returns the next line or stop of the operator, within `wait`; without `wait`, however long that takes. `None` after that
+    /// time, or when standard input has ended.
     pub fn next(&mut self, wait: Option<Duration>) -> Option<Typed> {
         if core::mem::take(&mut self.stops) {
             return Some(self.stop());

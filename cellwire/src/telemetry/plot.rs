@@ -140,7 +140,7 @@ fn xyz<T: 'static>(vector: fn(&T) -> [f64; 3]) -> [Part<T>; 4] {
 
 #[derive(Clone, Copy)]
 enum Stroke {
-    /// What was recorded: wide and pale, so that what was asked for can be seen upon it.
+    /// The recording: wide and pale, so that the reference is visible upon it.
     Wide,
     Dashed,
     Thin,

@@ -1,4 +1,4 @@
-//! What a logger keeps: the blocks as a table, and the motion in them.
+//! The recording of a logger: the blocks as a table, and the motion in them.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -181,9 +181,9 @@ pub fn reference(trajectory: &Trajectory, arm: &impl Kinematics) -> Vec<State> {
 /// A recording beside its reference, on the reference's clock.
 #[derive(Debug)]
 pub struct Comparison {
-    /// What was asked for.
+    /// The commanded states.
     pub reference: Vec<State>,
-    /// What was recorded, the delay taken off its times.
+    /// The recorded states; the delay is subtracted from their times.
     pub recording: Vec<State>,
     /// The delay, in seconds.
     pub delay: f64,

@@ -7,7 +7,7 @@ use fanuc_ls::{Builder, EncodeError, Program, Rules};
 /// The source's background task (its Figure 8): in each period the controller puts a life counter, the override, the
 /// tool's pose, its quaternion and their differences into registers that can be read over Modbus.
 ///
-/// `Default` is the figure to the letter. What it computes has three properties that the reader must know and undo, as
+/// `Default` is the figure to the letter. Its results have three properties that the reader must know and undo, as
 /// [`Tracker`](cellwire_motion::Tracker) does:
 ///
 /// - it makes Q1 positive, so the quaternion jumps to its negative near 180°, and its difference with it;

@@ -266,7 +266,7 @@ fn joints(at: f64) -> [f64; 6] {
     ]
 }
 
-/// What a controller shows of a pose.
+/// Returns a pose as a controller shows it.
 fn shown(run: &Run, seconds: f64) -> Pose {
     let cellwire_motion::Pose { position, orientation } = run.at(seconds);
     Pose { position, wpr: Quaternion::normalised(orientation).to_wpr() }

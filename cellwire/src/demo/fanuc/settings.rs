@@ -1,4 +1,4 @@
-//! What can be set of the demo.
+//! The settings of the demo.
 
 use core::ops::RangeInclusive;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use cellwire_sim::fanuc::PERIOD;
 /// The times from one request to the next.
 const POLL: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
 
-/// What can be set of the demo.
+/// The settings of the demo.
 #[derive(Debug)]
 pub struct Settings {
     pub(super) poll: Duration,

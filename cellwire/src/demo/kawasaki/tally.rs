@@ -1,4 +1,4 @@
-//! What became of the jobs: what was sent, beside what the pen did.
+//! The outcomes of the jobs: compares the sent jobs with the pen's drawing.
 
 use std::sync::mpsc::Receiver;
 
@@ -93,7 +93,7 @@ impl<'a> Orders<'a> {
         &self.longest
     }
 
-    /// What became of the jobs of the orders that are counted.
+    /// Returns the outcomes of the jobs of the counted orders.
     pub fn tally(&self) -> Tally {
         self.tally
     }

@@ -31,7 +31,7 @@ const ASK_AGAIN: Duration = Duration::from_secs(3);
 pub struct Cutter<'a> {
     driver: Driver<Port>,
     host: Host,
-    /// What is to be cut, and what is known of it.
+    /// The path to cut, and the known outcomes.
     pub plan: Plan<'a>,
 }
 
@@ -41,9 +41,9 @@ pub struct Plan<'a> {
     path: &'a [Cut],
     /// How many instructions a frame holds at most.
     batch: u8,
-    /// What each ticket of the host was: an instruction of the path, or a question.
+    /// The instruction of the path that each ticket of the host belongs to; `None` for a question.
     tickets: Vec<Option<usize>>,
-    /// What is to be sent, in this order.
+    /// The instructions to send, in sequence.
     todo: VecDeque<usize>,
     /// Whether to ask for the robot's status before going on, and when it was known last.
     ask: bool,
@@ -52,15 +52,15 @@ pub struct Plan<'a> {
     boot: Option<i16>,
     /// How many instructions, of those that it has queued, it had certainly executed when it was asked last.
     executed_before: usize,
-    /// What the robot has queued, in this order.
+    /// The instructions that the robot has queued, in sequence.
     queued: Vec<usize>,
     /// When the last frame was sent.
     sent: Rc<Cell<Duration>>,
-    /// What is known of each instruction.
+    /// The known outcome of each instruction.
     pub known: Vec<Option<Reported>>,
     /// The instructions that the robot confirmed, and may have forgotten when it restarted.
     pub doubted: Vec<usize>,
-    /// What was counted.
+    /// The counts of the run.
     pub counts: HostCounts,
 }
 
@@ -82,7 +82,7 @@ impl Transport for Port {
     }
 }
 
-/// What a host has seen.
+/// The counts of a host.
 #[derive(Debug, Clone, Default)]
 pub struct HostCounts {
     /// Instructions that the robot has queued.
@@ -216,7 +216,7 @@ impl Plan<'_> {
             HostEvent::Unknown { first, count, .. } => (first, count, Fate::Unknown),
             _ => return Ok(()),
         };
-        // What has been submitted meanwhile waits until the robot has been asked. Its tickets are never used again.
+        // Instructions that were submitted meanwhile wait until the robot's status is known. Their tickets are never used again.
         if fate != Fate::Queued {
             let back = self.tickets.len() - usize::from(host.take_back());
             self.again(back..self.tickets.len());

@@ -47,7 +47,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The bytes of a frame of one instruction, of seven, and of an answer.
 const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 
-/// What can be set of the demo.
+/// The settings of the demo.
 #[derive(Debug)]
 pub struct Settings {
     host: HostConfig,
@@ -150,7 +150,7 @@ fn cut<'a>(
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
     let mut cutter = Cutter::new(AnyPort::open(port, config.baud, Dialing::default())?, path, config)?;
-    // A new host waits until what an earlier one may have sent has passed: that is no part of the rate.
+    // A new host waits until bytes of an earlier host have passed: that time does not count for the rate.
     cutter.cut(Duration::ZERO, 1, |_| ())?;
     let start = clock.now();
     let rate = |cutter: &mut Cutter<'a>, end: Duration, batch: u8| -> Result<f64> {
@@ -288,7 +288,7 @@ mod tests {
         bad_line(Lines::PseudoTerminals);
     }
 
-    /// What stands for the line where there are no pseudo-terminals.
+    /// The line where pseudo-terminals do not exist.
     #[test]
     fn nor_over_tcp() {
         bad_line(Lines::Tcp);

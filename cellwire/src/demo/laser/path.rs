@@ -1,4 +1,4 @@
-//! What is cut: the tool's drawing on a large curved sheet, as instructions with six floats.
+//! The path to cut: the tool's drawing on a large curved sheet, as instructions with six floats.
 
 use anyhow::Result;
 use laser_eb90::{EncodeError, Item, Items, Payload, Profile};
@@ -36,7 +36,7 @@ impl Cut {
         parameters.f32(&self.values).map(drop)
     }
 
-    /// What a job cuts; `None` if it is no instruction of a path.
+    /// Returns the cut of a job; `None` if the job is not an instruction of a path.
     pub fn of(job: &Job, profile: &Profile) -> Option<Self> {
         let mut items = Items::new(&job.parameters, profile);
         match (job.word, items.next(), items.next()) {
@@ -47,7 +47,7 @@ impl Cut {
         }
     }
 
-    /// Where it ends on the sheet; what corruption has moved off it is at its edge.
+    /// Returns the end of the cut on the sheet; a point that corruption has moved off the sheet is at its edge.
     pub fn end(&self) -> Point {
         let [x, y, ..] = self.values;
         Point { x: hundredths(x).clamp(0, SHEET.x), y: hundredths(y).clamp(0, SHEET.y) }
@@ -83,8 +83,8 @@ fn steps(line: Line, length: &mut f64) -> Vec<Cut> {
         .collect()
 }
 
-/// What a measuring system gives for the sheet at X, Y: its height, and how the beam must be tilted to stand upright on it. The
-/// parameters of a laser robot cannot be taught, they come from such a system (introduction of the source).
+/// Returns the measurements of the sheet at X, Y: its height, and the tilt of the beam with which it is perpendicular to the
+/// sheet. The parameters of a laser robot cannot be taught; they come from a measuring system (introduction of the source).
 fn measured(x: f64, y: f64) -> (f64, f64, f64) {
     let (wave_x, wave_y) = (x / 240.0, y / 310.0);
     let z = 12.0 * wave_x.sin() + 8.0 * wave_y.cos();

@@ -80,7 +80,7 @@ impl Cell {
         })
     }
 
-    /// A new connection to a device takes the place of the one before.
+    /// Connects to a device; a new connection replaces the previous one.
     pub fn connect(&mut self, which: Which, now: Duration) {
         match which {
             Which::Robot => connect(&mut self.robot, now),
@@ -152,13 +152,13 @@ impl Cell {
     }
 }
 
-/// A new connection takes the place of the one before.
+/// Connects to a device; a new connection replaces the previous one.
 fn connect<P: Simulated>(device: &mut Simulator<MmaDevice<P>>, now: Duration) {
     device.handle_disconnected(now);
     device.handle_connected(now);
 }
 
-/// What it replies, and whether it closes the connection then.
+/// Returns the device's reply, and whether it then closes the connection.
 fn receive<P: Simulated>(
     device: &mut Simulator<MmaDevice<P>>,
     now: Duration,

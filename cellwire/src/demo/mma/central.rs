@@ -34,15 +34,15 @@ pub struct Central {
     periphery: End<NoPose>,
     /// Orders that wait for their turn on the third connection: it leads to two devices of the task.
     waiting: VecDeque<(Device, Command<NoPose>)>,
-    /// Whose order is under way there.
+    /// The device whose command is in progress on the third connection.
     asked: Option<Device>,
     switch: bool,
     parts: Option<u64>,
-    /// What happened.
+    /// The log of the run.
     pub log: Log,
 }
 
-/// What a run did.
+/// The log of a run.
 #[derive(Debug, Default)]
 pub struct Log {
     /// Each step and when it began, in cell time.
@@ -123,7 +123,7 @@ impl Central {
         }
     }
 
-    /// Bytes for a device; empty when there are none.
+    /// Returns the bytes for a device; empty if there are no bytes to send.
     pub fn transmit(&mut self, which: Which) -> Vec<u8> {
         core::mem::take(match which {
             Which::Robot => &mut self.robot.outgoing,
@@ -310,7 +310,7 @@ impl<P: Pose> End<P> {
         self.session.handle_connected(now);
     }
 
-    /// What has happened, each with the time since the last command; what is to be sent is in `outgoing`.
+    /// Returns the events, each with the time since the last command; moves the bytes to send to `outgoing`.
     fn settle(&mut self, now: Duration) -> Vec<(CentralEvent<P>, Duration)> {
         let Self { session, sent_at, outgoing } = self;
         let (mut events, mut buffer) = (Vec::new(), [0; 64]);

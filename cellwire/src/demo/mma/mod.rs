@@ -242,7 +242,7 @@ impl Run {
     }
 }
 
-/// What a reading thread received: bytes, or the end.
+/// The bytes that a reading thread received, or the end.
 struct Arrival {
     which: Which,
     number: u64,
@@ -284,7 +284,7 @@ impl Connection {
         Self::open(self.which, self.address, self.number + 1, sender)
     }
 
-    /// What cannot be written is lost with the connection, which the reader reports.
+    /// Writes bytes. If that fails, closes the connection, which the reader reports.
     fn write(&mut self, bytes: &[u8]) {
         if !bytes.is_empty() && self.stream.write_all(bytes).is_err() {
             let _ = self.stream.shutdown(Shutdown::Both);
@@ -359,7 +359,7 @@ fn report(
     report
 }
 
-/// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
+/// Counts motions as jobs: an accepted motion was executed once; an executed motion was accepted, or its reply was lost.
 fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Counts {
     let [robot, platform] = &log.motions;
     let mut robot = robot.spans(cell.robot().motions());

@@ -7,7 +7,7 @@ use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, VACUUM};
 use robot_session::{Step, Steps};
 
-/// What some bytes led to.
+/// The result of some bytes.
 #[derive(Debug, Default)]
 pub(super) struct Answer {
     pub(super) replies: Vec<u8>,
@@ -16,7 +16,7 @@ pub(super) struct Answer {
     pub(super) closed: bool,
 }
 
-/// Obeys commands for cameras and valves, and refuses the rest.
+/// Executes commands for cameras and valves, and refuses all others.
 #[derive(Debug)]
 pub(super) struct Periphery {
     device: Device<NoPose>,

@@ -1,4 +1,4 @@
-//! What can be set of the demo.
+//! The settings of the demo.
 
 use mmacell_proto::CentralConfig;
 use mmacell_task::TaskConfig;
@@ -12,7 +12,7 @@ const PARTS: u64 = 100;
 const MAX_PARTS: u64 = 10_000;
 /// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
 const SPEED: u32 = 200;
-/// What can be set of the demo.
+/// The settings of the demo.
 #[derive(Debug)]
 pub struct Settings {
     pub(super) parts: u64,

@@ -123,7 +123,7 @@ impl Picture<'_, '_> {
         self.outcomes(shown.outcomes)
     }
 
-    /// What the colours mean, beside the labels of the bars.
+    /// Draws the meaning of the colours, beside the labels of the bars.
     fn legend(&self) -> Drawn {
         let mut left = LEFT;
         for (color, text) in [

@@ -1,4 +1,4 @@
-//! What a run has to show: every part in its place, no step skipped, the vacuum never left on.
+//! The checks of a run: every part in its place, no step skipped, the vacuum never left on.
 
 use mmacell_task::Step;
 

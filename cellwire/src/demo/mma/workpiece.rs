@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use mmacell_proto::{BLOW, PlatformPose, RobotPose, VACUUM};
 
-/// How near the part the gripper has to come: it is soft, and is pressed on by so much at most.
+/// The largest distance in µm at which the gripper reaches the part: it is soft, and is compressed by this length at most.
 const CONTACT_UM: f64 = 8_000.0;
-/// How far from its place a part may be put down.
+/// The largest distance in µm at which a part may be put down beside its place.
 const PLACE_UM: f64 = 10.0;
 /// How often a part is missed, and how often one falls.
 const MISSED: f64 = 0.08;
@@ -23,11 +23,11 @@ pub struct Workpieces {
     blow: bool,
     /// When the part fell whose vacuum is still on.
     fell: Option<Duration>,
-    /// What happened, for the verdict and the picture.
+    /// The record for the verdict and the picture.
     pub record: Record,
 }
 
-/// What happened to the parts.
+/// The record of the parts.
 #[derive(Debug, Default)]
 pub struct Record {
     /// Parts put in their place and blown off the gripper.
@@ -48,11 +48,11 @@ pub struct Record {
     pub blow: Vec<(Duration, bool)>,
     /// Levels and their beginnings.
     pub switch: Vec<(Duration, bool)>,
-    /// What became of each attempt, and when.
+    /// The time and the outcome of each attempt.
     pub outcomes: Vec<(Duration, Outcome)>,
 }
 
-/// What became of an attempt.
+/// The outcome of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// In its place.
@@ -82,7 +82,7 @@ enum Holds {
     Sticks,
 }
 
-/// What an attempt is going to be like.
+/// The intended outcome of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fate {
     Good,
@@ -109,12 +109,12 @@ impl Workpieces {
         }
     }
 
-    /// What camera 1 sees: the pose of the platform for this part, and where it lies.
+    /// Returns the view of camera 1: the pose of the platform for this part, and the pose of the part.
     pub fn part(&self) -> (PlatformPose, RobotPose) {
         (self.part.platform, self.part.pick)
     }
 
-    /// What camera 2 sees: where the part goes.
+    /// Returns the view of camera 2: the place of the part.
     pub fn place(&self) -> RobotPose {
         self.part.place
     }
@@ -232,7 +232,7 @@ impl Part {
     }
 }
 
-/// How far two poses of the gripper are apart, in micrometres.
+/// Returns the distance of two poses of the gripper, in micrometres.
 fn distance(a: RobotPose, b: RobotPose) -> f64 {
     let along = |a: mmacell_proto::Length, b: mmacell_proto::Length| f64::from(a.um() - b.um()).powi(2);
     (along(a.x, b.x) + along(a.y, b.y) + along(a.z, b.z)).sqrt()

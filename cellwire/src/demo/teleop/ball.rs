@@ -9,7 +9,7 @@ use crate::demo::{DemoOptions, MustFail};
 use crate::report::{Budget, Report, were};
 use cellwire_links::settings::{self, Configure, Fields};
 
-/// What can be set of the demo.
+/// The settings of the demo.
 #[derive(Debug, Default)]
 pub struct Settings {
     polls: isra_ball::HostConfig,

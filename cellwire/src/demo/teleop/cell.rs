@@ -40,7 +40,7 @@ const TAKE_UP: Duration = Duration::from_secs(10);
 /// How the cell runs.
 #[derive(Debug, Clone)]
 pub struct CellConfig {
-    /// For how long.
+    /// The length of the run.
     pub time: Duration,
     /// The host's end of the robot's line.
     pub alter: HostConfig,
@@ -58,9 +58,9 @@ pub struct CellConfig {
     pub faults: bool,
     /// The seed of the faults.
     pub seed: u64,
-    /// What becomes of the last bytes of a session.
+    /// The options of traces: the place of a session's last bytes.
     pub trace: TraceArgs,
-    /// What stands for the lines.
+    /// The transport in place of serial lines.
     pub lines: Lines,
 }
 
@@ -83,7 +83,7 @@ impl CellConfig {
     }
 }
 
-/// What came of it, as the simulated devices and the host saw it.
+/// The results of a run, as the simulated devices and the host saw it.
 #[derive(Debug, Default)]
 pub struct CellRecord {
     /// The robot's side.
@@ -102,7 +102,7 @@ pub struct CellRecord {
     pub ends_before_stop: usize,
 }
 
-/// What the host reported.
+/// The reports of the host.
 #[derive(Debug, Default)]
 pub struct HostRecord {
     /// The replies that the robot has not rejected.
@@ -133,7 +133,7 @@ pub struct HostRecord {
     pub exchange: Samples,
     /// Polls without a packet.
     pub ball_missed: u64,
-    /// Packets of the ball that were no reply.
+    /// The number of the ball's packets that were not a reply.
     pub ball_late: u64,
     /// Corrupt packets of the ball.
     pub ball_corrupt: u64,

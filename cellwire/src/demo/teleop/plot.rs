@@ -26,7 +26,7 @@ type Curve = Vec<Vec<(f64, f64)>>;
 /// Draws the run of a cell where the options name a file.
 ///
 /// # Errors
-/// Those of [`draw`].
+/// The errors of [`draw`].
 pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRecord) -> Result<()> {
     let Some(path) = &options.out else { return Ok(()) };
     draw(path, &record.host.cycles.speeds(), &config.alter.limits)

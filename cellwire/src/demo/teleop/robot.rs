@@ -15,10 +15,10 @@ use crate::report::{Budget, Report, times};
 use cellwire_io::output::counted;
 use cellwire_links::settings::{self, Configure, Fields};
 
-/// What happens so shortly before the end of a run may stay unanswered.
+/// Messages so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
 
-/// What can be set of the demo: the host's end, and where the robot's differs.
+/// The settings of the demo: the host's end, and the differences of the robot's end.
 #[derive(Debug)]
 pub struct Settings {
     alter: HostConfig,
@@ -128,7 +128,7 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     let budget = puma.window.map(|time| Budget { time, source: "§3.4" });
     report.timing("turn_around", "request to reply; a missed cycle counts as 28 ms", &every_cycle, budget);
     report.timing("host", "of that, host session and computer", &puma.thinking, None);
-    // What it gave up took it too long; while it was put to sleep, it is not asked.
+    // A reply that the host gave up counts as a whole cycle, except for injected stalls.
     let mut host_own = host.thinking.clone();
     for _ in host.stalls..host.missed {
         host_own.add(timing::CYCLE);
@@ -139,7 +139,7 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report
 }
 
-/// What a window leaves the host when the request and its reply are as long as they can be.
+/// Returns the time that a window leaves to the host when the request and its reply are as long as possible.
 fn slack(config: &CellConfig) -> Option<Budget> {
     let HostConfig { mode, baud, framing, .. } = config.alter;
     let worst = timing::Budget::worst_case(mode.accumulation(), baud, mode.has_transform(), AXES, framing);
@@ -202,7 +202,7 @@ fn ends(record: &CellRecord) -> String {
     if text.is_empty() { "0".into() } else { text.join(", ") }
 }
 
-/// What the hand asked for, what the robot got, and the limits, along X in physical units; judged in every axis.
+/// Reports the values of the hand, the values for the robot, and the limits, along X in physical units; checks all axes.
 fn judge_limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
     let limits = config.alter.limits;
     let asked = record.host.cycles.asked();

@@ -9,7 +9,7 @@ use crate::report::{Report, were};
 use cellwire_links::settings::{self, Configure, Fields};
 use cellwire_sim::Viewer;
 
-/// What can be set of the demo: the workstation, and the host that answers it.
+/// The settings of the demo: the workstation, and the host that answers it.
 #[derive(Debug, Default)]
 pub struct Settings {
     viewer: Viewer,

@@ -17,11 +17,11 @@ use super::program::{Machine, Place};
 pub struct Robot {
     /// The program.
     pub machine: Machine,
-    /// What the holding registers show.
+    /// The mapping of the holding registers.
     pub mapping: Mapping,
     /// The signals that come from outside.
     pub inputs: Inputs,
-    /// The first register of the background task; 0: there is none.
+    /// The first register of the background task; 0 without one.
     pub telemetry: u32,
     before: Option<Pose>,
 }
@@ -70,7 +70,7 @@ impl Robot {
     }
 }
 
-/// What a program has reported, for who takes it.
+/// The reports of a program, for the thread that takes them.
 pub type Reports = Arc<Mutex<Vec<Value>>>;
 
 /// A robot in a controller that serves clients.
@@ -78,7 +78,7 @@ pub type Reports = Arc<Mutex<Vec<Value>>>;
 pub struct Reporting {
     /// The robot.
     pub robot: Robot,
-    /// What its program has reported.
+    /// The reports of its program.
     pub reports: Reports,
 }
 

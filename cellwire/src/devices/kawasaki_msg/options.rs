@@ -13,13 +13,13 @@ use kawasaki_msg::{PcConfig, RobotConfig};
 pub struct RobotSettings {
     /// The plant.
     pub plant: Plant,
-    /// Its session.
+    /// The configuration of the session.
     pub config: RobotConfig,
     /// How many jobs its queue holds.
     pub queue: usize,
     /// How fast the pen goes, in mm/s.
     pub speed: u32,
-    /// How long a job takes that is no line.
+    /// The time of a job that is not a line.
     pub job_time: Duration,
     /// Where the drawn picture is written.
     pub out: Option<String>,
@@ -55,7 +55,7 @@ impl Configure for RobotSettings {
 pub struct PcSettings {
     /// The plant.
     pub plant: Plant,
-    /// Its session.
+    /// The configuration of the session.
     pub config: PcConfig,
     /// The picture, an SVG file.
     pub drawing: Option<String>,

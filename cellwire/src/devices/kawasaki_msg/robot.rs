@@ -29,7 +29,7 @@ pub struct Setup {
     pub queue: usize,
     /// How fast the pen goes, in mm/s, where a job is a line.
     pub speed: f64,
-    /// How long a job takes that is none.
+    /// The time of a job that is not a line.
     pub job_time: Duration,
 }
 

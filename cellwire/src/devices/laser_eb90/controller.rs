@@ -25,12 +25,12 @@ use cellwire_io::clock::Clock;
 use cellwire_io::output::{log, remark};
 use cellwire_links::settings::{self, Configure, Fields};
 
-/// What a robot has done.
+/// The counts of a robot.
 #[derive(Debug, Default)]
 pub struct RobotCounts {
     /// Error codes sent.
     pub refused: u64,
-    /// What the robot does in a cycle, from when it has the processor until its answer is on the line.
+    /// The time of the robot's work in a cycle, from when it has the processor until its answer is on the line.
     pub work: Samples,
     /// From the end of the cycle to the answer on the line: how late the machine gave it the processor.
     pub answer: Samples,
@@ -220,7 +220,7 @@ fn execute(
         },
     )?;
     keep(&mut robot);
-    // What is queued is executed, in no time that anybody waits for.
+    // The queued instructions are executed, without waiting for their times.
     while !switch.was_killed()
         && let Some(end) = robot.device().due()
     {

@@ -9,7 +9,7 @@ pub struct Taken {
     pub session: u64,
     /// The how many-th cycle of the robot it answers.
     pub cycle: u64,
-    /// Its values.
+    /// The values of the reply.
     pub values: [i16; AXES],
 }
 

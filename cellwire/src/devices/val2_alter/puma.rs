@@ -25,7 +25,7 @@ use crate::io::samples::Samples;
 use cellwire_io::output::{log, notice};
 use cellwire_links::settings;
 
-/// The position is told after this many cycles: twice a second.
+/// The number of cycles between notifications of the position: twice a second.
 const TOLD: u64 = 18;
 
 /// How the simulated robot behaves.
@@ -33,7 +33,7 @@ const TOLD: u64 = 18;
 pub struct PumaConfig {
     /// The robot.
     pub puma: Puma,
-    /// What happens besides.
+    /// The events that the host does not cause.
     pub script: Script,
     /// Whether the record keeps each end, each cycle without a reply and each move of the gripper.
     pub keeps_all: bool,
@@ -47,14 +47,14 @@ impl Default for PumaConfig {
     }
 }
 
-/// What the simulated robot tells while it runs.
+/// A notification of the simulated robot while it runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notification {
-    /// What the robot says.
+    /// An event of the robot.
     Robot(PumaEvent),
     /// The arm is there.
     Moves(Pose),
-    /// What was measured since ALTER began.
+    /// The measurements since ALTER began.
     Measured(Measured),
     /// A client has the port open, or none has.
     Connected(bool),
@@ -71,7 +71,7 @@ pub struct Measured {
     pub window: Duration,
 }
 
-/// What the simulated robot measured and counted.
+/// The measurements and counts of the simulated robot.
 #[derive(Debug, Clone, Default)]
 pub struct PumaRecord {
     /// From the last byte of a request to the last byte of its reply.
@@ -80,7 +80,7 @@ pub struct PumaRecord {
     pub without: Vec<Duration>,
     /// The part of it that the host took, until it wrote the reply.
     pub thinking: Samples,
-    /// What was left of the window.
+    /// The unused time of the window.
     pub margin: Samples,
     /// The shortest window.
     pub window: Option<Duration>,
@@ -102,7 +102,7 @@ pub struct PumaRecord {
     pub strays: u64,
     /// How long the simulator itself was late.
     pub stood: Duration,
-    /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it is at rest in between.
+    /// The distance of the arm from its place at the end of ALTER when ALTER began again, in mm: it is at rest in between.
     pub drift: f64,
 }
 
@@ -174,7 +174,7 @@ fn follow(
     Ok(record.record)
 }
 
-/// What is measured of a robot's host.
+/// The measurements of a robot's host.
 struct Recording {
     record: PumaRecord,
     keeps_all: bool,
@@ -191,7 +191,7 @@ impl Recording {
         Self { record, keeps_all, stands_at: None, turn_around, cycles: 0 }
     }
 
-    /// What is to be told of an event.
+    /// Records an event; returns its notifications.
     fn take(
         &mut self,
         event: PumaEvent,
@@ -267,7 +267,7 @@ impl Recording {
         self.cycles.is_multiple_of(TOLD).then(|| device.pose())
     }
 
-    /// What was measured since ALTER began.
+    /// Returns the measurements since ALTER began.
     fn measured(&self) -> Option<Measured> {
         let times = &self.turn_around;
         let turn_around = [times.at(0.5), times.at(0.99), times.max()];
@@ -317,7 +317,7 @@ fn to_json(at: Duration, told: Notification) -> Value {
         PumaEvent::Incident(incident) => {
             json!({"ms": ms, "event": "script", "what": script::text(incident)})
         }
-        // A reply is told of by where the arm is.
+        // The position of the arm is reported instead of a reply.
         _ => Value::Null,
     }
 }

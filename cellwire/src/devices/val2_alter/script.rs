@@ -1,4 +1,4 @@
-//! What happens to the simulated robot, and when: interruptions, errors, ends and restarts that its host has not caused.
+//! The script of the simulated robot: interruptions, errors, ends and restarts that its host has not caused, and their times.
 
 use std::time::Duration;
 

@@ -24,12 +24,12 @@ const SECTION_HEADER: u32 = 0x0A0D_0D0A;
 const LITTLE: [u8; 4] = [0x4D, 0x3C, 0x2B, 0x1A];
 const BIG: [u8; 4] = [0x1A, 0x2B, 0x3C, 0x4D];
 
-/// What comes next.
+/// The next block of a capture.
 #[derive(Debug)]
 pub(super) enum Block<'a> {
     /// A packet.
     Frame(Frame<'a>),
-    /// Why there is none, or no more.
+    /// The reason for which a packet is missing, or the rest.
     Fault(Fault),
     /// The end of the capture.
     End,
@@ -42,7 +42,7 @@ pub(super) struct Frame<'a> {
     pub(super) link_type: Option<u32>,
     /// Of the section, from 0.
     pub(super) interface: usize,
-    /// Which section of the capture, from 0.
+    /// The section of the capture, from 0.
     pub(super) section: usize,
     pub(super) data: &'a [u8],
     /// Its length on the wire.
@@ -70,7 +70,7 @@ enum Form {
     PcapNg { is_big: bool, section: usize, interfaces: Vec<Interface> },
 }
 
-/// What a section says of an interface.
+/// The description of an interface in a section.
 struct Interface {
     link_type: u32,
     /// How much is captured of a packet at most; 0: all of it.
@@ -280,7 +280,8 @@ impl Form {
                         (packet.if_id as usize, data, packet.origlen, Some(ticks))
                     }
                     NgBlock::SimplePacket(packet) => {
-                        // What was captured is not said: the lesser of its length and the interface's limit.
+                        // The block does not state the captured length: it is the lesser of the packet's length and the
+                        // interface's limit.
                         let limit = match interfaces.first() {
                             Some(Interface { limit: limit @ 1.., .. }) => *limit,
                             _ => u32::MAX,

@@ -14,9 +14,9 @@ use super::{Fault, Flow, Found, Line, Packet, Reading, Segment, Summary};
 /// connection. A connection takes what its two directions hold, and the segments that wait.
 const MAX_CONNECTIONS: usize = 2048;
 
-/// Who takes what the directions of a capture hold.
+/// A consumer of the directions of a capture.
 pub trait Directions {
-    /// What is known of a direction that is taken.
+    /// The state of a direction that is taken.
     type Direction;
 
     /// The next packet was captured then.
@@ -74,7 +74,7 @@ pub fn read<D: Directions>(input: Box<dyn Read>, reading: &Reading, to: &mut D) 
     Ok((summary, table.found))
 }
 
-/// Two ends, the lesser first; a serial line has none.
+/// Two ends, the lesser first; for a serial line, the line alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Ends {
     Tcp(SocketAddr, SocketAddr),
@@ -114,11 +114,11 @@ struct Table<'a, D: Directions> {
     found: bool,
 }
 
-/// What is known of two ends.
+/// The known facts about two ends.
 struct Connection<T> {
     /// Counted from 1 for these ends.
     number: u64,
-    /// Which end opened it, if the capture has that.
+    /// The end that opened the connection, if the capture has that.
     client: Option<usize>,
     directions: [Direction<T>; 2],
     last: u64,

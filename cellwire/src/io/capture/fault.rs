@@ -1,4 +1,4 @@
-//! What keeps bytes of a capture from being read.
+//! The faults that prevent bytes of a capture from being read.
 
 use std::net::IpAddr;
 
@@ -20,9 +20,9 @@ pub enum Fault {
         /// The interface, from 0.
         interface: usize,
     },
-    /// A header that is none, or that the capture has cut off.
+    /// A header that is not valid, or that the capture has cut off.
     Unreadable {
-        /// What is wrong with it.
+        /// The error of the header.
         why: String,
         /// How many bytes of the packet the capture has cut off.
         missing: u64,
@@ -45,9 +45,9 @@ pub enum Fault {
         /// Why they are no packet.
         why: &'static str,
     },
-    /// A line of a hex dump that does not go on where the one before ends, or a line of strace that is not read.
+    /// A line of a hex dump that does not continue at the previous one's end, or a line of strace that cannot be read.
     Line {
-        /// What is wrong with it.
+        /// The error of the line.
         why: String,
     },
     /// The capture ends in the middle of a block.
@@ -55,11 +55,11 @@ pub enum Fault {
         /// The bytes of that block.
         length: usize,
     },
-    /// A block that is none: nothing after it can be read.
+    /// A block that is not valid: nothing after it can be read.
     Corrupt {
         /// Where it begins in the capture.
         at: u64,
-        /// What is wrong with it.
+        /// The error of the block.
         why: String,
     },
 }

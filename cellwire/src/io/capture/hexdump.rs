@@ -1,7 +1,7 @@
 //! Hex dumps as text2pcap reads them, and as Wireshark writes them when it follows a stream: an offset, and bytes.
 //!
-//! Both ends are told apart by `O` and `I` before the bytes, or by lines that stand further to the right than the leftmost one, as
-//! Wireshark has those of the server.
+//! The two ends are distinguished by `O` and `I` before the bytes, or by the indentation of lines: Wireshark indents those of the
+//! server.
 
 use std::io::{BufReader, Read};
 use std::time::Duration;

@@ -37,14 +37,14 @@ pub use self::hexdump::is_dump;
 pub use self::socat::is_socat;
 pub use self::usb::Adapter;
 
-/// What a capture is, and what is read of it.
+/// The form of a capture, and the part of it that is read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Reading {
-    /// Its form.
+    /// The form of the capture.
     pub form: Form,
     /// Only what is sent from or to this TCP or UDP port.
     pub port: Option<u16>,
-    /// What a USB device is that does not show it.
+    /// The type of a USB device that does not show it.
     pub adapter: Option<Adapter>,
     /// Only what strace has of this file descriptor.
     pub descriptor: Option<u32>,
@@ -58,7 +58,7 @@ pub enum Form {
     Pcap,
     /// The text that text2pcap reads.
     HexDump,
-    /// What strace writes.
+    /// Output of strace.
     Strace,
     /// Output of `socat -x`.
     Socat,
@@ -112,7 +112,7 @@ pub enum Flow {
 pub enum Line {
     /// A port of a USB adapter.
     Usb {
-        /// Its bus.
+        /// The bus of the device.
         bus: u16,
         /// Its number on the bus.
         device: u16,
@@ -121,7 +121,7 @@ pub enum Line {
     },
     /// A file that a program has opened.
     Opened {
-        /// Its descriptor.
+        /// The file descriptor.
         descriptor: u32,
         /// How many files have had this descriptor before.
         turn: u32,
@@ -145,7 +145,7 @@ impl fmt::Display for Line {
     }
 }
 
-/// What a TCP segment says beside its payload.
+/// The header of a TCP segment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Segment {
     /// The sequence number of the first byte of the payload.
@@ -163,7 +163,7 @@ pub struct Segment {
 /// A piece of a flow.
 #[derive(Debug, Clone, Copy)]
 pub struct Packet<'a> {
-    /// Which packet of the capture it is, from 1; of a text, the line.
+    /// The number of the packet in the capture, from 1; in a text, the line.
     pub number: u64,
     /// When it was captured, from any beginning.
     pub at: Option<Duration>,
@@ -177,7 +177,7 @@ pub struct Packet<'a> {
     pub missing: u64,
 }
 
-/// What a capture holds.
+/// An item of a capture.
 #[derive(Debug)]
 pub enum Found<'a> {
     /// Bytes of a flow.
@@ -186,7 +186,7 @@ pub enum Found<'a> {
     Fault(u64, Fault),
 }
 
-/// What a capture held beside flows.
+/// The contents of a capture beside flows.
 #[derive(Debug, Default)]
 pub struct Summary {
     /// The packets of the capture.
@@ -326,7 +326,7 @@ fn transport(
                 acknowledges: tcp.ack().then(|| tcp.acknowledgment_number()),
                 pushes: tcp.psh(),
             };
-            // What comes with a reset is a text for people, if anything.
+            // A reset contains a text for people, if anything.
             let payload = if tcp.rst() { &[] } else { tcp.payload() };
             Packet { number, at, flow: Flow::Tcp(from, to), segment: Some(segment), payload, missing }
         }),

@@ -13,7 +13,7 @@ const PPPOE_SESSION: u16 = 0x8864;
 /// 802.1Q, 802.1ad, and the tag of QinQ before it was a standard.
 const TAGS: [u16; 3] = [0x8100, 0x88A8, 0x9100];
 
-/// What the frame of a link holds.
+/// The contents of a link's frame.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Network<'a> {
     /// The bytes of a serial line.
@@ -22,15 +22,15 @@ pub(super) enum Network<'a> {
     Ip(&'a [u8]),
     /// A USB transfer.
     Usb(Header),
-    /// What never holds a link's bytes.
+    /// Packets that never contain a link's bytes.
     Other(Other),
-    /// A header that was cut, or is none.
+    /// A header that is truncated or not valid.
     Unreadable(&'static str),
     /// The capture's link type is not known.
     UnknownLink(u32),
 }
 
-/// What never holds a link's bytes.
+/// Packets that never contain a link's bytes.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Other {
     /// Another protocol of a network.
@@ -61,7 +61,7 @@ impl fmt::Display for Other {
     }
 }
 
-/// What a frame with this link type of the capture holds.
+/// Returns the contents of a frame with this link type of the capture.
 pub(super) fn of(link_type: u32, data: &[u8]) -> Network<'_> {
     const CUT: Network<'_> = Network::Unreadable("the header of the link was cut off");
     match link_type {
@@ -94,7 +94,7 @@ pub(super) fn of(link_type: u32, data: &[u8]) -> Network<'_> {
     }
 }
 
-/// What is after a type at `at`, and perhaps tags of virtual networks.
+/// Returns the contents after a type at `at`, and after tags of virtual networks.
 fn typed(data: &[u8], at: usize, header: usize) -> Option<Network<'_>> {
     let mut ether_type = word(data, at)?;
     let mut rest = data.get(header..)?;
@@ -145,7 +145,7 @@ fn word(data: &[u8], at: usize) -> Option<u16> {
     data.get(at..)?.first_chunk().map(|bytes| u16::from_be_bytes(*bytes))
 }
 
-/// What is known of an IP packet.
+/// The header of an IP packet.
 #[derive(Debug)]
 pub(super) struct Ip<'a> {
     pub(super) source: IpAddr,
@@ -157,7 +157,7 @@ pub(super) struct Ip<'a> {
     pub(super) fragment: Option<Fragment>,
 }
 
-/// Which part of a packet this is.
+/// The position of a fragment in its packet.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fragment {
     pub(super) identification: u32,

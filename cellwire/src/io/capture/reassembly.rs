@@ -9,7 +9,7 @@ const MAX_WAITING: usize = 256;
 const MAX_WAITING_BYTES: usize = 1 << 20;
 /// How many gaps are remembered: bytes that come for one later are reported.
 const MAX_GAPS: usize = 16;
-/// The place of the first byte: what comes before it has a place, too.
+/// The position of the first byte: earlier bytes have a position, too.
 const ORIGIN: u64 = 1 << 32;
 
 /// A piece of the stream.
@@ -60,7 +60,7 @@ impl Reassembly {
     /// Takes a segment, `cut` bytes of which the capture has cut off; `take` gets what is now in order.
     ///
     /// # Errors
-    /// Whatever `take` returns.
+    /// The error that `take` returns.
     pub fn push(
         &mut self,
         sequence: u32,
@@ -95,7 +95,7 @@ impl Reassembly {
     /// The end of the connection, or of the capture: the segments that still wait, with the gaps before them.
     ///
     /// # Errors
-    /// Whatever `take` returns.
+    /// The error that `take` returns.
     pub fn finish(&mut self, mut take: impl FnMut(Piece<'_>) -> Result<()>) -> Result<()> {
         while !self.waiting.is_empty() {
             self.pass_gap(&mut take)?;
@@ -112,7 +112,7 @@ impl Reassembly {
         }
     }
 
-    /// Bytes whose turn it is. What was sent again was taken already.
+    /// Passes the next bytes to `take`, without those that were passed already and sent again.
     fn deliver(
         &mut self,
         start: u64,
@@ -149,7 +149,7 @@ impl Reassembly {
         Ok(())
     }
 
-    /// What the first segment that waits is waiting for is missing.
+    /// Skips the missing bytes before the first segment that waits.
     fn pass_gap(&mut self, take: &mut impl FnMut(Piece<'_>) -> Result<()>) -> Result<()> {
         let (Some((&start, _)), Some(started)) = (self.waiting.first_key_value(), &mut self.started) else {
             return Ok(());
@@ -191,7 +191,7 @@ fn wrapped(distance: u64) -> u32 {
 mod tests {
     use super::*;
 
-    /// What comes of these segments, as text: bytes as they are, the rest in brackets.
+    /// Returns the pieces of these segments as text: bytes as they are, the others in brackets.
     fn pieces(tcp: &mut Reassembly, segments: &[(u32, &str, u64)], ends: bool) -> String {
         let mut text = String::new();
         let mut take = |piece: Piece<'_>| {

@@ -111,7 +111,7 @@ impl Writer {
         &self.path
     }
 
-    /// Writes everything that is seen, until there is nothing more to see, or the pipe is closed. What is missing is reported.
+    /// Writes all events until the last one, or until the pipe is closed. Reports missing bytes.
     pub fn record(mut self, seen: &Seeing) -> Ended {
         let ended = loop {
             match seen.next_within(GLANCE) {
@@ -176,7 +176,7 @@ impl Writer {
         }
         let Some(connection) = self.connections.get_mut(&seen.connection) else { return };
         let mut add = |packet: Result<Vec<u8>>| {
-            // What has no packet, such as a datagram that is too long for one, is a gap.
+            // An event without a packet, such as a datagram that is too long for one, is a gap.
             if let Ok(block) = packet.and_then(|packet| packet_block(seen.at, &packet, "")) {
                 self.waiting.extend(block);
             }
@@ -194,7 +194,8 @@ impl Writer {
             What::Missed(count) => {
                 self.missing.count += count;
                 connection.skip(seen.from, *count);
-                // Without bytes after it a gap in the sequence numbers would not be seen, and datagrams have none.
+                // The packet carries this remark. Without bytes after it, the gap in the sequence numbers would not be visible,
+                // and datagrams have no sequence numbers.
                 let about =
                     format!("{count} bytes are missing here: they came faster than the capture was written");
                 let block = match connection.is_tcp {

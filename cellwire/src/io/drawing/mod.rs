@@ -24,7 +24,7 @@ pub use reader::{Drawing, refuse_dxf};
 /// The built-in picture: a robot that draws a rosette, some 6000 lines.
 const BUILT_IN: &str = include_str!("../../../assets/robot.svg");
 
-/// How far a line may be from the curve that it approximates, in millimetres on the sheet.
+/// The largest distance of a line from the curve that it approximates, in millimetres on the sheet.
 const TOLERANCE: f64 = 0.05;
 
 /// The lines of a drawing.
@@ -53,7 +53,7 @@ pub struct Line {
     pub to: Point,
 }
 
-/// The lines of a picture, each beginning where the one before it ended.
+/// The lines of a picture; each begins where the previous one ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
     /// The lines in the order of drawing.
@@ -81,11 +81,12 @@ impl Picture {
         Self::from_svg(BUILT_IN.as_bytes(), sheet, false).map(|(picture, _)| picture)
     }
 
-    /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not. What the file shows and a pen cannot
-    /// follow, such as text and masks, is named: it is left out where that is allowed.
+    /// Reads the picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not. Parts that a pen cannot
+    /// draw, such as text and masks, are named: they are left out if that is allowed.
     ///
     /// # Errors
-    /// When the file cannot be read, is not an SVG file, has no lines, has what is not to be left out, or is larger than any machine draws.
+    /// When the file cannot be read, is not an SVG file, has no lines, has parts that may not be left out, or is larger than any
+    /// machine draws.
     pub fn from_file(path: &Path, sheet: Point, allow: bool) -> Result<Self> {
         let mut data = Vec::new();
         File::open(path)

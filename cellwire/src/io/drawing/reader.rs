@@ -225,7 +225,7 @@ pub fn refuse_dxf(file: &Path, data: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// The drawing itself is read and no other file: what it refers to is left out.
+/// Reads the drawing itself and no other file: references are left out.
 fn options() -> usvg::Options<'static> {
     let mut options = usvg::Options::default();
     options.image_href_resolver.resolve_string = Box::new(|_, _| None);

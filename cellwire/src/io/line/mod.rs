@@ -31,15 +31,15 @@ use cellwire_io::trace::{Trace, Way};
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
 const FIFO: usize = 8;
 
-/// The bytes of a client that has left are carried for this long. The rest is dropped: what the system holds for it may take an hour on the
-/// line.
+/// The time for which the bytes of a disconnected client are carried. The rest is dropped: the bytes in the system's buffers may
+/// need an hour on the line.
 const CARRIED: Duration = Duration::from_secs(5);
 
 /// How many bytes wait at most in each direction, as in a modem. A client that sends more waits until the line has carried them; a
 /// device that sends more takes no input meanwhile.
 const MODEM: usize = 4096;
 
-/// What the reader hands over at once, and how many of these may wait.
+/// The longest chunk of the reader in bytes, and the number of chunks that may wait.
 const CHUNK: usize = 256;
 const CHUNKS: usize = 16;
 
@@ -48,7 +48,7 @@ const CHUNKS: usize = 16;
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Line {
     clock: Clock,
-    /// Until when its session has been driven.
+    /// The time until which the session has been driven.
     driven: Duration,
     byte_time: Duration,
     incoming: Receiver<Chunk>,
@@ -77,22 +77,22 @@ pub struct Line {
 /// Bytes that were read, when, and how many clients had left then.
 type Chunk = (Duration, Vec<u8>, usize);
 
-/// What the thread that reads from the client shares with the line.
+/// The data that the thread that reads from the client shares with the line.
 struct Feed {
     clock: Clock,
     sender: SyncSender<Chunk>,
     client: Arc<Presence>,
 }
 
-/// What is known of the client.
+/// The known state of the client.
 #[derive(Debug, Default)]
 struct Presence {
     is_connected: AtomicBool,
-    /// It has closed its end, and what it has sent is still carried: bytes to it are lost.
+    /// The client has closed its end, and its bytes are still carried: bytes to it are lost.
     is_deaf: AtomicBool,
     /// Chunks that were read from it, and have not arrived at the device.
     under_way: AtomicUsize,
-    /// How many clients have left: what is on the line then is lost.
+    /// The number of clients that have disconnected: bytes on the line at that time are lost.
     left: AtomicUsize,
     /// The device has ended the connection.
     is_ended: AtomicBool,
@@ -109,7 +109,7 @@ impl Feed {
         self.client.is_connected.store(is_connected, Ordering::Relaxed);
     }
 
-    /// A client has left, and what it has sent is carried: what is on the line now is lost.
+    /// Called when a client has disconnected and its bytes are carried: bytes on the line now are lost.
     fn leave(&self) {
         self.client.left.fetch_add(1, Ordering::Release);
         self.connect(false);
@@ -129,7 +129,7 @@ struct Direction {
     free_at: Duration,
 }
 
-/// What stands for a serial line between two parts of this process.
+/// The transport in place of a serial line between two parts of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lines {
     /// A pseudo-terminal.
@@ -139,7 +139,7 @@ pub enum Lines {
 }
 
 impl Lines {
-    /// What is nearest to a serial line on this platform.
+    /// The transport that is most like a serial line on this platform.
     pub const HERE: Self = if cfg!(unix) { Self::PseudoTerminals } else { Self::Tcp };
 }
 
@@ -162,8 +162,8 @@ impl Line {
         })
     }
 
-    /// Over the device's end of a pseudo-terminal, whose other end is at `path`. What a client that has closed it has sent is carried for five
-    /// more seconds; answers to it are dropped, so that the next client reads none.
+    /// Creates a line over the device's end of a pseudo-terminal, whose other end is at `path`. When a client closes it, its
+    /// bytes are carried for five more seconds; replies to them are dropped, so that the next client reads none of them.
     ///
     /// # Errors
     /// When the port cannot be shared between reader and writer.

@@ -26,8 +26,8 @@ const BUSY: Duration = Duration::from_millis(5);
 /// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all that was sent.
 const AHEAD: usize = 16 << 20;
 
-/// A client that comes while there is another one waits this long for the end of that: on a busy machine it is reported behind the arrival.
-/// Those that come while one waits are refused at once.
+/// The time for which a second client waits for the end of the first connection: on a busy computer that end is reported after
+/// the arrival. Further clients are refused at once meanwhile.
 const GRACE: Duration = Duration::from_millis(200);
 
 /// Reads from the client, and refuses others.
@@ -56,9 +56,9 @@ struct Stream {
 struct Connection {
     stream: Arc<Stream>,
     peer: SocketAddr,
-    /// Bytes that were read to see whether the client has left behind them.
+    /// Bytes that were read to see whether the client has disconnected after them.
     ahead: VecDeque<u8>,
-    /// What the line has no room for yet.
+    /// The chunk that does not fit on the line yet.
     held: Option<Chunk>,
     is_readable: bool,
     /// When it has left.
@@ -122,7 +122,7 @@ impl Server {
         }
     }
 
-    /// One at a time. A client that comes when the one before it has left waits until the line is free.
+    /// Accepts one client at a time. A client that comes after the previous one has disconnected waits until the line is free.
     fn accept(&mut self, feed: &Feed) {
         let first = self.connection.as_ref().filter(|first| first.left.is_none()).map(|first| first.peer);
         if let Some((stream, peer, came)) = self.next.take() {

@@ -1,7 +1,7 @@
-//! A tap: what two ends say to each other passes through, or is only listened to, and is seen.
+//! A tap: forwards or only listens to the bytes between two ends, and passes them on to its sinks.
 //!
-//! Bytes pass first. What looks at them has a queue of its own, and what there is no room for is missed there, counted, and never
-//! waited for: a full disk, a reader who has gone to lunch and a slow screen change nothing between the two ends.
+//! Bytes are forwarded first. Each sink has a queue of its own; bytes that do not fit into it are counted as missed. A full disk,
+//! a slow reader or a slow screen has no effect on the two ends.
 
 pub mod serial;
 pub mod tcp;
@@ -42,17 +42,17 @@ impl End {
 /// Something that happened between the ends.
 #[derive(Debug, Clone)]
 pub struct Seen {
-    /// When.
+    /// The time of the event.
     pub at: SystemTime,
-    /// Of which connection, from 1.
+    /// The number of the connection, from 1.
     pub connection: u32,
-    /// Which end has done it.
+    /// The end that caused the event.
     pub from: End,
-    /// What.
+    /// The event.
     pub what: What,
 }
 
-/// What happened.
+/// An event between the ends.
 #[derive(Debug, Clone)]
 pub enum What {
     /// A connection, from A's address to B's. On a line that is joined or listened to it is the first that is seen.
@@ -65,7 +65,7 @@ pub enum What {
     Closed(Option<String>),
 }
 
-/// What carries a connection.
+/// The transport of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
     /// TCP from A's address to B's.
@@ -119,7 +119,7 @@ impl Watch {
         Seeing { queue: seen, rest }
     }
 
-    /// What a connection does, for every sink.
+    /// Passes an event of a connection to all sinks.
     pub fn see(&self, connection: u32, from: End, what: What) {
         let seen = Seen { at: SystemTime::now(), connection, from, what };
         for sink in &self.sinks {
@@ -204,7 +204,7 @@ impl Seeing {
     }
 }
 
-/// What there is no room for: bytes are counted, the rest is kept.
+/// Adds an event that does not fit into the queue: bytes are counted, other events are stored.
 fn miss(missed: &mut Vec<Seen>, seen: Seen) {
     let What::Bytes(bytes) = &seen.what else { return missed.push(seen) };
     let length = bytes.len() as u64;
@@ -240,7 +240,7 @@ mod tests {
             texts.collect::<Vec<String>>()
         };
         assert_eq!(next(2), ["1 A Bytes([1, 2, 3])"; 2]);
-        // What was missed comes before what is seen next, by its end, and without anything that is seen next.
+        // The missed events come before the next ones, by their end, and without any of the next ones.
         watch.see(2, End::A, What::Bytes(Arc::clone(&bytes)));
         let rest = next(usize::MAX);
         let missed = ["1 A Missed(30)", "1 B Missed(3)", "1 A Closed(None)", "2 A Missed(3)"];

@@ -42,7 +42,7 @@ pub fn listen((a_name, a): Named, b: Option<Named>, watch: &Watch) -> Result<()>
     run(Direction { name: a_name, from: a, to: None }, b, watch)
 }
 
-/// What one port receives.
+/// The bytes that one port receives.
 struct Direction {
     name: String,
     from: Box<dyn SerialPort>,

@@ -42,7 +42,7 @@ pub fn run(listener: &TcpListener, server: &str, dialing: Dialing, watch: &Watch
     Ok(())
 }
 
-/// `peer` is the client's address: a connection that was reset already has none.
+/// `peer` is the client's address, which a connection that was reset does not have any more.
 fn serve(
     (client, peer): (&TcpStream, SocketAddr),
     server: &str,

@@ -27,7 +27,7 @@ const MOST_NAMED: usize = 20;
 /// Jobs in the order of their execution.
 #[derive(Debug)]
 pub struct Jobs {
-    /// What to do.
+    /// The contents of the jobs.
     pub work: Vec<AnyWork>,
     /// Where each is from: a line of the table, or an outline of the drawing, from 1.
     pub lines: Vec<u64>,
@@ -97,7 +97,7 @@ impl Jobs {
         Ok(Self { work, lines, unit, layout, bytes, hash })
     }
 
-    /// What a job is.
+    /// Returns the layout of a job.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }

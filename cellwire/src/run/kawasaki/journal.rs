@@ -1,4 +1,4 @@
-//! What became of every job, and how far the order in flight is.
+//! The outcomes of all jobs, and the progress of the order in flight.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -14,34 +14,34 @@ pub type Journal = journal::Journal<Orders>;
 /// An order that has no outcome yet. Its jobs are counted from 0 in the order, not in the file.
 #[derive(Debug, Clone)]
 pub struct Flight {
-    /// Its number.
+    /// The number of the order.
     pub order: u16,
     /// The highest job number that was agreed on.
     pub max_number: u16,
-    /// Its jobs, by their places in the file.
+    /// The jobs of the order, by their places in the file.
     pub places: Vec<usize>,
     /// How many are known to be executed, from the first on.
     pub executed: u32,
     /// From this one on none was sent.
     pub sent: u32,
-    /// Those that were executed ahead of others.
+    /// The jobs that were executed ahead of others.
     pub ahead: Vec<u32>,
     /// Whether a run has told the robot to interrupt or end it.
     pub is_broken_off: bool,
 }
 
-/// What is noted.
+/// An entry of the journal.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum Entry {
     /// An order of all jobs that are not sent.
     Order {
-        /// Its number.
+        /// The number of the order.
         order: u16,
         /// The highest job number that was agreed on.
         max_number: u16,
     },
-    /// How far it is.
+    /// The progress of the order.
     Progress {
         /// How many jobs are executed.
         executed: u32,
@@ -50,7 +50,7 @@ pub enum Entry {
     },
     /// A job of the order was executed ahead of others.
     Ahead {
-        /// Which.
+        /// The index of the job in the order, from 0.
         ahead: u32,
     },
     /// The robot is told to interrupt or end the order.
@@ -62,10 +62,10 @@ pub enum Entry {
     End {
         /// How many jobs were executed, and those that were ahead.
         end: u32,
-        /// Those from there to this one are unknown.
+        /// The jobs from `end` to this one are unknown.
         unknown: u32,
     },
-    /// What the operator says.
+    /// The operator's answer.
     Answer(Span),
 }
 
@@ -87,7 +87,7 @@ impl fmt::Display for Entry {
     }
 }
 
-/// What became of the jobs, and of the orders that they were sent in.
+/// The outcomes of the jobs, and the orders in which they were sent.
 #[derive(Debug)]
 pub struct Orders {
     outcomes: Vec<Outcome>,
@@ -107,7 +107,7 @@ impl Journal {
         Ok(self.record().flight.as_ref().map(|flight| flight.places.clone()).unwrap_or_default())
     }
 
-    /// Notes that the order is broken off, before the robot is told to.
+    /// Writes that the order is broken off, before the robot receives the command.
     ///
     /// # Errors
     /// When the disk does not take it.
@@ -187,7 +187,7 @@ impl Record for Orders {
         &self.outcomes
     }
 
-    /// Those in flight are unknown until they are reported.
+    /// Jobs in flight are unknown until they are reported.
     fn outcomes(&self) -> Cow<'_, [Outcome]> {
         let mut outcomes = Cow::from(&self.outcomes);
         if let Some(flight) = &self.flight {

@@ -9,7 +9,7 @@ use cellwire_links::kawasaki_msg::layout::AnyWork;
 pub struct Order<'a> {
     /// The jobs of the file.
     pub jobs: &'a [AnyWork],
-    /// Those of the order.
+    /// The places of the order's jobs in `jobs`.
     pub places: Vec<usize>,
 }
 

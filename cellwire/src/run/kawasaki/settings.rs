@@ -1,4 +1,4 @@
-//! What can be set of a run.
+//! The settings of a run.
 
 use kawasaki_msg::PcConfig;
 

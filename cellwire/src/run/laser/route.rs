@@ -14,7 +14,7 @@ pub struct Instruction {
     pub line: u64,
     /// The command word.
     pub word: u16,
-    /// Its floats.
+    /// The floats of the instruction.
     pub values: Vec<f32>,
 }
 

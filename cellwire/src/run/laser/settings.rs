@@ -1,4 +1,4 @@
-//! What can be set of a run: the host's session, and the command words of paths.
+//! The settings of a run: the host's session, and the command words of paths.
 
 use laser_eb90::HostConfig;
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ pub struct Mapping {
     pub rapid: u16,
     /// The floats of both, in order.
     pub values: Vec<Coordinate>,
-    /// How far a chord may be from its arc, in mm.
+    /// The largest distance of a chord from its arc, in mm.
     pub tolerance: f64,
 }
 

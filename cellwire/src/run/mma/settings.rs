@@ -25,12 +25,12 @@ pub struct Part {
     pub place: RobotPose,
 }
 
-/// What can be set of a run.
+/// The settings of a run.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// How many parts; 0: those of `part`.
     pub parts: usize,
-    /// What simulated cameras see.
+    /// The parts that simulated cameras see.
     pub part: Vec<Part>,
     /// How long a simulated vacuum builds up.
     pub vacuum: Duration,
@@ -54,10 +54,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// How many parts there are.
+    /// Returns the number of parts.
     ///
     /// # Errors
-    /// When there is none, or more than the simulated cameras see.
+    /// When there are no parts, or more than the simulated cameras see.
     pub fn count(&self, cameras_are_simulated: bool) -> Result<usize> {
         let count = if self.parts == 0 { self.part.len() } else { self.parts };
         ensure!(count > 0, "the task has no parts: give `parts`, or [[part]] with platform, pick and place");
@@ -69,7 +69,7 @@ impl Settings {
         Ok(count)
     }
 
-    /// What a journal calls this task by.
+    /// Returns the value by which a journal recognizes this task.
     pub fn fingerprint(&self) -> String {
         let text = format!("{} {}", self.parts, json::value(&self.part));
         let hash = text.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {

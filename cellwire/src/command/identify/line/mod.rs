@@ -173,7 +173,6 @@ impl Search {
     /// Returns the next setting to listen with: the one with the fewest turns first; `None` when more bytes would not decide.
     /// `has` returns whether the port has a format.
     ///
-    ///
     /// First all rates as 8N1. If one of them is clean, a character is ten bits long; otherwise it may be eleven, or nine.
     pub(super) fn next(&self, has: &dyn Fn(Mode) -> bool) -> Option<Setting> {
         let wanting = |setting: &Setting| self.heard(*setting).is_none_or(|heard| !Self::has_enough(heard));

@@ -10,9 +10,9 @@ use fanuc_ls::{Document, Instruction, Mistake, Motion, MotionKind, Operation, Pr
 /// A program that runs.
 #[derive(Debug)]
 pub struct Loaded {
-    /// Its values.
+    /// The contents of the LS file.
     pub program: Program,
-    /// Its instructions.
+    /// The instructions of the program.
     pub steps: Vec<Step>,
 }
 
@@ -36,7 +36,7 @@ pub type Macros = BTreeMap<String, String>;
 /// Something of the programs that the simulation does not do, or does otherwise.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
-    /// What, and what happens instead.
+    /// The unsupported part, and the simulation's behaviour instead.
     pub what: String,
     /// In which programs and lines, as `NAME:3`.
     pub places: Vec<String>,

@@ -1,4 +1,4 @@
-//! What a program reads and writes: registers, position registers, strings, timers, inputs and outputs.
+//! The memory of a program: registers, position registers, strings, timers, inputs and outputs.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -19,7 +19,7 @@ pub struct Memory {
     pub strings: BTreeMap<u32, String>,
     /// UFRAME\[n\] and UTOOL\[n\], as far as the program has set them.
     pub frames: BTreeMap<(bool, u32), [f64; 6]>,
-    /// Until when a pulse lasts.
+    /// The pulses: the time at which each ends, in s, and its signal.
     pub pulses: Vec<(f64, Signal)>,
     /// System variables, as far as the program has set them.
     pub system: BTreeMap<String, f64>,
@@ -48,7 +48,7 @@ pub enum Value {
     Place(Place),
 }
 
-/// What an expression needs to know beside the memory.
+/// The values that an expression uses beside the memory.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<'a> {
     /// The time in s.
@@ -61,7 +61,7 @@ pub struct Surroundings<'a> {
     pub program: &'a fanuc_ls::Program,
 }
 
-/// What cannot be computed, in words.
+/// The reason for which an expression cannot be computed.
 pub(super) type Fault = String;
 
 impl Memory {
@@ -104,7 +104,7 @@ impl Memory {
     /// The same as a number.
     ///
     /// # Errors
-    /// It is none.
+    /// It is not a number.
     pub fn number(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<f64, Fault> {
         match self.value(it, tables, around)? {
             Value::Number(number) => Ok(number),
@@ -116,7 +116,7 @@ impl Memory {
     /// The same as a condition.
     ///
     /// # Errors
-    /// It is none.
+    /// It is not a condition.
     pub fn bit(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<bool, Fault> {
         match self.value(it, tables, around)? {
             Value::Bit(bit) => Ok(bit),
@@ -128,7 +128,7 @@ impl Memory {
     /// The number of an item.
     ///
     /// # Errors
-    /// The register that has it has none.
+    /// The register of the number has no value.
     pub fn index(&self, index: &Index, tables: &Tables, around: &Surroundings<'_>) -> Result<u32, Fault> {
         match index {
             Index::Number(number) => Ok(*number),
@@ -142,7 +142,7 @@ impl Memory {
         }
     }
 
-    /// What an item has.
+    /// Returns the value of an item.
     ///
     /// # Errors
     /// It is not there, or not modelled.

@@ -1,8 +1,8 @@
 //! A program that the simulated controller runs: a test bench, not a controller.
 //!
-//! One task, one motion group of six axes, the calls beside it; `J`, `L`, `C` and `S` with CNT and FINE, registers, position and string
-//! registers, inputs and outputs, timers, waits, jumps, conditions, loops. What else there is in a program is passed over, and
-//! reported once at the start ([`Finding`]).
+//! One task, one motion group of six axes, the calls beside it; `J`, `L`, `C` and `S` with CNT and FINE, registers, position and
+//! string registers, inputs and outputs, timers, waits, jumps, conditions, loops. Other instructions are skipped, and reported
+//! once at the start ([`Finding`]).
 
 mod load;
 mod machine;

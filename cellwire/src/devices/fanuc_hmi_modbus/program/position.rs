@@ -27,7 +27,7 @@ impl Default for Place {
 }
 
 impl Place {
-    /// That of a group of `/POS`. None where it was never taught, or has other axes.
+    /// Returns the place of a group of `/POS`. `None` if it was never taught, or has other axes.
     pub fn of_group(group: &Group) -> Option<Self> {
         let value = |name: AxisName, unit: AxisUnit| {
             let axis = group.axes.iter().find(|axis| axis.name == name)?;
@@ -58,7 +58,7 @@ impl Place {
         }
     }
 
-    /// Its parts.
+    /// The six coordinates.
     pub fn parts(&self) -> &[f64; 6] {
         match self {
             Self::Cartesian { xyzwpr, .. } => xyzwpr,
@@ -110,7 +110,7 @@ impl Place {
         }
     }
 
-    /// What 50 registers hold. None when nothing.
+    /// Returns the place in a position register of 50 words; `None` if the register is empty.
     pub fn of_register(register: &PositionRegister) -> Option<Self> {
         if let Some(Cartesian { xyzwpr, configuration, .. }) = register.cartesian {
             let Configuration { flip, up, front, turns, .. } = configuration;

@@ -1,4 +1,4 @@
-//! What a controller has before a program begins: registers, frames, signals and macros, from a file.
+//! The state of a controller before a program begins: registers, frames, signals and macros, from a file.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What strace writes of a program: the bytes that it reads and writes at each of its file descriptors.
+//! The output of strace for a program: the bytes that it reads and writes at each of its file descriptors.
 
 mod call;
 

@@ -1,4 +1,4 @@
-//! What USB serial adapters are, and what their drivers tell them: the requests of Linux's and the makers' own drivers.
+//! USB serial adapters, and the settings that their drivers send: the requests of Linux's and the makers' own drivers.
 
 use core::fmt;
 
@@ -207,7 +207,7 @@ mod tests {
         line.to_string()
     }
 
-    /// What Linux's drivers send for these settings.
+    /// The requests of Linux's drivers for these settings.
     #[test]
     fn requests_of_drivers_are_read() {
         let ftdi = |release, value: u16, index: u16| {

@@ -1,6 +1,6 @@
 //! The headers of a USB capture: Linux's usbmon, without and with the fields of its memory map, and Windows' USBPcap.
 
-/// Which header a packet begins with.
+/// The header with which a packet begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::io::capture) enum Header {
     /// LINUX_USB: 48 bytes.
@@ -68,7 +68,7 @@ fn linux(packet: &[u8], header: usize, is_big: bool, missing: u64) -> Option<Tra
         _ => Kind::Other,
     };
     let is_complete = *packet.get(8)? != b'S';
-    // A letter in place of 0 says why there is none.
+    // A letter in place of 0 is the reason for a missing setup packet.
     let has_setup = kind == Kind::Control && !is_complete && *packet.get(14)? == 0;
     let has_data = *packet.get(15)? == 0;
     let endpoint = *packet.get(10)?;

@@ -36,7 +36,7 @@ pub(super) struct Captured<'a> {
 
 /// Every device of a capture, by its bus and number.
 pub(super) struct Devices {
-    /// What a device is that does not show it.
+    /// The type of a device that does not show it.
     given: Option<Adapter>,
     all: BTreeMap<(u16, u16), Device>,
 }
@@ -53,7 +53,7 @@ struct Device {
     errors: u64,
     /// The last control transfer that has not come back.
     asked: Option<(u64, [u8; 8])>,
-    /// What was asked before it was known what it is.
+    /// The requests before the type of the device was known.
     requests: Vec<([u8; 8], Vec<u8>)>,
     waiting: Vec<Waiting>,
     waiting_bytes: usize,
@@ -243,7 +243,7 @@ impl Device {
         }
     }
 
-    /// What it is, by what its driver asks, by the shape of its data, or by what the user says.
+    /// Finds the type of the device by its driver's requests, the shape of its data, or the user's option.
     fn look(&mut self, given: Option<Adapter>) {
         let asked = self.requests.iter().find_map(|(setup, _)| Adapter::asked(*setup));
         let is_disk = |waiting: &Waiting| waiting.data.starts_with(b"USBC") && waiting.data.len() == 31;

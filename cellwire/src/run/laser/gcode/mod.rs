@@ -61,7 +61,7 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<(Vec<Instruction>, N
     Ok((instructions, not_carried, warnings))
 }
 
-/// What is wrong with a program, line by line.
+/// The errors in a program, line by line.
 #[derive(Default)]
 struct Wrong {
     text: String,
@@ -86,7 +86,7 @@ impl Wrong {
     }
 }
 
-/// What cannot be read, in words.
+/// Returns the text of an error.
 fn unreadable(kind: &DiagnosticKind) -> String {
     match kind {
         DiagnosticKind::UnknownContent { text } => format!("{text:?} is not G-code"),
@@ -98,7 +98,7 @@ fn unreadable(kind: &DiagnosticKind) -> String {
     }
 }
 
-/// What holds until it is changed.
+/// The modal state of a program.
 struct Machine<'a> {
     route: Route<'a>,
     motion: Option<u32>,

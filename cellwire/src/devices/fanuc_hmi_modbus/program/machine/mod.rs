@@ -15,7 +15,7 @@ use super::position::Place;
 use cellwire_motion::{Planner, Pose};
 use cellwire_sim::fanuc::Tables;
 
-/// What an instruction that is no motion takes, in s.
+/// The time of an instruction other than a motion, in s.
 const INSTRUCTION: f64 = 0.001;
 /// How often a condition is looked at, and the time of a motion restarts, in s: the interpolation period.
 const PERIOD: f64 = 0.008;
@@ -43,14 +43,14 @@ pub struct Machine {
     rest: f64,
     /// When the next instruction is due.
     due: f64,
-    /// Since when a `WAIT` waits.
+    /// The time since which a `WAIT` waits, in s; `None` if it does not.
     waits: Option<f64>,
     state: State,
     /// UFRAME_NUM and UTOOL_NUM, once something has selected them.
     pub frame: Option<u32>,
     /// See `frame`.
     pub tool: Option<u32>,
-    /// Whose arm it is, for an alarm that it cannot reach a place.
+    /// The name of the robot, for an alarm that its arm cannot reach a place.
     pub robot: String,
     /// SKIP CONDITION.
     skip: Option<Expression>,
@@ -79,7 +79,7 @@ struct Frame {
     arguments: Vec<Value>,
 }
 
-/// What follows an instruction.
+/// The continuation after an instruction.
 enum Flow {
     Next,
     To(usize),
@@ -181,7 +181,7 @@ impl Machine {
         self.speed * 100.0
     }
 
-    /// What has happened since the last time.
+    /// Removes and returns the events since the last call.
     pub fn events(&mut self) -> Vec<Json> {
         std::mem::take(&mut self.events)
     }
@@ -191,7 +191,7 @@ impl Machine {
         self.events.push(event);
     }
 
-    /// What runs: the program and its line, from 1.
+    /// Returns the running program and its line, from 1.
     pub fn line(&self) -> Option<(&str, usize)> {
         self.stack.last().map(|frame| (frame.loaded.program.name.as_str(), frame.next + 1))
     }

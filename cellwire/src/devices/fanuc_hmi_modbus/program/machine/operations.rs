@@ -1,4 +1,4 @@
-//! Instructions that are no motions.
+//! Instructions other than motions.
 
 use fanuc_hmi_modbus::Signal;
 use fanuc_ls::{Expression, Index, Item, Operation};
@@ -139,7 +139,8 @@ impl Machine {
             Operation::End => Flow::Return,
             Operation::Abort => Flow::Stop("ABORT"),
             Operation::Pause => Flow::Stop("PAUSE"),
-            // What was reported at the start, what a jump goes to, and a case whose SELECT has chosen another one.
+            // An instruction that was reported at the start, the target of a jump, and a case whose SELECT has chosen another
+            // one.
             _ => Flow::Next,
         })
     }

@@ -19,7 +19,7 @@ use cellwire_io::output::{admits, remark};
 
 /// After a signal, the longest wait for the machine to stop by itself.
 pub const STOP_WITHIN: Duration = Duration::from_secs(30);
-/// The longest wait after that, for a machine that was told to stop at once, and for calls that block.
+/// The longest wait after that, for a machine that received a command to stop at once, and for calls that block.
 pub const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// The interval at which a question looks for its answer.

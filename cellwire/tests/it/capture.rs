@@ -7,7 +7,7 @@ use crate::tool::{cellwire, run};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// What a Modbus client asked three times, and what a server answered, a second apart; the last answer is corrupt.
+/// Three requests of a Modbus client, and the replies of a server, a second apart; the last reply is corrupt.
 const DUMP: &str = "\
 O 10:00:00.0
 0000 00 01 00 00 00 06 01 03 00 00 00 02
@@ -36,7 +36,7 @@ impl Captured {
         Self { folder, dump }
     }
 
-    /// What is made of it, what was printed, the status and what was said.
+    /// Returns the made file, the output, the status and the remarks.
     fn make(&self, how: &str) -> (Value, String, Option<i32>, String) {
         let out = self.folder.path().join("made.json");
         let _ = fs::remove_file(&out);

@@ -1,4 +1,4 @@
-//! Every command as a process: what it prints, how it ends, and what it says of wrong arguments.
+//! Every command as a process: its output, its exit status, and its errors for wrong arguments.
 
 use std::io::Write;
 use std::process::Stdio;
@@ -352,7 +352,7 @@ fn in_threes<T: Sync>(demos: &[T], run: impl Fn(&T) + Sync) {
     }
 }
 
-/// What no clock of a loaded machine can make fail.
+/// Checks that do not depend on the load of the computer.
 #[test]
 fn a_demo_that_loses_nothing_succeeds() {
     in_threes(&["kawasaki-msg", "laser-eb90", "mmacell-proto --set parts=5"], |demo| {

@@ -71,7 +71,7 @@ fn requests_without_end_are_all_answered_and_stop_nobody() {
         exchange(&mut fanuc.connect()).unwrap();
     }
     assert!(fanuc.resident() < 64 * MB, "{} bytes", fanuc.resident());
-    // Whoever reads at last has the reply to every request, in their order.
+    // A client that reads at last receives the reply to each request, in sequence.
     let whole = taken / 12;
     greedy.shutdown(Shutdown::Write).unwrap();
     let mut replies = BufReader::new(greedy);
@@ -100,7 +100,7 @@ fn a_client_that_floods_a_serial_device_waits_and_takes_no_memory() {
     }
 }
 
-/// As at a serial port: what comes of the client before is discarded.
+/// Discards bytes for the previous client, as at a serial port.
 fn open(client: &mut TcpStream) {
     client.set_nonblocking(true).unwrap();
     let mut buffer = [0; 256];
@@ -148,7 +148,7 @@ fn what_a_client_has_sent_that_has_left_is_dropped_and_the_next_one_is_served() 
     });
 }
 
-/// What the system holds of a client hides that it has closed the connection: at 115200 baud for minutes.
+/// The system's buffers hide that a client has closed the connection: at 115200 baud for minutes.
 #[test]
 fn a_flood_and_a_normal_close_do_not_keep_the_next_client_out() {
     thread::scope(|scope| {

@@ -122,7 +122,7 @@ fn line(path: &[Motion]) -> Job {
     [if end.to[2] < 10.0 { 1 } else { 2 }, x1, y1, x2, y2]
 }
 
-/// What a run has shown.
+/// The results of a run.
 struct Run {
     connections: u64,
     packets: u64,
@@ -205,7 +205,7 @@ fn the_picture_is_drawn_line_by_line() {
     let run = draw(false);
     show("whole", &run);
     assert!(run.jobs > 5892 && run.connections == 1, "the built-in picture");
-    // What the page of the program says of its time.
+    // The time that the program's page states.
     assert!(run.statements / run.jobs < 220 && run.longest < 23_000, "{} {}", run.statements, run.longest);
 }
 

@@ -313,7 +313,7 @@ fn rejected_replies_are_counted_and_their_reasons_shown() {
             rig.controller.reject(code);
             rig.terminal.wait_for(counted);
         }
-        // What the arm has not done counts as rest: it goes on from there within the limits.
+        // A motion that the arm has not executed counts as rest: it continues from there within the limits.
         let log = rig.controller.log();
         assert!(log.iter().filter_map(x).all(|x| x.unsigned_abs() <= 90), "{log:?}");
     });
@@ -376,7 +376,7 @@ fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
         rig.terminal.press(b"q");
         rig.wait_for_exit();
         drop(rig);
-        // Where all fit, nothing is said.
+        // If all axes fit, there is no remark.
         let rig = Rig::new(19, &["--set", "baud=19200", "--set", "mode=19"]);
         assert!(!rig.terminal.text().contains("axes fit") && !rig.stderr().contains("axes fit"));
     });
@@ -389,7 +389,7 @@ fn slow_line() -> Option<Stopped> {
     rig.stopped(cause)
 }
 
-/// What an offset changes in the 40 cycles after its input was lost.
+/// Returns the change by an offset in the 40 cycles after its input was lost.
 fn offset_held() -> Option<Stopped> {
     // At full speed, and far from where the hand is.
     let rig = Rig::moving(22, &["--set", "mode=22"], 500);

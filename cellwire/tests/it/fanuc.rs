@@ -287,7 +287,7 @@ fn make_refuses_what_no_robot_or_this_one_cannot_do() {
 fn make_writes_a_program_that_checks_in_every_mode() {
     let folder = Folder::new("make");
     folder.write("path.csv", trajectory().as_bytes());
-    // The path is 123.8 mm long and turns by 45°; a last step of less than half a step is added to the one before it.
+    // The path is 123.8 mm long and turns by 45°; a last step of less than half a step is added to the previous one.
     for (mode, moves) in [
         ("distance --mm 10", 12),
         ("distance --deg 5", 9),
@@ -446,7 +446,7 @@ fn a_log_is_compared_with_its_trajectory() {
         assert!(folder.0.join("fanuc").join(file).exists());
     }
     assert_eq!(folder.run("ls check fanuc/DEMO_SPLINE.LS fanuc/BG_TELEMETRY.LS").status.code(), Some(0));
-    // Rows that are no samples do not count.
+    // Rows that are not samples do not count.
     let recording = folder.read("fanuc/recording.csv");
     let marked = recording.replacen(
         '\n',
@@ -458,7 +458,7 @@ fn a_log_is_compared_with_its_trajectory() {
     let other: Value = serde_json::from_str(out(&marked)).unwrap();
     assert_eq!(other, object);
     assert!(object["bounds"]["delay"]["low"].as_f64().unwrap() < 0.0, "{object}");
-    // A delay beyond the search is not found, and that is said instead of errors that mean nothing.
+    // A delay beyond the search is not found, and the report states that instead of meaningless errors.
     let late: String = recording
         .lines()
         .enumerate()

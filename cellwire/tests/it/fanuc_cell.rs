@@ -60,7 +60,7 @@ pub(crate) fn object(output: &Output) -> Value {
 pub(crate) struct Simulator {
     pub(crate) process: Child,
     pub(crate) address: String,
-    /// What it printed after it was ready.
+    /// The lines that it printed after it was ready.
     pub(crate) events: mpsc::Receiver<Value>,
 }
 

@@ -180,7 +180,7 @@ fn registers_conditions_loops_and_calls_decide_what_is_done() {
     let end = events.iter().find(|event| event["text"] == "end").unwrap()["time"].as_f64().unwrap();
     assert!((34.0..34.2).contains(&end), "DI[1] after 4 s, then 30 s in vain: {end}");
     assert_eq!(events.last().unwrap()["why"], "ABORT");
-    // What is not modelled is said once, at the start, with its lines.
+    // Instructions that are not simulated are reported once, at the start, with their lines.
     let said: Vec<(&str, &Value)> = events
         .iter()
         .filter(|event| event["event"] == "not_modelled")
@@ -404,7 +404,7 @@ fn the_telemetry_of_a_program_is_a_sound_log_of_where_it_goes() {
         fastest = fastest.max(column(row, 22).abs());
     }
     assert!((fastest - 200.0).abs() < 1.0, "{fastest} mm/s");
-    // What cannot begin is refused, with a reason.
+    // A program that cannot begin is refused, with a reason.
     for (arguments, message) in [
         ("simulate fanuc --listen 127.0.0.1:0 --set program=NONE.LS", "error: cannot read NONE.LS"),
         (

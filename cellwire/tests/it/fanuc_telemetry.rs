@@ -1,4 +1,4 @@
-//! `cellwire fanuc`: what a log says of a robot with faults, over connections that break; typed registers; comparisons.
+//! `cellwire fanuc`: the log of a robot with faults, over connections that break; typed registers; comparisons.
 
 use std::net::TcpListener;
 use std::process::{Command, Stdio};
@@ -287,7 +287,8 @@ fn registers_are_read_and_written_by_their_types() {
         let read = folder.command(&[&["fanuc", "read"][..], &place].concat()).output().unwrap();
         assert!(same(&object(&read)["value"]), "{kind}: {}", out(&read));
     }
-    // What it has not: refused by the controller; what it cannot hold: refused here; what holds no position: none.
+    // The controller refuses addresses that it does not have; the tool refuses values that do not fit; registers without a
+    // position are reported.
     for (arguments, code, message) in [
         (vec!["read", address, "real", "--address", "16447"], 6, "error: the controller refuses: "),
         (vec!["write", address, "int16", "--address", "5", "40000"], 2, "error: 40000 does not fit"),

@@ -114,7 +114,7 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
         let more = after.len() - before.len();
         assert!((2..=3).contains(&more), "the rest, and one for all requests: {more}");
 
-        // Bytes of the handshake around requests are none.
+        // Bytes of the handshake around requests are not requests.
         workstation.port.write(&[0x13, 0x05, 0x11]);
         workstation.wait(|bytes| bytes.iter().filter(|byte| **byte == b'\n').count() > after.len());
         workstation.counts();

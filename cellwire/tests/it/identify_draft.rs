@@ -87,7 +87,7 @@ fn end(tap: Tool) {
     tap.end();
 }
 
-/// A client works through so many orders with a robot; what passed is in a capture.
+/// Runs `orders` orders of a client with a robot, and writes a capture of the traffic.
 fn work(folder: &Path, name: &str, orders: usize, client: &str, robot: &str) {
     let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
     let mut jobs = String::from("kind,x1,y1,x2,y2\n");
@@ -145,7 +145,7 @@ fn a_draft_that_is_corrected_where_it_says_so_works() {
             let said = String::from_utf8(said.stderr).unwrap();
             assert!(!said.contains("draft.toml"), "{command}: {said}");
         }
-        // What the capture shows is no question.
+        // Names that the capture shows are not marked as uncertain.
         for role in ["job", "job_ack", "job_request", "order_start", "order_ack", "end_ack", "status"] {
             let named = line(role, "name");
             assert!(!named.contains('?') && !named.is_empty(), "{name} {role}: {draft}");
@@ -200,7 +200,7 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
     let listens = robot.line()["listen"].as_str().unwrap().to_owned();
     let work = |name: &str, words: &str| {
         let (tap, taps) = tap("laser-eb90", &listens, &path(&format!("{name}.pcapng")));
-        // What is queued and held: no program asks it.
+        // The numbers of queued and held instructions: no program requests them.
         let mut client = TcpStream::connect(&taps).unwrap();
         for _ in 0..3 {
             client.write_all(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 0x01, 0x01, 0x03, 0x90, 0x82, 0xF6]).unwrap();
@@ -253,7 +253,7 @@ fn the_words_of_a_laser_are_drafted_and_work_when_they_are_corrected_where_it_sa
     fs::write(path("corrected.toml"), draft.replace(asked, &asked.replace("interpreted", "immediate")))
         .unwrap();
     work("second", &path("corrected.toml"));
-    // Who looks on with the corrected words misses none of them.
+    // A shadow with the corrected words knows all of them.
     let unknown = |settings: &[&str]| {
         let mut decode = Command::new(env!("CARGO_BIN_EXE_cellwire"));
         decode.args(["decode", "laser-eb90", "--format", "pcap", "--shadow", &path("second.pcapng")]);

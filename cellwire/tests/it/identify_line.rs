@@ -36,7 +36,7 @@ impl Device {
         let mut port = tcgetattr(&device).unwrap();
         port.make_raw();
         tcsetattr(&device, OptionalActions::Now, &port).unwrap();
-        // What nobody reads is lost, as on a line.
+        // Unread bytes are lost, as on a line.
         rustix::io::ioctl_fionbio(&device, true).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let (mut device, stopped) = (File::from(device), stop.clone());
@@ -66,14 +66,14 @@ impl Drop for Device {
     }
 }
 
-/// What a host of the viewer sends.
+/// Returns the messages of the viewer's host.
 fn poses() -> Vec<Vec<u8>> {
     let codec = (Link::by_name("val2-viewer").unwrap().codec)("host", &Map::new()).unwrap();
     let pose = |count: i32| (0..12).map(|at| at * 1000 + count * 7 * (at - 5)).collect::<Vec<_>>();
     (0..100).map(|count| codec.encode(json!({"count": count, "pose": pose(count)})).unwrap()).collect()
 }
 
-/// The lines of a run: the settings, and what was said.
+/// Returns the lines of a run: the settings, and the finding.
 fn lines(device: &Device, arguments: &str) -> (Value, Value) {
     let (code, out, said) = run(cellwire(&format!("identify --json --serial {} {arguments}", device.name)));
     assert_eq!((code, said.as_str()), (Some(0), ""), "{out}");

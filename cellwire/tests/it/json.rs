@@ -33,7 +33,7 @@ fn a_float_is_printed_as_short_as_its_type_allows() {
     assert_eq!(cellwire(&["encode", "laser-eb90"], &message), bytes);
 }
 
-/// A stream has no flow control: what was recorded is decoded as the reference says.
+/// A stream has no flow control: recorded bytes are decoded as the reference states.
 #[test]
 fn xon_and_xoff_are_in_a_line_like_other_bytes() {
     let pose = cellwire(&["encode", "val2-viewer"], r#"{"count":0,"pose":[0,0,0,0,0,0,0,0,0,0,0,0]}"#);

@@ -11,7 +11,7 @@ fn plant(name: &str) -> String {
     format!("{}/../kawasaki-msg/plants/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// What the tool prints, and its remarks, for this input.
+/// Returns whether the tool succeeds with this input, its output and its remarks.
 fn cellwire(args: &[&str], input: &str) -> (bool, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
     command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -62,7 +62,7 @@ fn one_packet_under_two_plants() {
     assert_eq!(text(&theirs), format!("<Anfang$7$2#50#>{job}<Schluss$7$2#50#><Nichts$7$0##>"));
     let mut read = decode(&default, &ours);
     assert_eq!(read[1]["work"].as_array().unwrap().len(), 5);
-    // That plant's start does not name the first job.
+    // The start message of that plant does not contain the first job's number.
     read[0]["values"].as_object_mut().unwrap().remove("number");
     assert_eq!(decode(&other, &theirs), read);
 }

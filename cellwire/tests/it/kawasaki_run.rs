@@ -80,7 +80,7 @@ impl Cell {
         tool
     }
 
-    /// What the robots have executed: the fields of each job.
+    /// Returns the jobs that the robots have executed: the fields of each job.
     pub(crate) fn executed(&self) -> Vec<String> {
         let text = fs::read_to_string(self.path("record.csv")).unwrap_or_default();
         text.lines().skip(1).map(|row| row.splitn(3, ',').nth(2).unwrap().to_owned()).collect()
@@ -191,7 +191,7 @@ fn a_robot_that_vanishes_is_an_error_and_its_jobs_a_question() {
         drop(robot);
         // The operator sees how far it came.
         let mut run = cell.run(&[]);
-        // An answer before its question is none.
+        // An answer before its question does not count.
         run.say("done");
         run.say("1");
         let _robot = cell.robot(&["job_time=1ms", "queue=50"]);
@@ -235,7 +235,7 @@ fn a_robot_that_is_restarted_leaves_a_question_and_the_run_goes_on() {
     run.say("repeat");
     assert_eq!(run.event("answered")["answer"], "repeat");
     finish(run, 200);
-    // What was executed of those that it asked about was executed again, as the operator wanted.
+    // The jobs of the question that had been executed are executed again, as the operator answered.
     let again = executed as u64 + 1 - question["first"].as_u64().unwrap();
     assert_eq!(cell.executed().len() as u64, 200 + again);
 }
@@ -287,7 +287,7 @@ fn without_a_robot_it_does_not_begin() {
     assert!(said.contains("no robot connected within 300ms: see --robot-timeout"), "{said}");
 }
 
-/// Others that send to the socket: bytes that are no message, the messages of a robot that is another one.
+/// Datagrams of other senders: bytes that are not a message, and the messages of another robot.
 #[test]
 fn foreign_datagrams_hurt_nobody() {
     let mut cell = Cell::new(UDP, 400);
@@ -394,7 +394,7 @@ fn a_drawing_is_drawn_in_any_plant_whose_jobs_are_lines() {
         assert!(table.lines().any(|line| line.split_once(',').unwrap().1.ends_with(row)), "{row}\n{table}");
         fs::remove_file(record).unwrap();
     }
-    // Jobs that are no lines cannot be drawn.
+    // Jobs that are not lines cannot be drawn.
     let pallet = plant("pallet");
     let file = path("square.svg");
     let (code, said) = Tool::start(&["run", "kawasaki", &file, "--settings", &pallet, "--dry-run"]).end();

@@ -232,7 +232,7 @@ fn a_program_that_is_not_understood_is_refused_with_its_line() {
     ] {
         let (code, _, said, _) = dry_run(name, program, &NOT_CARRIED);
         assert_eq!(code, Some(2), "{program:?}: {said}");
-        // The cause is said after what it is the cause of.
+        // The cause follows the error.
         let said = said.replace("part.nc: ", "");
         assert!(said.contains(expected), "{program:?}: {said}");
     }

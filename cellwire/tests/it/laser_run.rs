@@ -15,7 +15,7 @@ pub(crate) struct Cell {
     robot: Option<Tool>,
 }
 
-/// What a host may assume of a robot that was just started: nobody has sent anything before.
+/// The settings of a host for a robot that was just started: no earlier host has sent anything.
 const FRESH: [&str; 6] = ["--set", "longest_frame=1", "--set", "max_pause=0", "--set", "settle=100ms"];
 
 impl Cell {

@@ -1,4 +1,4 @@
-//! What the tool does where the system gives it no thread, nobody reads what it prints, or a serial port vanishes.
+//! The tool without threads for its devices, without a reader of its output, or after the loss of a serial port.
 
 use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
@@ -98,7 +98,7 @@ fn a_flood_of_refused_requests_is_counted() {
     const REQUESTS: u64 = 20_000;
     let mut fanuc = Unread::start("fanuc");
     let begin = Instant::now();
-    // Function 99 is none.
+    // Function 99 does not exist.
     let request = [0, 7, 0, 0, 0, 2, 1, 99];
     let mut client = fanuc.connect();
     for _ in 0..REQUESTS / 100 {
@@ -176,7 +176,7 @@ fn copy(folder: &tempfile::TempDir) -> String {
 
 #[test]
 fn without_a_thread_a_device_says_so_or_serves() {
-    // The limit counts the threads of a user, and root has none: a user that nobody is.
+    // The limit counts the threads of a user, and root has no limit: run as a user without other processes.
     let is_root = Command::new("id").arg("-u").output().unwrap().stdout == b"0\n";
     if !is_root {
         eprintln!("skipped: only root can run the tool as a user without other processes");

@@ -1,4 +1,4 @@
-//! What the tool does when something is lost: the reader of its output, a connection, room on the disk, a path that is taken.
+//! The tool after a loss: the reader of its output, a connection, disk space, or a path that is in use.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};

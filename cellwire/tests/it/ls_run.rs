@@ -31,7 +31,7 @@ fn a_position_of_another_frame_stops_the_program() {
         out(&output)
     );
     assert_eq!(output.status.code(), Some(1));
-    // What nothing selects is as the first position has it, which is said.
+    // A frame that no instruction selects is that of the first position, which is reported.
     folder.write("A.LS", &program("A", "J P[1] 50% FINE", &REACHED));
     let output = folder.run("ls run A.LS");
     let assumed = r#""what":"UFRAME_NUM=1 and UTOOL_NUM=0, as in P[1], without a selection""#;

@@ -56,7 +56,7 @@ fn a_ball_that_is_late_moves_nothing_and_that_is_said() {
     });
 }
 
-/// Which statuses of the motion segment stop the arm, and disarm; the others are those of a path, or of its end.
+/// The statuses of the motion segment that stop the arm, and disarm; the others are those of a path, or of its end.
 const STOPS: [bool; 14] =
     [false, false, false, false, false, true, true, true, true, true, true, true, false, true];
 

@@ -1,6 +1,6 @@
-//! `simulate puma` against a host that shares no code with it: what the source says of interruptions, errors, ends, restarts and
-//! both kinds of values. Where a busy machine lets the host answer too late, ALTER ends and begins again, and what is waited for
-//! comes later.
+//! `simulate puma` against a host that shares no code with it: the source's rules for interruptions, errors, ends, restarts and
+//! both kinds of values. If a busy computer delays the host's answer too long, ALTER ends and begins again, and the expected
+//! events come later.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -352,7 +352,7 @@ fn a_value_of_the_non_cumulative_mode_is_an_offset_from_the_path() {
                 }
                 _ => {}
             }
-            // What the reply to this message does is seen in the next one.
+            // The next message shows the effect of the reply to this one.
             if message.control == RUNNING {
                 offset = match sent {
                     [_, 1, low, high] => i16::from_le_bytes([*low, *high]),

@@ -1,4 +1,4 @@
-//! `cellwire replay`: what a tap has recorded is played to a program or a device of the tool, over sockets and pseudo-terminals.
+//! `cellwire replay`: plays a tap's recording to a program or a device of the tool, over sockets and pseudo-terminals.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -11,7 +11,7 @@ use crate::tool::{DEADLINE, Running, cellwire, run};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A device of the tool behind a tap, and what the tap writes.
+/// A device of the tool that a tap connects to, and the file of the tap.
 struct Recorded {
     folder: TempDir,
     device: Running,
@@ -69,7 +69,7 @@ const LASER: [&[u8]; 2] = [b"\xEB\x90\x82\xF0\xF1\x01\x01\x01\x90\x82\xF4"; 2];
 fn a_laser_is_played_to_a_program_and_its_program_to_a_laser() {
     let recorded = Recorded::new("laser-eb90", "laser");
     let mut client = recorded.tap.connect();
-    // What an earlier host sent has passed.
+    // The bytes of an earlier host have passed.
     thread::sleep(Duration::from_millis(1600));
     let answers = exchange(&mut client, &LASER, LASER[0].len());
     drop(client);

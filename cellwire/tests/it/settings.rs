@@ -11,7 +11,7 @@ use cellwire::devices::device_by_name;
 use cellwire_links::settings::{Form, list_as};
 use cellwire_links::{LINKS, Link};
 
-/// What the tool prints and its exit status, for this input.
+/// Returns the exit status of the tool for this input, its output and its remarks.
 pub(crate) fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
     command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -57,7 +57,7 @@ fn settings_inside_others_are_listed() {
 
 #[test]
 fn the_default_that_is_listed_is_the_default() {
-    // Given again, it changes nothing.
+    // An explicit default has no effect.
     for link in LINKS {
         for setting in (link.settings)() {
             let given = format!("{}={}", setting.name, setting.default_text());
@@ -210,7 +210,7 @@ fn a_device_refuses_what_is_out_of_range_before_it_starts() {
     assert!(error.contains("unit=every: not a whole number, give 0 to 255, or auto"), "{error}");
 }
 
-/// What `identify --write` writes, with every option at a value that is not the default.
+/// Returns the file of `identify --write` with all options at a value that is not the default.
 fn found(link: &Link) -> String {
     let mut text = String::new();
     for (name, value) in link.open.beside {

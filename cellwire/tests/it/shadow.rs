@@ -1,4 +1,4 @@
-//! Shadow ends as the tool shows them: lines of a tap, its screen, and what `decode --shadow` says of a capture.
+//! Shadow ends in the tool: lines of a tap, its screen, and the output of `decode --shadow` for a capture.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -19,7 +19,7 @@ fn tap(link: &str, server: &str, capture: &Path) -> Running {
     )))
 }
 
-/// What `decode --shadow` says of a capture: its exit status, and the lines about both ends.
+/// Returns the exit status of `decode --shadow` for a capture, and the lines about both ends.
 fn said(link: &str, capture: &Path) -> (Option<i32>, Vec<String>) {
     let (status, lines, _) =
         run(cellwire(&format!("decode {link} --format pcap --shadow {}", capture.display())));

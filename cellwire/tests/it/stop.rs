@@ -16,7 +16,7 @@ use crate::operated::Tool;
 use crate::rig::pty::Pty;
 use crate::{kawasaki_run, laser_run, mma_run};
 
-/// What a program is started with.
+/// The standard input of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Input {
     /// A pipe that stays open.
@@ -53,7 +53,7 @@ const STOPS: [(Input, Stop); 11] = [
     (Input::Foreign, Stop::Close),
 ];
 
-/// The tool as an argument of `env`: it does not ignore SIGHUP, also where the tests are run by `nohup`.
+/// The tool as an argument of `env`: it does not ignore SIGHUP, even if the tests are run by `nohup`.
 const HEARS_HANGUP: [&str; 2] = ["--default-signal=HUP", env!("CARGO_BIN_EXE_cellwire")];
 
 /// A run, and the terminal that it has.
@@ -141,7 +141,7 @@ fn stop_orders(carrier: &'static str, stops: &[(Input, Stop)], more: &[&str]) {
         let ended = run.stopped();
         assert_eq!(number(&ended, "unknown"), 0, "{input:?}, {stop:?}: {ended}");
         assert_eq!(ended["machine"], "the robot has no jobs of this file queued");
-        // What it had queued is not executed.
+        // The robot does not execute the jobs that it had queued.
         thread::sleep(Duration::from_millis(100));
         let executed = cell.executed().len();
         assert_eq!(executed as u64, number(&ended, "done"), "{input:?}, {stop:?}");
@@ -157,7 +157,7 @@ fn an_order_is_interrupted_whatever_standard_input_is() {
     stop_orders(kawasaki_run::TCP, &STOPS, &[]);
 }
 
-/// Over UDP, and in a plant that has no message to interrupt an order: what the robot has queued is executed then.
+/// Over UDP, and in a plant without a message to interrupt an order, the robot then executes its queued jobs.
 #[test]
 fn an_order_ends_over_udp_and_where_it_cannot_be_interrupted() {
     stop_orders(kawasaki_run::UDP, &STOPS[..3], &[]);
@@ -242,7 +242,7 @@ fn a_second_signal_ends_at_once_and_says_what_that_leaves() {
     let _ = run.0.end();
 }
 
-/// After 30 s the machine is left to itself, but for the devices of MM&A, which are told to stop.
+/// After 30 s the run ends without waiting for the machine; only the devices of MM&A receive a command to stop.
 #[test]
 fn a_stop_has_a_limit() {
     let ended = |run: Run| {

@@ -93,6 +93,6 @@ fn what_a_capture_lacks_is_a_gap_in_it_and_said_also_at_the_end() {
     })
     .unwrap();
     assert_eq!(kept + said.unwrap_or_default(), FLOOD);
-    // The last packet has the number of the end, also if what is before it is missing.
+    // The last packet has the number of the end, even if the packets before it are missing.
     assert!(matches!(u64::from(next.wrapping_sub(first)) - FLOOD, 0 | 1), "{first} {next}");
 }

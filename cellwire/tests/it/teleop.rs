@@ -1,4 +1,4 @@
-//! The teleoperation cell over pseudo-terminals: what must hold whatever the machine does meanwhile.
+//! The teleoperation cell over pseudo-terminals: properties that do not depend on the load of the computer.
 
 use std::path::Path;
 use std::sync::Arc;

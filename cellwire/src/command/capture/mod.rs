@@ -44,7 +44,7 @@ struct VectorsArgs {
     out: OutArgs,
 }
 
-/// Where the file goes, and what is said in it.
+/// The destination of the file, and its description.
 #[derive(Debug, clap::Args)]
 struct OutArgs {
     /// The origin of the capture: machine, controller version, and date

@@ -95,7 +95,7 @@ enum Mode {
 enum By {
     Translation,
     Rotation,
-    /// The one that is closer to its maximum
+    /// Translation or rotation, whichever is closer to its maximum
     Either,
 }
 

@@ -29,10 +29,10 @@ pub(super) struct WorkArgs {
     /// Write what became of each job as CSV; in a dry run, what the journal has
     #[arg(long, value_name = "FILE")]
     outcomes: Option<PathBuf>,
-    /// What is known of each job [default: FILE.journal]
+    /// The journal of the jobs' outcomes [default: FILE.journal]
     #[arg(long, value_name = "FILE")]
     journal: Option<PathBuf>,
-    /// Forget the journal: what is done is done again
+    /// Replace the journal, and repeat the jobs that are done
     #[arg(long)]
     again: bool,
     /// The answer for what an earlier run has left unknown, without a question: done, repeat, or the number of the last that is done; check

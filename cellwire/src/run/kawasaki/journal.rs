@@ -53,7 +53,7 @@ pub enum Entry {
         /// The index of the job in the order, from 0.
         ahead: u32,
     },
-    /// The robot is told to interrupt or end the order.
+    /// The robot receives a command to interrupt or end the order.
     BreakOff {
         /// The order's number.
         break_off: u16,

@@ -1,4 +1,4 @@
-//! What the tool reads from captures: as much as there is, once, in order, and a line for what is missing.
+//! The tool's reading of captures: as many bytes as there are, once, in order, and a line for missing ones.
 #![allow(clippy::cast_possible_truncation)]
 
 mod make;
@@ -204,7 +204,7 @@ fn what_is_missing_is_a_line() {
     segments.remove(4); // the client's second
     let found = read_tcp(segments);
     assert_eq!(found, "c1 s1 s2 s3 gap(12) c3");
-    // The rest of a frame is missing: what was read of it is no frame with what comes after.
+    // The rest of a frame is missing: its beginning and the next bytes are not one frame.
     let all = requests(1..=3);
     let segment = |from: usize, to: usize| tcp(CLIENT, SERVER, 1000 + from as u32, ACK, &all[from..to]);
     assert_eq!(read_tcp([segment(0, 17), segment(20, 36)]), "c1 cut gap(3) ".to_owned() + &resync());
@@ -214,7 +214,7 @@ fn what_is_missing_is_a_line() {
     assert_eq!(read_tcp([segment(12, 24), segment(0, 12), segment(24, 36)]), "c2 before_start(12) c3");
 }
 
-/// What the decoder makes of the last 4 bytes of a request and the next request.
+/// Returns the decoder's lines for the last 4 bytes of a request and the next request.
 fn resync() -> String {
     let bytes = [&request(2)[8..], &request(3)].concat();
     read_tcp([tcp(CLIENT, SERVER, 1, ACK, &bytes)])

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use super::make::{reply, request};
 
-/// What `cellwire` prints, its status, and what it said.
+/// Returns the output of `cellwire`, its status, and its remarks.
 fn cellwire(arguments: &str, file: &Path) -> (String, Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
     command.args(arguments.split_whitespace()).arg(file).stdin(Stdio::null());

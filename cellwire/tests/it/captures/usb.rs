@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::make::{Form, LITTLE, whole};
 
-/// What has written the capture.
+/// The program that wrote the capture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Program {
     Usbmon,
@@ -172,14 +172,15 @@ fn frames() -> [Vec<u8>; 2] {
         .map(|message| codec.encode(message).unwrap())
 }
 
-/// Who sends each message, in a letter.
+/// Returns the sender of each message, as a letter.
 fn senders(lines: &[Value]) -> String {
     lines.iter().map(|line| line["from"].as_str().map_or('!', |from| from.chars().next().unwrap())).collect()
 }
 
 const FTDI: (u16, u16, u16) = (0x0403, 0x6001, 0x0600);
 
-/// Three instructions and answers over an adapter of each kind, with what its driver says before: the capture, and what is said of it.
+/// Returns, for an adapter of each kind, a capture of three instructions and answers after the driver's requests, and the
+/// expected remark.
 fn complete(program: Program, form: Form) -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let [short, long] = frames();
     let ends = |input: u8, output: u8, packet: u16| [(input, packet), (output, packet)];
@@ -351,7 +352,7 @@ fn tshark_reads_the_same_of_what_is_generated() {
             }
             let text = String::from_utf8(command.output().unwrap().stdout).unwrap();
             assert_eq!(text.matches("0x").count(), 1, "{name}, {program:?}: {text}");
-            // What it takes for malformed is not what drivers send.
+            // Wireshark must not take a driver's request for malformed.
             assert!(!text.contains("alformed"), "{name}, {program:?}: {text}");
             let bytes: String = text.chars().filter(char::is_ascii_hexdigit).collect();
             let answers = if name == "FTDI of high speed" { 9 } else { 3 };

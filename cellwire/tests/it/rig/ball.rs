@@ -21,7 +21,7 @@ struct Hand {
     faults: Faults,
 }
 
-/// What a ball, or its line, does with some packets.
+/// The faults of a ball, or its line.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Faults {
     /// Of this many packets each.

@@ -11,7 +11,7 @@ use super::pty::Pty;
 
 pub(crate) const CYCLE: Duration = Duration::from_millis(28);
 
-/// What became of a cycle.
+/// The outcome of a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cycle {
     /// The values of a reply; those left out are zero, and the count of bytes on the line.
@@ -125,7 +125,7 @@ const FOLLOWED: u8 = 2;
 /// A missing reply ends the source's ALTER; this controller forgives a busy machine a few, and says so: the host begins from rest.
 const FORGIVEN: u32 = 30;
 
-/// The error code of a message behind this many cycles without a reply.
+/// Returns the error code of a message after this many cycles without a reply.
 fn error(missed: u32) -> u8 {
     if missed > 0 { 6 } else { 0 }
 }
@@ -243,7 +243,8 @@ fn send(port: &mut Pty, data: &[u8]) {
     port.write(&frame);
 }
 
-/// One cycle: a message, and the data of the reply that comes before the next one. What came before is late, and none.
+/// One cycle: sends a message, and returns the data of the reply that comes before the next one. Earlier bytes are too late, and
+/// are not a reply.
 fn exchange(port: &mut Pty, data: &[u8]) -> Option<Vec<u8>> {
     let next = Instant::now() + CYCLE;
     let mut stale = [0; 256];

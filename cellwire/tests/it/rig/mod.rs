@@ -109,8 +109,8 @@ impl Rig {
         }
     }
 
-    /// What the controller saw from `cause` on: in cycles, to the first smaller value, and to zero; and the greatest step. `None`:
-    /// a busy machine had stopped the arm before.
+    /// Returns the controller's observations from `cause` on: the number of cycles to the first smaller value, and to zero; and
+    /// the greatest step. `None`: a busy computer had stopped the arm before.
     pub(crate) fn stopped(&self, cause: usize) -> Option<Stopped> {
         let rests = |cycle: &Cycle| matches!(cycle, Cycle::Ended | Cycle::Start(_) | Cycle::Interrupted(_));
         let zero = self.controller.wait("rest", cause, |cycle| x(cycle).map_or(rests(cycle), |x| x == 0));
@@ -150,7 +150,7 @@ impl Rig {
         }
     }
 
-    /// What the program wrote on standard error.
+    /// Returns the program's standard error.
     pub(crate) fn stderr(&self) -> String {
         std::fs::read_to_string(self.folder.path().join("stderr")).unwrap()
     }
@@ -279,7 +279,7 @@ impl Terminal {
     /// Asserts that it is as it was before the program: its settings, and the screen.
     pub(crate) fn assert_restored(&self) {
         assert_eq!(stty(&self.path, &["-g"]), self.settings);
-        // What was written last may not be read yet.
+        // The terminal may not have read the last bytes yet.
         let end = Instant::now() + PATIENCE;
         while self.screen.lock().unwrap().screen().alternate_screen() {
             assert!(Instant::now() < end, "the alternate screen was not left");

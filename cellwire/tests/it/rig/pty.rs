@@ -11,7 +11,7 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 pub(crate) struct Pty(File);
 
 impl Pty {
-    /// The one end, and the path of the other.
+    /// Creates a pseudo-terminal: returns one end, and the path of the other.
     pub(crate) fn new() -> (Self, String) {
         let user = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&user).unwrap();
@@ -25,7 +25,7 @@ impl Pty {
         Self(self.0.try_clone().unwrap())
     }
 
-    /// No echo, no translation: what is written before somebody opens the other end comes as it is.
+    /// Without echo and translation: bytes that are written before the other end is opened arrive unchanged.
     pub(crate) fn raw(self) -> Self {
         let mut settings = tcgetattr(&self.0).unwrap();
         settings.make_raw();

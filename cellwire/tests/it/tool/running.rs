@@ -17,7 +17,7 @@ pub(crate) struct Running {
     child: Child,
     /// Lines of both outputs, as they come.
     lines: Receiver<String>,
-    /// Those that came while another was waited for.
+    /// Lines that came while another line was waited for.
     passed: Vec<String>,
     /// Its first line.
     pub(crate) ready: Value,
@@ -45,7 +45,7 @@ impl Running {
         running
     }
 
-    /// Its process.
+    /// Returns the id of the process.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }

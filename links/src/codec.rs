@@ -32,7 +32,7 @@ pub trait Codec {
     /// The bytes of one message object.
     ///
     /// # Errors
-    /// When the object is no message of this link, or a value cannot be encoded.
+    /// When the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
     /// See [`Messages::names`].
@@ -100,7 +100,7 @@ pub trait Messages {
     /// The bytes of one message object.
     ///
     /// # Errors
-    /// When the object is no message of this link, or a value cannot be encoded.
+    /// When the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
     /// The names of the values that the object shows under other keys, each with its JSON pointer. Values of one name repeat one another:
@@ -373,7 +373,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Ends the stream, or says that the line is silent: remaining bytes that are not a whole frame are an error.
+    /// Ends the stream, or reports that the line is silent: remaining bytes that are not a whole frame are an error.
     ///
     /// # Errors
     /// The error that `emit` returns.

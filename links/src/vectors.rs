@@ -60,7 +60,7 @@ pub enum Outcome {
 /// The vectors of a file.
 ///
 /// # Errors
-/// When it cannot be read, or is no file of vectors.
+/// When it cannot be read, or is not a file of vectors.
 pub fn vectors(file: impl AsRef<Path>) -> Result<Vec<Vector>> {
     vectors_in(&fs::read_to_string(&file).with_context(|| file.as_ref().display().to_string())?)
 }
@@ -86,10 +86,11 @@ impl Vector {
         (link.codec)(link.side(self.from.as_deref())?, &self.options)
     }
 
-    /// Whether the codec makes of its bytes, read in these pieces, what the vector says, and of its message these bytes.
+    /// Checks that the codec decodes the bytes, read in these pieces, as the vector states, and encodes the message to these
+    /// bytes.
     ///
     /// # Errors
-    /// When it does not: what it makes instead.
+    /// The first difference.
     pub fn check(&self, link: &Link, pieces: &[&[u8]]) -> Result<()> {
         let items = codec::items(self.codec(link)?, &[pieces.to_vec()])?;
         let Some(first) = items.first() else { bail!("gives nothing") };

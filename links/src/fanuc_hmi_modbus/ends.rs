@@ -54,7 +54,7 @@ impl<const N: usize> Owner for Client<N> {
 
     fn shows(&self, event: &ClientEvent) -> Option<(&'static str, String)> {
         let ClientEvent::Replied { ticket, unit } = *event else { return None };
-        // Without the rule that checks it, it may be none.
+        // Without the rule that checks the reply, it may be missing.
         let message = self.reply(ticket).map(|pdu| Frame { transaction: None, unit, pdu });
         Some(("message", json::text(&message)))
     }

@@ -27,7 +27,7 @@ pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     })
 }
 
-/// Blanks around the length, and zeros before it; as roles, what the plant does not use.
+/// Accepts blanks around the length, and zeros before it; as roles, fields that the plant does not use.
 pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
     let plain = || {
         let data = it.bytes.iter().position(|byte| *byte == b'#')?;

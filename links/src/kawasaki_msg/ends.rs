@@ -21,7 +21,7 @@ use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Pc>(), EndRow::of::<Robot>()];
 
-/// Slots of the queue where nothing says how many.
+/// The default number of slots in the queue.
 const SLOTS: usize = 256;
 
 /// The PC, and the jobs of its order.

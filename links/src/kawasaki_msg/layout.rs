@@ -87,7 +87,7 @@ enum Kind {
 }
 
 impl Layout {
-    /// The drawing's lines within these bounds: the layout of a plant that names none.
+    /// Returns the layout for the drawing's lines within these bounds: the default for a plant without a `job`.
     pub fn line(Bounds { min, max }: Bounds) -> Self {
         let number = |name: &str, min, max| Field {
             name: name.into(),

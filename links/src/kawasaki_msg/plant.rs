@@ -145,7 +145,7 @@ impl Plant {
     /// Replaces messages by role, as a configuration of the reference does: `null` where the plant lacks one.
     ///
     /// # Errors
-    /// When there is no such role, or an object is no message.
+    /// When there is no such role, or an object is not a message.
     pub(super) fn replace(&mut self, messages: Map<String, Value>) -> Result<()> {
         for (role, given) in messages {
             let known = self.messages.get(&role).map(|message| message.default);

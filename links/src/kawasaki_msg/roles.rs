@@ -1,4 +1,4 @@
-//! Messages as what they mean in the plant's table, whatever they are called there.
+//! Messages by their roles in the plant's table, whatever their names are there.
 
 use anyhow::{Context, anyhow};
 use kawasaki_msg::{Decoder, Dialect, Field, Message, Params, Role};

@@ -18,7 +18,7 @@ use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Robot>()];
 
-/// The room of the queue where nothing says it.
+/// The default capacity of the queue.
 const QUEUE: usize = 8;
 const MAX_NUMBER: u16 = 9999;
 

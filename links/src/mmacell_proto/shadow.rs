@@ -38,7 +38,7 @@ struct Cell {
 
 struct Open {
     at: Duration,
-    /// `None` where the line is no command.
+    /// `None` if the line is not a command.
     command: Option<Value>,
     is_missed: bool,
 }

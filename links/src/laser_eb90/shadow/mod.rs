@@ -71,7 +71,7 @@ struct Asked {
     /// Nothing before it delays its answer.
     is_prompt: bool,
     is_answered: bool,
-    /// An error code says that it is to be sent again, this often already.
+    /// The number of times that the frame was sent again after an error code.
     resent: u8,
     /// It is wanted again, with the same bytes.
     is_wanted: bool,

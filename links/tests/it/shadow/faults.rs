@@ -80,7 +80,7 @@ fn faults_are_found_where_they_can_be_seen() {
                     let found = first_new(&before, &story.say(link, &told));
                     let is_found = found.is_some() || is_error(link, story, &told);
                     count.found += u32::from(is_found);
-                    // The message itself, what comes next from either end, or that nothing came in time.
+                    // The message itself, the next message of either end, or the end of the story.
                     let is_there = |found: usize| found <= place + 2 || found >= told.len();
                     count.later += u32::from(found.is_some_and(|found| !is_there(found)));
                     let why = if is_found { None } else { unseen(&case) };

@@ -1,4 +1,5 @@
-//! Every story from each place on: a shadow that begins in the middle says nothing that one from the start does not say.
+//! Every story from each place on: a shadow that begins in the middle does not report anything that one from the start does not
+//! report.
 
 use core::fmt::Write as _;
 

@@ -23,7 +23,7 @@ pub(super) fn is_unseen(link: &str, story: u64) -> bool {
     UNSEEN.iter().any(|(name, id, _)| (*name, *id) == (link, story))
 }
 
-/// Our sessions keep the rules, whatever the other end does: no story is complained about for the end that is ours.
+/// Our sessions follow the rules, whatever the other end does: no story causes a complaint about our end.
 #[test]
 fn our_ends_are_never_complained_about() {
     let (mut wrong, mut unseen) = (String::new(), BTreeSet::new());

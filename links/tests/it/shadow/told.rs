@@ -1,4 +1,4 @@
-//! A conversation as a tap sees it, and what a shadow says to it.
+//! A conversation as a tap sees it, and the shadow's complaints about it.
 
 use core::time::Duration;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Faults that nobody between the ends can see, and why not.
+//! Faults that are not visible between the ends, and the reasons.
 
 use core::time::Duration;
 
@@ -71,7 +71,7 @@ fn behind<'a>(case: &'a Case<'_>) -> impl Iterator<Item = &'static str> + use<'a
     })
 }
 
-/// Whether the other end says something before this one speaks again.
+/// Returns whether the other end sends before this one sends again.
 fn is_answered(case: &Case<'_>) -> bool {
     behind(case).next().is_some_and(|from| from != case.from)
 }
@@ -120,7 +120,7 @@ fn is_as_good(case: &Case<'_>) -> bool {
     let (Some(message), Some(other)) = (&case.message, &case.other) else { return false };
     let path = difference(message, other).unwrap_or_default();
     let free: &[&str] = match (case.link.name, case.from) {
-        // All but the word; and where the answer is an error code, which names none.
+        // All but the word; and if the answer is an error code, the word too, since the code does not name it.
         ("laser-eb90", _) => {
             let is_code =
                 |message: &Value| message["items"][0]["i16"][0].as_i64().is_some_and(|word| word < 0);

@@ -48,7 +48,7 @@ pub enum Encoding {
     /// UTF-8.
     #[default]
     Utf8,
-    /// A byte a character, Latin-1: what is not UTF-8. Controllers write comments in whatever they are set to.
+    /// A byte a character, Latin-1, if the text is not UTF-8. Controllers write comments in the character set of their settings.
     Latin1,
 }
 

@@ -82,7 +82,7 @@ impl Document {
         Ok(())
     }
 
-    /// The place of a statement's motion and the text that it gets; none where it says the same.
+    /// Returns the place of a statement's motion and its new text; `None` if they are equal.
     pub(crate) fn motion_edit(&self, index: usize, motion: &Motion) -> Result<Option<Edit>, EncodeError> {
         let text = |motion: &Motion| {
             let mut text = String::new();
@@ -109,7 +109,7 @@ impl Document {
     pub fn set_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
         let written = printed(index, text)?;
         let old = self.body(index)?;
-        // A motion's letter is right after the colon, anything else after two blanks; what is there stays.
+        // A motion's letter is right after the colon, anything else after two blanks; existing blanks stay.
         let blanks = self.text.get(..old.start).is_some_and(|before| before.ends_with([' ', '\t']));
         let written = if blanks { written.trim() } else { written.trim_end() };
         let (place, text) = self.lines_edit(old, written);
@@ -128,7 +128,7 @@ impl Document {
         Ok(())
     }
 
-    /// The place of the position with this number and the text that it gets; none where it says the same.
+    /// Returns the place of the position with this number and its new text; `None` if they are equal.
     pub(crate) fn position_edit(&self, position: &Position) -> Result<Option<Edit>, EncodeError> {
         position.check()?;
         let number = position.number;

@@ -111,7 +111,7 @@ pub enum Reason {
         /// The limit that was set.
         limit: usize,
     },
-    /// Something stands behind `/END`.
+    /// Text after `/END`.
     #[error("expected nothing after `/END`: a file has one program")]
     Trailing,
 }

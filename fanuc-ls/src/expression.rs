@@ -38,7 +38,7 @@ pub enum Expression {
     Call(Function, Vec<Expression>),
     /// `[1,R[2],*]`: a row, a column and a layer of a pallet, as they stand.
     Pallet(String),
-    /// `...` or `Constant`: what is not filled in yet.
+    /// `...` or `Constant`: a template's placeholder.
     Untaught,
 }
 

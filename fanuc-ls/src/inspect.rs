@@ -91,7 +91,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// Where LINE_COUNT is, and what it says.
+    /// Checks the attributes; returns the place of LINE_COUNT, and its value.
     fn attributes(&mut self) -> Option<(usize, usize)> {
         let mut line_count = None;
         for (place, attribute) in self.parts.attributes(self.text) {
@@ -172,7 +172,7 @@ impl<'a> Check<'a> {
                 Ok(position) => position,
                 Err(fault) => {
                     self.error(fault.at, fault.reason);
-                    // It is there, whatever is wrong with it.
+                    // The position is defined, even if it is wrong.
                     let words = at(self.text, block).strip_prefix("P[").unwrap_or("");
                     if let Some(number) = leading_number(words) {
                         defined.entry(number).or_insert(1);

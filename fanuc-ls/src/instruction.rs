@@ -30,8 +30,8 @@ pub enum Instruction {
 }
 
 impl Instruction {
-    /// Any instruction by its text, such as `CALL WELD_ON` or `!comment`: what a controller would read behind `1:`.
-    /// None when it is a motion that cannot be read.
+    /// Returns any instruction from its text after `1:`, such as `CALL WELD_ON` or `!comment`. `None` for a motion that cannot be
+    /// read.
     pub fn from_text(text: &str) -> Option<Self> {
         Self::decode(text).ok()
     }

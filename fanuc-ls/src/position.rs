@@ -425,7 +425,7 @@ pub enum AxisUnit {
 }
 
 impl AxisUnit {
-    /// The unit behind ten columns, as controllers print it.
+    /// Reads the unit after ten columns, as controllers print it.
     #[inline(always)]
     fn printed(text: &[u8]) -> Option<Self> {
         match text {

@@ -12,10 +12,10 @@ use crate::parts::{Parts, at, ends_application, offset};
 use crate::position::Position;
 use crate::text::{Fault, push_number, word};
 
-/// A TP program as values: what an LS file says, without how it is spelled.
+/// A TP program as values: the contents of an LS file, without its spelling.
 ///
-/// [`encode`](Self::encode) writes it the way a controller does. What is written reads as the same program. To change a file
-/// and keep the rest of it as it is, use a [`Document`](crate::Document).
+/// [`encode`](Self::encode) writes it the way a controller does. The written file reads as the same program. To change a file and
+/// keep the rest of it as it is, use a [`Document`](crate::Document).
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
@@ -26,9 +26,9 @@ pub struct Program {
     /// The word after the name, such as `Macro`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub kind: Option<String>,
-    /// `/ATTR`, in its order. None when there is no such section.
+    /// `/ATTR`, in its sequence. `None` without such a section.
     pub attributes: Option<Vec<Attribute>>,
-    /// `/APPL`, its lines as they stand. None when there is no such section.
+    /// `/APPL`, its lines as they stand. `None` without such a section.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::application))]
     pub application: Option<Vec<String>>,
     /// `/MN`, in its order.

@@ -1,5 +1,5 @@
-//! Edits of all of a [`Document`]: speeds, what is named by a number, names, positions, line numbers. Each changes the words that
-//! it means and leaves every other byte.
+//! Edits of all of a [`Document`]: speeds, numbers of items, names, positions, line numbers. Each changes only the words in
+//! question.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;

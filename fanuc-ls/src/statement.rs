@@ -21,8 +21,8 @@ impl<'a> Statement<'a> {
         self.text
     }
 
-    /// Whether it is a line of the block that belongs to the motion above it (`TB`, `TA`). It has a number of its own
-    /// count, or none.
+    /// Returns whether it is a line of the block that belongs to the motion above it (`TB`, `TA`). Such a line has a number of
+    /// its own count, or no number.
     pub fn is_nested(&self) -> bool {
         self.nested
     }
@@ -33,7 +33,7 @@ impl<'a> Statement<'a> {
         line_number(digits)
     }
 
-    /// Its instruction, without the blanks around it: what is between the first `:` and the last `;`.
+    /// Returns the text of the instruction between the first `:` and the last `;`, without the blanks around it.
     pub fn body(&self) -> &'a str {
         let body = self.head().map_or(self.text, |(_, body)| body);
         close(body).0.trim()

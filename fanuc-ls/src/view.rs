@@ -32,7 +32,8 @@ impl Motion {
         self.register_of("Tool_Offset,")
     }
 
-    /// Its options, each whole: `ACC50`, `Offset,PR[1:a name]`, `Skip,LBL[2],PR[3]=LPOS`. What is none ends them, as it stands.
+    /// Returns the options, each whole: `ACC50`, `Offset,PR[1:a name]`, `Skip,LBL[2],PR[3]=LPOS`. Text that is not an option is
+    /// the last entry, as it stands.
     pub fn each_option(&self) -> Vec<&str> {
         let (mut options, mut rest) = (Vec::new(), self.options.as_str());
         loop {

@@ -137,7 +137,7 @@ fn named_labels(text: &str) -> Vec<Item> {
     places.filter_map(|(at, _)| grammar::item(text.get(at..)?).ok()).map(|(_, item)| item).collect()
 }
 
-/// The first of the lines behind each jump that nothing leads to.
+/// Reports the first unreachable line after each jump.
 pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Found<'_>) {
     let mut is_dead = false;
     for line in lines {

@@ -167,7 +167,7 @@ fn nested(line: &str, open: &mut Option<usize>, found: &mut Found<'_>) -> What {
 fn read(place: &str, found: &mut Found<'_>) -> What {
     let name = place.split('(').next().unwrap_or("").trim();
     match grammar::operation(place) {
-        // A name that the caller knows, whatever it is similar to. Only the labels in its text are checked.
+        // A name that the caller knows, even if it is similar to another one. Only the labels in its text are checked.
         Err(_) if found.around.has_instruction(place) || found.around.has_macro(name) => {
             What::Operation(Operation::Command { name: "", operands: Vec::new(), text: place.into() })
         }

@@ -27,7 +27,7 @@ fn without_edges<'a>(input: &'a str, read: (&'a str, Expression)) -> Parsed<'a, 
     if has_misplaced_edge(&read.1) { fail(input, Mistake::Edge) } else { Ok(read) }
 }
 
-/// Whether `ON+` or `OFF-` stands elsewhere than behind `=` or `<>`.
+/// Returns whether `ON+` or `OFF-` stands elsewhere than after `=` or `<>`.
 fn has_misplaced_edge(value: &Expression) -> bool {
     match value {
         Expression::Rising | Expression::Falling => true,

@@ -93,7 +93,7 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// A sign behind blanks.
+/// Reads a sign after blanks.
 pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
     move |input: &'a str| match blank(input).strip_prefix(sign) {
         Some(rest) => Ok((rest, ())),
@@ -101,7 +101,7 @@ pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), 
     }
 }
 
-/// Words behind blanks, in capitals or not, with any blanks between them. The last one ends where it ends in the text.
+/// Reads words after blanks, in capitals or not, with any blanks between them. The last one ends where it ends in the text.
 pub(crate) fn keyword<'a>(words: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
     move |input: &'a str| {
         let mut rest = input;
@@ -124,7 +124,7 @@ pub(crate) fn next<'a>(
     parser.parse(input).ok().map(|(rest, ())| rest)
 }
 
-/// A number behind blanks; small ones have an exponent: `1.5e-06`.
+/// Reads a number after blanks; small ones have an exponent: `1.5e-06`.
 fn number(input: &str) -> Parsed<'_, f64> {
     let text = blank(input);
     let Some((value, length)) = decimal_prefix(text.as_bytes()) else { return other(input) };

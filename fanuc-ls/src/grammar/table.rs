@@ -1,4 +1,4 @@
-//! The instructions as data: how each is spelled, what follows it, and where it may stand.
+//! The instructions as data: their words, the form of the text after these, and their context.
 
 use super::Parsed;
 use super::operation::{

@@ -165,7 +165,7 @@ fn a_value_is_of_the_kind_that_belongs_there() {
     check(&[
         ("SR[1]='abc'", &[]),
         ("SR[1]=ON", &["1: expected a text such as `'a'` or `SR[1]`"]),
-        // A register has whatever the program has put into it.
+        // A register may contain a value of any kind.
         ("R[1]=SR[1]", &[]),
         ("R[1]='1'", &[number]),
         ("IF AR[1]=ON,JMP LBL[2]", &[]),

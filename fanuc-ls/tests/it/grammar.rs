@@ -1,4 +1,4 @@
-//! The corners of the grammar: what reads as what, and what is written as it stands.
+//! The corners of the grammar: ambiguous texts, and texts that are written as they stand.
 
 use fanuc_ls::{
     Attribute, CommentRule, Document, Finding, Instruction, Motion, MotionKind, Problem, Program, Rules,
@@ -55,7 +55,7 @@ fn a_nested_line_is_deeper_than_the_four_columns_of_a_number() {
     let (flat, warnings) = instructions(&format!("{first} ;\n    7:  END ;"));
     assert_eq!(flat[1], end);
     assert!(warnings.contains(&Warning::LineNumber { expected: 2, found: 7 }));
-    // Above the first line there is no motion that it could belong to.
+    // A line above the first motion does not belong to any motion.
     let alone = instructions("      7:  END ;");
     assert_eq!(alone, (vec![end], vec![Warning::LineNumber { expected: 1, found: 7 }]));
 }

@@ -247,7 +247,7 @@ fn a_name_is_perhaps_a_macro_and_nothing_worse() {
         let (program, first) = program("mn", text);
         assert_eq!(found(&program), [(first, "macro".to_owned(), Level::Hint)], "{text}");
     }
-    // Nor does what is not understood begin a block, whatever it ends with.
+    // A line that is not understood does not begin a block either, whatever it ends with.
     let (program, first) = program("mn", "R[1]=( THEN");
     assert_eq!(found(&program), [(first, "expected".to_owned(), Level::Error)]);
 }

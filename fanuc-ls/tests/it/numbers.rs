@@ -1,4 +1,4 @@
-//! Numbers are read as Rust reads them, whatever their length, and are written in the columns of controllers.
+//! Numbers of any length are read as Rust reads them, and are written in the columns of controllers.
 
 use fanuc_ls::{Axis, AxisName, AxisUnit, Document, Group, Operation, Position, Program, Rules};
 

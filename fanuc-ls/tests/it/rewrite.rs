@@ -154,7 +154,7 @@ fn the_layout_is_that_of_controllers_and_stays_so() {
         // A text whose meaning would change is unchanged.
         ("1:--eg PULSE,1sec ;", "   1:  --eg PULSE,1sec ;"),
         ("1:CALL A\u{a0} ;", "1:CALL A\u{a0} ;"),
-        // A comment says what it says, without blanks at its end.
+        // A comment keeps its text, without blanks at its end.
         ("1:!a\u{a0} ;", "   1:  !a ;"),
         ("1:!two    ;", "   1:  !two ;"),
         ("1:!DO[1]=PULSE, .5sec ;", "   1:  !DO[1]=PULSE, .5sec ;"),

@@ -11,7 +11,7 @@ const SPELLING: &str =
 const BLOCK: &str = "check which block it belongs to";
 const FRAME: &str = "choose the position's frame before the motion, or teach it in the one that is chosen";
 
-/// Each mistake with its level, what it says, and its advice.
+/// Returns each mistake with its level, its text and its advice.
 fn mistakes() -> Vec<(Mistake, Level, &'static str, &'static str)> {
     use Level::{Error, Hint, Warning};
     let (number, axis) = (7, AxisName::J(2));

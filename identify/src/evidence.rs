@@ -1,7 +1,7 @@
 //! How unlikely it is that one combination is true where another explains more.
 //!
-//! Were the second true, what only the first explains would be corrupt messages that are messages of the first by chance. How often
-//! that happens is measured: the same messages as the second writes them, with a byte changed.
+//! If the second were true, messages that only the first explains would be corrupt messages that are messages of the first by
+//! chance. The frequency of such chance is measured with messages as the second writes them, each with a byte changed.
 
 use serde_json::Value;
 
@@ -9,7 +9,7 @@ use super::combination::{Combination, Level, Piece, Reading};
 
 /// Evidence of this many bits rules a combination out.
 pub(super) const ENOUGH: f64 = 10.0;
-/// Where nothing else is corrupt, what is not likely to be a message by chance is not corrupt either.
+/// If nothing else is corrupt, bytes that are unlikely to be a message by chance are not corrupt either.
 const CLEAN: f64 = 5.0;
 const UNLIKELY: f64 = 1.0 / 32.0;
 /// A corrupt value does not come again by chance.

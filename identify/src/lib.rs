@@ -90,7 +90,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Below that, what was read may have been read by chance.
+    /// The number of bits below which messages may have been read by chance.
     pub const SURE: f64 = 20.0;
     /// Below that share of the bytes, something else explains most of them. Where one byte of a hundred is corrupt, a third of the
     /// messages of a hundred bytes is left, and of a few messages less.

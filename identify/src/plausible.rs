@@ -1,4 +1,4 @@
-//! Whether the numbers and texts of a message make sense: what decides between readings that the bytes do not decide.
+//! Whether the numbers and texts of a message make sense, which decides between readings that the bytes do not decide.
 
 use serde_json::Value;
 

@@ -440,7 +440,7 @@ mod tests {
             Likely { combination, reading: Reading::default(), makes_sense }
         };
         for (makes_sense, expected) in [(false, vec![json!(7)]), (true, Vec::new())] {
-            // With a checksum of 16 bits no frame is read, whatever the tags are.
+            // With a checksum of 16 bits no frame is read, with any tags.
             let mut likely =
                 [likely(242, "u8", true), likely(7, "u8", true), likely(7, "u16_le", makes_sense)];
             let open = options(&mut combination(242, "u8"), &mut likely, core::slice::from_ref(&stream));

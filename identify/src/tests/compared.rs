@@ -67,7 +67,7 @@ fn the_nearest_links_are_those_with_most_beginnings() {
     assert_eq!(near(&rtu.repeat(4)), expected);
 }
 
-/// Both ends of the link send the same messages: two streams are of two ends, whatever is known of them.
+/// Both ends of the link send the same messages: two streams are of two ends, even if nothing is known of them.
 #[test]
 fn two_streams_of_a_conversation_are_of_both_ends() {
     let job =

@@ -31,7 +31,8 @@ const KINDS: usize = 6;
 const LOOKED_AT: usize = 64;
 /// The numbers of messages of divisions that are shifted against each other differ by this many.
 const SHIFTED: usize = 2;
-/// Divisions that are nearly as good may be shifted against each other: what is found in their messages decides.
+/// The share of the best score that a division needs: nearly equal ones may be shifted against each other, so the fields of their
+/// messages decide.
 const NEARLY: f64 = 0.85;
 const KEPT: usize = 4;
 /// Where messages begin as bytes arrive, less has to be saved.
@@ -43,7 +44,7 @@ const PRIOR: f64 = 2.0;
 /// The number of bits that must be saved for a place to depend on the kind.
 const DEPENDS: f64 = 3.0;
 
-/// The symbol that says which kind of message it is, and one of the message.
+/// The symbol that determines the kind of a message, and a symbol of the message.
 type OfKind = (Option<u32>, u32);
 
 /// A stream, divided; messages that are cut off at an end are left out.

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::enough;
 use super::messages::same;
 
-/// A field that says how long a message is.
+/// A field with the length of a message.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Length {
     /// Its first byte; of decimal digits, the place of the number among the numbers of the message, from 0.
@@ -50,7 +50,7 @@ const FEWEST: usize = 8;
 pub(super) fn length(messages: &[&[u8]]) -> Option<Length> {
     let usual = most_frequent(messages.iter().map(|it| it.len()))?;
     let others = messages.iter().filter(|it| it.len() != usual).count();
-    // One length alone says nothing, nor do a few corrupt messages.
+    // One length alone is not evidence, nor are a few corrupt messages.
     if others < 3 || others * 10 < messages.len() {
         return None;
     }

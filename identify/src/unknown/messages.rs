@@ -1,4 +1,4 @@
-//! The marks of messages: what all begin and end with, and the byte that is doubled inside of them.
+//! The marks of messages: their common beginnings and ends, and the byte that is doubled inside of them.
 
 use super::enough;
 

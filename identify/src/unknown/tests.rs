@@ -153,7 +153,7 @@ fn a_counter_grows_by_one_in_seven_messages_of_ten() {
         (little(steps(65532, &SIX)), "begin AA; numbers i16 little at 1"),
         (big(steps(65532, &SEVEN)), "begin AA; counter u16 big at 1"),
         (big(steps(65532, &SIX)), "begin AA; numbers i16 big at 1"),
-        // A byte that is constant, and not 0, is no part of it.
+        // A byte that is constant, and not 0, is not part of it.
         (behind(0), "begin AA; constant 00 at 2; counter u16 little at 1"),
         (behind(7), "begin AA; constant 07 at 2; counter u8 big at 1"),
         (before(0), "begin AA; constant 00 at 2; counter u16 big at 2"),

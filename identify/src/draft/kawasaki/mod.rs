@@ -310,7 +310,7 @@ fn steps(kind: &Kind, at: usize) -> usize {
     if up * 2 > numbers.len() && pairs().filter(falls).count() * 3 < numbers.len() { up } else { 0 }
 }
 
-/// The numbers of orders: what the jobs have alike, and other messages too.
+/// Returns the numbers of orders: the value that the jobs of an order share, and that other messages have as well.
 fn orders(job: &Kind, kinds: &[Kind]) -> Vec<String> {
     // A station's number, which is the same in every header.
     let is_station = |at: usize| {

@@ -1,4 +1,4 @@
-//! Drafts of captures of plants that are drawn at random: what a draft says without a `?` is right.
+//! Drafts of captures of plants that are drawn at random: entries without a `?` must be right.
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};

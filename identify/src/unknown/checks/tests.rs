@@ -18,7 +18,7 @@ fn sum(bytes: &[u8]) -> u32 {
     bytes.iter().map(|it| u32::from(*it)).sum()
 }
 
-/// Twenty messages of different lengths with a check where `check` says; beside it are bytes that nothing checks.
+/// Returns twenty messages of different lengths with a check as `check` states; beside it are bytes that nothing checks.
 fn checked(check: &Check, of: &dyn Fn(&[u8]) -> u32) -> Vec<Vec<u8>> {
     let message = |at: u32| {
         let body = bytes(at, 4 + usize::try_from(at % 5).unwrap());
@@ -143,7 +143,7 @@ fn a_check_may_be_wrong_in_some_messages() {
 
 #[test]
 fn what_checks_nothing_in_most_messages_is_no_check() {
-    // A flag behind three bytes, and in a few messages behind twelve.
+    // A flag after three bytes, and in a few messages after twelve.
     let flag = |at: u32| {
         [bytes(at, if at < 34 { 3 } else { 12 }), vec![u8::try_from(at.saturating_sub(33)).unwrap()]]
     };

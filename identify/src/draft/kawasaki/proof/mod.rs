@@ -248,7 +248,8 @@ impl<'a> Conversation<'a> {
         }
     }
 
-    /// Own fields of the jobs: what changes from one job of an order to the next, and everything between two of them.
+    /// Proves the own fields of the jobs: the values that change from one job of an order to the next, and everything between two
+    /// of them.
     fn prove_work(&self, proof: &mut Proof) {
         let Some(jobs) = self.kinds.get(self.job) else { return };
         let own: Vec<usize> = (0..jobs.width())
@@ -271,7 +272,8 @@ impl<'a> Conversation<'a> {
         self.runs.iter().rev().find(|run| run.first < when)
     }
 
-    /// The job after the last that was queued then, or one before: what the robot asked for in this run before, or before the next job.
+    /// Returns the number of the job after the last that was queued then, or an earlier one: the highest that the robot has asked
+    /// for in this run, before the next job.
     fn asked_by(&self, when: usize) -> Option<i64> {
         let run = self.run_of(when)?;
         let next = self.kinds.get(self.job)?.all.iter().map(|(at, _)| *at).find(|at| *at > when);

@@ -100,8 +100,8 @@ impl Folder {
         self.is_cut
     }
 
-    /// Reads files again that have changed, or forgets them if they are gone; of a folder, all that is below it. An open document is
-    /// what the editor says. Whether any of them is a program or a listing.
+    /// Reads changed files again, or removes them if they are gone; of a folder, all that is below it. An open document has the
+    /// editor's text. Returns whether any of them is a program or a listing.
     pub(crate) fn read(&mut self, mut paths: Vec<PathBuf>) -> bool {
         paths.sort();
         let (mut is_known, mut walked) = (false, None::<PathBuf>);
@@ -162,7 +162,7 @@ impl Folder {
         let Ok(bytes) = std::fs::read(path) else { return };
         let text = match String::from_utf8(bytes) {
             Ok(text) => text,
-            // As `Document::decode_bytes`: controllers write comments in whatever they are set to.
+            // As `Document::decode_bytes`: controllers write comments in the character set of their settings.
             Err(error) => error.into_bytes().into_iter().map(char::from).collect(),
         };
         self.bytes += text.len();

@@ -63,7 +63,7 @@ const SETTLE_TIME: Duration = Duration::from_millis(20);
 /// Messages that wait for the server.
 const MAX_WAITING: usize = 1024;
 
-/// Serves a client until it says `exit`, or its end of the connection is closed. Returns whether it has said `shutdown` before.
+/// Serves a client until it sends `exit`, or its end of the connection is closed. Returns whether it has sent `shutdown` before.
 ///
 /// # Errors
 /// When the input has no more messages that can be told apart, or the client does not read.

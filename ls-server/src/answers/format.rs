@@ -16,8 +16,8 @@ pub(crate) fn format(folder: &Folder, params: DocumentFormattingParams) -> Answe
     changed(document, fanuc_ls::Document::format).map(Some)
 }
 
-/// After a line end, the new line gets its number and the previous one its `;`; after a `;`, all lines get their numbers. What is behind
-/// the cursor in its line stays, and the cursor is where typing goes on.
+/// After a line end, the new line gets its number and the previous one its `;`; after a `;`, all lines get their numbers. Text
+/// after the cursor in its line stays, and the cursor is where typing continues.
 pub(crate) fn on_type(
     folder: &Folder,
     params: DocumentOnTypeFormattingParams,

@@ -93,7 +93,7 @@ fn enter_within_a_line_leaves_a_program() {
         ("   1:  R[1:a]=0\n   |;\n", "   1:  R[1:a]=0 ;\n   2:  |;\n"),
         // In the middle: the statement stays one.
         ("   1:  R[1]=R[2]\n   |+1 ;\n   2:  ABORT ;\n", "   1:  R[1]=R[2]\n    :  |+1 ;\n   2:  ABORT ;\n"),
-        // Before a numbered line, and behind its number.
+        // Before a numbered line, and after its number.
         ("   1:  ABORT ;\n\n|   2:  PAUSE ;\n", "   1:  ABORT ;\n   2:   ;\n|   3:  PAUSE ;\n"),
         ("\n|   1:  PAUSE ;\n", "   1:   ;\n|   2:  PAUSE ;\n"),
         ("   1:  \n|PAUSE ;\n", "   1:   ;\n   2:  |PAUSE ;\n"),

@@ -9,8 +9,8 @@ const LONGEST: Duration = Duration::from_secs(5);
 /// The longest time between two looks at whether a pause goes on.
 const TURN: Duration = Duration::from_millis(20);
 
-/// Pauses that double from one attempt to the next, half of each random, until the peer answers: a connection alone is no answer, as that of
-/// a device which accepts and closes at once.
+/// Pauses that double from one attempt to the next, half of each random, until the peer answers. A connection alone is not an
+/// answer, since a device may accept and close at once.
 #[derive(Debug)]
 pub struct Backoff {
     next: Duration,

@@ -1,4 +1,4 @@
-//! Ends the sleep of a thread: what a queue wakes.
+//! A signal that ends the wait of a thread, for example for a queue.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;

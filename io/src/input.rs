@@ -134,7 +134,7 @@ const LONGEST_LINE: u64 = 4096;
 /// When the system has no room for a thread.
 pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> {
     let (sender, typed) = mpsc::channel();
-    // When nobody receives any more, the run is over.
+    // When the receiver is gone, the run is over.
     let put = move |what| {
         let _ = sender.send(what);
         bell.ring();

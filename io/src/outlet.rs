@@ -27,7 +27,7 @@ struct Shared {
 struct State {
     waiting: Vec<u8>,
     is_writing: bool,
-    /// Lines that there was no room for, after what waits.
+    /// The number of lines that did not fit into the buffer, after those that wait.
     dropped: u64,
     failed: Option<Failed>,
 }
@@ -43,7 +43,7 @@ impl Failed {
 }
 
 impl Outlet {
-    /// Writes to `out`. `note` is the line that says how many were dropped.
+    /// Starts a thread that writes to `out`. `note` returns the line with the number of dropped lines.
     ///
     /// # Errors
     /// When the system has no room for a thread.
@@ -64,7 +64,7 @@ impl Outlet {
         if let Some(failed) = &state.failed {
             return Err(failed.again());
         }
-        // Lines keep their order: after one that was dropped there is no room for a shorter one.
+        // Lines stay in sequence: after a dropped line, a shorter one is dropped too.
         if state.dropped > 0 || state.waiting.len() + line.len() > ROOM {
             state.dropped += 1;
             return Ok(());

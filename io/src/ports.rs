@@ -20,7 +20,7 @@ pub struct Port {
     pub serial_number: Option<String>,
     /// The USB numbers of maker and product, such as `0403:6001`.
     pub usb: Option<String>,
-    /// How long its chip collects bytes, where the system says it.
+    /// The time for which the adapter's chip collects bytes, in milliseconds; `None` if the system does not report it.
     pub latency_timer_ms: Option<u32>,
 }
 

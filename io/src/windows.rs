@@ -20,7 +20,8 @@ pub fn exact_waits() {
     unsafe { timeBeginPeriod(1) };
 }
 
-/// How long the chip of an FTDI adapter collects bytes, as its driver is set: nothing else says which port has such a chip.
+/// Returns the time for which the chip of an FTDI adapter collects bytes, by the settings of its driver; `None` if the registry
+/// has no such chip for the port.
 pub fn latency_timer(port: &str) -> Option<u32> {
     let name = port.trim_start_matches(r"\\.\");
     let adapters = LOCAL_MACHINE.open(r"SYSTEM\CurrentControlSet\Enum\FTDIBUS").ok()?;

@@ -17,7 +17,7 @@ use super::port::Port;
 const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
-/// Bytes that are written at once: what a serial chip holds.
+/// The number of bytes that are written at once: the FIFO of a serial chip.
 const PIECE: usize = 16;
 /// The most bytes of the workstation that wait for the session; later bytes are requests like these.
 const REQUESTS: usize = 64;

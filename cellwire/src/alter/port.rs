@@ -181,8 +181,8 @@ impl Port {
         }
     }
 
-    /// Listens at another baud rate for this long, after sending `ask`; what was received. `None` when the port is gone or does not
-    /// know the rate.
+    /// Listens at another baud rate for this long, after sending `ask`; returns the received bytes. `None` when the port is gone
+    /// or does not support the rate.
     pub(super) fn listen(&mut self, baud: u32, ask: &[u8], time: Duration) -> Option<Vec<u8>> {
         let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return None };
         port.set_baud_rate(baud).ok()?;

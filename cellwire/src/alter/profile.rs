@@ -211,7 +211,7 @@ mod tests {
         profile.gain = [100, 100, 100, 50, -200, 100];
         let pushed = sample([1000, 500, 1000, 1000, 1000, 0]);
         assert_eq!(profile.target(&pushed, MODE), [45, -90, 0, 75, -300, 0]);
-        // A filter lets fewer axes pass; that the others are pushed is no rest all the same.
+        // A filter lets fewer axes pass; a hand that pushes the others is not at rest all the same.
         profile.filter = Filter { axes: Axes::Rotation, dominant: false };
         assert_eq!(profile.target(&pushed, MODE), [0, 0, 0, 75, -300, 0]);
         assert!(!profile.rests(&sample([1000, 0, 0, 0, 0, 0])));

@@ -111,7 +111,7 @@ fn sign(
     Ok(secret(&folder.join(format!("{name}.key")), &key.serialize_pem())?)
 }
 
-/// Writes a file that nobody else reads; elsewhere than on Unix its folder decides that.
+/// Writes a file that only the user may read; elsewhere than on Unix, its folder decides the access.
 fn secret(path: &Path, text: &str) -> std::io::Result<()> {
     let mut options = fs::OpenOptions::new();
     #[cfg(unix)]

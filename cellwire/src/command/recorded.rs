@@ -1,4 +1,4 @@
-//! One conversation of a capture: what both ends sent, in order, with times.
+//! One conversation of a capture: the bytes of both ends, in sequence, with times.
 
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ impl ConversationArgs {
     /// Reads the conversation.
     ///
     /// # Errors
-    /// When the input is no capture of both ends, or has no such conversation.
+    /// When the input is not a capture of both ends, or has no such conversation.
     pub(super) fn read(&self) -> Result<Conversation> {
         let (format, input) = self.source.open()?;
         let mut all = match self.source.reading(format) {

@@ -27,7 +27,7 @@ impl Layout {
         Self { width: columns.unwrap_or(WIDTH).min(WIDTH) }
     }
 
-    /// Whether the table says what moves.
+    /// Returns whether the table has the column `what moves`.
     fn has_moves(self) -> bool {
         self.width >= WIDTH
     }

@@ -109,7 +109,7 @@ pub struct Console<'a> {
     progress: &'a mut dyn FnMut(Tally),
     /// A line or stop that has been received and not returned.
     pending: Option<Typed>,
-    /// Whether nobody types any more.
+    /// Standard input has ended: there is no operator.
     is_absent: bool,
     /// When the stop of a signal was asked for.
     stop_at: Option<Duration>,
@@ -296,7 +296,7 @@ impl<'a> Console<'a> {
         self.pending.is_none() && self.is_absent
     }
 
-    /// Whether nobody types any more.
+    /// Returns whether standard input has ended.
     pub fn is_absent(&self) -> bool {
         self.is_absent
     }

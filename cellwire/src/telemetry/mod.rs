@@ -1,4 +1,4 @@
-//! FANUC telemetry: what logs it, the program that was to be run, and the comparison of the two.
+//! FANUC telemetry: the logger, the path of the commanded program, and the comparison of the two.
 
 pub mod logger;
 pub mod path;

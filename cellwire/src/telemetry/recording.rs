@@ -13,8 +13,8 @@ use cellwire_motion::{
     Observation, Pose, Quaternion, State, Summary, Tracker, Trajectory,
 };
 
-/// The columns of the table: time by the life counter; what the controller reports; what was made of it here; in a row that is no
-/// sample of the motion, what it is instead.
+/// The columns of the table: time by the life counter; the controller's values; the values that are computed here; in a row that
+/// is not a sample of the motion, its meaning.
 pub const HEADER: &str = "time_s,life_counter,missed,override_percent,x_mm,y_mm,z_mm,w_deg,p_deg,r_deg,q1,q2,q3,q4,\
 controller_vx,controller_vy,controller_vz,controller_dq1,controller_dq2,controller_dq3,controller_dq4,\
 vx_mm_s,vy_mm_s,vz_mm_s,dq1_s,dq2_s,dq3_s,dq4_s,wx_deg_s,wy_deg_s,wz_deg_s,note";

@@ -94,7 +94,7 @@ impl BackgroundTask {
     }
 }
 
-/// Why there is no such task.
+/// The reason for which there is no such task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TaskError {
     /// The registers overlap, or are not in 1..=65535.

@@ -283,7 +283,7 @@ fn every_demo_can_fail_and_says_why() {
         let words = out.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(out.contains("\nFAIL ") && words.contains("the budget 0 µs"), "{demo}: {out}");
         assert!(words.contains(" missed: ") && words.contains("deadline"), "{demo}: {out}");
-        // The line to run it again is whole, and the last sentence says that it failed.
+        // The line to run it again is whole, and the last sentence reports the failure.
         assert!(out.contains(" --seed 1 --for 1s --must-fail late --verbose\n"), "{demo}: {out}");
         assert!(out.trim_end().lines().last().unwrap().starts_with("FAILED: the check of "), "{demo}: {out}");
     });

@@ -175,7 +175,7 @@ fn a_flood_and_a_normal_close_do_not_keep_the_next_client_out() {
     });
 }
 
-/// A robot that is connected to has one PC: the newest, whatever those before it do.
+/// A robot that listens has one PC: the newest, whatever the earlier ones do.
 #[test]
 fn a_robot_that_listens_serves_the_newest_pc_at_once() {
     let mut robot = Running::listening("kawasaki-robot");
@@ -330,7 +330,7 @@ fn a_robot_that_does_not_read_does_not_stop_the_pc() {
     assert!(pc.resident() < 64 * MB, "{} bytes", pc.resident());
 }
 
-/// A robot without an order says so, and the PC begins one.
+/// Plays a robot that reports that it has no order; the PC begins one.
 fn greet(robot: &mut TcpStream) -> std::io::Result<()> {
     robot.write_all(b"<Tila$6#0$0$$$#>")?;
     let mut answer = [0; 5];

@@ -370,7 +370,7 @@ fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
             Cycle::Values(_, length) => Some(*length),
             _ => None,
         });
-        // 36 bytes and more take 18.75 ms of 28: what is left holds 17 bytes at most.
+        // 36 bytes and more take 18.75 ms of 28: the rest of the cycle is enough for 17 bytes at most.
         assert!(lengths.max().unwrap() <= 17, "{log:?}");
         assert!(greatest_step(&log) <= LIMIT, "{log:?}");
         rig.terminal.press(b"q");
@@ -424,7 +424,7 @@ fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
         let held = rig.controller.log().iter().rev().find_map(x).unwrap();
         assert!(held >= 1000, "{held}");
         rig.controller.pass(20);
-        // A hand at rest does not ask to go back to the path: somebody has to confirm that.
+        // A hand at rest does not ask to go back to the path: the operator has to confirm that.
         rig.ball.push(0);
         rig.ball.plug();
         rig.terminal.wait_for(" READY ");

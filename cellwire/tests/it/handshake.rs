@@ -144,7 +144,7 @@ fn an_xoff_without_an_xon_holds_for_five_seconds() {
     });
 }
 
-/// A workstation that never lets go keeps nobody: the arm stops, and the program ends.
+/// A workstation that never releases the line does not block the program: the arm stops, and the program ends.
 #[test]
 fn a_workstation_that_holds_its_line_delays_nothing() {
     in_real_time(|| {

@@ -1,4 +1,4 @@
-//! `cellwire identify`: every format that `decode` reads, what it prints and writes, and what it says where it cannot.
+//! `cellwire identify`: every format that `decode` reads, its output and files, and its errors.
 
 use std::fs;
 use std::path::Path;

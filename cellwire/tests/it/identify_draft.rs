@@ -1,4 +1,4 @@
-//! `cellwire identify --draft`: a plant whose names nobody told, from a tap to a client that works with it.
+//! `cellwire identify --draft`: a plant with unknown names, from a tap to a client that works with it.
 
 use core::fmt::Write as _;
 use std::fs;
@@ -175,7 +175,8 @@ bad_parameters = 995
 queue_full = 996
 ";
 
-/// A program of other words than the tool's own: what is cut, and after every third instruction what lets the robot go on.
+/// Returns a program with other words than the tool's own: the cuts, and after every third instruction the one that lets the
+/// robot continue.
 fn program() -> String {
     let line = |n: u16| {
         let then = if n.is_multiple_of(3) { "514\n" } else { "" };

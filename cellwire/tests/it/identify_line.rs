@@ -1,4 +1,4 @@
-//! `cellwire identify --serial`: a serial line whose rate and format nobody told, through a pseudo-terminal.
+//! `cellwire identify --serial`: a serial line with unknown rate and format, through a pseudo-terminal.
 //!
 //! A pseudo-terminal has no bits. The other end here has: it writes what a receiver with the rate of the port's settings would make of its
 //! bits, broken characters marked as a driver marks them.
@@ -45,7 +45,7 @@ impl Device {
             for message in messages.iter().cycle().take_while(|_| !stopped.load(Ordering::Relaxed)) {
                 thread::sleep(Duration::from_secs_f64(format.seconds(message.len())));
                 let mut port = tcgetattr(&device).unwrap();
-                // A pseudo-terminal has eight bits and no parity, whatever is set.
+                // A pseudo-terminal has eight bits and no parity with any settings.
                 let receiver = Format { baud: port.input_speed(), data_bits: 8, odd: None, stop_bits: 1 };
                 let received = receiver.receive(&format.bits(message), format.baud);
                 // The marks are made here: the pseudo-terminal would mark them once more.

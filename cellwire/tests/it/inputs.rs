@@ -61,7 +61,7 @@ fn daemon(path: &Path) -> Arc<AtomicI32> {
                 if x == i32::MIN {
                     break;
                 }
-                // A device at rest says so once.
+                // A device at rest reports it once.
                 if (x != 0 || last != 0) && event(&mut socket, x).is_err() {
                     break;
                 }

@@ -1,4 +1,4 @@
-//! The programs of `cellwire run laser`: what a dry run reads, draws and refuses.
+//! The programs of `cellwire run laser`: read, drawn and refused by a dry run.
 
 use std::fs;
 use std::process::Command;

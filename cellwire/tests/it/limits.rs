@@ -16,7 +16,7 @@ use serde_json::Value;
 
 const MB: u64 = 1 << 20;
 
-/// A simulator whose outputs nobody reads after its first line; it is killed when the test ends.
+/// A simulator whose outputs are not read after the first line; it is killed when the test ends.
 struct Unread {
     child: Child,
     address: String,
@@ -76,7 +76,7 @@ fn an_output_that_nobody_reads_stops_no_peer_and_what_is_dropped_is_counted() {
         assert_eq!(&reply, b"OK\r\n");
     }
     assert!(robot.resident() < 64 * MB, "{} bytes", robot.resident());
-    // Now somebody reads: every line is there, or counted.
+    // Read at last: every line is there, or counted.
     let (mut seen, mut dropped) = (0, 0);
     for line in robot.lines() {
         match line["event"].as_str().unwrap() {
@@ -229,7 +229,7 @@ fn without_a_thread_a_device_says_so_or_serves() {
     }
 }
 
-/// Waits for this many bytes from whoever opens the other end.
+/// Waits for this many bytes from the program that opens the other end.
 fn receive(device: &mut Pty, count: usize) {
     let (mut received, end) = (0, Instant::now() + DEADLINE);
     while received < count {
@@ -277,7 +277,7 @@ fn a_flood_takes_no_memory_from_the_other_devices_either() {
     let (mut stream, _) = pc.accept().unwrap();
     flood(&mut stream, b"<TyoLahetys$1#");
     assert!(robot.resident() < 64 * MB, "kawasaki-robot needs {} bytes", robot.resident());
-    // RTU frames that never end, and commands that nobody waits for.
+    // RTU frames that never end, and commands whose sender does not wait for a reply.
     for (device, bytes) in [("fanuc --set framing=rtu", &[1, 16, 0, 0][..]), ("mma-platform", b"ITR 1 2 3 ")]
     {
         let device = Running::listening(device);

@@ -9,7 +9,7 @@ const TRAJECTORY: &str =
     "t,j1,j2,j3,j4,j5,j6\n0,0,0,0,0,-90,0\n0.1,1,0,0,0,-90,0\n0.2,2,0,0,0,-90,0\n0.3,2,0,0,0,-90,0\n";
 const LS: &str = include_str!("../../../reference/ls/minimal.ls");
 
-/// The command, its file, what is in it, and whether it is a text that people write with an editor.
+/// The command, its file, the contents, and whether it is a text that people write with an editor.
 const READ: [(&str, &str, &str, bool); 13] = [
     ("run kawasaki --dry-run", "jobs.csv", "# a remark\nkind,x1,y1,x2,y2\n1,0,0,1,10\n\n1,0,0,2,10\n", true),
     ("run kawasaki --dry-run", "bad.csv", "kind,x1,y1,x2,y2\n1,0,0,1,10\n1,0,0,x,10\n", true),

@@ -20,7 +20,7 @@ fn run(command: &mut Command) -> (Option<i32>, String, String) {
     (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
 }
 
-/// Runs with an input, whose end nobody may take.
+/// Runs with an input that the program may not read to its end.
 fn with_input(command: &mut Command, input: &[u8]) -> (ExitStatus, Vec<u8>, String) {
     let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
     let (mut stdin, input) = (child.stdin.take().unwrap(), input.to_vec());

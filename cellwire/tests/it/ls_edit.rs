@@ -1,4 +1,4 @@
-//! `cellwire ls edit` and `cellwire ls fmt`: what they show, write and refuse.
+//! `cellwire ls edit` and `cellwire ls fmt`: their output, files and errors.
 
 use crate::fanuc_cell::{Folder, err, out};
 

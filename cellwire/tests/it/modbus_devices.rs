@@ -11,7 +11,7 @@ use crate::modbus_bench::{READ, ask, lines, once, reply_to};
 use fanuc_hmi_modbus::crc;
 use serde_json::json;
 
-/// A device that accepts and closes at once is tried again after longer and longer pauses: a connection is no reply.
+/// A device that accepts and closes at once is retried after longer and longer pauses: a connection is not a reply.
 #[test]
 fn a_device_that_closes_at_once_is_seldom_connected_to() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

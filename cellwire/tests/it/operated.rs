@@ -62,7 +62,7 @@ impl Tool {
         writeln!(self.stdin.as_mut().unwrap(), "{word}").unwrap();
     }
 
-    /// Its status and what it said, when it has ended by itself.
+    /// Waits until it has ended by itself; returns its status and its remarks.
     pub(crate) fn end(mut self) -> (Option<i32>, String) {
         drop(self.stdin.take());
         let begin = Instant::now();

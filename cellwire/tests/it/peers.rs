@@ -60,7 +60,7 @@ fn a_ball_that_is_late_moves_nothing_and_that_is_said() {
 const STOPS: [bool; 14] =
     [false, false, false, false, false, true, true, true, true, true, true, true, false, true];
 
-/// While the robot says that it has stopped the arm nothing moves on, and afterwards nothing moves before the hand has rested.
+/// While the robot reports that it has stopped the arm nothing moves on, and afterwards nothing moves before the hand has rested.
 #[test]
 fn a_robot_that_stops_its_arm_disarms_by_each_status_that_says_so() {
     in_real_time(|| {

@@ -82,8 +82,8 @@ impl Host {
         }
     }
 
-    /// The next message, answered: a start with "accepted", a standard message with `reply`, and one that is corrupt as the
-    /// source says: a start is asked for again, and everything else is not answered.
+    /// Returns the next message, after a reply: to a start "accepted", to a standard message `reply`, and to a corrupt message as
+    /// the source states: a start is asked for again, and other messages are not answered.
     fn exchange(&mut self, reply: &[u8]) -> Message {
         let message = self.message();
         match message.control & 0xE0 {

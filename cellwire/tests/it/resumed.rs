@@ -1,4 +1,4 @@
-//! Runs that go on after an interruption: what a dry run prints and draws of the journal, and runs that nobody can answer.
+//! Runs that continue after an interruption: the journal in a dry run's output and drawing, and runs without an operator.
 
 use core::time::Duration;
 use std::fs;

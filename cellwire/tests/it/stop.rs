@@ -1,4 +1,5 @@
-//! A stop by a signal, whatever standard input is: the outcome is waited for, and the last line has what the machine still does.
+//! A stop by a signal, with every kind of standard input: the run waits for the outcome, and the last line has the machine's
+//! remaining activity.
 
 use core::time::Duration;
 use std::fs::{self, File};
@@ -190,7 +191,7 @@ fn a_part_that_was_begun_is_placed_and_another_one_is_not_begun() {
     assert_eq!(ended["machine"], "at rest");
 }
 
-/// Its status, and what it said.
+/// Checks the exit status 130; returns the error output.
 fn ended_at_once(run: Run) -> String {
     let (code, said) = run.0.end();
     assert_eq!(code, Some(130), "{said}");

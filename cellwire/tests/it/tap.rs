@@ -1,4 +1,4 @@
-//! The tap as a process: what passes through it, what it keeps, and what it does when nobody takes what it says.
+//! The tap as a process: the bytes that it forwards and writes, and its behaviour when its output is not read.
 #![allow(clippy::cast_possible_truncation, reason = "numbers of a test are small")]
 
 use std::collections::BTreeMap;

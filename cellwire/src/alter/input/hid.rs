@@ -20,7 +20,7 @@ pub(super) type Hid = Mouse<elsewhere::None>;
 
 /// Where reports come from.
 pub(super) trait Reports: Sized + Send {
-    /// Opens the device whose name or path has `wanted` in it, and says its name.
+    /// Opens the device whose name or path contains `wanted`; also returns its name.
     ///
     /// # Errors
     /// When there is none or more than one, or it may not be opened.
@@ -49,7 +49,8 @@ struct State {
     buttons: u32,
     /// When X, Y, Z and when RX, RY, RZ were reported.
     times: [Duration; 2],
-    /// The rotation has a report of its own. Windows gives every report the length of the longest: what stands behind Z is no rotation then.
+    /// The rotation has a report of its own. Windows pads every report to the length of the longest: the bytes after Z are then
+    /// not a rotation.
     is_apart: bool,
 }
 
@@ -383,7 +384,7 @@ mod tests {
         assert_eq!(axes(poll().first()), Some([0; 6]));
         reports.send(bytes("01 5e 01 00 00 00 00")).unwrap();
         assert_eq!(axes(poll().first()), Some([1000, 0, 0, 0, 0, 0]));
-        // A push that is not repeated is not said again.
+        // A push that is not repeated is reported once.
         assert_eq!(poll(), []);
         drop(reports);
         assert_eq!(poll(), [InputEvent::Lost]);

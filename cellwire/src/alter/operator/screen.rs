@@ -83,7 +83,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     window(frame, command, "Command", vec![Line::from(text)]);
 }
 
-/// Where there is no room for every window: the state, the messages, the input and how to stop and quit; or the keys.
+/// Draws a terminal that is too small for all windows: the state, the messages, the input and how to stop and quit; or the keys.
 fn draw_small(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     let input = if area.height >= 15 { 6 } else { 0 };
     let rows = Layout::vertical([

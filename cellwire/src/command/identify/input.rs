@@ -117,7 +117,7 @@ struct Collecting<'a> {
     cut: bool,
     /// The time of the last packet, where it has one.
     at: Duration,
-    /// The time of the last piece: of one direction and the other, it says which came first.
+    /// The time of the last piece, which shows the direction that came first.
     now: Duration,
 }
 

@@ -180,7 +180,7 @@ fn simulate(
     Ok((samples, good))
 }
 
-/// Why a program has not ended: what it waits for, or where it goes around.
+/// Returns the reason for which a program has not ended: the condition that it waits for, or the loop that it repeats.
 fn unfinished(machine: &Machine, at: Duration, in_vain: bool) -> String {
     let waiting = machine.waiting();
     if let (true, Some((what, since))) = (in_vain, &waiting) {

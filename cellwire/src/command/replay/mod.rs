@@ -1,4 +1,4 @@
-//! `cellwire replay`: plays one end of a capture, and says where the other departs from it.
+//! `cellwire replay`: plays one end of a capture, and reports where the other departs from it.
 
 mod script;
 mod transport;
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> Result<bool> {
     interrupt::on_interrupt(Policy::End)?;
     let mut transport = args.transport.open(&args.end)?;
     let mut sent = 0;
-    // The times of the capture count from its first message, whoever sends it.
+    // The times of the capture count from its first message, from either end.
     let mut last = Instant::now();
     if parts.first().is_some_and(|part| part.after == 0) {
         play.begun = Some(last);

@@ -218,7 +218,7 @@ impl<R, T> Ran<R, T> {
     pub(super) fn say(self, line: &Value) -> Result<T> {
         log(line).map_err(|error| {
             remark(&line.to_string());
-            // A run that stops because nobody reads what it says is not done.
+            // A run that stops because its output is not read is not done.
             if output::is_closed(&error) { output::Unwritten.into() } else { error }
         })?;
         self.table?;

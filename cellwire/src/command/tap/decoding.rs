@@ -13,7 +13,7 @@ use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{self, Complaint, Watcher};
 
-/// Something that an end has said or done.
+/// An event of an end.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     /// When it was whole.

@@ -25,7 +25,7 @@ struct Side {
     name: &'static str,
     stream: Stream,
     messages: VecDeque<Message>,
-    /// Everything before it is a message or none.
+    /// The offset before which all bytes are decoded: each is part of a message, or is not.
     decided: u64,
 }
 

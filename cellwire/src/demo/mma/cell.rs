@@ -89,7 +89,7 @@ impl Cell {
         }
     }
 
-    /// Bytes arrive at a device; what it replies, and whether it closes the connection then.
+    /// Passes bytes to a device; returns its reply, and whether it then closes the connection.
     pub fn receive(&mut self, which: Which, now: Duration, bytes: &[u8]) -> (Vec<u8>, bool) {
         self.advance(now);
         match which {

@@ -67,7 +67,7 @@ impl Span {
         let agreed = u64::from(agreed);
         let sent = agreed + unknown;
         let lost = agreed.saturating_sub(executed);
-        // A motion that nobody has sent is one of the others, again.
+        // A motion that was not sent is a repetition of another one.
         let repeated = executed.saturating_sub(sent).min(sent.max(1));
         Counts {
             sent: sent.max(repeated),

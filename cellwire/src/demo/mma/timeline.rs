@@ -1,4 +1,4 @@
-//! The picture of a run: what each device did, attempt after attempt, until there was a part of every fate.
+//! The picture of a run: the acts of each device, attempt after attempt, until there was a part of every fate.
 
 use std::path::Path;
 use std::time::Duration;

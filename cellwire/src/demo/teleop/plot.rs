@@ -1,4 +1,4 @@
-//! The source's Figure 9 from a run: what the hand asked for, and what the limits made of it.
+//! The source's Figure 9 from a run: the values of the hand, and the limited values.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Signals that come from outside: what a cell gives to a controller.
+//! Signals that come from outside: the inputs that a cell gives to a controller.
 
 use core::ops::Range;
 use std::time::Duration;
@@ -17,7 +17,7 @@ impl Inputs {
     /// Reads the setting.
     ///
     /// # Errors
-    /// An item is no input, or has no times.
+    /// An item is not an input, or has no times.
     pub fn parse(text: &str) -> Result<Self> {
         let mut inputs = Vec::new();
         for item in text.split(',').map(str::trim).filter(|item| !item.is_empty()) {

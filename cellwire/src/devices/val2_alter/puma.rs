@@ -257,7 +257,7 @@ impl Recording {
         record.turn_around.add(turn_around);
         record.margin.add(window.saturating_sub(turn_around));
         record.window = Some(record.window.map_or(window, |least| least.min(window)));
-        // The subroutine has stopped the arm: what comes after it begins from rest.
+        // The subroutine has stopped the arm: later replies begin from rest.
         if device.controller().state() == ControllerState::Interrupted {
             return None;
         }

@@ -27,9 +27,9 @@ pub trait Directions {
         Ok(())
     }
 
-    /// The first bytes of a direction: `None` if it is not taken. `connection` counts from 1 for the same two ends; `is_client`
-    /// says whether the client sends them: where the capture lacks the beginning of the connection, which `is_whole` says, the lower port
-    /// counts as the server's, and of a line that was recorded at one end, this end as the client.
+    /// Called for the first bytes of a direction: returns `None` to leave it out. `connection` counts from 1 for the same two
+    /// ends; `is_client` is whether the client sends the bytes. If the capture lacks the beginning of the connection (`is_whole`
+    /// is false), the lower port counts as the server's; on a line that was recorded at one end, this end counts as the client.
     ///
     /// # Errors
     /// They end the reading.

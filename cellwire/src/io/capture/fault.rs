@@ -42,7 +42,7 @@ pub enum Fault {
         identification: u32,
         /// The bytes of its payload that were captured.
         captured: usize,
-        /// Why they are no packet.
+        /// The reason for which they are not a packet.
         why: &'static str,
     },
     /// A line of a hex dump that does not continue at the previous one's end, or a line of strace that cannot be read.

@@ -1,9 +1,9 @@
 //! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being read. They
 //! are files of pcap and pcapng, the text of hex dumps, output of strace or socat, and traces.
 //!
-//! Nothing is dropped without a word: what should hold a link's bytes and does not is a [`Fault`], and what never holds them
-//! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
-//! rest of their packet, and what the caller keeps of each connection (see [`reassembly`]). A hex dump is held whole, up to 256 MB.
+//! Everything is reported: bytes that should be a link's but cannot be read are a [`Fault`], and packets that never contain them
+//! are counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
+//! rest of their packet, and the caller's data of each connection (see [`reassembly`]). A hex dump is held whole, up to 256 MB.
 
 mod blocks;
 pub mod connections;
@@ -200,7 +200,7 @@ pub struct Summary {
 /// Calls `take` for every packet of a capture that carries TCP, UDP or bytes of a serial line, and for every fault.
 ///
 /// # Errors
-/// When the input cannot be read or is not a capture, or whatever `take` returns.
+/// When the input cannot be read or is not a capture, and any error of `take`.
 pub fn read(
     input: Box<dyn Read>,
     reading: &Reading,

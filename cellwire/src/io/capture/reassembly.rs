@@ -103,7 +103,7 @@ impl Reassembly {
         Ok(())
     }
 
-    /// Of two copies the one that says more is kept.
+    /// Stores a segment that waits; of two copies the longer one.
     fn wait(&mut self, start: u64, payload: &[u8], cut: u64) {
         let kept = self.waiting.entry(start).or_default();
         if kept.0.len() < payload.len() || kept.0.is_empty() {

@@ -147,7 +147,7 @@ impl Server {
                 remark(&format!("refused the client {peer}: too many open files, see ulimit -n"));
             }
             Ok(Arrival::Nobody) => self.has_arrivals = false,
-            // One that there was no room for is not reported again.
+            // A client that could not be accepted for lack of resources is not reported again.
             Err(_) => {}
         }
     }

@@ -164,7 +164,7 @@ impl Rest {
 }
 
 impl Seeing {
-    /// The next event; `None` if there is none now. Bytes without room in the queue are counted behind those in it.
+    /// Returns the next event; `None` if there is none now. Bytes that did not fit into the queue are counted after those in it.
     pub fn next_now(&self) -> Option<Seen> {
         if let Ok(seen) = self.queue.try_recv() {
             return Some(seen);

@@ -14,7 +14,7 @@ use super::{CHUNK, End, Place, Watch, What};
 /// A port by its name.
 pub type Named = (String, Box<dyn SerialPort>);
 
-/// Joins two ports: what one receives, the other sends.
+/// Joins two ports: forwards the bytes of each to the other.
 ///
 /// # Errors
 /// When a port is gone.

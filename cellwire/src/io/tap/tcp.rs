@@ -23,7 +23,7 @@ pub fn run(listener: &TcpListener, server: &str, dialing: Dialing, watch: &Watch
     for number in 1.. {
         let (client, peer) = match listener.accept() {
             Ok(accepted) => accepted,
-            // It has gone, or there is no descriptor for it now: the others pass.
+            // The client has disconnected, or there is no descriptor for it now: the others pass.
             Err(error) => {
                 remark(&format!("warning: a client was not accepted: {error}"));
                 thread::sleep(Duration::from_millis(100));
@@ -56,7 +56,8 @@ fn serve(
     for stream in [client, &server] {
         discard_unacknowledged(stream, tcp::DISCARD_AFTER)?;
     }
-    // As if the tap were not there; where one address is of IPv4 and the other of IPv6, what the client has connected to.
+    // The address as if the tap were not there; if one address is of IPv4 and the other of IPv6, the one that the client has
+    // connected to.
     let mut place = server.peer_addr()?;
     if peer.is_ipv4() != place.is_ipv4() {
         place = client.local_addr()?;

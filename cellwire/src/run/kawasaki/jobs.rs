@@ -18,7 +18,7 @@ use cellwire_io::output::counted;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
 
-/// The most jobs of a file: what a journal and a drawing can hold.
+/// The most jobs of a file: the capacity of a journal and a drawing.
 const MAX_JOBS: usize = 1_000_000;
 
 /// How many bad lines are named.
@@ -64,10 +64,10 @@ impl Jobs {
         Self::new(rows, "line", plant, layout).with_context(|| file.display().to_string())
     }
 
-    /// The lines of a picture, on a board of this size; `allow` leaves out what a pen cannot follow.
+    /// The lines of a picture, on a board of this size; `allow` leaves out parts that a pen cannot draw.
     ///
     /// # Errors
-    /// When the file cannot be read, the plant's jobs are no lines, or a line is out of the robot's reach.
+    /// When the file cannot be read, the plant's jobs are not lines, or a line is out of the robot's reach.
     pub fn from_picture(file: &Path, plant: &Plant, sheet: drawing::Point, allow: bool) -> Result<Self> {
         let (picture, layout) = (Picture::from_file(file, sheet, allow)?, plant.layout()?);
         let lines = Lines::of(&layout)?;
@@ -123,7 +123,8 @@ impl Jobs {
         summary
     }
 
-    /// The least and the greatest coordinates that are drawn, in millimetres: `None` if the jobs are no lines, or none is drawn.
+    /// Returns the least and the greatest coordinates that are drawn, in millimetres: `None` if the jobs are not lines, or no
+    /// line is drawn.
     fn bounds(&self) -> Option<Bounds> {
         let lines = Lines::of(&self.layout).ok()?;
         let drawn = self.work.iter().map(|work| lines.line(work)).filter(|line| line.draws);
@@ -150,7 +151,7 @@ impl Jobs {
     /// Draws the path of the robot, marked by the outcomes of the jobs if there are any.
     ///
     /// # Errors
-    /// When the plant's jobs are no lines, or the file cannot be written.
+    /// When the plant's jobs are not lines, or the file cannot be written.
     pub fn draw(&self, file: &Path, size: drawing::Point, outcomes: &[Outcome]) -> Result<()> {
         let lines = Lines::of(&self.layout)?;
         let drawn: Vec<_> = self.work.iter().map(|work| lines.line(work)).collect();

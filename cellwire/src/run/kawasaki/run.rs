@@ -25,9 +25,9 @@ pub enum Ended {
     Complete,
     /// The operator has stopped it, or a question was not answered.
     Stopped,
-    /// The robot refuses the order: it is in this one, or in none and takes none.
+    /// The robot refuses the order: it has another order, or accepts none.
     Refused {
-        /// Its order; 0 for none.
+        /// The number of the robot's order; 0 if it has none.
         active: u16,
     },
 }
@@ -69,8 +69,8 @@ const STRANGE: u32 = 3;
 const NO_TABLE: &str = "no message of the robot is in the table of messages: give the plant's with --settings; `cellwire identify CAPTURE --link kawasaki --draft FILE` drafts one from a capture";
 
 impl<'a> Runner<'a> {
-    /// A run that goes on where the journal has ended; `answer` is the outcome of jobs that an earlier run has left unknown. Without a robot
-    /// for so long as `absence` says it ends.
+    /// Creates a run that continues at the end of the journal; `answer` is the outcome of jobs that an earlier run has left
+    /// unknown. The run ends if no robot is connected for as long as `absence`.
     pub fn new(
         jobs: &'a Jobs,
         config: PcConfig,

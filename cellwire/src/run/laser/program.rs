@@ -1,4 +1,4 @@
-//! The instructions of a program, whatever it was written in.
+//! Reads a laser program (G-code, DXF or CSV) as a list of instructions.
 
 use std::path::Path;
 use std::time::Duration;

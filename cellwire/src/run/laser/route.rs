@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 
 use super::settings::{Coordinate, Mapping};
 
-/// The most instructions of a program: what a journal and a drawing can hold.
+/// The most instructions of a program: the capacity of a journal and a drawing.
 pub(super) const MAX_INSTRUCTIONS: usize = 5_000_000;
 
 /// An instruction.
@@ -71,7 +71,8 @@ impl<'a> Route<'a> {
         Ok(())
     }
 
-    /// An arc about a centre, as chords: `sweep` in radians, left if positive. It ends at `to`; what else changes, does evenly.
+    /// Adds an arc about a centre, as chords: `sweep` in radians, left if positive. It ends at `to`; the other values change
+    /// evenly.
     ///
     /// # Errors
     /// When there are too many chords.

@@ -53,8 +53,8 @@ impl<'a> Runner<'a> {
         Self { program, journal, config, console, flight, refused, unknown }
     }
 
-    /// Settles the instructions that an earlier run has left unknown: as `answer` says if it is given, otherwise as the operator does; false
-    /// when the operator stops.
+    /// Settles the instructions that an earlier run has left unknown: by `answer` if it is given, otherwise by the operator's
+    /// answer; returns false when the operator stops.
     ///
     /// # Errors
     /// When the journal cannot be written.
@@ -67,7 +67,7 @@ impl<'a> Runner<'a> {
         self.settle_unknown("an earlier run ended before the answer")
     }
 
-    /// Asks about every instruction whose outcome is unknown, and says why it is; false when the operator stops.
+    /// Asks about every instruction whose outcome is unknown, with the reason; returns false when the operator stops.
     ///
     /// # Errors
     /// When the journal cannot be written.

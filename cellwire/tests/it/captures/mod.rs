@@ -18,7 +18,8 @@ use std::time::Instant;
 use make::*;
 use serde_json::Value;
 
-/// Runs `cellwire decode fanuc-hmi-modbus --format pcap`, with these bytes on standard input; the lines, the status, what it said.
+/// Runs `cellwire decode fanuc-hmi-modbus --format pcap`, with these bytes on standard input; returns the lines, the status and
+/// the remarks.
 fn decode(capture: &[u8], args: &[&str]) -> (Vec<Value>, Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
     command.args(["decode", "fanuc-hmi-modbus", "--format", "pcap"]).args(args);

@@ -71,7 +71,7 @@ fn who_kept_it_is_its_name_or_told() {
     let (lines, code, _) = decode("fanuc-hmi-modbus", &["--from", "client"], text);
     assert_eq!((lines.len(), code), (1, Some(0)));
     assert_eq!((&lines[0]["from"], &lines[0]["at"]), (&"client".into(), &0.0025.into()));
-    // The ball's poll is no message.
+    // The ball's poll is not a message.
     let ball = "# ball: the end\n05 # 0.001000 s received\n";
     let (lines, code, said) = decode("isra-ball", &[], ball);
     assert_eq!((lines.len(), code), (0, Some(0)));

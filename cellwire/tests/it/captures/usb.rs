@@ -45,7 +45,7 @@ impl Usb {
         let (id, device) = (self.next, self.device);
         let packet = match self.program {
             Program::UsbPcap => {
-                // A control transfer says which stage it is.
+                // A control transfer has a field for its stage.
                 let stage = match (kind, setup.is_some()) {
                     (2, true) => vec![0],
                     (2, false) => vec![3],
@@ -272,7 +272,7 @@ fn every_adapter_is_read_whole() {
     }
 }
 
-/// Without its descriptor an FTDI is known by its status bytes, another by what its driver asks, or by what the user says.
+/// Without its descriptor an FTDI is known by its status bytes, another by its driver's requests, or by the user's option.
 #[test]
 fn an_adapter_without_a_descriptor_is_found_or_asked_for() {
     let [short, long] = frames();

@@ -35,7 +35,7 @@ enum Order {
     Interrupt(u32),
     /// Nothing is sent for this many cycles; then the program starts again.
     Pause(u32),
-    /// The next message says that the reply before it had this error.
+    /// The next message reports this error of the previous reply.
     Reject(u8),
     /// This segment status for this many cycles.
     Status(u8, u32),
@@ -122,7 +122,8 @@ impl Controller {
 /// The segment status of a path that is followed.
 const FOLLOWED: u8 = 2;
 
-/// A missing reply ends the source's ALTER; this controller forgives a busy machine a few, and says so: the host begins from rest.
+/// A missing reply ends the source's ALTER; this controller accepts a few of a busy computer, and reports each: the host begins
+/// from rest.
 const FORGIVEN: u32 = 30;
 
 /// Returns the error code of a message after this many cycles without a reply.

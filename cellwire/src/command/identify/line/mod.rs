@@ -21,7 +21,7 @@ pub(super) const RATES: [u32; 10] = [9600, 19_200, 38_400, 115_200, 4800, 57_600
 const ENOUGH: usize = 96;
 /// How many are a beginning.
 const SOME: usize = 24;
-/// Of a format that is right not more characters are broken, in percent: what is cut off by the change of formats among them.
+/// The highest share of broken characters with the right format, in percent, including characters that a change of format splits.
 const CLEAN: usize = 10;
 /// The best is found when the next one is less likely by this many bits.
 const APART: f64 = 12.0;

@@ -34,7 +34,7 @@ fn search(from: Format, messages: &[Vec<u8>]) -> (Vec<Judged>, usize) {
         listened += 1;
         let heard = search.listening(setting);
         heard.times += 1;
-        // A turn is short: some messages, and at times none.
+        // A turn is short: some messages, and sometimes no message.
         for _ in 0..listened % 5 {
             hear(heard, from, setting, said.next().unwrap());
         }

@@ -1,4 +1,4 @@
-//! One file, what was found in it, and how that is printed.
+//! One file, its findings, and their output.
 
 use std::path::Path;
 

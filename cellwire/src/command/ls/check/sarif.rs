@@ -1,4 +1,4 @@
-//! Findings as SARIF 2.1.0 (OASIS): what editors and code hosts show the findings of checkers by.
+//! Findings as SARIF 2.1.0 (OASIS), the format in which editors and code hosts read the findings of checkers.
 
 use fanuc_ls::Level;
 use serde_json::{Value, json};

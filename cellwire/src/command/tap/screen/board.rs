@@ -182,7 +182,7 @@ impl Board {
         self.answer(at, connection, end);
     }
 
-    /// The first message behind one of the other end is its answer.
+    /// Treats the first message after one of the other end as its answer.
     fn answer(&mut self, at: SystemTime, connection: u32, end: &'static str) {
         let before = self.last.insert(connection, (end, at));
         if let Some((other, since)) = before

@@ -132,7 +132,7 @@ impl Loaded {
     }
 }
 
-/// The numbers of `R[n]` in a line; what ends with that, such as `PR[n]`, is no register.
+/// Returns the numbers of `R[n]` in a line; a longer name that ends like that, such as `PR[n]`, is not a register.
 fn registers(line: &str) -> impl Iterator<Item = u32> {
     line.match_indices("R[").filter_map(|(at, name)| {
         let before = line.get(..at)?.chars().next_back();

@@ -101,7 +101,7 @@ impl LineSettings {
             }
             (Adapter::Ch340, 0x40, 0x9A) if value == 0x1312 => self.baud = ch340_baud(index),
             (Adapter::Ch340, 0x40, 0x9A) if value == 0x2518 => self.ch340_frame(index_low),
-            // The low byte says which of the two it sets.
+            // The low byte shows which of the two the request sets.
             (Adapter::Ch340, 0x40, 0xA1) if low & 0x9C == 0x9C => {
                 self.ch340_frame(high);
                 self.baud = ch340_baud(index);

@@ -1,4 +1,4 @@
-//! The serial adapters of a USB capture: what the PC's program sends and receives at each of their ports.
+//! The serial adapters of a USB capture: the bytes that the PC's program sends and receives at each of their ports.
 
 mod adapter;
 mod header;

@@ -269,7 +269,7 @@ pub struct Found {
     pub length: u64,
     /// The object of a message, or of an error, as JSON.
     pub content: Result<String, String>,
-    /// It is given only because the stream ends.
+    /// The item is given only because the stream ends.
     pub at_end: bool,
 }
 

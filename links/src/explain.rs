@@ -24,7 +24,7 @@ pub struct Explained {
     /// The clause that an error breaks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clause: Option<&'static str>,
-    /// It is given only because the stream ends.
+    /// The item is given only because the stream ends.
     pub at_end: bool,
     /// The meaning of the message's bytes, in their sequence.
     pub parts: Vec<Part>,

@@ -49,7 +49,7 @@ pub struct Link {
     /// Makes a shadow, which observes a conversation of both ends.
     #[cfg(feature = "captures")]
     pub shadow: MakeShadow,
-    /// Its ends; the one that asks comes first.
+    /// The ends; the one that asks comes first.
     pub ends: &'static [EndRow],
 }
 

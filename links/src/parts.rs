@@ -10,7 +10,7 @@ use serde_json::Value;
 pub struct Part {
     /// A value of the message, as a JSON pointer (`/force/0`); otherwise a name of the envelope (`checksum`).
     pub name: String,
-    /// Its bytes, from the frame's first. Several parts may share a byte.
+    /// The bytes of the part, from the frame's first. Several parts may share a byte.
     pub bytes: Range<usize>,
     /// The clause of the specification that describes it, or its section (`4.2`).
     pub clause: &'static str,
@@ -41,12 +41,12 @@ pub struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Of a frame without stuffing.
+    /// Divides a frame without stuffing.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, places: (0..bytes.len()).collect(), at: 0, single: bytes.len(), parts: Vec::new() }
     }
 
-    /// Of a frame in which this byte is written twice, from `begin` up to where it is single.
+    /// Divides a frame in which this byte is written twice, from `begin` up to where it is single.
     pub fn stuffed(bytes: &'a [u8], begin: usize, twice: u8) -> Self {
         let mut places: Vec<usize> = (0..begin.min(bytes.len())).collect();
         let mut at = begin;

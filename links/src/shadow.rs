@@ -47,7 +47,7 @@ pub struct Setup<'a> {
 pub enum Seen<'a> {
     /// A connection is made. It has not carried any bytes.
     Opened,
-    /// It is lost or closed.
+    /// The connection is lost or closed.
     Closed,
     /// An end has sent bytes. The messages that are whole with them follow.
     Bytes {
@@ -62,7 +62,7 @@ pub enum Seen<'a> {
         from: &'static str,
         /// How many bytes it has.
         length: u64,
-        /// As its codec shows it.
+        /// The message as its codec shows it.
         message: &'a Value,
     },
     /// Sent bytes are not a message.
@@ -150,7 +150,7 @@ pub struct Watcher {
 }
 
 impl Watcher {
-    /// Of a conversation that may have begun before.
+    /// Watches a conversation that may have begun before.
     pub fn new(shadow: Box<dyn Shadow>) -> Self {
         Self { shadow, complaints: Vec::new(), now: Duration::ZERO }
     }

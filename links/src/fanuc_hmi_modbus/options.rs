@@ -9,7 +9,7 @@ pub enum Frames {
     /// With MBAP headers.
     #[default]
     Tcp,
-    /// As on a serial line, through a TCP connection.
+    /// Frames as on a serial line, through a TCP connection.
     Rtu,
 }
 

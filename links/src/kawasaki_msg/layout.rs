@@ -32,7 +32,7 @@ pub struct Field {
     pub name: String,
     /// The type and range of the value.
     pub holds: Holds,
-    /// Its value where none is given.
+    /// The value of the field if none is given.
     pub default: Option<AnyValue>,
 }
 
@@ -58,7 +58,7 @@ pub struct AnyWork {
 pub enum AnyValue {
     /// In units of its last decimal.
     Number(i32),
-    /// As it is on the wire.
+    /// A text as it is on the wire.
     Text(Text<MAX_TEXT>),
 }
 
@@ -134,7 +134,7 @@ impl Layout {
         Ok(Self(fields.into()))
     }
 
-    /// As it would be in a file of settings.
+    /// Returns the layout as tables of a file of settings.
     pub fn given(&self) -> Vec<Value> {
         let field = |(place, field): (usize, &Field)| {
             let default = field.default.map(|value| {

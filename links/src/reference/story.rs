@@ -16,7 +16,7 @@ use crate::vectors::unhex;
 pub enum Do {
     /// A connection is made.
     Connected,
-    /// It is lost.
+    /// The connection is lost.
     Disconnected,
     /// Bytes are read.
     Input(Vec<u8>),
@@ -24,7 +24,7 @@ pub enum Do {
     Timeout,
     /// The last byte has left the port.
     Transmitted,
-    /// It is only polled.
+    /// The end is only polled.
     Nothing,
     /// A call of the end's user.
     Call {
@@ -36,7 +36,7 @@ pub enum Do {
 }
 
 impl Do {
-    /// As a step has it: an object with one key.
+    /// Returns the input as a step has it: an object with one key.
     pub fn json(&self) -> String {
         match self {
             Self::Connected => r#"{"connected": true}"#.into(),

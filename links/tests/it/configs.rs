@@ -18,7 +18,7 @@ fn configs() -> Vec<(String, &'static Config)> {
     LINKS.iter().flat_map(of).collect()
 }
 
-/// Its fields, after values were given.
+/// Returns the fields of a configuration, after values were given.
 fn fields(config: &Config, given: Value) -> Result<Vec<Setting>, String> {
     (config.fields)(given.as_object().unwrap()).map_err(|error| error.to_string())
 }

@@ -73,7 +73,7 @@ struct Asked {
     is_answered: bool,
     /// The number of times that the frame was sent again after an error code.
     resent: u8,
-    /// It is wanted again, with the same bytes.
+    /// The frame is wanted again, with the same bytes.
     is_wanted: bool,
     message: Value,
     /// The missing answer was reported.
@@ -144,7 +144,7 @@ impl Shadow for Laser {
 }
 
 impl Asked {
-    /// It is not answered, and what it asks for may be going on.
+    /// Returns whether the frame has no answer, and its execution may be going on.
     fn is_executed(&self) -> bool {
         !self.is_answered && self.class != Some(Class::Interpreted)
     }

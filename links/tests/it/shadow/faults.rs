@@ -15,9 +15,9 @@ use super::unseen::{REASONS, unseen};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Fault {
-    /// It does not come.
+    /// The message does not come.
     Dropped,
-    /// It comes twice.
+    /// The message comes twice.
     Repeated,
     /// The message and everything after it arrive later than any budget of the link allows.
     Delayed,
@@ -36,7 +36,7 @@ pub(crate) struct Case<'a> {
     pub(crate) link: &'static Link,
     pub(crate) story: &'a Story,
     pub(crate) fault: Fault,
-    /// Its place in the story.
+    /// The place of the message in the story.
     pub(crate) place: usize,
     /// The side that sends the message.
     pub(crate) from: &'static str,
@@ -51,7 +51,7 @@ struct Count {
     all: u32,
     /// Complaints at the message, or at the first event after it that depends on it.
     found: u32,
-    /// Of these, at something later.
+    /// The part of `found` that is complained about later.
     later: u32,
     unseen: BTreeMap<&'static str, u32>,
 }

@@ -113,7 +113,7 @@ impl Story {
         self.watch(link, told, &mut |_| ())
     }
 
-    /// It is asked for the state before each of them and at the end.
+    /// Watches the conversation; passes the shadow's state to `state` before each event and at the end.
     pub(crate) fn watch(&self, link: &Link, told: &[Told], state: &mut dyn FnMut(String)) -> Vec<Said> {
         let end = match (link.name, self.end) {
             ("mmacell-proto", "platform") => "device",

@@ -9,7 +9,7 @@ use crate::text::{Read, expect, fail, is_letter};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Attribute {
-    /// Its name: `OWNER`; `SPEICHERGR.` on controllers set to German.
+    /// The name of the attribute: `OWNER`; `SPEICHERGR.` on controllers set to German.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::attribute_name))]
     pub name: String,
     /// The value of the attribute.

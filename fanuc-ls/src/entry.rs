@@ -15,7 +15,7 @@ use crate::text::Fault;
 /// A part of a file that is read in one piece: its head, an attribute, a statement, a position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry<'a> {
-    /// Its bytes in the text, without white space around it.
+    /// The bytes of the entry in the text, without white space around it.
     pub place: Range<usize>,
     /// The contents as values. `None` if they are not understood.
     pub content: Option<Content<'a>>,
@@ -41,7 +41,7 @@ pub enum Content<'a> {
     Application(&'a str),
     /// One of `/MN`.
     Statement {
-        /// Its number. None when it is left out, or the line belongs to the motion above it.
+        /// The number of the line. `None` if it is left out, or the line belongs to the motion above it.
         number: Option<usize>,
         /// The instruction as a value.
         instruction: Instruction,

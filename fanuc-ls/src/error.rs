@@ -169,13 +169,13 @@ pub enum EncodeError {
         "attribute {index} (counted from 1) cannot be written: its name or value would read as something else"
     )]
     Attribute {
-        /// Its place among the attributes, from 1.
+        /// The place of the attribute among the attributes, from 1.
         index: usize,
     },
     /// A line of `/APPL` would be read as something else.
     #[error("line {index} of /APPL cannot be written: it begins a section or holds a line end")]
     Application {
-        /// Its place in the section, from 1.
+        /// The place of the line in the section, from 1.
         index: usize,
     },
     /// An instruction's text would not be read again as the same instruction.

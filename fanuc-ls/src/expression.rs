@@ -90,7 +90,7 @@ pub enum Function {
     ArcSine,
     ArcCosine,
     ArcTangent,
-    /// Of a quotient, by the signs of its parts.
+    /// The arc tangent of a quotient, by the signs of its parts.
     ArcTangent2,
     Exponential,
     Logarithm,
@@ -158,7 +158,7 @@ pub enum Operator {
 }
 
 impl Operator {
-    /// As they are written, those that bind less first. A word has blanks around it.
+    /// The operators as they are written, those that bind less first. A word has blanks around it.
     pub(crate) const ALL: [(Self, &'static str, u8); 16] = [
         (Self::Or, "OR", 0),
         // As controllers set to German write it, and the one below.
@@ -193,7 +193,7 @@ pub struct Item {
     pub index: Index,
     /// The coordinate of a position register, from 1; `None` for the whole register.
     pub element: Option<Index>,
-    /// Its name, if it has one.
+    /// The name of the item; `None` if it has no name.
     pub name: Option<String>,
 }
 
@@ -203,7 +203,7 @@ pub struct Item {
 pub enum Index {
     /// The number itself.
     Number(u32),
-    /// It is in another item, such as a register.
+    /// The number is in another item, such as a register.
     Item(Box<Item>),
     /// `...`: it is not filled in yet.
     Untaught,

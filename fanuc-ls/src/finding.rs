@@ -25,7 +25,7 @@ pub struct Finding {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
 pub enum Problem {
-    /// It is not understood, and a controller would not take it. It stays as it is spelled.
+    /// Text that is not understood, and that a controller would not take. It stays as it is spelled.
     #[error(transparent)]
     Error(Reason),
     /// A controller takes it.

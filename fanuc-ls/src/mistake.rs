@@ -8,7 +8,7 @@ use crate::position::AxisName;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Level {
-    /// It may be worth a look.
+    /// The place may be worth a look.
     Hint,
     /// A controller takes it, and its author probably did not mean it.
     Warning,

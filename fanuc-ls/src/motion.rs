@@ -178,7 +178,7 @@ pub enum Target {
     Position {
         /// The number of the position.
         number: u32,
-        /// Its name, if it has one. Not quoted here; in `/POS` it is.
+        /// The name of the position; `None` if it has no name. Not quoted here; in `/POS` it is.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
         name: Option<String>,
     },
@@ -186,7 +186,7 @@ pub enum Target {
     Register {
         /// The number of the register.
         number: u32,
-        /// Its name, if it has one.
+        /// The name of the register; `None` if it has no name.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
         name: Option<String>,
     },

@@ -63,9 +63,9 @@ pub enum Operation {
     For {
         /// The register that counts.
         counter: Item,
-        /// Its first value.
+        /// The first value of the register.
         from: Expression,
-        /// Its last value.
+        /// The last value of the register.
         to: Expression,
         /// `DOWNTO`.
         down: bool,
@@ -98,7 +98,7 @@ pub enum Operation {
     When(Expression, Box<Operation>),
     /// Another instruction of the table: `COL GUARD ADJUST 50`, `SOFTFLOAT[1]`, `VISION RUN_FIND 'A'`.
     Command {
-        /// Its words in English.
+        /// The words of the instruction in English.
         name: &'static str,
         /// The operands of the instruction.
         operands: Vec<Expression>,

@@ -13,7 +13,7 @@ use crate::text::{Fault, fixed_decimal, push_fixed, push_number, rounded, word};
 pub struct Position {
     /// The number of the position.
     pub number: u32,
-    /// Its name, without the quotes that it has in `/POS`.
+    /// The name of the position, without the quotes that it has in `/POS`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub name: Option<String>,
     /// Where each motion group stands. Most cells have one, `GP1`.
@@ -369,7 +369,7 @@ impl AxisName {
         self.text().trim_end_matches([' ', '='])
     }
 
-    /// As it is before a value.
+    /// Returns the name as it is written before a value.
     fn text(self) -> &'static str {
         const J: [&str; 9] = ["J1=", "J2=", "J3=", "J4=", "J5=", "J6=", "J7=", "J8=", "J9="];
         const E: [&str; 9] = ["E1=", "E2=", "E3=", "E4=", "E5=", "E6=", "E7=", "E8=", "E9="];

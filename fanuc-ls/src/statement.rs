@@ -27,7 +27,7 @@ impl<'a> Statement<'a> {
         self.nested
     }
 
-    /// Its number. Post-processors leave it out.
+    /// Returns the number of the statement. Post-processors leave it out.
     pub fn number(&self) -> Option<usize> {
         let (digits, _) = self.head().ok()?;
         line_number(digits)
@@ -49,7 +49,7 @@ impl<'a> Statement<'a> {
         self.decode().unwrap_or_else(|_| Instruction::Other(crate::text::join_lines(self.body())))
     }
 
-    /// Its instruction, or what is wrong with it.
+    /// Returns the instruction, or its fault.
     pub(crate) fn decode(&self) -> Result<Instruction, Fault<'a>> {
         if self.nested {
             return Ok(Instruction::Nested(self.text.trim_end().into()));

@@ -9,8 +9,8 @@ use crate::motion::Motion;
 use crate::operation::Operation;
 
 impl Instruction {
-    /// Its operation. None for a motion, a comment, a line of a block, and for a text that is none of these: such an instruction is
-    /// kept and not understood.
+    /// Returns the operation of the instruction. `None` for a motion, a comment, a line of a block, and for any other text, which
+    /// is not understood.
     pub fn operation(&self) -> Option<Operation> {
         match self {
             Self::UserFrame(number) => Some(Operation::UserFrame(Expression::Number((*number).into()))),

@@ -63,7 +63,7 @@ enum What {
     Nothing,
     Motion(Motion),
     Operation(Operation),
-    /// It is not understood, which is a finding already.
+    /// A line that is not understood, which is a finding already.
     Unknown,
 }
 

@@ -13,7 +13,7 @@ enum Kind {
     Text,
     Position,
     Pallet,
-    /// It may be any.
+    /// Any kind.
     Any,
 }
 

@@ -57,7 +57,7 @@ fn simple(input: &str) -> Parsed<'_, Operation> {
     instruction::instruction(input, Place::Anywhere)
 }
 
-/// It is something else: another alternative may fit.
+/// Returns an error after which another alternative may fit.
 fn other<T>(at: &str) -> Parsed<'_, T> {
     Err(nom::Err::Error(Trouble { at, mistake: Mistake::Unknown }))
 }

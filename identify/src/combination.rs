@@ -14,9 +14,9 @@ pub(super) enum Level {
     /// Not.
     #[default]
     None,
-    /// They are a message, which is written another way.
+    /// The bytes are a message, which is written another way.
     Read,
-    /// They are a message as it is written.
+    /// The bytes are a message as it is written.
     Written,
 }
 
@@ -435,7 +435,7 @@ mod tests {
         }
     }
 
-    /// Of two messages that share bytes the second is what it is without them, if it is one.
+    /// If two messages share bytes, the second is read again without the shared ones.
     #[test]
     fn a_message_without_the_bytes_of_another() {
         let line = |begin, bytes: &[u8]| piece(0, begin, bytes);

@@ -32,7 +32,7 @@ pub use search::identify;
 pub struct Stream {
     /// The known facts about the sender.
     pub sender: Sender,
-    /// Its bytes; between two parts some are missing.
+    /// The bytes of the stream; between two parts some are missing.
     pub parts: Vec<Vec<u8>>,
     /// Where bytes arrived, and when: at which byte of all parts a packet, or what was read at once, begins. May be empty.
     pub arrivals: Vec<(usize, Duration)>,
@@ -43,18 +43,18 @@ pub struct Stream {
 pub enum Sender {
     /// Nothing, or both ends on one line.
     Unknown,
-    /// Its name, where a link has a side of that name.
+    /// The name of the sender, if a link has a side of that name.
     Named(String),
     /// The other end than the one of this name.
     Other(String),
     /// The end at which a line was recorded, or the other one.
     Kept {
-        /// It was sent by the end that recorded.
+        /// The bytes were sent by the end that recorded the line.
         by_keeper: bool,
     },
     /// The likely end of a connection, and the server's port.
     Connected {
-        /// It seems to have opened the connection.
+        /// The sender seems to have opened the connection.
         is_client: bool,
         /// The server's port.
         port: u16,
@@ -63,7 +63,7 @@ pub enum Sender {
     Traced {
         /// The name of the trace.
         name: String,
-        /// It was sent by the end that kept the trace.
+        /// The bytes were sent by the end that kept the trace.
         sent: bool,
     },
 }

@@ -25,7 +25,7 @@ struct Word {
     together: usize,
     /// How long answers to it alone took.
     answers: Vec<Duration>,
-    /// Its answer had values.
+    /// The number of answers with values.
     values: usize,
 }
 

@@ -113,7 +113,7 @@ fn of_bytes_that_are_no_messages() {
     );
 }
 
-/// Of a link with one end that sends messages the other's bytes do not count.
+/// On a link with one end that sends messages, the other end's bytes do not count.
 #[test]
 fn of_a_link_that_sends_one_way() {
     let packet = |at: u8| json!({"sensor_type": 0, "sensor": 0, "status": "fresh", "force": [at, 2, 3], "moment": [4, 5, 6], "keys": 1});

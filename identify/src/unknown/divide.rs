@@ -74,7 +74,7 @@ pub(super) struct Rank {
 struct Bounds {
     /// For each part the places at which it is cut.
     cuts: Vec<Vec<usize>>,
-    /// They are arrivals: the first and the last piece are messages too.
+    /// The cuts are arrivals: the first and the last piece are messages too.
     whole: bool,
 }
 

@@ -8,7 +8,7 @@ use super::messages::same;
 /// A field with the length of a message.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Length {
-    /// Its first byte; of decimal digits, the place of the number among the numbers of the message, from 0.
+    /// The first byte of the field; of decimal digits, the place of the number among the numbers of the message, from 0.
     pub at: usize,
     /// How many bytes it is; 0 of decimal digits.
     pub width: usize,
@@ -21,9 +21,10 @@ pub struct Length {
 /// A number at a fixed place.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Number {
-    /// Its first byte.
+    /// The first byte of the field.
     pub at: usize,
-    /// Its type: `u8`, `u16`, `i16` or `f32`; `digits` of a text, whose place is the number among those of the message.
+    /// The type of the field: `u8`, `u16`, `i16` or `f32`; `digits` in a text, whose place is the number among those of the
+    /// message.
     #[serde(rename = "type")]
     pub kind: &'static str,
     /// The order of its bytes.

@@ -56,7 +56,7 @@ pub fn look(streams: &[Stream]) -> Vec<Seen> {
     streams.iter().filter_map(seen).collect()
 }
 
-/// Of the divisions that are nearly as good, the one in whose messages most is found.
+/// Returns the structure of the one among nearly equal divisions in whose messages most is found.
 fn seen(stream: &Stream) -> Option<Seen> {
     let found = divide::divide(stream).into_iter().rev().filter_map(|division| {
         let seen = of_messages(&division.messages)?;

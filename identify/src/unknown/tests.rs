@@ -23,7 +23,7 @@ fn random(at: u32) -> u8 {
     (product ^ product >> 15).wrapping_mul(2_246_822_519).to_be_bytes()[0]
 }
 
-/// As many bytes of a message as are given, of which none follows from the others.
+/// Returns `count` bytes of a message, none of which follows from the others.
 pub(super) fn bytes(message: u32, count: usize) -> Vec<u8> {
     (message * 64..).take(count).map(random).collect()
 }

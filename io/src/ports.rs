@@ -8,7 +8,7 @@ use serialport::{SerialPortInfo, SerialPortType};
 /// A serial port.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Port {
-    /// Its name: `/dev/ttyUSB0`, `COM5`.
+    /// The name of the port: `/dev/ttyUSB0`, `COM5`.
     pub port: String,
     /// `usb`, `bluetooth`, or `built_in` for what is in the machine.
     pub kind: &'static str,
@@ -16,7 +16,7 @@ pub struct Port {
     pub adapter: Option<String>,
     /// The manufacturer of the adapter.
     pub maker: Option<String>,
-    /// Its serial number: two adapters of one kind differ in it alone.
+    /// The serial number of the adapter: two adapters of one kind differ in it alone.
     pub serial_number: Option<String>,
     /// The USB numbers of maker and product, such as `0403:6001`.
     pub usb: Option<String>,

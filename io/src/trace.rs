@@ -75,7 +75,7 @@ pub enum Way {
 
 /// Keeps the last bytes of each direction. Clones share them.
 ///
-/// Its text is input for `cellwire decode`: hex with comments, which name the direction.
+/// The text of a trace is input for `cellwire decode`: hex with comments, which name the direction.
 #[derive(Debug, Clone)]
 pub struct Trace {
     name: String,

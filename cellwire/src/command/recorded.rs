@@ -46,7 +46,7 @@ enum Place {
 pub(super) struct Sent {
     /// Since the first.
     pub(super) at: Duration,
-    /// It is the client's, or that of the end that recorded the line.
+    /// The direction is the client's, or that of the end that recorded the line.
     is_first: bool,
     pub(super) bytes: Vec<u8>,
     /// Bytes are missing before it.
@@ -159,7 +159,7 @@ impl Conversation {
 /// An end of a conversation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Party {
-    /// It is the client, or the end that recorded the line.
+    /// The end is the client, or the one that recorded the line.
     pub(super) is_first: bool,
     /// The side of the link whose messages it sends; none where it polls.
     pub(super) side: Option<&'static str>,

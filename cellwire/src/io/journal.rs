@@ -33,7 +33,7 @@ pub fn beside(work: &Path) -> PathBuf {
 pub enum Outcome {
     /// Never sent, or known not to have been taken.
     NotSent,
-    /// It is not to be done again.
+    /// Executed: the part is not repeated.
     Done,
     /// Nobody knows.
     Unknown,
@@ -42,7 +42,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Its name in what is printed.
+    /// The name of the outcome in the output.
     pub fn name(self) -> &'static str {
         match self {
             Self::NotSent => "not_sent",
@@ -57,7 +57,7 @@ impl Outcome {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Span {
-    /// It is the same of all of them.
+    /// The outcome of all parts of the span.
     pub outcome: Outcome,
     /// The first, from 0.
     pub first: usize,
@@ -82,7 +82,7 @@ pub struct Tally {
     pub done: usize,
     /// The parts whose outcome is unknown; sent parts without an outcome among them.
     pub unknown: usize,
-    /// Of the unknown parts those that the machine has in its queue, as far as is known.
+    /// The unknown parts that the machine has in its queue, as far as is known.
     pub queued: usize,
 }
 

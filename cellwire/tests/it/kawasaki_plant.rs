@@ -193,7 +193,7 @@ fn an_order_is_drawn_in_the_other_plant() {
     assert_eq!((&over["order"], &over["complete"]), (&50.into(), &true.into()), "{over}");
 }
 
-/// As a draft of a capture has it.
+/// A job as a draft of a capture describes it.
 const DRAFTED: &str = "[[job]]
 name = \"field_1\"
 kind = \"whole\"

@@ -26,7 +26,7 @@ struct Message {
     control: u8,
     /// Everything after it.
     data: Vec<u8>,
-    /// Its checksum is right.
+    /// The checksum is right.
     good: bool,
 }
 

@@ -181,7 +181,7 @@ fn draws_with_another_order(settings: &str) {
 const READ: &[u8] = &[0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1];
 const WRITE: &[u8] = &[0, 2, 0, 0, 0, 6, 1, 6, 0, 1, 0, 3];
 
-/// Its messages may move a device: a signal ends it, and the line has how many were sent.
+/// The messages of a replay may move a device: a signal ends it, and the line has the number of sent messages.
 #[test]
 fn a_replay_that_is_interrupted_says_what_was_sent() {
     let recorded = Recorded::new("fanuc-hmi-modbus", "fanuc");

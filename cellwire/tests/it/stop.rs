@@ -93,7 +93,7 @@ impl Run {
         }
     }
 
-    /// Its last line; it was stopped.
+    /// Returns the last line of the run; checks that it was stopped.
     fn stopped(self) -> Value {
         let ended = self.0.event("ended");
         let (code, said) = self.0.end();
@@ -289,7 +289,7 @@ fn a_stop_has_a_limit() {
     });
 }
 
-/// Its devices end with it.
+/// The demo's devices end with it.
 #[test]
 fn a_demo_that_is_interrupted_says_how_far_it_was() {
     for (input, signal) in [(Input::Null, "-TERM"), (Input::Terminal, "-INT"), (Input::Session, "-HUP")] {
@@ -432,7 +432,7 @@ fn a_run_whose_output_is_closed_stops_with_nothing_unknown() {
     assert_eq!(cell.queued(number(&line, "done")), number(&line, "done"));
 }
 
-/// Of the program's three streams each is the terminal, as for an operator.
+/// The program's three streams are all the terminal, as for an operator.
 #[test]
 fn a_closed_terminal_that_is_the_output_too_leaves_nothing_unknown() {
     let cell = laser_run::Cell::new(&["baud=9600"]);

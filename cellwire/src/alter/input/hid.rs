@@ -90,7 +90,7 @@ impl State {
         }
     }
 
-    /// As old as the older half that is pushed: one report goes on alone when the other is lost.
+    /// Returns the latest values. They are as old as the older pushed half: one report may continue alone when the other is lost.
     fn sample(&self, now: Duration) -> Sample {
         let halves = self.axes.as_chunks::<3>().0.iter().zip(self.times);
         let measured = halves.filter(|(axes, _)| **axes != [0; 3]).map(|(_, time)| time).min().unwrap_or(now);
@@ -237,7 +237,7 @@ mod tests {
         reports.iter().filter_map(after).collect()
     }
 
-    /// As other programs have recorded them: pressed down, let go, turned to the right, tilted, both keys.
+    /// Reports as other programs have recorded them: pressed down, let go, turned to the right, tilted, both keys.
     #[test]
     fn a_space_navigator_has_a_report_for_its_rotation() {
         let reports = [

@@ -42,7 +42,7 @@ struct Decoding<'a> {
     args: &'a Args,
     out: &'a mut Lines,
     now: Duration,
-    /// Of each conversation.
+    /// The watcher of each conversation.
     watchers: HashMap<Ends, Watcher>,
 }
 
@@ -67,13 +67,13 @@ enum Clock {
 struct Decoded {
     stream: Stream,
     side: &'static str,
-    /// Its fields before those of a line.
+    /// The fields of the direction, before those of a line.
     label: String,
     /// The conversation of this direction, if it is watched, and the end that sends.
     watched: Option<(Ends, &'static str)>,
     /// The number of bytes that are not a message, if the end may be one that only polls.
     polls: Option<u64>,
-    /// It sends datagrams, each of which is whole.
+    /// The direction consists of datagrams, each of which is whole.
     is_datagrams: bool,
     /// The fields of `label` before its time.
     untimed: String,
@@ -305,9 +305,9 @@ enum Lack {
     Gap { missing: u64 },
     /// The capture has cut them off.
     CutOff { missing: u64 },
-    /// They came after their gap was reported.
+    /// The bytes came after their gap was reported.
     Late { bytes: u64 },
-    /// They are before what was captured first.
+    /// The bytes are before the first captured ones.
     BeforeStart { bytes: u64 },
 }
 

@@ -18,7 +18,7 @@ use cellwire_links::shadow::{self, Complaint, Watcher};
 pub(super) struct Entry {
     /// When it was whole.
     pub(super) at: SystemTime,
-    /// Of which connection, from 1.
+    /// The number of the connection, from 1.
     pub(super) connection: u32,
     /// The name of the end, or [`UNKNOWN`].
     pub(super) end: &'static str,
@@ -78,7 +78,7 @@ struct Direction {
     end: &'static str,
     /// `None` where it sends no messages, and polls.
     decoded: Option<Decoded>,
-    /// It sends datagrams, each of which is whole.
+    /// The end sends datagrams, each of which is whole.
     is_datagrams: bool,
 }
 

@@ -127,7 +127,7 @@ type Writing = (Watch, Receiver<Ended>);
 const LAST: Duration = Duration::from_secs(5);
 
 impl Last {
-    /// Of the capture of what is seen; its writer sends how it has ended.
+    /// Registers the capture file of the tap; its writer sends the way in which it has ended.
     pub(super) fn of(&mut self, watch: &Watch) -> Sender<Ended> {
         let (written, wait) = channel();
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((watch.clone(), wait));

@@ -30,7 +30,7 @@ pub struct Record<'a> {
 pub struct Tally {
     /// The instructions that were sent.
     pub jobs: Counts,
-    /// Of those that were executed once, the instructions that had other values than were sent. The checksum cannot detect every corrupt byte.
+    /// The instructions that were executed once, with other values than were sent. The checksum cannot detect every corrupt byte.
     pub altered: u64,
     /// All executions of instructions that were not sent so.
     pub unseen: u64,

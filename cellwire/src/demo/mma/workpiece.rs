@@ -76,9 +76,9 @@ struct Part {
 enum Holds {
     /// The part is on the feeder.
     Nothing,
-    /// It is on the gripper.
+    /// The part is on the gripper.
     Part,
-    /// It is in its place, and the gripper still sticks to it.
+    /// The part is in its place, and the gripper still sticks to it.
     Sticks,
 }
 

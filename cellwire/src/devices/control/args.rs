@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 pub struct Command {
     /// The value of `do`.
     pub name: &'static str,
-    /// Its effect, and its fields.
+    /// The effect of the command, and its fields.
     pub about: &'static str,
     /// Requests that the device executes.
     pub examples: &'static [&'static str],

@@ -35,7 +35,7 @@ pub type Show<W> = Box<dyn Fn(&W) -> Value + Send + Sync>;
 /// The commands that only this kind of device has.
 #[allow(missing_debug_implementations, reason = "it holds functions")]
 pub struct Own<D: Device> {
-    /// Their names, for `help`.
+    /// The names of the commands, for `help`.
     pub commands: &'static [Command],
     /// Executes one of them, in the thread of the device. An error states what is allowed.
     pub execute: fn(&mut D, Args) -> Result<Fields, String>,

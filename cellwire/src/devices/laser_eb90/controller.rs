@@ -138,12 +138,12 @@ pub struct Switch {
 }
 
 impl Switch {
-    /// It receives nothing more, and executes what is queued.
+    /// Ends the reception; the robot executes the queued instructions.
     pub fn turn_off(&self) {
         self.off.store(true, Ordering::Relaxed);
     }
 
-    /// It stops in the middle of everything and forgets what is queued.
+    /// Stops the robot in the middle of everything; it loses the queued instructions.
     pub fn kill(&self) {
         self.killed.store(true, Ordering::Relaxed);
         self.turn_off();

@@ -181,7 +181,7 @@ struct Recording {
     stands_at: Option<Pose>,
     /// The turn-arounds of this ALTER.
     turn_around: Samples,
-    /// Its cycles with a reply that moved the arm.
+    /// The cycles of this ALTER with a reply that moved the arm.
     cycles: u64,
 }
 

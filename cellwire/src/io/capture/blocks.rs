@@ -40,12 +40,12 @@ pub(super) enum Block<'a> {
 pub(super) struct Frame<'a> {
     /// `None` when the capture does not describe the interface.
     pub(super) link_type: Option<u32>,
-    /// Of the section, from 0.
+    /// The index of the interface in the section, from 0.
     pub(super) interface: usize,
     /// The section of the capture, from 0.
     pub(super) section: usize,
     pub(super) data: &'a [u8],
-    /// Its length on the wire.
+    /// The length of the packet on the wire.
     pub(super) original: u32,
     /// When it was captured, since 1970; a simple packet of pcapng does not say.
     pub(super) at: Option<Duration>,

@@ -22,7 +22,7 @@ pub trait Directions {
     /// The next packet was captured then.
     ///
     /// # Errors
-    /// They end the reading.
+    /// An error ends the reading.
     fn pass_time(&mut self, _at: Duration) -> Result<()> {
         Ok(())
     }
@@ -32,7 +32,7 @@ pub trait Directions {
     /// is false), the lower port counts as the server's; on a line that was recorded at one end, this end counts as the client.
     ///
     /// # Errors
-    /// They end the reading.
+    /// An error ends the reading.
     fn begin(
         &mut self,
         flow: Flow,
@@ -44,19 +44,19 @@ pub trait Directions {
     /// The next piece of a direction.
     ///
     /// # Errors
-    /// They end the reading.
+    /// An error ends the reading.
     fn take(&mut self, direction: &mut Self::Direction, piece: Piece<'_>) -> Result<()>;
 
     /// A direction has ended.
     ///
     /// # Errors
-    /// They end the reading.
+    /// An error ends the reading.
     fn end(&mut self, direction: Self::Direction) -> Result<()>;
 
     /// A fault of the packet of this number, or of the capture after it.
     ///
     /// # Errors
-    /// They end the reading.
+    /// An error ends the reading.
     fn fault(&mut self, packet: u64, fault: &Fault) -> Result<()>;
 }
 
@@ -135,7 +135,7 @@ struct Direction<T> {
 enum State<T> {
     /// Nothing was sent yet.
     Silent,
-    /// It is not taken.
+    /// The direction is left out.
     Ignored,
     Taken(T),
 }

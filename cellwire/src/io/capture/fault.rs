@@ -10,7 +10,7 @@ use serde::Serialize;
 pub enum Fault {
     /// The packets of an interface have a link type that is not known: once for each interface.
     LinkType {
-        /// Its number in the registry of tcpdump.org.
+        /// The number of the link type in the registry of tcpdump.org.
         number: u32,
         /// The interface, from 0.
         interface: usize,
@@ -29,7 +29,7 @@ pub enum Fault {
     },
     /// A USB device carries bytes, and nothing shows whether it is a serial adapter, and which: once for each device.
     UnknownDevice {
-        /// Its bus and its number, as `1.5`.
+        /// The bus and the number of the device, as `1.5`.
         device: String,
     },
     /// Fragments of an IP packet whose rest is not in the capture, or came too late.

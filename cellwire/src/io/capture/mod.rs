@@ -114,7 +114,7 @@ pub enum Line {
     Usb {
         /// The bus of the device.
         bus: u16,
-        /// Its number on the bus.
+        /// The number of the device on the bus.
         device: u16,
         /// The port or the interface, from 0.
         port: u8,

@@ -65,7 +65,7 @@ pub struct Picture {
 }
 
 impl Line {
-    /// Its length in mm.
+    /// Returns the length in mm.
     pub fn length(&self) -> f64 {
         let way = |from: i32, to: i32| f64::from(to) - f64::from(from);
         way(self.from.x, self.to.x).hypot(way(self.from.y, self.to.y)) / 100.0

@@ -107,8 +107,8 @@ impl Jobs {
         format!("{:016x}", self.hash)
     }
 
-    /// Their number, size and time on the line, with packets of at most `packet` bytes; of lines the place on the board, which a picture fills as far
-    /// as it can.
+    /// Returns the number of the jobs, their size, and their time on the line with packets of at most `packet` bytes; for lines
+    /// also their place on the board, which a picture fills as far as it can.
     pub fn summary(&self, packet: usize, board: drawing::Point) -> Value {
         let packets = self.bytes.div_ceil(packet);
         let seconds = timing::EXCHANGE.as_secs_f64() * f64::from(u32::try_from(packets).unwrap_or(u32::MAX));

@@ -25,7 +25,7 @@ pub(super) struct Route<'a> {
     /// X, Y, Z, A, B, C.
     pub(super) at: [f64; 6],
     pub(super) feed: f64,
-    /// As the program has it, once it has.
+    /// The power in the program; `None` before the first.
     pub(super) power: Option<f64>,
     length: f64,
     pub(super) instructions: Vec<Instruction>,

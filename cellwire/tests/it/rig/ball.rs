@@ -24,7 +24,7 @@ struct Hand {
 /// The faults of a ball, or its line.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Faults {
-    /// Of this many packets each.
+    /// The length of the period of the faults, in packets.
     pub(crate) of: u32,
     /// How many in a row say "old data".
     pub(crate) old: u32,

@@ -19,7 +19,7 @@ pub(crate) struct Running {
     lines: Receiver<String>,
     /// Lines that came while another line was waited for.
     passed: Vec<String>,
-    /// Its first line.
+    /// The first line of the program.
     pub(crate) ready: Value,
 }
 
@@ -88,7 +88,7 @@ impl Running {
         lines
     }
 
-    /// Its resident memory, in bytes.
+    /// Returns the resident memory of the program, in bytes.
     pub(crate) fn resident(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
         let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
@@ -104,7 +104,7 @@ impl Running {
 }
 
 impl Running {
-    /// Its exit status, once it has ended.
+    /// Returns the exit status of the program, once it has ended.
     pub(crate) fn status(&mut self) -> Option<i32> {
         self.child.wait().unwrap().code()
     }

@@ -8,7 +8,7 @@ use serialport::{DataBits, Parity};
 
 use super::{Heard, Setting};
 
-/// Of a right setting this many characters are broken.
+/// The share of broken characters with a right setting.
 const RIGHT: f64 = 0.02;
 /// A wrong parity is right for every other character; a low bit where a stop bit is due is met a bit less often.
 const WRONG_PARITY: f64 = 0.5;

@@ -23,9 +23,9 @@ const ENOUGH: usize = 96;
 const SOME: usize = 24;
 /// The highest share of broken characters with the right format, in percent, including characters that a change of format splits.
 const CLEAN: usize = 10;
-/// The best is found when the next one is less likely by this many bits.
+/// The lead of the best setting over the next one with which it is found, in bits.
 const APART: f64 = 12.0;
-/// And when it is so likely itself.
+/// The evidence that the best setting itself needs, in bits.
 const LIKELY: f64 = 16.0;
 
 /// A rate and a format.

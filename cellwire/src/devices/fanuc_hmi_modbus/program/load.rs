@@ -143,7 +143,7 @@ fn registers(line: &str) -> impl Iterator<Item = u32> {
 }
 
 impl Finding {
-    /// As a line of JSON: the first places, and how many there are.
+    /// Returns the finding as a line of JSON: the first places, and how many there are.
     pub fn event(&self) -> serde_json::Value {
         let first: Vec<&String> = self.places.iter().take(5).collect();
         serde_json::json!({"event": "not_modelled", "what": self.what, "at": first, "count": self.places.len()})

@@ -21,9 +21,9 @@ pub(super) struct Transfer<'a> {
     /// With bit 7 set: to the PC.
     pub(super) endpoint: u8,
     pub(super) kind: Kind,
-    /// It comes back from the device.
+    /// The transfer comes back from the device.
     pub(super) is_complete: bool,
-    /// Of a control transfer on its way to the device.
+    /// The setup packet of a control transfer on its way to the device.
     pub(super) setup: Option<[u8; 8]>,
     pub(super) data: &'a [u8],
     /// How many bytes of the data are not in the capture.

@@ -11,7 +11,7 @@ use cellwire_links::link::Link;
 /// How well bytes are explained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub(super) enum Level {
-    /// Not.
+    /// The bytes are not a message.
     #[default]
     None,
     /// The bytes are a message, which is written another way.

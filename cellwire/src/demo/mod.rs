@@ -20,7 +20,7 @@ struct Demo {
     link: &'static str,
     /// How its record can be spoilt.
     must_fail: &'static [MustFail],
-    /// The ones of `must_fail` that cannot fail with faults: there is no deadline.
+    /// Entries of `must_fail` that cannot fail with faults: there is no deadline.
     only_without_faults: &'static [MustFail],
     run: fn(&DemoOptions) -> Result<Report>,
     settings: fn() -> Vec<Setting>,

@@ -27,7 +27,7 @@ pub enum Ended {
     Stopped,
     /// The robot refuses the order: it has another order, or accepts none.
     Refused {
-        /// The number of the robot's order; 0 if it has none.
+        /// The number of the robot's order; 0 without an order.
         active: u16,
     },
 }

@@ -65,7 +65,7 @@ pub(crate) fn work(Written { cut, fields: Bytes(fields) }: Written) {
     let queue = |dialect: Dialect, wire: &[u8], cut: usize| {
         let (writer, reader) = robot_work_queue::boxed::<Job<Mixed>>(4, 9999).unwrap();
         let mut robot =
-            LargeRobot::with_ranges(RobotConfig { dialect, ..RobotConfig::TCP }, writer, ()).unwrap();
+            LargeRobot::with_ranges(RobotConfig { dialect, ..RobotConfig::tcp() }, writer, ()).unwrap();
         robot.handle_timeout(Duration::ZERO);
         robot.handle_connected(Duration::ZERO);
         robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");

@@ -13,7 +13,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
         .map(|n| Line { kind: JobKind::Draw, start: Point::new(n, 0), end: Point::new(n + 1, 0) })
         .collect();
     let (journal, last) = Journal::open(journal)?;
-    let (robot, task) = pc(PcConfig::TCP, journal, Listen::bind(address).await?)?;
+    let (robot, task) = pc(PcConfig::tcp(), journal, Listen::bind(address).await?)?;
     tokio::spawn(task.run());
     let mut order = match last {
         LastOrder::None => robot.start(50, jobs).await?,

@@ -19,7 +19,7 @@ use crate::job::{Job, Work};
 /// static QUEUE: JobQueue<Line, 64> = JobQueue::numbered::<9999>();
 ///
 /// let (jobs, mut motion) = QUEUE.split_static(NoWake, NoWake).expect("it has no ends yet");
-/// let robot = Robot::new(RobotConfig::TCP, jobs)?;
+/// let robot = Robot::new(RobotConfig::tcp(), jobs)?;
 /// // In the motion task:
 /// while let Some(job) = motion.take() {
 ///     // move along job.work …

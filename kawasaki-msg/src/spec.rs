@@ -161,6 +161,6 @@ impl Configure for PcConfig {
 }
 
 #[cfg(feature = "settings")]
-robot_session::deserialize!(RobotConfig, RobotConfig::TCP);
+robot_session::deserialize!(RobotConfig, RobotConfig::tcp());
 #[cfg(feature = "settings")]
-robot_session::deserialize!(PcConfig, PcConfig::TCP);
+robot_session::deserialize!(PcConfig, PcConfig::tcp());

@@ -57,7 +57,7 @@ fn the_count_counts() {
 #[test]
 fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
     let (writer, _reader) = boxed(128, 9999).unwrap();
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::tcp(), writer).unwrap();
     let (mut buffer, mut queued) = ([0; 4096], 0);
     let count = allocations(|| {
         robot.handle_timeout(Duration::ZERO);
@@ -84,9 +84,9 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
 #[test]
 fn a_whole_order_between_both_ends_allocates_nothing() {
     let (jobs, mut motion) = boxed(16, 9999).unwrap();
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::tcp(), jobs).unwrap();
     let source = |index| if index < 500 { Supply::Job(line(index)) } else { Supply::End };
-    let mut pc = Pc::new(PcConfig::TCP).unwrap();
+    let mut pc = Pc::new(PcConfig::tcp()).unwrap();
     let mut executed = 0;
     let count = allocations(|| {
         pc.start(50, source).unwrap();

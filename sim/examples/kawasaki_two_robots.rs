@@ -12,7 +12,7 @@ type Result<T> = core::result::Result<T, Box<dyn core::error::Error>>;
 /// Returns how many jobs are executed, by this run and earlier ones.
 async fn draw(journal: PathBuf, robots: Listen, jobs: Vec<Line>) -> Result<u32> {
     let (journal, last) = Journal::open(journal)?;
-    let (robot, task) = pc(PcConfig::TCP, journal, robots)?;
+    let (robot, task) = pc(PcConfig::tcp(), journal, robots)?;
     tokio::spawn(task.run());
     let order = match last {
         LastOrder::None => robot.start(50, jobs).await?,

@@ -308,7 +308,7 @@ fn short(number: u16) -> Short {
 
 fn robot<W: Work + Send + 'static>() -> (Robot<'static, W>, Reader<'static, Job<W>>) {
     let (writer, reader) = robot_work_queue::boxed(256, 9999).expect("a queue");
-    let mut robot = Robot::new(RobotConfig::TCP, writer).expect("a robot");
+    let mut robot = Robot::new(RobotConfig::tcp(), writer).expect("a robot");
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");

@@ -50,7 +50,7 @@ pub(super) struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { plant: Plant::default(), session: PcConfig::TCP }
+        Self { plant: Plant::default(), session: PcConfig::tcp() }
     }
 }
 

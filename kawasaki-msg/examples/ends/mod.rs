@@ -24,8 +24,8 @@ pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> R
     match arguments.as_slice() {
         ["pc", "tcp", ..] => println!("{} executed", pc_tcp(&TcpListener::bind(address)?, jobs)?),
         ["pc", "udp", ..] => println!("{} executed", pc_udp(UdpSocket::bind(address)?, jobs)?),
-        ["robot", "tcp", ..] => println!("{:#?}", robot::<W>(RobotConfig::TCP, || tcp(address))?.last()),
-        ["robot", "udp", ..] => println!("{:#?}", robot::<W>(RobotConfig::UDP, || udp(address))?.last()),
+        ["robot", "tcp", ..] => println!("{:#?}", robot::<W>(RobotConfig::tcp(), || tcp(address))?.last()),
+        ["robot", "udp", ..] => println!("{:#?}", robot::<W>(RobotConfig::udp(), || udp(address))?.last()),
         _ => println!("arguments: pc|robot tcp|udp [ADDRESS]"),
     }
     Ok(())
@@ -33,7 +33,7 @@ pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> R
 
 /// Has the jobs executed as order 50; how many were. Nothing is stored: a program that is started again begins with the first job.
 pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u32, Box<dyn Error>> {
-    let mut pc = Pc::new(PcConfig::TCP)?;
+    let mut pc = Pc::new(PcConfig::tcp())?;
     pc.start(50, jobs)?;
     // The order outlives a connection: with the next one it goes on.
     loop {
@@ -46,7 +46,7 @@ pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u3
 
 /// The same over UDP, where there is no connection to accept.
 pub(crate) fn pc_udp<S: JobSource>(socket: UdpSocket, jobs: S) -> Result<u32, Box<dyn Error>> {
-    let mut pc = Pc::new(PcConfig::UDP)?;
+    let mut pc = Pc::new(PcConfig::udp())?;
     pc.start(50, jobs)?;
     let mut peer = Udp { socket, peer: None };
     loop {

@@ -62,23 +62,27 @@ robot_session::rules! {
 
 impl PcConfig {
     /// Over TCP, as the source's application.
-    pub const TCP: Self = Self {
-        dialect: Dialect::DEFAULT,
-        limits: Limits::TCP,
-        datagrams: false,
-        max_number: Dialect::MAX_NUMBER,
-        cumulative_acks: true,
-        reply_delay: timing::MIN_REPLY_DELAY,
-        silence: Duration::from_secs(10),
-        takeover: Takeover::Interrupt,
-        start_retries: 10,
-        end_when_done: true,
-        #[cfg(feature = "model")]
-        rules: robot_session::end::Rules::ALL,
-    };
+    pub const fn tcp() -> Self {
+        Self {
+            dialect: Dialect::DEFAULT,
+            limits: Limits::TCP,
+            datagrams: false,
+            max_number: Dialect::MAX_NUMBER,
+            cumulative_acks: true,
+            reply_delay: timing::MIN_REPLY_DELAY,
+            silence: Duration::from_secs(10),
+            takeover: Takeover::Interrupt,
+            start_retries: 10,
+            end_when_done: true,
+            #[cfg(feature = "model")]
+            rules: robot_session::end::Rules::ALL,
+        }
+    }
 
     /// Over UDP.
-    pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
+    pub const fn udp() -> Self {
+        Self { limits: Limits::UDP, datagrams: true, ..Self::tcp() }
+    }
 
     /// A job's own fields have `work` bytes at most; a session can hold a message of `held` bytes.
     pub(crate) fn check(&self, work: usize, held: usize) -> Result<(), ConfigError> {
@@ -108,7 +112,7 @@ impl PcConfig {
 
 impl Default for PcConfig {
     fn default() -> Self {
-        Self::TCP
+        Self::tcp()
     }
 }
 

@@ -86,29 +86,33 @@ robot_session::rules! {
 
 impl RobotConfig {
     /// Over TCP, as the source's application.
-    pub const TCP: Self = Self {
-        dialect: Dialect::DEFAULT,
-        limits: Limits::TCP,
-        datagrams: false,
-        max_number: Dialect::MAX_NUMBER,
-        acks: Acks::Cumulative { every: NonZeroU16::MIN },
-        low_water: None,
-        recovery: RecoveryLimits { resends: 3, pauses: 3, clears: 1 },
-        patience: Duration::from_secs(1),
-        pause: Duration::from_millis(500),
-        reply_timeout: Duration::from_secs(1),
-        exchange: timing::EXCHANGE,
-        silent_cycles: 5,
-        reconnect_delay: Duration::from_secs(1),
-        status_period: Duration::from_secs(1),
-        refuse_repeated_start: true,
-        end_foreign_order: false,
-        #[cfg(feature = "model")]
-        rules: robot_session::end::Rules::ALL,
-    };
+    pub const fn tcp() -> Self {
+        Self {
+            dialect: Dialect::DEFAULT,
+            limits: Limits::TCP,
+            datagrams: false,
+            max_number: Dialect::MAX_NUMBER,
+            acks: Acks::Cumulative { every: NonZeroU16::MIN },
+            low_water: None,
+            recovery: RecoveryLimits { resends: 3, pauses: 3, clears: 1 },
+            patience: Duration::from_secs(1),
+            pause: Duration::from_millis(500),
+            reply_timeout: Duration::from_secs(1),
+            exchange: timing::EXCHANGE,
+            silent_cycles: 5,
+            reconnect_delay: Duration::from_secs(1),
+            status_period: Duration::from_secs(1),
+            refuse_repeated_start: true,
+            end_foreign_order: false,
+            #[cfg(feature = "model")]
+            rules: robot_session::end::Rules::ALL,
+        }
+    }
 
     /// Over UDP.
-    pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
+    pub const fn udp() -> Self {
+        Self { limits: Limits::UDP, datagrams: true, ..Self::tcp() }
+    }
 
     /// How long an order can make no progress before the alarm, whatever the PC does while it is connected: from when nothing is
     /// left to execute. Connections that are being opened do not count, nor a motion task that does not look at its queue. With
@@ -152,7 +156,7 @@ impl RobotConfig {
 
 impl Default for RobotConfig {
     fn default() -> Self {
-        Self::TCP
+        Self::tcp()
     }
 }
 

@@ -8,7 +8,7 @@
 //!
 //! # async fn run() -> Result<(), Box<dyn core::error::Error>> {
 //! let (journal, last) = Journal::open("order.journal")?;
-//! let (robot, task) = pc(PcConfig::TCP, journal, Listen::bind("0.0.0.0:9105").await?)?;
+//! let (robot, task) = pc(PcConfig::tcp(), journal, Listen::bind("0.0.0.0:9105").await?)?;
 //! tokio::spawn(task.run());
 //! let jobs = vec![Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
 //! let mut order = match last {

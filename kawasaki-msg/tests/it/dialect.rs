@@ -113,7 +113,7 @@ fn a_name_is_compared_by_its_characters() {
 fn so_is_the_name_of_a_job() {
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
     let dialect = with_name(Role::Job, "Työ").with_charset(Charset::Latin1);
-    let mut robot = Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::tcp() }, writer).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
@@ -140,11 +140,11 @@ fn a_session_is_not_made_with_a_name_that_it_could_not_write() {
         let error = (!writable).then_some(ConfigError::Name { role: Role::Job });
         let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
         assert_eq!(
-            Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).err(),
+            Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::tcp() }, writer).err(),
             error,
             "{name}"
         );
-        let pc = Pc::<fn(u32) -> Supply<Line>>::new(PcConfig { dialect, ..PcConfig::TCP });
+        let pc = Pc::<fn(u32) -> Supply<Line>>::new(PcConfig { dialect, ..PcConfig::tcp() });
         assert_eq!(pc.err(), error, "{name}");
     }
     let sentence = "the name of the role Job is empty, duplicate or unencodable";

@@ -61,25 +61,25 @@ fn a_configuration_that_cannot_work_is_refused() {
         Robot::new(RobotConfig { max_number, ..config }, writer).err()
     };
     let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, 99).unwrap();
-    let other = Robot::new(RobotConfig::TCP, writer).err();
+    let other = Robot::new(RobotConfig::tcp(), writer).err();
     assert_eq!(other, Some(ConfigError::QueueNumbers { queue: 99, config: 9999 }));
     assert_eq!(robot(RobotConfig::default(), 9999), None);
-    assert_eq!(robot(RobotConfig::TCP, 10_000), Some(ConfigError::MaxNumber { found: 10_000 }));
+    assert_eq!(robot(RobotConfig::tcp(), 10_000), Some(ConfigError::MaxNumber { found: 10_000 }));
     let origin = Point::new(0, 0);
     let bounds = |min, max| {
         let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, 9999).unwrap();
-        <Robot<_>>::with_ranges(RobotConfig::TCP, writer, Bounds { min, max }).err()
+        <Robot<_>>::with_ranges(RobotConfig::tcp(), writer, Bounds { min, max }).err()
     };
     let empty = |field| Some(ConfigError::EmptyRange { field: Name::of(field) });
     assert_eq!(bounds(origin, origin), None, "a single point");
     assert_eq!(bounds(Point::new(1, 0), origin), empty("x1"));
     assert_eq!(bounds(Point::new(0, 1), origin), empty("y1"));
-    let pc = |min, max| <Pc<&[Line]>>::with_ranges(PcConfig::TCP, Bounds { min, max }).err();
+    let pc = |min, max| <Pc<&[Line]>>::with_ranges(PcConfig::tcp(), Bounds { min, max }).err();
     assert_eq!(pc(Point::new(1, 0), origin), empty("x1"));
     let limits = |element, packet| PcConfig { limits: Limits { element, packet }, ..PcConfig::default() };
     type Nothing = fn(u32) -> Supply<Line>;
     let pc = |config| Pc::<Nothing>::new(config).err();
-    assert_eq!(pc(PcConfig::TCP), None);
+    assert_eq!(pc(PcConfig::tcp()), None);
     // A job has two numbers of up to 12 characters with their `$`, and its own fields.
     let longest = "<Tyo$61#-2147483648$-2147483648$2$#>".len() + 4 * "-9999999$".len() - 1;
     assert_eq!(pc(limits(1, longest)), None);
@@ -88,7 +88,7 @@ fn a_configuration_that_cannot_work_is_refused() {
     assert_eq!(pc(limits(255, 4097)), Some(ConfigError::Limits { element: 255, packet: 4097 }));
     for (found, outcome) in [(1, true), (2, false), (9999, false), (10_000, true)] {
         let error = outcome.then_some(ConfigError::MaxNumber { found });
-        assert_eq!(pc(PcConfig { max_number: found, ..PcConfig::TCP }), error);
+        assert_eq!(pc(PcConfig { max_number: found, ..PcConfig::tcp() }), error);
     }
     assert_eq!(
         (Limits::default(), RecoveryLimits::default()),
@@ -225,31 +225,31 @@ fn a_configuration_needs_what_the_table_lacks() {
 
     let table = without(Role::JobAck);
     let dialect = Dialect::new(table.leak()).unwrap();
-    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), None);
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::tcp() }), None);
     let acks = Acks::Individual;
-    assert_eq!(robot(RobotConfig { dialect, acks, ..RobotConfig::TCP }), lacks(Role::JobAck));
-    assert_eq!(pc(PcConfig { dialect, ..PcConfig::TCP }), None);
-    let config = PcConfig { dialect, cumulative_acks: false, ..PcConfig::TCP };
+    assert_eq!(robot(RobotConfig { dialect, acks, ..RobotConfig::tcp() }), lacks(Role::JobAck));
+    assert_eq!(pc(PcConfig { dialect, ..PcConfig::tcp() }), None);
+    let config = PcConfig { dialect, cumulative_acks: false, ..PcConfig::tcp() };
     assert_eq!(pc(config), lacks(Role::JobAck));
 
     let table = without(Role::OrderInterrupt);
     let dialect = Dialect::new(table.leak()).unwrap();
-    assert_eq!(pc(PcConfig { dialect, ..PcConfig::TCP }), lacks(Role::OrderInterrupt));
-    assert_eq!(pc(PcConfig { dialect, takeover: Takeover::End, ..PcConfig::TCP }), None);
+    assert_eq!(pc(PcConfig { dialect, ..PcConfig::tcp() }), lacks(Role::OrderInterrupt));
+    assert_eq!(pc(PcConfig { dialect, takeover: Takeover::End, ..PcConfig::tcp() }), None);
 
     let mut table = Dialect::DEFAULT.entries().to_vec();
     entry(&mut table, Role::Job).fields = &[Field::Number, Field::Work];
     let dialect = Dialect::new(table.leak()).unwrap();
     let late = Some(ConfigError::LateMessages { role: Role::Job });
-    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::UDP }), late);
-    assert_eq!(pc(PcConfig { dialect, ..PcConfig::UDP }), late);
-    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), None);
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::udp() }), late);
+    assert_eq!(pc(PcConfig { dialect, ..PcConfig::udp() }), late);
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::tcp() }), None);
 
     let mut table = Dialect::DEFAULT.entries().to_vec();
     entry(&mut table, Role::Pause).fields = &[Field::Order, Field::Queued, Field::Constant("a$")];
     let dialect = Dialect::new(table.leak()).unwrap();
     let constant = Some(ConfigError::Constant { role: Role::Pause, found: '$' });
-    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), constant);
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::tcp() }), constant);
 }
 
 #[test]

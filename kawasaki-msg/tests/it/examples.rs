@@ -18,7 +18,7 @@ fn over_tcp<W: Work + Send + Sync + PartialEq + core::fmt::Debug + 'static>(jobs
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     thread::scope(|scope| {
-        let robot = scope.spawn(|| ends::robot::<W>(RobotConfig::TCP, || ends::tcp(&address)).unwrap());
+        let robot = scope.spawn(|| ends::robot::<W>(RobotConfig::tcp(), || ends::tcp(&address)).unwrap());
         assert_eq!(ends::pc_tcp(&listener, jobs).unwrap() as usize, jobs.len());
         executed(jobs, &robot.join().unwrap());
     });
@@ -28,7 +28,7 @@ fn over_udp<W: Work + Send + Sync + PartialEq + core::fmt::Debug + 'static>(jobs
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = socket.local_addr().unwrap().to_string();
     thread::scope(|scope| {
-        let robot = scope.spawn(|| ends::robot::<W>(RobotConfig::UDP, || ends::udp(&address)).unwrap());
+        let robot = scope.spawn(|| ends::robot::<W>(RobotConfig::udp(), || ends::udp(&address)).unwrap());
         assert_eq!(ends::pc_udp(socket, jobs).unwrap() as usize, jobs.len());
         executed(jobs, &robot.join().unwrap());
     });

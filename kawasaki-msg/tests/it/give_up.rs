@@ -149,7 +149,7 @@ async fn a_robot_that_takes_no_order_costs_it() {
         (kept, why.to_string()),
         (Kept { order: 50, ..Kept::default() }, "the robot is silent".into())
     );
-    assert!(time < GIVE_UP_AFTER + 2 * PcConfig::TCP.silence, "{time:?}");
+    assert!(time < GIVE_UP_AFTER + 2 * PcConfig::tcp().silence, "{time:?}");
 }
 
 /// What a disk does with the state.

@@ -34,7 +34,7 @@ fn jobs(count: i32) -> Vec<Line> {
 async fn listening<K: Keep>(at: SocketAddr, keep: K) -> (Pc<Line, K>, SocketAddr, JoinHandle<()>) {
     let listen = Listen::bind(at).await.unwrap();
     let address = listen.address().unwrap();
-    let (pc, task) = pc(PcConfig::TCP, keep, listen).unwrap();
+    let (pc, task) = pc(PcConfig::tcp(), keep, listen).unwrap();
     (pc, address, tokio::spawn(async { drop(task.run().await) }))
 }
 
@@ -47,7 +47,7 @@ async fn a_job_out_of_the_ranges_of_the_plant_is_not_sent() {
     let board = Bounds { min: Point::new(0, 0), max: Point::new(2, 2) };
     let listen = Listen::bind(any()).await.unwrap();
     let address = listen.address().unwrap();
-    let (pc, task) = pc_with_ranges(PcConfig::TCP, board, (), listen).unwrap();
+    let (pc, task) = pc_with_ranges(PcConfig::tcp(), board, (), listen).unwrap();
     tokio::spawn(task.run());
     let robot = robot(address);
     let over = pc.run(50, jobs(4)).await.unwrap();
@@ -69,7 +69,7 @@ fn robot_until(address: SocketAddr, is_over: Arc<AtomicBool>) -> thread::JoinHan
             connected => return connected,
         }
     };
-    thread::spawn(move || ends::robot(RobotConfig::TCP, connect).unwrap())
+    thread::spawn(move || ends::robot(RobotConfig::tcp(), connect).unwrap())
 }
 
 fn executed(robot: thread::JoinHandle<Vec<Job<Line>>>) -> Vec<Line> {

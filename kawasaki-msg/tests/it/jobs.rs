@@ -14,7 +14,7 @@ use robot_work_queue::Reader;
 
 const MS: Duration = Duration::from_millis(1);
 /// A robot that never takes a step of recovery.
-const PATIENT: RobotConfig = RobotConfig { patience: Duration::MAX, ..RobotConfig::TCP };
+const PATIENT: RobotConfig = RobotConfig { patience: Duration::MAX, ..RobotConfig::tcp() };
 
 /// A robot in order 50 whose PC is the test.
 struct Bench {
@@ -342,7 +342,7 @@ fn a_message_of_the_wrong_side_is_reported() {
 #[test]
 fn the_recovery_ends_in_an_alarm() {
     let recovery = RecoveryLimits { resends: 2, pauses: 1, clears: 1 };
-    let config = RobotConfig { recovery, pause: MS * 2500, ..RobotConfig::TCP };
+    let config = RobotConfig { recovery, pause: MS * 2500, ..RobotConfig::tcp() };
     let bound = config.alarm_bound();
     assert_eq!(bound, Duration::from_millis(5 * 2000 + 2500));
     // Whatever the PC does but send the job, there is no standstill.
@@ -394,7 +394,7 @@ fn the_recovery_ends_in_an_alarm() {
 /// Executing a long job is progress, whatever the PC sends meanwhile.
 #[test]
 fn a_job_that_takes_long_is_no_standstill() {
-    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    let mut bench = Bench::new(RobotConfig::tcp(), 8, 9999);
     bench.cycle(&jobs([1]));
     bench.events();
     for _ in 0..50 {
@@ -519,7 +519,7 @@ fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
 #[test]
 fn a_queue_is_cleared_when_no_job_of_it_is_left() {
     let recovery = RecoveryLimits { resends: 0, pauses: 0, clears: 1 };
-    let mut bench = Bench::new(RobotConfig { recovery, patience: MS * 2500, ..RobotConfig::TCP }, 8, 9999);
+    let mut bench = Bench::new(RobotConfig { recovery, patience: MS * 2500, ..RobotConfig::tcp() }, 8, 9999);
     bench.cycle(&jobs([1]));
     let (_, none) = robot_work_queue::boxed(8, 9999).unwrap();
     let mut reader = core::mem::replace(&mut bench.reader, none);

@@ -53,7 +53,7 @@ fn queued(dialect: Dialect, wire: &[u8]) -> Result<Job<Mixed>, MessageError> {
 
 fn queued_within<W: Work>(dialect: Dialect, ranges: W::Ranges, wire: &[u8]) -> Result<Job<W>, MessageError> {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let config = RobotConfig { dialect, ..RobotConfig::TCP };
+    let config = RobotConfig { dialect, ..RobotConfig::tcp() };
     let mut robot = LargeRobot::with_ranges(config, writer, ranges).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
@@ -170,7 +170,7 @@ fn a_job_has_all_its_fields_and_no_more() {
 /// follows it comes again.
 fn report_of(bad: &[u8]) -> RobotEvent {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::<Mixed>::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<Mixed>::new(RobotConfig::tcp(), writer).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
@@ -249,7 +249,7 @@ fn a_pc_refuses_a_job_that_does_not_fit() {
     let line = |x| Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(x, 0) };
     let jobs = [line(1), line(2), line(1001), line(4)];
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(1000, 1000) };
-    let mut pc = <Pc<_>>::with_ranges(PcConfig::TCP, bounds).unwrap();
+    let mut pc = <Pc<_>>::with_ranges(PcConfig::tcp(), bounds).unwrap();
     pc.start(50, &jobs[..]).unwrap();
     pc.handle_connected(Duration::ZERO);
     let mut now = Duration::ZERO;
@@ -320,7 +320,7 @@ fn a_layout_is_checked() {
             self.0.iter_mut().try_for_each(|text| fields.text("text", text, 0..=255))
         }
     }
-    let pc = Pc::<&[Long]>::new(PcConfig::TCP);
+    let pc = Pc::<&[Long]>::new(PcConfig::tcp());
     assert_eq!(pc.err(), Some(ConfigError::JobTooLong { found: 1024, limit: 960 }));
 }
 

@@ -35,7 +35,7 @@ struct Lengths {
 
 fn refused(first: usize, least: usize, most: usize) -> Option<ConfigError> {
     let ranges = Lengths { first, least, most };
-    LargePc::<fn(u32) -> Supply<Texts>>::with_ranges(PcConfig::TCP, ranges).err()
+    LargePc::<fn(u32) -> Supply<Texts>>::with_ranges(PcConfig::tcp(), ranges).err()
 }
 
 #[test]
@@ -93,12 +93,12 @@ fn every_character_of_a_message_is_a_byte() {
 fn the_documented_values_of_the_configurations() {
     assert_eq!(Bounds::WIDEST.min, Point::new(-9_999_999, -9_999_999));
     assert!(Bounds::WIDEST.contains(Point::new(-9_999_999, 9_999_999)));
-    let (pc, robot) = (PcConfig::UDP, RobotConfig::UDP);
+    let (pc, robot) = (PcConfig::udp(), RobotConfig::udp());
     assert_eq!(
         (pc.limits, pc.datagrams, robot.limits, robot.datagrams),
         (Limits::UDP, true, Limits::UDP, true)
     );
-    assert_eq!(PcConfig { limits: Limits::TCP, datagrams: false, ..pc }, PcConfig::TCP);
+    assert_eq!(PcConfig { limits: Limits::TCP, datagrams: false, ..pc }, PcConfig::tcp());
     // A datagram that is longer than any message is seen to be.
     assert_eq!(<Pc<&[Line]> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);
     assert_eq!(<Robot<'_, Line> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);

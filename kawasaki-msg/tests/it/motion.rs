@@ -40,7 +40,7 @@ fn events<R: Wake>(robot: &mut Robot<'_, Line, 256, R>) -> Vec<RobotEvent> {
 #[test]
 fn what_was_executed_before_a_reset_is_executed() {
     let (jobs, mut motion) = boxed(64, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, jobs).unwrap();
+    let mut robot = Robot::new(RobotConfig::tcp(), jobs).unwrap();
     give(&mut robot, 30);
     assert_eq!(robot.queued(), 30);
     for _ in 0..25 {
@@ -70,7 +70,7 @@ fn no_report_waits_for_a_place() {
     };
     let (jobs, motion) = boxed_with(1, 9999, execute, NoWake).unwrap();
     end.replace(Some(motion));
-    let mut robot = Robot::new(RobotConfig::TCP, jobs).unwrap();
+    let mut robot = Robot::new(RobotConfig::tcp(), jobs).unwrap();
     give(&mut robot, 100);
     robot.handle_timeout(4 * MS);
     assert_eq!((robot.queued(), robot.executed()), (100, 100));
@@ -80,7 +80,7 @@ fn no_report_waits_for_a_place() {
 fn a_job_that_overtakes_is_reported_where_none_may() {
     for (acks, executed) in [(Acks::Cumulative { every: NonZeroU16::MIN }, 0), (Acks::Individual, 3)] {
         let (jobs, mut motion) = boxed(64, 999).unwrap();
-        let config = RobotConfig { acks, max_number: 999, ..RobotConfig::TCP };
+        let config = RobotConfig { acks, max_number: 999, ..RobotConfig::tcp() };
         let mut robot = Robot::new(config, jobs).unwrap();
         give(&mut robot, 3);
         events(&mut robot);
@@ -105,7 +105,7 @@ fn a_job_that_overtakes_is_reported_where_none_may() {
 #[test]
 fn a_job_that_is_not_completed_waits_again() {
     let (jobs, mut motion) = boxed(4, 9999).unwrap();
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::tcp(), jobs).unwrap();
     give(&mut robot, 2);
     drop(motion.take().unwrap());
     robot.handle_timeout(4 * MS);
@@ -122,7 +122,7 @@ fn a_queue_in_a_static_has_two_ends_until_they_are_dropped() {
     for _ in 0..2 {
         let (jobs, mut motion) = QUEUE.split_static(NoWake, NoWake).expect("it has no ends");
         assert!(QUEUE.split_static(NoWake, NoWake).is_none());
-        let mut robot = Robot::<Line>::new(RobotConfig::TCP, jobs).unwrap();
+        let mut robot = Robot::<Line>::new(RobotConfig::tcp(), jobs).unwrap();
         give(&mut robot, 2);
         assert_eq!(motion.take().map(|job| job.complete().number), Some(1));
     }

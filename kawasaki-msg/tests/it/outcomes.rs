@@ -30,7 +30,7 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        Self::with(PcConfig::TCP, |_| {})
+        Self::with(PcConfig::tcp(), |_| {})
     }
 
     fn with(config: PcConfig, change: impl FnMut(&mut Entry)) -> Self {
@@ -101,7 +101,7 @@ fn a_command_in_flight_when_the_connection_ends_is_unknown_and_one_that_waits_is
 #[test]
 fn the_pause_between_orders_is_no_work_cycle() {
     let (writer, mut reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::tcp(), writer).unwrap();
     let mut now = Duration::ZERO;
     robot.handle_timeout(now);
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
@@ -139,7 +139,7 @@ const LINE: Line = Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Poi
 
 /// A PC in order 50, of whose jobs it has sent the first `sent`; their numbers go up to this one, and any may overtake others.
 fn overtaking(max_number: u16, jobs: &'static [Line]) -> Bench {
-    let config = PcConfig { cumulative_acks: false, max_number, ..PcConfig::TCP };
+    let config = PcConfig { cumulative_acks: false, max_number, ..PcConfig::tcp() };
     let mut bench = Bench::with(config, |_| {});
     bench.pc.start(50, jobs).unwrap();
     bench.cycle(IDLE);
@@ -181,7 +181,7 @@ fn both_ends_count_packets_corrupt_bytes_and_what_they_discard() {
     }
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
     let dialect = dialect(|_| {});
-    let mut robot = Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::tcp() }, writer).unwrap();
     robot.handle_timeout(SECOND);
     robot.handle_connected(SECOND);
     robot.handle_input(SECOND, b"x<");

@@ -332,7 +332,7 @@ fn queue_of(name: &str, answer: &str) -> (Vec<Job<Line>>, Vec<kawasaki_msg::Robo
     let dialect = Dialect::new(table.leak()).unwrap();
     let bounds = Bounds { min: Point::new(-1000, 0), max: Point::new(1000, 500) };
     let (writer, reader) = robot_work_queue::boxed(9, 12).unwrap();
-    let config = RobotConfig { dialect, max_number: 12, ..RobotConfig::TCP };
+    let config = RobotConfig { dialect, max_number: 12, ..RobotConfig::tcp() };
     let mut robot = <Robot<Line>>::with_ranges(config, writer, bounds).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);

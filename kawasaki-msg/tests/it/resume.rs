@@ -29,7 +29,7 @@ struct Cell {
 impl Cell {
     fn new() -> Self {
         let (jobs, motion) = boxed(8, 9999).unwrap();
-        let robot = Robot::new(RobotConfig::TCP, jobs).unwrap();
+        let robot = Robot::new(RobotConfig::tcp(), jobs).unwrap();
         Self { now: Duration::ZERO, robot, motion, drawn: Vec::new() }
     }
 
@@ -89,7 +89,7 @@ impl Cell {
 
 /// A PC in the middle of an order; how many jobs are executed and sent as it knows.
 fn begun<'a>(cell: &mut Cell, picture: &'a [Line], cut: bool) -> (u32, u32) {
-    let mut pc: PcEnd<'a> = Pc::new(PcConfig::TCP).unwrap();
+    let mut pc: PcEnd<'a> = Pc::new(PcConfig::tcp()).unwrap();
     pc.start(50, picture).unwrap();
     cell.connect(&mut pc);
     while pc.executed() < 3 {
@@ -105,7 +105,7 @@ fn begun<'a>(cell: &mut Cell, picture: &'a [Line], cut: bool) -> (u32, u32) {
 }
 
 fn next<'a>(picture: &'a [Line], (executed, sent): (u32, u32)) -> PcEnd<'a> {
-    let mut pc: PcEnd<'a> = Pc::new(PcConfig::TCP).unwrap();
+    let mut pc: PcEnd<'a> = Pc::new(PcConfig::tcp()).unwrap();
     pc.resume(50, picture, executed, sent, []).unwrap();
     pc
 }
@@ -156,7 +156,7 @@ fn an_order_of_which_all_is_executed_is_complete() {
     for (executed, complete) in [(290, true), (300, true), (290, false)] {
         let (whole, mut cell) = (picture(301), Cell::new());
         let picture = &whole[..300];
-        let mut pc: PcEnd<'_> = Pc::new(PcConfig::TCP).unwrap();
+        let mut pc: PcEnd<'_> = Pc::new(PcConfig::tcp()).unwrap();
         pc.start(50, picture).unwrap();
         cell.connect(&mut pc);
         assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: 300, complete: true });
@@ -170,13 +170,13 @@ fn an_order_of_which_all_is_executed_is_complete() {
 #[test]
 fn what_no_order_can_be_is_refused() {
     let picture = picture(3);
-    let mut pc: PcEnd<'_> = Pc::new(PcConfig::TCP).unwrap();
+    let mut pc: PcEnd<'_> = Pc::new(PcConfig::tcp()).unwrap();
     let mut resume = |order, executed, sent| pc.resume(order, &picture[..], executed, sent, []);
     assert_eq!(resume(0, 1, 2), Err(SessionError::OrderZero));
     assert_eq!(resume(50, 3, 2), Err(SessionError::NotInFlight { executed: 3, sent: 2 }));
     assert_eq!(resume(50, 0, 4), Err(SessionError::FewerJobs { sent: 4 }), "the order would seem complete");
     let endless = |_| kawasaki_msg::Supply::Job(picture[0]);
-    let mut pc: Pc<_> = Pc::new(PcConfig::TCP).unwrap();
+    let mut pc: Pc<_> = Pc::new(PcConfig::tcp()).unwrap();
     let mut resume = |order, executed, sent| pc.resume(order, endless, executed, sent, []);
     assert_eq!(resume(50, 0, 9999), Err(SessionError::NotInFlight { executed: 0, sent: 9999 }));
     assert_eq!(resume(50, 1, 9999), Ok(()));
@@ -189,7 +189,7 @@ fn what_no_order_can_be_is_refused() {
 fn the_state_is_that_after_a_lost_connection() {
     use kawasaki_msg::robot_session::end::Machine as _;
     use pc::machine::{Input, Machine, Sent};
-    let config = PcConfig { max_number: 63, ..PcConfig::TCP };
+    let config = PcConfig { max_number: 63, ..PcConfig::tcp() };
     let now = Duration::from_secs(1);
     let mut lost = Machine::default();
     let status = Status { order: 0, phase: Phase::Idle, queued: None, executed: None, ended: 0 };

@@ -27,14 +27,14 @@ fn jobs(count: i32) -> Vec<Line> {
 async fn a_pc() -> (Pc<Line, ()>, SocketAddr) {
     let listen = Listen::bind("127.0.0.1:0").await.unwrap();
     let address = listen.address().unwrap();
-    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    let (pc, task) = pc(PcConfig::tcp(), (), listen).unwrap();
     tokio::spawn(task.run());
     (pc, address)
 }
 
 fn a_robot(address: SocketAddr) -> (Robot<Line>, Motion<Line>) {
     let connector = Tcp::new(address.to_string());
-    let (robot, motion, task) = robot(RobotConfig::TCP, Default::default(), 64, connector).unwrap();
+    let (robot, motion, task) = robot(RobotConfig::tcp(), Default::default(), 64, connector).unwrap();
     let soon = Reconnect { first: MS, longest: 20 * MS };
     tokio::spawn(task.reconnect(soon).run());
     (robot, motion)
@@ -125,6 +125,6 @@ async fn a_robot_is_reset_without_a_pc() {
 #[tokio::test]
 async fn a_queue_is_refused_that_cannot_be() {
     let connector = Tcp::new("127.0.0.1:1");
-    let refused = robot::<Line, _>(RobotConfig::TCP, Default::default(), 0, connector).unwrap_err();
+    let refused = robot::<Line, _>(RobotConfig::tcp(), Default::default(), 0, connector).unwrap_err();
     assert_eq!(refused.to_string(), "a queue of 0 jobs does not match job numbers up to 9999");
 }

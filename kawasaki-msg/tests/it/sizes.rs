@@ -32,7 +32,8 @@ fn a_table_with_a_message_that_is_too_long_is_refused_at_once() {
     for (constant, refused) in [(&fits, false), (&long, true)] {
         let dialect = Dialect::new(table(constant)).unwrap();
         let error = refused.then_some(ConfigError::LongMessages { longest: 257, held: 256 });
-        let (pc, tcp) = (PcConfig { dialect, ..PcConfig::TCP }, RobotConfig { dialect, ..RobotConfig::TCP });
+        let (pc, tcp) =
+            (PcConfig { dialect, ..PcConfig::tcp() }, RobotConfig { dialect, ..RobotConfig::tcp() });
         assert_eq!(Pc::<Lines>::new(pc).err(), error);
         assert_eq!(robot::<256>(tcp, 256).err(), error);
         assert!(robot::<257>(tcp, 256).is_ok());
@@ -44,9 +45,9 @@ fn a_table_with_a_message_that_is_too_long_is_refused_at_once() {
 fn a_queue_in_which_jobs_cannot_be_told_apart_is_refused_at_once() {
     for (capacity, refused) in [(1024, false), (1025, true), (9998, true)] {
         let error = refused.then_some(ConfigError::LongQueue { capacity, limit: 1024 });
-        let config = RobotConfig { acks: Acks::Individual, ..RobotConfig::TCP };
+        let config = RobotConfig { acks: Acks::Individual, ..RobotConfig::tcp() };
         assert_eq!(robot::<256>(config, capacity).err(), error);
-        assert!(robot::<256>(RobotConfig::TCP, capacity).is_ok());
+        assert!(robot::<256>(RobotConfig::tcp(), capacity).is_ok());
     }
 }
 
@@ -72,7 +73,8 @@ fn a_message_that_is_too_long_costs_nothing_after_it() {
 /// What a robot queues of a packet that comes in two pieces, and what it reports.
 fn queued<const MESSAGE: usize>(packet: &[u8], cut: usize) -> (Vec<Job<Line>>, Vec<RobotEvent>) {
     let (writer, reader) = robot_work_queue::boxed(256, 9999).unwrap();
-    let mut robot = Robot::<Line, MESSAGE>::with_ranges(RobotConfig::TCP, writer, Bounds::default()).unwrap();
+    let mut robot =
+        Robot::<Line, MESSAGE>::with_ranges(RobotConfig::tcp(), writer, Bounds::default()).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     for piece in [&packet[..cut], &packet[cut..]] {

@@ -94,7 +94,7 @@ async fn outcome(order: Order) -> Result<Over, Error> {
 async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
-    let config = PcConfig { cumulative_acks: false, ..PcConfig::TCP };
+    let config = PcConfig { cumulative_acks: false, ..PcConfig::tcp() };
     let (journal, last) = Journal::open(&path).unwrap();
     assert_eq!(last, LastOrder::None);
     let (pc, gate, task) = a_pc(config, journal);
@@ -201,12 +201,12 @@ async fn running(config: PcConfig, jobs: Vec<Line>) -> (Pc<Line, ()>, Peer, Orde
 
 #[tokio::test]
 async fn an_order_has_the_outcome_that_the_robot_reports() {
-    let (_pc, mut robot, order) = running(PcConfig::TCP, jobs(3)).await;
+    let (_pc, mut robot, order) = running(PcConfig::tcp(), jobs(3)).await;
     robot.exchange(IDLE).await;
     let unknown = outcome(order).await.unwrap_err();
     assert!(matches!(unknown, Error::OutcomeUnknown { executed: 0, sent: 3 }), "{unknown:?}");
 
-    let (_pc, mut robot, order) = running(PcConfig::TCP, vec![job(1), job(10_000_000)]).await;
+    let (_pc, mut robot, order) = running(PcConfig::tcp(), vec![job(1), job(10_000_000)]).await;
     robot.exchange("<TyoKuittaus$4#50$1#><LoppuKuittaus$6#50$0$1#>").await;
     let over = outcome(order).await.unwrap();
     assert_eq!((over.executed, over.complete), (1, false));
@@ -216,7 +216,7 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
         (1, "field 'x1' is 10000000, not from -9999999 to 9999999")
     );
 
-    let (pc, mut robot, order) = running(PcConfig::TCP, jobs(2)).await;
+    let (pc, mut robot, order) = running(PcConfig::tcp(), jobs(2)).await;
     pc.end().await.unwrap();
     assert!(robot.exchange("<Huuhaa$0##>").await.contains("<TilausLoppuu$2#50#>"));
     robot.exchange("<LoppuKuittaus$6#50$0$2#>").await;
@@ -224,7 +224,7 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
     let error = pc.end().await.unwrap_err();
     assert!(matches!(error, Error::Call(SessionError::NoOrder)), "{error:?}");
 
-    let (pc, gate, _task) = a_pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP }, ());
+    let (pc, gate, _task) = a_pc(PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() }, ());
     let mut robot = open(gate);
     let order = pc.start(50, jobs(3)).await.unwrap();
     robot.exchange("<Tila$6#9$2$$$#>").await;
@@ -247,7 +247,7 @@ async fn a_journal_has_the_outcome_of_its_last_order() {
     for (packets, expected) in ends {
         std::fs::remove_file(&path).unwrap_or_default();
         let (journal, _) = Journal::open(&path).unwrap();
-        let (pc, gate, task) = a_pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP }, journal);
+        let (pc, gate, task) = a_pc(PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() }, journal);
         let mut robot = open(gate);
         let order = pc.start(50, jobs(3)).await.unwrap();
         for packet in packets {
@@ -266,7 +266,7 @@ pub(crate) fn with_command() -> PcConfig {
     let fields = &[Field::Order, Field::Value];
     let role = Role::Command(7);
     table.push(Entry { role, name: "Nopeus", header: &[], fields });
-    PcConfig { dialect: Dialect::new(table.leak()).unwrap(), ..PcConfig::TCP }
+    PcConfig { dialect: Dialect::new(table.leak()).unwrap(), ..PcConfig::tcp() }
 }
 
 #[tokio::test]
@@ -320,11 +320,11 @@ async fn failure(mut link: tokio::sync::watch::Receiver<Link>) -> String {
 
 #[tokio::test]
 async fn a_silent_peer_costs_the_connection() {
-    let (pc, gate, _task) = a_pc(PcConfig { silence: 30 * MS, ..PcConfig::TCP }, ());
+    let (pc, gate, _task) = a_pc(PcConfig { silence: 30 * MS, ..PcConfig::tcp() }, ());
     let _robot = open(gate);
     assert_eq!(failure(pc.handle().link()).await, "the robot is silent");
 
-    let config = RobotConfig { silent_cycles: 1, reply_timeout: 30 * MS, ..RobotConfig::TCP };
+    let config = RobotConfig { silent_cycles: 1, reply_timeout: 30 * MS, ..RobotConfig::tcp() };
     let (gate, dial) = gated!();
     let (robot, _motion, task) = robot::<Line, _>(config, Default::default(), 8, dial).unwrap();
     let mut events = robot.handle().events();
@@ -341,7 +341,8 @@ async fn a_silent_peer_costs_the_connection() {
 #[tokio::test]
 async fn both_resets_of_a_robot_reach_its_order() {
     let (gate, dial) = gated!();
-    let (robot, mut motion, task) = robot::<Line, _>(RobotConfig::TCP, Default::default(), 8, dial).unwrap();
+    let (robot, mut motion, task) =
+        robot::<Line, _>(RobotConfig::tcp(), Default::default(), 8, dial).unwrap();
     tokio::spawn(task.reconnect(Reconnect { first: MS, longest: MS }).run());
     let no_order = Err(RobotError::Call(SessionError::NoOrder));
     let calls = timeout(LONG, async { (robot.clear_queue().await, robot.reset_order().await) }).await;
@@ -362,7 +363,7 @@ async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let end = |acks: &str, executed: u32| format!("{acks}<LoppuKuittaus$6#50$0${executed}#>");
-    let (pc, gate, task) = a_pc(PcConfig::TCP, Journal::open(&path).unwrap().0);
+    let (pc, gate, task) = a_pc(PcConfig::tcp(), Journal::open(&path).unwrap().0);
     let mut robot = open(gate);
     let order = pc.start(50, jobs(5)).await.unwrap();
     robot.exchange(IDLE).await;
@@ -376,7 +377,7 @@ async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
     let (journal, last) = Journal::open(&path).unwrap();
     let LastOrder::Stopped(kept) = last else { panic!("{last:?}") };
     assert_eq!((kept.first, kept.executed, kept.done()), (0, 2, 2));
-    let (pc, gate, task) = a_pc(PcConfig::TCP, journal);
+    let (pc, gate, task) = a_pc(PcConfig::tcp(), journal);
     let mut robot = open(gate);
     let order = pc.go_on(50, kept, jobs(5)).await.unwrap();
     robot.exchange(IDLE).await;
@@ -391,7 +392,7 @@ async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
     let (journal, last) = Journal::open(&path).unwrap();
     let LastOrder::Active(kept) = last else { panic!("{last:?}") };
     assert_eq!((kept.first, kept.sent), (2, 3));
-    let (pc, gate, task) = a_pc(PcConfig::TCP, journal);
+    let (pc, gate, task) = a_pc(PcConfig::tcp(), journal);
     let mut robot = open(gate);
     let order = pc.resume(kept.clone(), jobs(4)).await.unwrap();
     let short = outcome(order).await.unwrap_err();

@@ -41,7 +41,7 @@ impl Wire {
 fn run(byte: Duration, piece: usize, config: RobotConfig) -> usize {
     let (jobs, mut motion) = boxed::<Line>(64, 9999).unwrap();
     let mut robot = Robot::new(config, jobs).unwrap();
-    let mut pc = Pc::new(PcConfig { silence: Duration::MAX, ..PcConfig::TCP }).unwrap();
+    let mut pc = Pc::new(PcConfig { silence: Duration::MAX, ..PcConfig::tcp() }).unwrap();
     let line = |x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 100, 0) };
     let drawing: Vec<Line> = (0..JOBS.into()).map(line).collect();
     pc.start(50, &drawing[..]).unwrap();
@@ -92,10 +92,10 @@ fn run(byte: Duration, piece: usize, config: RobotConfig) -> usize {
 #[test]
 fn a_packet_that_comes_in_pieces_is_one_answer() {
     for piece in [1, 16, 128] {
-        assert!(run(BYTE, piece, RobotConfig::TCP) <= 4096, "one packet at a time");
+        assert!(run(BYTE, piece, RobotConfig::tcp()) <= 4096, "one packet at a time");
     }
     // At 9600 baud a packet of each end takes longer than the default.
-    let config = RobotConfig { reply_timeout: Duration::from_secs(10), ..RobotConfig::TCP };
+    let config = RobotConfig { reply_timeout: Duration::from_secs(10), ..RobotConfig::tcp() };
     assert!(run(12 * BYTE, 1, config) <= 4096, "one packet at a time");
 }
 
@@ -103,7 +103,7 @@ fn a_packet_that_comes_in_pieces_is_one_answer() {
 #[test]
 fn an_answer_without_an_end_is_waited_for_as_long_as_for_none() {
     let (writer, _motion) = boxed::<Line>(64, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::new(RobotConfig::tcp(), writer).unwrap();
     let mut buffer = [0; 4096];
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
@@ -113,7 +113,7 @@ fn an_answer_without_an_end_is_waited_for_as_long_as_for_none() {
         robot.handle_input(now, &[*byte]);
         robot.handle_timeout(now);
         if robot.poll_transmit(now, &mut buffer).is_some() {
-            return assert_eq!(now, RobotConfig::TCP.reply_timeout);
+            return assert_eq!(now, RobotConfig::tcp().reply_timeout);
         }
     }
 }

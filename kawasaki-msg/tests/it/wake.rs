@@ -23,7 +23,7 @@ const NEVER: Duration = Duration::from_secs(20);
 /// Gives the robot an order of one job; once it `holds` an answer, that waits for the channel. How many jobs are executed at the end.
 fn pc(mut stream: TcpStream, holds: &AtomicBool, answer: &Receiver<()>) -> u32 {
     let jobs = [Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
-    let mut pc = Pc::new(PcConfig::TCP).unwrap();
+    let mut pc = Pc::new(PcConfig::tcp()).unwrap();
     pc.start(50, &jobs[..]).unwrap();
     pc.handle_connected(now());
     let mut buffer = [0; 4096];
@@ -73,7 +73,7 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     });
     let motion_thread = motion_task.thread().clone();
     let (jobs, queue) =
-        boxed_with(4, RobotConfig::TCP.max_number, move || motion_thread.unpark(), move || waker.wake())
+        boxed_with(4, RobotConfig::tcp().max_number, move || motion_thread.unpark(), move || waker.wake())
             .unwrap();
     motion.send(queue).unwrap();
 
@@ -87,7 +87,7 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
         }
     });
 
-    let config = RobotConfig { reply_timeout: HOUR, patience: HOUR, ..RobotConfig::TCP };
+    let config = RobotConfig { reply_timeout: HOUR, patience: HOUR, ..RobotConfig::tcp() };
     let mut robot = Robot::new(config, jobs).unwrap();
     robot.handle_timeout(now());
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));

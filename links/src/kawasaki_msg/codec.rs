@@ -20,7 +20,7 @@ use crate::settings;
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let CodecSettings { plant, roles } = settings::read("kawasaki", CodecSettings::default(), settings)?;
     let (charset, dialect) =
-        (plant.charset, plant.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP })?.dialect);
+        (plant.charset, plant.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() })?.dialect);
     Ok(match roles {
         true => codec(Decoder::new(charset), Roles(dialect)),
         false => codec(Decoder::new(charset), Messages { dialect }),

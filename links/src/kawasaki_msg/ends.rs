@@ -70,7 +70,7 @@ impl Owner for Pc {
 
     fn new(mut given: Given, rules: Rules<pc::Rule>) -> Result<Self> {
         let (dialect, layout) = plant(&mut given)?;
-        let made = PcConfig { dialect, takeover: Takeover::Interrupt, ..PcConfig::TCP }.with_rules(rules);
+        let made = PcConfig { dialect, takeover: Takeover::Interrupt, ..PcConfig::tcp() }.with_rules(rules);
         let pc = LargePc::with_ranges(given.configure(made)?, layout.clone())?;
         Ok(Self { pc, layout, jobs: Rc::default() })
     }
@@ -178,7 +178,7 @@ impl Owner for Robot {
     fn new(mut given: Given, rules: Rules<robot::Rule>) -> Result<Self> {
         let (dialect, layout) = plant(&mut given)?;
         let slots: Option<usize> = given.take("queue")?;
-        let made = given.configure(RobotConfig { dialect, ..RobotConfig::TCP }.with_rules(rules))?;
+        let made = given.configure(RobotConfig { dialect, ..RobotConfig::tcp() }.with_rules(rules))?;
         let slots = slots.unwrap_or(SLOTS.min(usize::from(made.max_number).saturating_sub(1)));
         let (writer, reader) = robot_work_queue::boxed(slots, made.max_number)?;
         let robot = LargeRobot::with_ranges(made, writer, layout.clone())?;

@@ -33,8 +33,8 @@ pub const LINK: Link = Link {
     configs: &[
         Config { name: "Limits", fields: |given| fields(Limits::TCP, given) },
         Config { name: "RecoveryLimits", fields: |given| fields(RecoveryLimits::default(), given) },
-        Config { name: "RobotConfig", fields: |given| fields(RobotConfig::TCP, given) },
-        Config { name: "PcConfig", fields: |given| fields(PcConfig::TCP, given) },
+        Config { name: "RobotConfig", fields: |given| fields(RobotConfig::tcp(), given) },
+        Config { name: "PcConfig", fields: |given| fields(PcConfig::tcp(), given) },
     ],
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),

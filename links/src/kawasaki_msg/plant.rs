@@ -64,7 +64,7 @@ impl Default for Plant {
             let message = Message { default: *entry, sent: true, name: entry.name.into(), header, fields };
             (role_name(entry.role), message)
         });
-        let RobotConfig { limits, max_number, acks, .. } = RobotConfig::TCP;
+        let RobotConfig { limits, max_number, acks, .. } = RobotConfig::tcp();
         let (charset, bounds) = (Charset::Ascii, Bounds::WIDEST);
         Self {
             charset,
@@ -183,7 +183,7 @@ impl Plant {
     /// When the plant contradicts itself, or lacks a message or a field that no end can do without.
     pub fn check(&self) -> Result<()> {
         let takeover = kawasaki_msg::Takeover::Never;
-        self.pc(PcConfig { takeover, ..PcConfig::TCP }).map(drop)
+        self.pc(PcConfig { takeover, ..PcConfig::tcp() }).map(drop)
     }
 
     /// A PC's configuration in this plant.
@@ -211,7 +211,7 @@ impl Plant {
         // A PC rejects a plant's contradictions as well, except for messages that only a PC needs.
         let takeover = kawasaki_msg::Takeover::Never;
         let PcConfig { dialect, limits, datagrams, max_number, .. } =
-            self.pc(PcConfig { takeover, ..PcConfig::TCP })?;
+            self.pc(PcConfig { takeover, ..PcConfig::tcp() })?;
         Ok(RobotConfig { dialect, limits, datagrams, max_number, acks: self.acks, ..config })
     }
 }

@@ -78,7 +78,7 @@ fn what_the_plant_decides_is_set_of_no_end() {
         robot.reply_timeout robot.exchange robot.silent_cycles robot.reconnect_delay robot.status_period \
         robot.refuse_repeated_start robot.end_foreign_order \
         pc.reply_delay pc.silence pc.takeover pc.start_retries pc.end_when_done";
-    assert_eq!(names(settings::list(Both(RobotConfig::TCP, PcConfig::TCP))), both);
+    assert_eq!(names(settings::list(Both(RobotConfig::tcp(), PcConfig::tcp()))), both);
     // The settings on every kind of port, each once.
     assert_eq!(
         names(client_settings()),

@@ -107,9 +107,9 @@ fn fields_are_listed_by_the_names_that_they_have() {
     named(isra_ball::BallConfig::default());
     named(isra_ball::HostConfig::default());
     named(kawasaki_msg::Limits::TCP);
-    named(kawasaki_msg::PcConfig::TCP);
+    named(kawasaki_msg::PcConfig::tcp());
     named(kawasaki_msg::RecoveryLimits::default());
-    named(kawasaki_msg::RobotConfig::TCP);
+    named(kawasaki_msg::RobotConfig::tcp());
     named(laser_eb90::ControllerConfig::default());
     named(laser_eb90::ErrorCodes::default());
     named(laser_eb90::HostConfig::default());
@@ -153,7 +153,7 @@ fn times_are_nanoseconds_and_parts_are_objects() {
         read(alter, json!({"limits": {"speed": 1}})).unwrap_err().split(':').next(),
         Some("the host has no setting `limits.speed`")
     );
-    let robot = kawasaki_msg::RobotConfig::TCP;
+    let robot = kawasaki_msg::RobotConfig::tcp();
     for individual in [json!("individual"), Value::Null] {
         let robot = read(robot, json!({"acks": individual})).unwrap();
         assert_eq!(robot.acks, kawasaki_msg::Acks::Individual);
@@ -246,8 +246,8 @@ fn a_configuration_of_which_nothing_is_given_is_the_default() {
     same(&fanuc_hmi_modbus::ServerConfig::default());
     same(&isra_ball::BallConfig::default());
     same(&isra_ball::HostConfig::default());
-    same(&kawasaki_msg::PcConfig::TCP);
-    same(&kawasaki_msg::RobotConfig::TCP);
+    same(&kawasaki_msg::PcConfig::tcp());
+    same(&kawasaki_msg::RobotConfig::tcp());
     same(&laser_eb90::ControllerConfig::default());
     same(&laser_eb90::HostConfig::default());
     same(&mmacell_proto::CentralConfig::DEFAULT);

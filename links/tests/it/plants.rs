@@ -26,15 +26,15 @@ fn both_ends_have_what_the_plant_has_agreed_on() {
             ("TA", r#"[Number, Order, Constant("x")]"#.into())
         );
         let (limits, datagrams, max_number) = (Limits::UDP, true, 200);
-        let pc = PcConfig { dialect, limits, datagrams, max_number, cumulative_acks, ..PcConfig::TCP };
-        assert_eq!(plant.pc(PcConfig::TCP).unwrap(), pc);
+        let pc = PcConfig { dialect, limits, datagrams, max_number, cumulative_acks, ..PcConfig::tcp() };
+        assert_eq!(plant.pc(PcConfig::tcp()).unwrap(), pc);
         let acks = if cumulative_acks {
             Acks::Cumulative { every: 5.try_into().unwrap() }
         } else {
             Acks::Individual
         };
-        let robot = RobotConfig { dialect, limits, datagrams, max_number, acks, ..RobotConfig::TCP };
-        assert_eq!(plant.robot(RobotConfig::TCP).unwrap(), robot);
+        let robot = RobotConfig { dialect, limits, datagrams, max_number, acks, ..RobotConfig::tcp() };
+        assert_eq!(plant.robot(RobotConfig::tcp()).unwrap(), robot);
     }
 }
 
@@ -42,7 +42,7 @@ fn both_ends_have_what_the_plant_has_agreed_on() {
 fn acknowledgements_of_single_jobs_need_their_message() {
     let messages = json!({"job_ack": {"sent": false}});
     let refused =
-        plant(json!({"acks": "individual", "messages": messages})).unwrap().pc(PcConfig::TCP).unwrap_err();
+        plant(json!({"acks": "individual", "messages": messages})).unwrap().pc(PcConfig::tcp()).unwrap_err();
     let text = "messages.job_ack: the table lacks the role JobAck, which the configuration needs; with acks=1 it does not";
     assert_eq!(refused.to_string(), text);
 }
@@ -52,14 +52,14 @@ fn acknowledgements_of_single_jobs_need_their_message() {
 fn a_plant_may_lack_what_a_pc_alone_needs() {
     let given = json!({"messages": {"order_interrupt": {"sent": false}}});
     let without = plant(given.clone()).unwrap();
-    let refused = without.pc(PcConfig::TCP).unwrap_err().to_string();
+    let refused = without.pc(PcConfig::tcp()).unwrap_err().to_string();
     assert!(
         refused.starts_with("messages.order_interrupt: ")
             && refused.ends_with("; with takeover=end or never it does not"),
         "{refused}"
     );
-    assert!(without.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP }).is_ok());
-    assert!(without.robot(RobotConfig::TCP).is_ok());
+    assert!(without.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() }).is_ok());
+    assert!(without.robot(RobotConfig::tcp()).is_ok());
     let link = Link::by_name("kawasaki-msg").unwrap();
     let settings = given.as_object().unwrap();
     assert!((link.codec)("pc", settings).is_ok());

@@ -41,7 +41,7 @@ impl<W: Work> fmt::Debug for KawasakiRobot<W> {
 impl<W: Work> Default for KawasakiRobot<W> {
     /// Over TCP, with a queue of 256 jobs of 1 s each.
     fn default() -> Self {
-        let (config, ranges) = (RobotConfig::TCP, W::Ranges::default());
+        let (config, ranges) = (RobotConfig::tcp(), W::Ranges::default());
         Self { config, ranges, queue: 256, job_time: Duration::from_secs(1), time_of: None }
     }
 }

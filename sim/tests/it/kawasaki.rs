@@ -27,7 +27,7 @@ async fn an_order_over_cuts_and_lost_packets_is_drawn_once() {
     let sim = robot.connect(listen.address().unwrap()).unwrap();
     sim.faults()
         .follow(Script::new().answer(2, Fault::Cut).request(4, Fault::Drop).answer(6, Fault::Corrupt));
-    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    let (pc, task) = pc(PcConfig::tcp(), (), listen).unwrap();
     tokio::spawn(task.run());
     pc.run(50, jobs(600)).await.unwrap();
     let drawn: Vec<Line> = sim.executed().into_iter().map(|done| done.work.work).collect();
@@ -40,7 +40,7 @@ async fn a_robot_that_has_forgotten_its_order_is_noticed() {
     let listen = Listen::bind("127.0.0.1:0").await.unwrap();
     let robot = KawasakiRobot::<Line> { job_time: MS, ..KawasakiRobot::default() };
     let sim = robot.connect(listen.address().unwrap()).unwrap();
-    let (pc, task) = pc(PcConfig::TCP, (), listen).unwrap();
+    let (pc, task) = pc(PcConfig::tcp(), (), listen).unwrap();
     tokio::spawn(task.run());
     let order = pc.start(50, jobs(5000)).await.unwrap();
     while sim.executed().len() < 10 {
@@ -57,7 +57,7 @@ async fn a_robot_that_has_forgotten_its_order_is_noticed() {
 fn half_an_hour_of_drawing() {
     let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
     let jobs = jobs(600);
-    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
+    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::tcp(), Default::default()).unwrap();
     pc.start(7, jobs.leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     bench.faults().follow(Script::new().every_answer(1000, Fault::Cut));
@@ -91,7 +91,7 @@ async fn a_robot_draws_each_order_of_a_pc_once() {
         .follow(Script::new().answer(3, Fault::Cut).answer(9, Fault::Drop).request(12, Fault::Corrupt));
     let to = Tcp::new(sim.address().to_string());
     let ranges = <Line as Work>::Ranges::default();
-    let (_robot, mut motion, task) = robot::<Line, _>(RobotConfig::TCP, ranges, 64, to).unwrap();
+    let (_robot, mut motion, task) = robot::<Line, _>(RobotConfig::tcp(), ranges, 64, to).unwrap();
     tokio::spawn(task.run());
     let mut drawn = Vec::new();
     let mut draw = async |orders: usize| {
@@ -123,7 +123,7 @@ async fn a_robot_draws_each_order_of_a_pc_once() {
 #[test]
 fn a_job_is_over_when_it_is_due() {
     let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
-    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
+    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::tcp(), Default::default()).unwrap();
     pc.start(7, jobs(3).leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     assert_eq!(bench.device().due(), None);
@@ -185,7 +185,7 @@ fn a_connection_that_is_lost_within_an_order_makes_no_other_one() {
 #[test]
 fn settings_of_a_robot_show_all_but_the_function() {
     let shown = format!("{:?}", KawasakiRobot::<Line>::default());
-    let begins = format!("KawasakiRobot {{ config: {:?}, ranges: ", RobotConfig::TCP);
+    let begins = format!("KawasakiRobot {{ config: {:?}, ranges: ", RobotConfig::tcp());
     assert!(shown.starts_with(&begins) && shown.ends_with(", queue: 256, job_time: 1s, .. }"), "{shown}");
 }
 
@@ -201,7 +201,7 @@ fn a_robot_ends_its_connection_to_a_pc_that_is_silent_and_makes_another() {
 #[test]
 fn a_robot_that_forgets_its_order_executes_the_job_that_it_has_begun_and_no_more() {
     let robot = KawasakiRobot::<Line> { job_time: 3 * S, ..KawasakiRobot::default() };
-    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
+    let mut pc: LargePc<&[Line]> = LargePc::with_ranges(PcConfig::tcp(), Default::default()).unwrap();
     pc.start(7, jobs(600).leak()).unwrap();
     let mut bench = robot.bench(pc).unwrap();
     assert!(bench.run_until(60 * S, |bench| bench.executed().len() == 5));
@@ -242,7 +242,7 @@ fn over(bench: &Two) -> Vec<(u16, Option<bool>)> {
 
 #[test]
 fn a_pc_follows_an_order_whose_outcome_is_unknown_by_the_next_one() {
-    let mut bench = in_the_middle(PcConfig::TCP);
+    let mut bench = in_the_middle(PcConfig::tcp());
     let now = bench.now();
     bench.session_mut().device_mut().restart(now);
     bench.disconnect();
@@ -253,7 +253,7 @@ fn a_pc_follows_an_order_whose_outcome_is_unknown_by_the_next_one() {
 /// The robot is at work on an order that the PC does not know any more, and refuses each other one.
 #[test]
 fn a_pc_that_was_without_power_begins_with_the_next_number_until_the_robot_takes_it() {
-    let mut bench = in_the_middle(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP });
+    let mut bench = in_the_middle(PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() });
     let now = bench.now();
     bench.device_mut().restart(now);
     bench.disconnect();

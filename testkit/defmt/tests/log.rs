@@ -174,8 +174,8 @@ fn kawasaki() {
     const LINES: [Line; 1] = [Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
     let mut queue = JobQueue::<Line, 64>::new(9999).unwrap();
     let (jobs, mut motion) = queue.split();
-    let mut pc = Pc::new(PcConfig::TCP).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, jobs).unwrap();
+    let mut pc = Pc::new(PcConfig::tcp()).unwrap();
+    let mut robot = Robot::new(RobotConfig::tcp(), jobs).unwrap();
     let (message, _) = Message::decode(b"<order$$8#-7$mm$\xB5m#>", Charset::Latin1).unwrap().unwrap();
     check(&message);
     let mut order = 0;

@@ -79,7 +79,7 @@ program!("isra-ball-host", {
 program!("kawasaki-msg-pc", {
     use kawasaki_msg::{JobKind, Line, Pc, PcConfig, Point};
     const LINES: [Line; 1] = [Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
-    run!(Pc::new(PcConfig::TCP), 4096, |pc, _| pc.start(50, &LINES[..]))
+    run!(Pc::new(PcConfig::tcp()), 4096, |pc, _| pc.start(50, &LINES[..]))
 });
 
 // With a queue of 64 lines.
@@ -87,7 +87,7 @@ program!("kawasaki-msg-robot", {
     use kawasaki_msg::{Line, Robot, RobotConfig, motion::JobQueue};
     let Ok(mut queue) = JobQueue::<Line, 64>::new(9999) else { return 1 };
     let (jobs, mut motion) = queue.split();
-    run!(Robot::new(RobotConfig::TCP, jobs), 4096, |_, _| {
+    run!(Robot::new(RobotConfig::tcp(), jobs), 4096, |_, _| {
         if let Some(job) = motion.take() {
             job.complete();
         }

@@ -147,8 +147,8 @@ program!("kawasaki-msg", {
     fn run() -> Option<(i32, u32)> {
         let mut queue: JobQueue<Line, 2> = JobQueue::new(9).ok()?;
         let (jobs, mut motion) = queue.split();
-        let mut robot = Robot::new(RobotConfig { max_number: 9, ..RobotConfig::TCP }, jobs).ok()?;
-        let mut pc = Pc::new(PcConfig { max_number: 9, ..PcConfig::TCP }).ok()?;
+        let mut robot = Robot::new(RobotConfig { max_number: 9, ..RobotConfig::tcp() }, jobs).ok()?;
+        let mut pc = Pc::new(PcConfig { max_number: 9, ..PcConfig::tcp() }).ok()?;
         let line = |x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 100, 0) };
         let picture = [line(0), line(100), line(200)];
         pc.start(50, &picture[..]).ok()?;

@@ -11,7 +11,7 @@ use testkit::controller::{AsRobot, Controller as _};
 
 const MS: Duration = Duration::from_millis(1);
 /// A robot that never takes a step of recovery.
-const PATIENT: RobotConfig = RobotConfig { patience: Duration::from_secs(500), ..RobotConfig::TCP };
+const PATIENT: RobotConfig = RobotConfig { patience: Duration::from_secs(500), ..RobotConfig::tcp() };
 const END: &[u8] = b"<TilausLoppuu$2#50#>";
 const FILLER: &[u8] = b"<Huuhaa$0##>";
 
@@ -179,7 +179,7 @@ fn an_end_after_a_new_connection(change: Option<Change>) {
 /// §6.3: resend, pause, clear, alarm, whatever the PC does but send the job.
 fn the_recovery_ends_in_an_alarm(change: Option<Change>) {
     let recovery = RecoveryLimits { resends: 2, pauses: 1, clears: 1 };
-    let config = RobotConfig { recovery, pause: MS * 2500, silent_cycles: 0, ..RobotConfig::TCP };
+    let config = RobotConfig { recovery, pause: MS * 2500, silent_cycles: 0, ..RobotConfig::tcp() };
     let bad = [job_to(3, 99_999_999).into_bytes(), jobs([4])].concat();
     for answer in [&bad, &jobs([1]), &jobs([9]), FILLER, b"<<<", b""] {
         let mut bench = Bench::new(change, config, 8, 9999);
@@ -207,7 +207,7 @@ fn the_recovery_ends_in_an_alarm(change: Option<Change>) {
 
 /// A PC that closes each connection before it has sent anything makes no progress either.
 fn connections_that_end_are_steps(change: Option<Change>) {
-    let config = RobotConfig { patience: Duration::from_secs(500), ..RobotConfig::TCP };
+    let config = RobotConfig { patience: Duration::from_secs(500), ..RobotConfig::tcp() };
     let mut bench = Bench::new(change, config, 8, 9999);
     bench.cycle(&jobs([1]));
     assert_eq!(bench.execute(), 1);
@@ -220,7 +220,7 @@ fn connections_that_end_are_steps(change: Option<Change>) {
 }
 
 fn a_long_job_is_no_standstill(change: Option<Change>) {
-    let mut bench = Bench::new(change, RobotConfig::TCP, 8, 9999);
+    let mut bench = Bench::new(change, RobotConfig::tcp(), 8, 9999);
     bench.cycle(&jobs([1]));
     for _ in 0..50 {
         bench.cycle(&jobs([7]));
@@ -479,7 +479,7 @@ fn the_list_is_looked_at_before_what_is_executed_is_collected() {
 
 #[test]
 fn without_a_motion_task_no_order_is_taken() {
-    let mut bench = Bench { now: Duration::ZERO, robot: AsRobot::begin(RobotConfig::TCP, 4, 1) };
+    let mut bench = Bench { now: Duration::ZERO, robot: AsRobot::begin(RobotConfig::tcp(), 4, 1) };
     bench.robot.stop_motion();
     bench.robot.handle_timeout(bench.now);
     bench.robot.handle_connected(bench.now);

@@ -51,7 +51,7 @@ fn without_an_order_both_say_something_in_every_cycle() {
 /// §10.4: "The PC may not send data unless the robot has sent something first."
 #[test]
 fn the_pc_is_silent_until_it_has_heard_something() {
-    let mut pc = pc(PcConfig::TCP);
+    let mut pc = pc(PcConfig::tcp());
     pc.start(1, picture(1, 10)).unwrap();
     for second in 0..5 {
         let now = Duration::from_secs(second);
@@ -69,7 +69,7 @@ fn the_pc_is_silent_until_it_has_heard_something() {
 /// §11.3: an acknowledgement (no reply defined) and a request (reply defined) in one packet.
 #[test]
 fn the_whole_packet_is_read_before_it_is_answered() {
-    let mut pc = pc(PcConfig::TCP);
+    let mut pc = pc(PcConfig::tcp());
     pc.start(1, picture(1, 4)).unwrap();
     let mut now = Duration::ZERO;
     let mut say = |pc: &mut Pc<Source>, pieces: &[&[u8]]| {
@@ -99,7 +99,7 @@ fn the_whole_packet_is_read_before_it_is_answered() {
 #[test]
 fn an_answer_is_waited_for_but_not_for_ever() {
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::<kawasaki_msg::Line>::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<kawasaki_msg::Line>::new(RobotConfig::tcp(), writer).unwrap();
     let mut out = [0; 4096];
     assert_eq!(robot.poll_timeout(), Some(Duration::ZERO));
     assert_eq!(robot.poll_event(), None);
@@ -134,7 +134,7 @@ fn an_answer_is_waited_for_but_not_for_ever() {
 #[test]
 fn an_answer_within_the_time_begins_the_next_cycle_after_32_ms() {
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::<kawasaki_msg::Line>::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<kawasaki_msg::Line>::new(RobotConfig::tcp(), writer).unwrap();
     let mut out = [0; 4096];
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
@@ -161,7 +161,7 @@ fn an_answer_within_the_time_begins_the_next_cycle_after_32_ms() {
 #[test]
 fn a_damaged_end_does_not_hold_the_answer_up() {
     for (tail, rest) in [("<X$1#1#", "x"), ("<X$1", "#1#>?"), ("<X$1#1", ">"), ("<X$1#", "<Huuhaa$0##>")] {
-        let mut pc = pc(PcConfig::TCP);
+        let mut pc = pc(PcConfig::tcp());
         pc.handle_input(Duration::ZERO, b"<Huuhaa$0##>");
         pc.handle_input(Duration::ZERO, tail.as_bytes());
         assert_eq!(answer(&mut pc, 10 * MS), None, "{tail} may still become whole");
@@ -172,7 +172,7 @@ fn a_damaged_end_does_not_hold_the_answer_up() {
 
 #[test]
 fn a_silent_robot_is_given_up() {
-    let mut pc = pc(PcConfig::TCP);
+    let mut pc = pc(PcConfig::tcp());
     assert_eq!(pc.poll_timeout(), Some(Duration::from_secs(10)));
     pc.handle_timeout(Duration::from_secs(10));
     assert_eq!(pc.poll_event(), Some(PcEvent::Disconnect));
@@ -182,7 +182,7 @@ fn a_silent_robot_is_given_up() {
 
 #[test]
 fn a_buffer_too_short_for_any_message_sends_nothing_and_loses_nothing() {
-    let mut pc = pc(PcConfig::TCP);
+    let mut pc = pc(PcConfig::tcp());
     pc.handle_input(Duration::ZERO, b"<Tila$6#0$0$$$#>");
     let now = 10 * MS;
     assert_eq!(pc.poll_transmit(now, &mut [0; 5]), None);
@@ -218,7 +218,8 @@ fn a_command_goes_past_the_queue() {
         fields: &[Field::Order, Field::Value],
     });
     let dialect = Dialect::new(table.leak()).unwrap();
-    let (robot, pc) = (RobotConfig { dialect, ..RobotConfig::TCP }, PcConfig { dialect, ..PcConfig::TCP });
+    let (robot, pc) =
+        (RobotConfig { dialect, ..RobotConfig::tcp() }, PcConfig { dialect, ..PcConfig::tcp() });
     let mut rig = Rig::with(1, Faults::NONE, 8, 9999, robot, pc);
     rig.pc.start(50, picture(50, 100)).unwrap();
     rig.run_until(LIMIT, |rig| rig.executed.len() >= 20);
@@ -249,8 +250,8 @@ fn other_names_in_another_order_of_fields_work_as_well() {
         (entry.name, entry.fields) = (name, fields);
     }
     let dialect = Dialect::new(table.leak()).unwrap();
-    let robot = RobotConfig { dialect, ..RobotConfig::TCP };
-    let pc = PcConfig { dialect, max_number: 100, ..PcConfig::TCP };
+    let robot = RobotConfig { dialect, ..RobotConfig::tcp() };
+    let pc = PcConfig { dialect, max_number: 100, ..PcConfig::tcp() };
     let mut rig = Rig::with(3, Faults::TCP, 16, 100, robot, pc);
     rig.pc.start(50, picture(50, 300)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
@@ -262,7 +263,7 @@ fn other_names_in_another_order_of_fields_work_as_well() {
 
 #[test]
 fn damage_is_told_and_the_session_goes_on() {
-    let mut pc = pc(PcConfig::TCP);
+    let mut pc = pc(PcConfig::tcp());
     pc.handle_input(Duration::ZERO, b"<Tila$5#0$0$$$#><Tuntematon$0##>roskaa<Huuhaa$0##>");
     let events: Vec<_> = core::iter::from_fn(|| pc.poll_event()).collect();
     assert!(matches!(
@@ -277,7 +278,7 @@ fn damage_is_told_and_the_session_goes_on() {
 
 #[test]
 fn a_flood_of_damage_leaves_room_for_what_matters() {
-    let mut pc = pc(PcConfig::TCP);
+    let mut pc = pc(PcConfig::tcp());
     pc.start(1, picture(1, 1)).unwrap();
     for _ in 0..10 {
         pc.handle_input(Duration::ZERO, &b"<<<<<<<<".repeat(1000));

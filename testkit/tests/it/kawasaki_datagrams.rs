@@ -17,7 +17,7 @@ fn rig(robot: RobotConfig, pc: PcConfig) -> Rig {
 /// The start of an order arrives once more when the order is over, followed by its jobs.
 #[test]
 fn a_late_start_does_not_begin_an_order_again() {
-    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    let mut rig = rig(RobotConfig::udp(), PcConfig::udp());
     for order in 1..=3 {
         rig.pc_events.clear();
         rig.pc.start(order, picture(order, 4)).unwrap();
@@ -50,7 +50,7 @@ fn a_late_start_does_not_begin_an_order_again() {
 /// A robot that has lost its memory cannot know which starts are old.
 #[test]
 fn a_robot_that_was_just_started_hears_no_start_for_a_second() {
-    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    let mut rig = rig(RobotConfig::udp(), PcConfig::udp());
     rig.pc.start(7, picture(7, 2)).unwrap();
     rig.run_for(MS * 990);
     assert_eq!((rig.robot.order(), sent(&rig.from_robot, "TilausKuittaus").len()), (None, 0));
@@ -63,11 +63,11 @@ fn a_robot_that_was_just_started_hears_no_start_for_a_second() {
 /// A start of before its restart came in time, and was read when a process that had been asleep woke up.
 #[test]
 fn what_waited_to_be_read_is_as_late_as_what_comes_late() {
-    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    let mut rig = rig(RobotConfig::udp(), PcConfig::udp());
     rig.pc.start(3, picture(3, 4)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     let starts = sent(&rig.from_pc, "TilausAlkaa");
-    let mut robot = Native::begin(RobotConfig::UDP, 64, 1);
+    let mut robot = Native::begin(RobotConfig::udp(), 64, 1);
     robot.handle_connected(rig.now);
     let woken = rig.now + Duration::from_secs(3);
     for start in &starts {
@@ -75,19 +75,19 @@ fn what_waited_to_be_read_is_as_late_as_what_comes_late() {
     }
     assert_eq!(robot.order(), None, "{} old starts", starts.len());
     // The PC repeats a new one with every answer.
-    robot.handle_input(woken + RobotConfig::UDP.exchange, starts[0].as_bytes());
+    robot.handle_input(woken + RobotConfig::udp().exchange, starts[0].as_bytes());
     assert_eq!(robot.order(), Some(3));
 }
 
 /// An empty number of jobs executed would read as none.
 #[test]
 fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_it_does_not_know() {
-    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    let mut rig = rig(RobotConfig::udp(), PcConfig::udp());
     rig.motion = Some(MS * 10);
     rig.pc.start(1, picture(1, 40)).unwrap();
     rig.run_until(LIMIT, |rig| rig.executed.len() == 5);
     rig.run_for(MS * 5);
-    rig.robot = Native::begin(RobotConfig::UDP, 64, 1);
+    rig.robot = Native::begin(RobotConfig::udp(), 64, 1);
     rig.from_robot.clear();
     rig.pc.interrupt().unwrap();
     rig.run_until(LIMIT, Rig::is_over);
@@ -100,7 +100,7 @@ fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_i
 #[test]
 fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     let (writer, mut reader) = robot_work_queue::boxed(8, 99).unwrap();
-    let mut robot = Robot::new(RobotConfig { max_number: 99, ..RobotConfig::UDP }, writer).unwrap();
+    let mut robot = Robot::new(RobotConfig { max_number: 99, ..RobotConfig::udp() }, writer).unwrap();
     let (mut now, mut out) = (MS, [0; 1472]);
     robot.handle_timeout(now);
     robot.handle_connected(now);
@@ -137,8 +137,8 @@ fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
 #[test]
 fn where_jobs_overtake_one_another_an_order_that_is_broken_off_ends_unknown() {
     for datagrams in [false, true] {
-        let robot = if datagrams { RobotConfig::UDP } else { RobotConfig::TCP };
-        let pc = if datagrams { PcConfig::UDP } else { PcConfig::TCP };
+        let robot = if datagrams { RobotConfig::udp() } else { RobotConfig::tcp() };
+        let pc = if datagrams { PcConfig::udp() } else { PcConfig::tcp() };
         let robot = RobotConfig { acks: Acks::Individual, ..robot };
         let mut rig = Rig::with(
             1,

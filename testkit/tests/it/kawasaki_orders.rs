@@ -50,7 +50,7 @@ both! {
 
 /// Both ends as by default.
 fn rig<C: Controller>(capacity: usize) -> Rig<C> {
-    Rig::of(1, Faults::NONE, capacity, 9999, RobotConfig::TCP, PcConfig::TCP)
+    Rig::of(1, Faults::NONE, capacity, 9999, RobotConfig::tcp(), PcConfig::tcp())
 }
 
 /// A rig whose robot is in the middle of an order of 1000 jobs.
@@ -76,7 +76,7 @@ fn start_and_end_are_acknowledged<C: Controller>() {
 /// begin the order again.
 #[test]
 fn over_a_stream_a_start_is_sent_once() {
-    for config in [PcConfig::TCP, PcConfig::UDP] {
+    for config in [PcConfig::tcp(), PcConfig::udp()] {
         let mut pc = Pc::new(config).unwrap();
         let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
         pc.start(50, picture(50, 3)).unwrap();
@@ -102,14 +102,14 @@ fn over_a_stream_a_start_is_sent_once() {
 }
 
 fn an_order_without_jobs_begins_and_ends<C: Controller>() {
-    let mut rig = Rig::<C>::of(1, Faults::NONE, 1, 2, RobotConfig::TCP, PcConfig::TCP);
+    let mut rig = Rig::<C>::of(1, Faults::NONE, 1, 2, RobotConfig::tcp(), PcConfig::tcp());
     rig.pc.start(1, picture(1, 0)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 1, executed: 0, complete: true }));
 }
 
 fn one_order_at_a_time<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     assert_eq!(rig.pc.start(51, picture(51, 1)), Err(SessionError::OrderActive { active: 50 }));
     rig.run_until(LIMIT, Rig::is_over);
     assert_eq!(rig.pc.start(0, picture(0, 1)), Err(SessionError::OrderZero));
@@ -120,7 +120,7 @@ fn one_order_at_a_time<C: Controller>() {
 }
 
 fn an_interrupted_order_ends_after_the_job_that_is_being_executed<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     rig.pc.interrupt().unwrap();
     let before = rig.executed.len();
     rig.run_until(LIMIT, Rig::is_over);
@@ -139,7 +139,7 @@ fn an_interrupted_order_ends_after_the_job_that_is_being_executed<C: Controller>
 }
 
 fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     rig.pc.end().unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     let executed = rig.executed.len() as u32;
@@ -156,8 +156,8 @@ fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig) {
 }
 
 fn another_order_is_interrupted_before_ours_begins<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
-    restart_pc(&mut rig, PcConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
+    restart_pc(&mut rig, PcConfig::tcp());
     rig.pc.start(51, picture(51, 10)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     let refused = PcEvent::OrderRefused { order: 51, active: 50, given_up: false };
@@ -172,8 +172,8 @@ fn another_order_is_interrupted_before_ours_begins<C: Controller>() {
 }
 
 fn another_order_can_be_let_end_by_itself<C: Controller>() {
-    let pc = PcConfig { takeover: Takeover::End, ..PcConfig::TCP };
-    let mut rig = in_the_middle::<C>(pc, RobotConfig::TCP);
+    let pc = PcConfig { takeover: Takeover::End, ..PcConfig::tcp() };
+    let mut rig = in_the_middle::<C>(pc, RobotConfig::tcp());
     let queued = rig.robot.queued();
     restart_pc(&mut rig, pc);
     rig.pc.start(51, picture(51, 10)).unwrap();
@@ -185,8 +185,8 @@ fn another_order_can_be_let_end_by_itself<C: Controller>() {
 }
 
 fn another_order_is_left_alone_where_that_is_wished<C: Controller>() {
-    let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
-    let mut rig = in_the_middle::<C>(pc, RobotConfig::TCP);
+    let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() };
+    let mut rig = in_the_middle::<C>(pc, RobotConfig::tcp());
     restart_pc(&mut rig, pc);
     rig.pc.start(51, picture(51, 10)).unwrap();
     rig.run_for(Duration::from_secs(10));
@@ -196,8 +196,8 @@ fn another_order_is_left_alone_where_that_is_wished<C: Controller>() {
 
 fn another_order_of_the_same_number_is_not_taken_for_ours<C: Controller>() {
     // The restarted PC begins order 50 again while the robot is in the middle of the old one: "50" is no acceptance.
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
-    restart_pc(&mut rig, PcConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
+    restart_pc(&mut rig, PcConfig::tcp());
     rig.pc.start(50, picture(50, 500)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     let first = rig.executed.len() - 500;
@@ -209,9 +209,9 @@ fn another_order_of_the_same_number_is_not_taken_for_ours<C: Controller>() {
 /// status.
 fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
     for refuse_repeated_start in [false, true] {
-        let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };
-        let mut rig = in_the_middle::<C>(PcConfig::TCP, robot);
-        rig.pc = kawasaki_msg::LargePc::with_ranges(PcConfig::TCP, Default::default()).unwrap();
+        let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::tcp() };
+        let mut rig = in_the_middle::<C>(PcConfig::tcp(), robot);
+        rig.pc = kawasaki_msg::LargePc::with_ranges(PcConfig::tcp(), Default::default()).unwrap();
         (rig.from_pc, rig.from_robot) = (Vec::new(), Vec::new());
         rig.pc_events.clear();
         rig.pc.handle_connected(rig.now);
@@ -229,8 +229,8 @@ fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
 
 #[test]
 fn a_robot_without_a_motion_task_takes_no_order() {
-    let pc = PcConfig { start_retries: 3, ..PcConfig::TCP };
-    let mut rig = Rig::with(1, Faults::NONE, 4, 9999, RobotConfig::TCP, pc);
+    let pc = PcConfig { start_retries: 3, ..PcConfig::tcp() };
+    let mut rig = Rig::with(1, Faults::NONE, 4, 9999, RobotConfig::tcp(), pc);
     let (_, other) = robot_work_queue::boxed(4, 9999).unwrap();
     drop(core::mem::replace(&mut rig.robot.reader, other));
     assert!(rig.robot.is_abandoned());
@@ -244,7 +244,7 @@ fn a_robot_without_a_motion_task_takes_no_order() {
 }
 
 fn a_restarted_robot_leaves_the_outcome_unknown<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     crate::kawasaki_rig::restart(&mut rig, 64, 9999);
     rig.run_until(LIMIT, Rig::is_over);
     let Some(&PcEvent::OutcomeUnknown { order: 50, executed, sent }) =
@@ -264,7 +264,7 @@ fn a_restarted_robot_leaves_the_outcome_unknown<C: Controller>() {
 }
 
 fn an_order_that_ended_while_nobody_was_connected_is_not_unknown<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     rig.reachable = false;
     rig.link.disconnect(rig.now);
     rig.run_for(20 * MS);
@@ -278,7 +278,7 @@ fn an_order_that_ended_while_nobody_was_connected_is_not_unknown<C: Controller>(
 }
 
 fn the_first_reset_clears_the_list_and_what_was_in_it_comes_again<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     rig.motion = None;
     rig.run_for(200 * MS);
     assert!(rig.robot.queued() > rig.robot.executed());
@@ -295,7 +295,7 @@ fn the_first_reset_clears_the_list_and_what_was_in_it_comes_again<C: Controller>
 
 #[test]
 fn a_job_that_is_being_executed_is_not_pulled_away_by_a_reset() {
-    let mut rig = in_the_middle::<Native>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<Native>(PcConfig::tcp(), RobotConfig::tcp());
     rig.motion = None;
     let (now, Rig { robot: Native { reader, robot, .. }, executed, .. }) = (rig.now, &mut rig);
     let (job, queued) = (reader.take().unwrap(), robot.queued());
@@ -317,7 +317,7 @@ fn a_job_that_is_being_executed_is_not_pulled_away_by_a_reset() {
 }
 
 fn the_second_reset_forgets_the_order<C: Controller>() {
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     rig.robot.reset_order().unwrap();
     if C::WHOLE {
         // The AS program looks at its signals in its next pass.
@@ -331,13 +331,13 @@ fn the_second_reset_forgets_the_order<C: Controller>() {
 }
 
 fn an_order_that_the_pc_does_not_know_can_end_by_itself<C: Controller>() {
-    let robot = RobotConfig { end_foreign_order: true, ..RobotConfig::TCP };
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, robot);
-    restart_pc(&mut rig, PcConfig::TCP);
+    let robot = RobotConfig { end_foreign_order: true, ..RobotConfig::tcp() };
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), robot);
+    restart_pc(&mut rig, PcConfig::tcp());
     rig.run_for(Duration::from_secs(5));
     assert_eq!(rig.robot.order(), None, "the PC's status says 0");
-    let mut rig = in_the_middle::<C>(PcConfig::TCP, RobotConfig::TCP);
-    restart_pc(&mut rig, PcConfig::TCP);
+    let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
+    restart_pc(&mut rig, PcConfig::tcp());
     rig.run_for(Duration::from_secs(5));
     assert_eq!(rig.robot.order(), Some(50), "not unless it is wished");
 }

@@ -14,7 +14,7 @@ const LIMIT: Duration = Duration::from_secs(300);
 
 /// Both ends as by default.
 fn any<C: Controller>(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Rig<C> {
-    Rig::of(seed, faults, capacity, max_number, RobotConfig::TCP, PcConfig::TCP)
+    Rig::of(seed, faults, capacity, max_number, RobotConfig::tcp(), PcConfig::tcp())
 }
 
 /// Runs an order to its end and looks at everything that both ends say about it.
@@ -81,11 +81,11 @@ fn whatever_tcp_commits<C: Controller>(seeds: u64) {
 
 #[test]
 fn so_it_is_when_jobs_overtake_one_another() {
-    let robot = RobotConfig { acks: Acks::Individual, ..RobotConfig::TCP };
+    let robot = RobotConfig { acks: Acks::Individual, ..RobotConfig::tcp() };
     let mut some_ahead = 0;
     for seed in 0..600 {
         let (capacity, max) = [(3, 5), (10, 17), (64, 9999)][seed as usize % 3];
-        let pc = PcConfig { cumulative_acks: false, max_number: max, ..PcConfig::TCP };
+        let pc = PcConfig { cumulative_acks: false, max_number: max, ..PcConfig::tcp() };
         let faults = Faults { disconnect: 0.05, ..Faults::TCP };
         let mut rig = Rig::with(seed, faults, capacity, max, robot, pc);
         rig.overtakes = true;
@@ -125,9 +125,9 @@ fn so_it_is_when_the_list_is_cleared_again_and_again() {
 fn the_list_is_cleared_again_and_again<C: Controller>(seeds: u64) {
     for seed in 0..seeds {
         let individual = seed % 2 == 0 && C::WHOLE;
-        let acks = if individual { Acks::Individual } else { RobotConfig::TCP.acks };
-        let robot = RobotConfig { acks, ..RobotConfig::TCP };
-        let pc = PcConfig { cumulative_acks: !individual, max_number: 50, ..PcConfig::TCP };
+        let acks = if individual { Acks::Individual } else { RobotConfig::tcp().acks };
+        let robot = RobotConfig { acks, ..RobotConfig::tcp() };
+        let pc = PcConfig { cumulative_acks: !individual, max_number: 50, ..PcConfig::tcp() };
         let mut rig = Rig::<C>::of(seed, Faults { disconnect: 0.02, ..Faults::TCP }, 16, 50, robot, pc);
         rig.overtakes = individual;
         rig.motion = Some(5 * MS);
@@ -158,8 +158,8 @@ fn so_it_is_with_every_kth_acknowledgement() {
 fn every_kth_acknowledgement<C: Controller>(seeds: u64) {
     for seed in 0..seeds {
         let every = NonZeroU16::new([2, 3, 10, 100][seed as usize % 4]).unwrap();
-        let robot = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::TCP };
-        let pc = PcConfig { max_number: 40, ..PcConfig::TCP };
+        let robot = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::tcp() };
+        let pc = PcConfig { max_number: 40, ..PcConfig::tcp() };
         let mut rig = Rig::<C>::of(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 16, 40, robot, pc);
         run(&mut rig, 7, 90, seed);
     }
@@ -168,8 +168,8 @@ fn every_kth_acknowledgement<C: Controller>(seeds: u64) {
 #[test]
 fn so_it_is_over_udp() {
     for seed in 0..300 {
-        let pc = PcConfig { max_number: 1000, ..PcConfig::UDP };
-        let mut rig = Rig::with(seed, Faults::UDP, 64, 1000, RobotConfig::UDP, pc);
+        let pc = PcConfig { max_number: 1000, ..PcConfig::udp() };
+        let mut rig = Rig::with(seed, Faults::UDP, 64, 1000, RobotConfig::udp(), pc);
         run(&mut rig, 7, 100, seed);
         let packets = rig.from_pc.iter().chain(&rig.from_robot);
         assert!(packets.map(Vec::len).max() <= Some(Limits::UDP.packet));

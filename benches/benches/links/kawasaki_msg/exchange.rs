@@ -37,7 +37,7 @@ struct Exchange {
 
 fn pc() -> Pc<impl JobSource<Work = Line>> {
     let source = |index: u32| Supply::Job(line((index % 9999) as u16 + 1));
-    let mut pc = Pc::new(PcConfig::TCP).expect("a PC");
+    let mut pc = Pc::new(PcConfig::tcp()).expect("a PC");
     pc.start(50, source).expect("no order is active");
     pc.handle_connected(Duration::ZERO);
     pc
@@ -56,7 +56,7 @@ fn answer(pc: &mut Pc<impl JobSource>, now: Duration, packet: &[u8], out: &mut [
 
 fn robot() -> (LargeRobot<'static, Line>, Motion<'static, Line>) {
     let (jobs, motion) = kawasaki_msg::motion::boxed(256, 9999).expect("a queue");
-    let mut robot = LargeRobot::with_ranges(RobotConfig::TCP, jobs, Default::default()).expect("a robot");
+    let mut robot = LargeRobot::with_ranges(RobotConfig::tcp(), jobs, Default::default()).expect("a robot");
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     (robot, motion)
@@ -148,7 +148,7 @@ pub(super) fn by_robot(rounds: u64) {
 /// An order of as many full packets.
 pub(super) fn handle(rounds: u64) {
     calls::with_peer(super::LINK.name, 0, |tcp| async move {
-        let (robot, task) = kawasaki_msg::tokio::pc(PcConfig::TCP, (), tcp).expect("a PC");
+        let (robot, task) = kawasaki_msg::tokio::pc(PcConfig::tcp(), (), tcp).expect("a PC");
         tokio::spawn(task.run());
         let jobs = rounds as usize * FEWEST;
         let lines: Vec<Line> = (0..jobs).map(|index| line((index % 9999) as u16 + 1)).collect();

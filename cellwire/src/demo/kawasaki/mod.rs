@@ -60,8 +60,8 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let robot = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::TCP };
-        let (mut plant, pc) = (Plant::default(), PcConfig::TCP);
+        let robot = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::tcp() };
+        let (mut plant, pc) = (Plant::default(), PcConfig::tcp());
         plant.bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
         Self { port: 0, queue: QUEUE, speed: SPEED, plant, robot, pc }
     }

@@ -29,7 +29,7 @@ pub struct RobotSettings {
 
 impl Default for RobotSettings {
     fn default() -> Self {
-        let (config, job_time) = (RobotConfig::TCP, Duration::from_secs(1));
+        let (config, job_time) = (RobotConfig::tcp(), Duration::from_secs(1));
         Self { plant: Plant::default(), config, queue: 256, speed: 250, job_time, out: None, record: None }
     }
 }
@@ -68,7 +68,7 @@ pub struct PcSettings {
 impl Default for PcSettings {
     fn default() -> Self {
         let plant = Plant::default();
-        Self { plant, config: PcConfig::TCP, drawing: None, order: 50, repeat: false }
+        Self { plant, config: PcConfig::tcp(), drawing: None, order: 50, repeat: false }
     }
 }
 

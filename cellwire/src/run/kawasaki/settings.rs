@@ -29,7 +29,7 @@ impl Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { plant: Plant::default(), config: PcConfig::TCP, order: None, board: [420, 297] }
+        Self { plant: Plant::default(), config: PcConfig::tcp(), order: None, board: [420, 297] }
     }
 }
 

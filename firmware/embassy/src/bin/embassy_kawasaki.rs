@@ -33,7 +33,7 @@ async fn communicate(uart: Uart, jobs: Jobs<'static, Line, Hook>) {
     let (receiver, sender) = uart.split();
     let driver = DRIVER.init_with(|| Driver::new(receiver, sender, EmbassyClock));
     let session = SESSION.init_with(|| {
-        let Ok(session) = Session::new(RobotConfig::TCP, jobs) else { panic!("it works") };
+        let Ok(session) = Session::new(RobotConfig::tcp(), jobs) else { panic!("it works") };
         session
     });
     loop {

@@ -49,7 +49,7 @@ fn handle(robot: &mut Session, event: RobotEvent) -> ControlFlow<()> {
 fn start(uart: Uart, jobs: Jobs<'static, Line>) {
     let driver = DRIVER.init_with(|| Driver::new(uart, board::now));
     let session = SESSION.init_with(|| {
-        let Ok(session) = Robot::new(RobotConfig::TCP, jobs) else { panic!("it works") };
+        let Ok(session) = Robot::new(RobotConfig::tcp(), jobs) else { panic!("it works") };
         session
     });
     board::start(LINK.init(Kawasaki { driver, session }));

@@ -14,7 +14,7 @@ fn line(index: u32) -> Supply<Line> {
 }
 
 pub(crate) fn start() -> &'static mut dyn Peer {
-    let Ok(pc) = Session::new(PcConfig::TCP) else { panic!("it works") };
+    let Ok(pc) = Session::new(PcConfig::tcp()) else { panic!("it works") };
     PEER.init(Caller::new(pc, |pc, _| {
         // Refused while there is one.
         let _ = pc.start(50, line);

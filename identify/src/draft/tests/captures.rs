@@ -324,12 +324,12 @@ fn talk(drawn: &Drawn, longest: usize, random: &mut Random) -> Vec<(Duration, bo
     let config = PcConfig {
         takeover: if lacks("order_interrupt") { Takeover::End } else { Takeover::Interrupt },
         end_when_done: !chance(random, 4),
-        ..PcConfig::TCP
+        ..PcConfig::tcp()
     };
     let ends_itself = config.end_when_done;
     let pc = LargePc::with_ranges(drawn.plant.pc(config).unwrap(), drawn.layout.clone()).unwrap();
     let robot = KawasakiRobot {
-        config: drawn.plant.robot(RobotConfig { patience: 60_000 * MS, ..RobotConfig::TCP }).unwrap(),
+        config: drawn.plant.robot(RobotConfig { patience: 60_000 * MS, ..RobotConfig::tcp() }).unwrap(),
         ranges: drawn.layout.clone(),
         queue: 1 + random.below(16),
         job_time: MS * u32::try_from(5 + random.below(200)).unwrap(),

@@ -382,12 +382,12 @@ fn configs(setup: &Setup<'_>) -> Result<(PcConfig, RobotConfig)> {
     if !is_pc && !is_robot {
         let CodecSettings { plant, .. } =
             settings::read("kawasaki", CodecSettings::default(), setup.settings)?;
-        let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
-        return Ok((plant.pc(pc)?, plant.robot(RobotConfig::TCP)?));
+        let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() };
+        return Ok((plant.pc(pc)?, plant.robot(RobotConfig::tcp())?));
     }
     let (dialect, _) = plant(if is_pc { &mut pc } else { &mut robot })?;
-    let pc = pc.configure(PcConfig { dialect, ..PcConfig::TCP })?;
-    let robot = robot.configure(RobotConfig::TCP)?;
+    let pc = pc.configure(PcConfig { dialect, ..PcConfig::tcp() })?;
+    let robot = robot.configure(RobotConfig::tcp())?;
     let (max_number, datagrams) =
         if is_pc { (pc.max_number, pc.datagrams) } else { (robot.max_number, robot.datagrams) };
     Ok((PcConfig { max_number, datagrams, ..pc }, robot))

@@ -14,7 +14,7 @@ const ROBOT: &str = "kawasaki-msg robot";
 
 /// The assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
-    let (robot, pc) = (RobotConfig::TCP, PcConfig::TCP);
+    let (robot, pc) = (RobotConfig::tcp(), PcConfig::tcp());
     // Three resends, three pauses, a clear, and the alarm.
     let assumed = 8 * robot.patience + 3 * robot.pause;
     let step = |tenths: u32| {
@@ -56,7 +56,7 @@ impl JobSource for Nothing {
 }
 
 fn pc() -> LargePc<Nothing> {
-    let mut pc = LargePc::with_ranges(PcConfig::TCP, Default::default()).expect("the default can work");
+    let mut pc = LargePc::with_ranges(PcConfig::tcp(), Default::default()).expect("the default can work");
     pc.handle_connected(Duration::ZERO);
     pc
 }
@@ -76,7 +76,7 @@ fn is_read(apart: Duration) -> Option<&'static str> {
 
 /// A robot that was asked to begin an order, and has sent its request for jobs; and when it did.
 fn asking() -> (Native, Duration) {
-    let mut robot = Native::begin(RobotConfig::TCP, 4, 0);
+    let mut robot = Native::begin(RobotConfig::tcp(), 4, 0);
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     let begun = send(&mut robot, Duration::ZERO);
@@ -134,7 +134,7 @@ fn reports(without: Duration, event: fn(&RobotEvent) -> bool) -> bool {
 
 /// A robot that was just started, over datagrams, and whose program reads them at once.
 fn is_ignored(late: Duration) -> Option<&'static str> {
-    let mut robot = Native::begin(RobotConfig::UDP, 4, 0);
+    let mut robot = Native::begin(RobotConfig::udp(), 4, 0);
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     let mut now = Duration::ZERO;

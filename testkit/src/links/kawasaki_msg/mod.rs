@@ -98,14 +98,14 @@ fn tcp(starts: &[u16], jobs: u32, faults: Faults) -> Setup {
         reconnect_delay: TICK,
         // Only a repeated status repairs a corrupt acknowledgement.
         status_period: if faults.corrupt_up { TICK * 4 } else { Duration::MAX },
-        ..RobotConfig::TCP
+        ..RobotConfig::tcp()
     };
     let pc = PcConfig {
         max_number: 3,
         reply_delay: Duration::ZERO,
         silence: TICK * 6,
         start_retries: 2,
-        ..PcConfig::TCP
+        ..PcConfig::tcp()
     };
     Setup {
         robot,

@@ -125,7 +125,7 @@ impl Rows for Pc {
     }
 
     fn config() -> PcConfig {
-        PcConfig { max_number: 63, reply_delay: Duration::ZERO, ..PcConfig::TCP }
+        PcConfig { max_number: 63, reply_delay: Duration::ZERO, ..PcConfig::tcp() }
     }
 
     fn column_at(machine: &Machine, now: Duration, input: &Input) -> String {
@@ -263,7 +263,7 @@ impl Rows for Robot {
     }
 
     fn config() -> RobotConfig {
-        RobotConfig { max_number: 63, ..RobotConfig::TCP }
+        RobotConfig { max_number: 63, ..RobotConfig::tcp() }
     }
 
     fn column_at(machine: &robot::Machine, now: Duration, input: &robot::Input) -> String {

@@ -68,7 +68,7 @@ impl Handled for kawasaki::Pc<Line, ()> {
     }
 
     fn spawn(plug: Plug) -> Self {
-        let (pc, task) = kawasaki::pc(PcConfig::TCP, (), plug).unwrap();
+        let (pc, task) = kawasaki::pc(PcConfig::tcp(), (), plug).unwrap();
         tokio::spawn(task.run());
         pc
     }

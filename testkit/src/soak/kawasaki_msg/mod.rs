@@ -170,8 +170,8 @@ fn session<C: Controller>(seed: u64, datagrams: bool, peer: Peer, log: Log) -> T
 impl<C: Controller> Cell<C> {
     fn new(seed: u64, datagrams: bool, peer: Peer, rng: &mut Rng, log: Log) -> Self {
         let (robot, pc) = match datagrams {
-            false => (RobotConfig::TCP, PcConfig::TCP),
-            true => (RobotConfig::UDP, PcConfig::UDP),
+            false => (RobotConfig::tcp(), PcConfig::tcp()),
+            true => (RobotConfig::udp(), PcConfig::udp()),
         };
         let (capacity, max_number) = [(1, 2), (3, 5), (10, 17), (32, 200), (32, 9999)][rng.below(5)];
         // Over datagrams a number must not come again while an old datagram may still name it.

@@ -61,8 +61,8 @@ pub struct Rig<C = Native> {
 impl Rig {
     /// A robot in Rust, as by default.
     pub fn new(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Self {
-        let pc = PcConfig { max_number, ..PcConfig::TCP };
-        Self::with(seed, faults, capacity, max_number, RobotConfig::TCP, pc)
+        let pc = PcConfig { max_number, ..PcConfig::tcp() };
+        Self::with(seed, faults, capacity, max_number, RobotConfig::tcp(), pc)
     }
 
     pub fn with(
@@ -237,5 +237,5 @@ impl<C: Controller> Rig<C> {
 /// The robot's controller restarted: nothing is left of its memory.
 pub fn restart<C: Controller>(rig: &mut Rig<C>, capacity: usize, max_number: u16) {
     rig.link.disconnect(rig.now);
-    rig.robot = C::begin(RobotConfig { max_number, ..RobotConfig::TCP }, capacity, 1);
+    rig.robot = C::begin(RobotConfig { max_number, ..RobotConfig::tcp() }, capacity, 1);
 }

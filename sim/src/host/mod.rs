@@ -17,7 +17,10 @@ use crate::simulator::{Simulator, Told};
 
 pub use self::attend::{Change, Endpoint, State, attend};
 pub use self::listener::{Arrival, Listener, probes, refuse};
-pub use self::serve::{MAX_CLIENTS, Server};
+pub use self::serve::Server;
+
+/// The number of clients that a [`Server`] serves at once; others are refused.
+pub const MAX_CLIENTS: usize = 1000;
 
 /// A session that a host runs: a [`Simulator`], or a session around one.
 pub trait Hosted: Session + Sized {

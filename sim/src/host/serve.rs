@@ -14,10 +14,7 @@ use slab::Slab;
 use super::carrier::Carrier;
 #[cfg(feature = "tls")]
 use super::handshakes::{self, Handshakes};
-use super::{Arrival, Ending, Hosted, Listener, Notice, Request, refuse};
-
-/// The number of clients that are served at once; others are refused.
-pub const MAX_CLIENTS: usize = 1000;
+use super::{Arrival, Ending, Hosted, Listener, MAX_CLIENTS, Notice, Request, refuse};
 
 /// A client whose requests do not end takes turns with the others after this many reads.
 const READS: usize = 16;

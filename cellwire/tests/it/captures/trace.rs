@@ -75,7 +75,7 @@ fn who_kept_it_is_its_name_or_told() {
     let ball = "# ball: the end\n05 # 0.001000 s received\n";
     let (lines, code, said) = decode("isra-ball", &[], ball);
     assert_eq!((lines.len(), code), (0, Some(0)));
-    assert_eq!(said, "skipped 1 bytes of the end that sends no messages\n");
+    assert_eq!(said, "skipped 1 byte of the end that sends no messages\n");
 }
 
 #[test]

@@ -35,7 +35,10 @@ fn what_would_make_an_error_is_refused_for_all_files() {
     folder.write("B.LS", &TEXT.replace("P[2]", "P[7]"));
     for (change, why) in [
         (["--replace", "P[1]=P[2]"], "error: A.LS: P[2] is already defined\n"),
-        (["--line", "4=IF R[5]=1"], "error: A.LS: this would be an error: line 6, column 17: "),
+        (
+            ["--line", "4=IF R[5]=1"],
+            "error: A.LS: this would be an error: expected `,` and an instruction, or `THEN`, in `4:  IF R[5]=1 ;`",
+        ),
         (["--line", "40=END"], "error: A.LS: there is no line 40\n"),
         (
             ["--speed", "100mm/sec=80%"],

@@ -45,7 +45,7 @@ pub const LINK: Link = Link {
         ("quantity", "FM-32"),
         ("coil_value", "FM-11"),
         ("more_follows", "FM-97"),
-        ("reference_type", "FM-104"),
+        ("reference_type", "FM-32"),
         ("function", "FM-32"),
         ("reply_byte_count", "FM-13"),
         ("mbap_length", "FM-28"),

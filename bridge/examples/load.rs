@@ -1,5 +1,5 @@
-//! Devices of all links, thousands in one thread: what a bridge is measured with. For each link it listens once, and serves each client that
-//! connects with the session of the device's end.
+//! Devices of all links, thousands in one thread, as the load with which a bridge is measured. For each link it listens once, and
+//! serves each client that connects with the session of the device's end.
 //!
 //! `cargo run --release -p cellwire-bridge --example load` prints where, as one line of JSON, and serves until it is killed.
 
@@ -28,7 +28,7 @@ const KINDS: [Kind; 7] = [
     ("laser-eb90", "controller", None),
     ("mmacell-proto", "device", None),
     ("isra-ball", "ball", Some(("measure", Duration::from_millis(100)))),
-    // What was begun goes on by itself, in its cycles of 28 ms.
+    // The exchange that was begun goes on by itself, in its cycles of 28 ms.
     ("val2-alter", "controller", Some(("start", Duration::from_secs(5)))),
     // Without an answer it asks again after a pause of 2 s.
     ("val2-viewer", "workstation", Some(("draw", Duration::from_secs(3)))),

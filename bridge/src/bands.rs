@@ -12,8 +12,8 @@ use crate::payload::{Kind, Value};
 pub struct Bands(HashMap<&'static str, f64>);
 
 impl Bands {
-    /// From the site file: a metric, or a folder of metrics, and its dead band. The longest name that fits counts; what has none is
-    /// reported whenever it changes.
+    /// Makes the dead bands from the site file, by metric or folder of metrics. The longest name that fits counts; a metric
+    /// without a dead band is reported whenever it changes.
     ///
     /// # Errors
     /// When a name is neither a metric nor a folder, or a metric without a dead band.
@@ -63,7 +63,7 @@ fn is_exception(last: &Value, value: &Value, band: f64) -> bool {
         Value::Boolean(_) | Value::String(_) => None,
     };
     match (number(last), number(value)) {
-        // A value that is no number is an exception, too.
+        // A change that is not a number is an exception, too.
         (Some(last), Some(value)) => {
             let change = (value - last).abs();
             change.is_nan() || change > band

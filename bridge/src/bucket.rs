@@ -23,14 +23,14 @@ impl Bucket {
         Self { tokens: rate.burst.into(), at: now }
     }
 
-    /// How many there are now.
+    /// Returns the number of tokens now.
     pub fn left(&self, rate: Rate, now: u64) -> f64 {
         // A clock that is set back gives none.
         let seconds = core::time::Duration::from_millis(now.saturating_sub(self.at)).as_secs_f64();
         (self.tokens + seconds * rate.per_second).min(rate.burst.into())
     }
 
-    /// Takes one. False where there is none.
+    /// Takes a token; returns false if there is less than one.
     pub fn take(&mut self, rate: Rate, now: u64) -> bool {
         (self.tokens, self.at) = (self.left(rate, now), now);
         let is_there = self.tokens >= 1.0;

@@ -18,9 +18,9 @@ use super::site;
 /// A cell, as the hub knows it.
 #[derive(Debug)]
 pub struct Cell {
-    /// Its name: Sparkplug's device.
+    /// The name of the cell: Sparkplug's device.
     pub name: String,
-    /// Its link.
+    /// The link of the cell.
     pub link: String,
     /// Every metric that it may report.
     pub definitions: Vec<Definition>,
@@ -28,9 +28,9 @@ pub struct Cell {
     pub values: HashMap<&'static str, (u64, Value)>,
     /// Whether its link is connected.
     pub is_connected: bool,
-    /// Since when that is so, in milliseconds since 1970 UTC.
+    /// The time since which `is_connected` has this value, in milliseconds since 1970 UTC.
     pub since: u64,
-    /// Why its link is not connected.
+    /// The reason why the link is not connected.
     pub why: String,
     /// Whether the broker has its birth.
     pub is_born: bool,
@@ -54,23 +54,23 @@ pub struct Cell {
     pub commands: UnboundedSender<Command>,
     /// Its task is to end.
     pub stop: watch::Sender<bool>,
-    /// Its task.
+    /// The task of the cell.
     pub task: Option<JoinHandle<()>>,
     /// The site file has it no more, or as another one: which is begun when the task has ended.
     pub next: Next,
 }
 
-/// What becomes of a cell.
+/// The next state of a cell.
 #[derive(Debug, Default)]
 pub enum Next {
-    /// It goes on.
+    /// The cell goes on.
     #[default]
     Same,
-    /// It is in the site file no more.
+    /// The cell is not in the site file any more.
     Gone,
-    /// It is not this bridge's now.
+    /// The cell is not this bridge's now.
     Away,
-    /// It is another one.
+    /// The cell is replaced by another one.
     Another(Box<(site::Cell, Client)>),
 }
 
@@ -109,13 +109,13 @@ impl Cell {
         }
     }
 
-    /// What stands for a metric, for the cell of this place: no two metrics of a node have the same.
+    /// Returns the alias of a metric, for the cell of this index: no two metrics of a node have the same alias.
     pub fn alias(&self, place: usize, name: &str) -> Option<u64> {
         let metric = self.definitions.iter().position(|definition| definition.name == name)?;
         Some((place as u64 + 1) << 16 | metric as u64)
     }
 
-    /// The metric that an alias stands for.
+    /// Returns the metric of an alias.
     pub fn by_alias(&self, place: usize, alias: u64) -> Option<&'static str> {
         self.definitions.iter().map(|it| it.name).find(|name| self.alias(place, name) == Some(alias))
     }

@@ -103,7 +103,7 @@ fn run(file: &Path, check: bool) -> Result<()> {
     hub.run()
 }
 
-/// What a start would do with the store, if there is one; a damaged one is an error.
+/// Reports the effect that a start would have on the store, if there is one; a damaged store is an error.
 fn check_store(site: &Site) -> Result<()> {
     let StoreSettings { file, bytes: most } = &site.store;
     let records = store::beside(file);
@@ -140,7 +140,7 @@ fn check_store(site: &Site) -> Result<()> {
     log(&json!({"store": file, "records": count, "bytes": used, "dropped_orphans": orphans}))
 }
 
-/// What can be set of the cells of each link, for the end of the long help.
+/// Returns the settings of the cells of each link, for the end of the long help.
 fn settings() -> String {
     let link =
         |(name, settings): (&str, Vec<_>)| format!("Settings of a cell of {name}:\n\n{}\n", lines(&settings));

@@ -1,10 +1,11 @@
 //! Commands of the broker: each is remembered before it is given to a link, so that none is executed twice.
 //!
-//! A command has an id that its sender uses once, and a time: the one in the id, or else that of the message, which is another one each
-//! time that it is sent. The id is in the store, safely on the disk, before the cell has the command. The same id again only has its outcome
-//! reported again, also by the next process, and also if it was refused; a command without an outcome when a process ends is unknown.
-//! A command whose time is further from now than [`max_age`](super::site::Commands::max_age), an hour at the most, is refused, and so is one
-//! that is not later than every one that was forgotten. docs/bridge.md has the clauses.
+//! A command has an id that its sender uses once, and a time: the one in the id, otherwise that of the message, which differs
+//! each time that the message is sent. The id is in the store, safely on the disk, before the cell has the command. If the same
+//! id arrives again, only its outcome is reported again, even by the next process, and even if the command was refused; a command
+//! without an outcome when a process ends is unknown. A command whose time is further from now than
+//! [`max_age`](super::site::Commands::max_age), an hour at the most, is refused, and so is one that is not later than every one
+//! that was forgotten. docs/bridge.md has the clauses.
 
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
@@ -25,10 +26,10 @@ use crate::store::Batch;
 /// The longest id, in bytes.
 const LONGEST_ID: usize = 64;
 
-/// What is known of the commands of each cell.
+/// The known commands of each cell.
 #[derive(Debug)]
 pub struct Commands {
-    /// In milliseconds.
+    /// The maximum age of a command in milliseconds.
     max_age: u64,
     rate: Rate,
     /// The time of the latest command that was not refused.
@@ -54,7 +55,7 @@ pub struct Told {
 pub struct Interrupted {
     /// The cell.
     pub cell: String,
-    /// What is to be reported.
+    /// The metrics to report.
     pub report: Vec<Named>,
 }
 
@@ -67,7 +68,7 @@ pub struct Write<'a> {
     pub is_allowed: bool,
     /// The metrics.
     pub payload: &'a Payload,
-    /// Why it is no command that may be obeyed, if it is none.
+    /// The reason to refuse the command, if there is one.
     pub unfit: Option<&'a str>,
     /// Whether several bridges share the cell.
     pub is_shared: bool,
@@ -75,16 +76,16 @@ pub struct Write<'a> {
     pub unread: Option<&'a str>,
 }
 
-/// What is to be done about a message that writes metrics of a cell.
+/// The decision about a message that writes metrics of a cell.
 #[derive(Debug, PartialEq)]
 pub enum Decision {
     /// The command is in the batch: once that is written, give it to the cell, and report this.
     Give(Command, Vec<Named>),
-    /// Its id is known: report what became of it.
+    /// The id of the command is known: report its outcome.
     Report(Vec<Named>),
-    /// It is refused, for a reason that has this name in the metrics: report this.
+    /// The command is refused, for a reason that has this name in the metrics: report this.
     Refuse(&'static str, Vec<Named>),
-    /// It is no command that could be reported by an id, and why.
+    /// The message is not a command that could be reported by an id; the reason.
     Strange(String),
 }
 
@@ -235,7 +236,8 @@ impl Commands {
         report
     }
 
-    /// The commands of a cell whose thread has ended: those without an outcome have none. What is to be reported of each.
+    /// Ends the commands of a cell whose thread has ended: those without an outcome are unknown from now on. Returns the report
+    /// of each.
     pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<Named>> {
         let unfinished = self.known.get_mut(cell).into_iter().flat_map(|known| known.unfinished(true));
         let over = |(id, entry): (&String, &mut Entry)| {
@@ -246,12 +248,12 @@ impl Commands {
         unfinished.map(over).collect()
     }
 
-    /// What became of a command.
+    /// Returns the command of this id, with its outcome.
     pub fn entry(&self, cell: &str, id: &str) -> Option<&Entry> {
         self.known.get(cell)?.get(id)
     }
 
-    /// The pages of the ledger.
+    /// Returns the pages of the ledger.
     pub fn pages(&self) -> RangeInclusive<u64> {
         self.ledger.pages()
     }
@@ -265,13 +267,13 @@ impl Commands {
         self.ledger.page(page).filter_map(told).collect()
     }
 
-    /// The time of the latest command that was given, here or by another bridge, as far as is known.
+    /// Returns the time of the latest command that was given, here or by another bridge, as far as is known.
     pub fn latest(&self) -> u64 {
         self.latest
     }
 
-    /// What another bridge says of a command. Who has given it knows best; what was given is more than what was refused, since only one
-    /// bridge gives it.
+    /// Records another bridge's report of a command. If this bridge has given the command to its cell, its own outcome stands; a
+    /// refusal is replaced by any other outcome, since only one bridge gives a command to the cell.
     pub fn hear(&mut self, cell: &str, id: &str, entry: Entry, now: u64, batch: &mut Batch) {
         let known = self.known.entry(cell.to_owned()).or_default();
         let is_news = known.get(id).is_none_or(|before| match (before.outcome, entry.outcome) {

@@ -26,7 +26,7 @@ pub struct Words {
 pub struct Record {
     /// The cell's name.
     pub cell: String,
-    /// What it reports.
+    /// The metrics that the cell reports.
     pub metrics: Vec<Metric>,
 }
 
@@ -52,7 +52,7 @@ struct Item {
 }
 
 impl Words {
-    /// Those of the store.
+    /// Reads the words of the store.
     ///
     /// # Errors
     /// When the store cannot be read.

@@ -25,20 +25,21 @@ pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
 
 /// How many reasons of a device that does not answer are reported.
 const REASONS: usize = 20;
-/// How often a report without room is tried again, and a task that is to end looks for the outcome of its command.
+/// The interval at which a report that does not fit is tried again, and at which a task that is to end looks for its command's
+/// outcome.
 const AGAIN: Duration = Duration::from_millis(10);
 
-/// When a cell's task is to end.
+/// The condition on which a cell's task ends.
 #[derive(Debug, Clone)]
 pub struct Stop {
-    /// It is told to, or its cell is gone.
+    /// True when the task is to end; closed when its cell is gone.
     told: watch::Receiver<bool>,
-    /// What a cell that bridges share has to have.
+    /// The lease, if several bridges share the cell.
     lease: Option<Arc<Lease>>,
 }
 
 impl Stop {
-    /// When it is told to, or the lease is lost.
+    /// Makes the condition: `told` is true or closed, or the lease is lost.
     pub fn new(told: watch::Receiver<bool>, lease: Option<Arc<Lease>>) -> Self {
         Self { told, lease }
     }
@@ -47,7 +48,7 @@ impl Stop {
         *self.told.borrow() || self.told.has_changed().is_err() || self.is_lost()
     }
 
-    /// The cell may be another bridge's.
+    /// Returns whether the cell may be another bridge's.
     fn is_lost(&self) -> bool {
         self.lease.as_ref().is_some_and(|lease| !lease.holds())
     }
@@ -264,13 +265,13 @@ impl End {
         self.link(state, true, &serde_json::json!({"event": "connected", "place": place}));
     }
 
-    /// The connection has ended, or there is none.
+    /// Reports that there is no connection, or that it has ended.
     pub fn unlinked(&self, why: &str) {
         self.state().is_linked = false;
         self.disconnected(why);
     }
 
-    /// The device does not answer, and why: one record, and a line of the log for each reason.
+    /// Reports that the device does not answer, and why: one record, and a line of the log for each reason.
     pub fn disconnected(&self, why: &str) {
         let state = &mut *self.state();
         state.is_alive = false;

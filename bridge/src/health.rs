@@ -43,24 +43,24 @@ pub struct Figures {
     pub is_stuck: bool,
     /// The connection to the broker.
     pub uplink: Counts,
-    /// Commands by what became of them.
+    /// The numbers of commands by outcome.
     pub commands: BTreeMap<&'static str, u64>,
     /// The latest commands, the latest first.
     pub latest: Vec<Latest>,
     /// The cells.
     pub cells: Vec<CellHealth>,
-    /// Those that bridges share, if this one does.
+    /// The numbers of shared cells, if this bridge shares cells.
     pub shared: Option<Shared>,
 }
 
-/// How many of the cells that bridges share are where, as far as this bridge knows.
+/// The numbers of shared cells by their bridge, as far as this bridge knows.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Shared {
-    /// This bridge has them.
+    /// The cells that this bridge has.
     pub here: u64,
-    /// Another one has.
+    /// The cells that another bridge has.
     pub elsewhere: u64,
-    /// None has.
+    /// The cells that no bridge has.
     pub nobody: u64,
 }
 
@@ -73,30 +73,30 @@ pub struct BrokerHealth {
     pub group: String,
     /// Sparkplug's edge node.
     pub node: String,
-    /// Why nothing is published.
+    /// The reason why nothing is published.
     pub why: String,
 }
 
-/// How a cell is.
+/// The state of a cell.
 #[derive(Debug, Clone)]
 pub struct CellHealth {
-    /// Its name.
+    /// The name of the cell.
     pub name: String,
-    /// Its link.
+    /// The link of the cell.
     pub link: String,
-    /// Its link is connected.
+    /// The link of the cell is connected.
     pub is_connected: bool,
-    /// Since when that is so, in milliseconds since 1970 UTC.
+    /// The time since which `is_connected` has this value, in milliseconds since 1970 UTC.
     pub since: u64,
-    /// Why it is not.
+    /// The reason why the link is not connected.
     pub why: String,
-    /// When its last record was made; 0: none since the bridge was started.
+    /// The time of the cell's last record; 0: no record since the bridge was started.
     pub last_at: u64,
-    /// The number of its last record.
+    /// The number of the cell's last record.
     pub number: u64,
-    /// How many commands it takes now.
+    /// The number of commands that the cell takes now.
     pub commands_left: f64,
-    /// Its commands that were refused at once, by why.
+    /// The commands of the cell that were refused at once, by reason.
     pub refusals: Vec<(&'static str, u64)>,
     /// Its records that wait because the broker refuses its topic.
     pub held: usize,
@@ -137,7 +137,7 @@ impl Health {
 }
 
 impl Figures {
-    /// What the page shows, as an event: one line.
+    /// Returns the contents of the page as an event: one line.
     fn event(&self) -> String {
         let cell = |cell: &CellHealth| {
             json!({

@@ -13,21 +13,21 @@ pub struct Holds(HashMap<usize, Hold>);
 
 #[derive(Debug)]
 struct Hold {
-    /// Its records that wait.
+    /// The cell's records that wait.
     keys: BTreeSet<u64>,
-    /// The one of them that is on its way.
+    /// The record that is on its way as a trial.
     trial: Option<u64>,
     try_at: Instant,
 }
 
-/// What a refused record means.
+/// The meaning of a refused record.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// Its cell is held from now on.
+    /// The record's cell is held from now on.
     Begins,
-    /// It was the trial.
+    /// The record was the trial.
     Trial,
-    /// It was on its way when the cell's first one was refused.
+    /// The record was on its way when the cell's first one was refused.
     Another,
 }
 

@@ -25,11 +25,11 @@ use tokio::time::{Interval, interval, sleep};
 const MOST: usize = 16;
 /// The longest head of a request, in bytes.
 const HEAD: usize = 8 * 1024;
-/// How long a connection lasts at most: one request and its answer.
+/// The longest time of a connection: one request and its answer.
 const LONGEST: Duration = Duration::from_secs(5);
 /// How often live data is sent, until the client goes; one that has not taken anything for [`LONGEST`] is dropped.
 const EVERY: Duration = Duration::from_secs(1);
-/// What the system keeps for a client that does not read, in bytes.
+/// The bytes that the system buffers for a client that does not read.
 const UNREAD: usize = 64 * 1024;
 /// A page loads everything from here, and must not be embedded elsewhere.
 const HEADERS: [(HeaderName, &str); 5] = [
@@ -157,7 +157,7 @@ struct Content<R> {
     live: Option<Live<R>>,
 }
 
-/// What follows, again and again. It is asked for more when what there was is written.
+/// A body that is rendered again at each interval, after the previous content was written.
 struct Live<R> {
     every: Interval,
     path: String,

@@ -20,18 +20,18 @@ pub struct Commands(VecDeque<Latest>);
 pub struct Latest {
     /// The cell.
     pub cell: String,
-    /// Its id.
+    /// The id of the command.
     pub id: String,
-    /// When it came, in milliseconds since 1970 UTC.
+    /// The time at which the command arrived, in milliseconds since 1970 UTC.
     pub at: u64,
-    /// What became of it.
+    /// The outcome of the command.
     pub outcome: Outcome,
-    /// Why, or nothing.
+    /// The reason for the outcome, or nothing.
     pub detail: String,
 }
 
 impl Commands {
-    /// A command has this outcome now.
+    /// Notes the outcome that a command has now.
     pub fn note(&mut self, cell: &str, id: &str, at: u64, outcome: Outcome, detail: &str) {
         let (id, detail) = (cut(id), cut(detail));
         if let Some(known) = self.0.iter_mut().find(|known| known.cell == cell && known.id == id) {
@@ -40,13 +40,13 @@ impl Commands {
         }
         self.0.push_front(Latest { cell: cell.into(), id, at, outcome, detail });
         if self.0.len() > MOST {
-            // Those under way are shown for as long as they are.
+            // Remove the oldest command that is not under way.
             let over = self.0.iter().rposition(|known| known.outcome != Outcome::Accepted);
             self.0.remove(over.unwrap_or(MOST));
         }
     }
 
-    /// The latest first.
+    /// Returns the commands, the latest first.
     pub fn list(&self) -> Vec<Latest> {
         self.0.iter().cloned().collect()
     }

@@ -1,4 +1,4 @@
-//! The metrics of a cell: what it may ever report has a name and a kind from its birth on.
+//! The metrics of a cell: each metric that it may ever report has a name and a kind from its birth on.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -7,30 +7,30 @@ use super::payload::{Kind, Value};
 /// A metric that a cell has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Definition {
-    /// Its name; folders are separated by a slash.
+    /// The name of the metric; folders are separated by a slash.
     pub name: &'static str,
-    /// What its values are.
+    /// The kind of the metric's values.
     pub kind: Kind,
 }
 
 /// A value of a metric, by its name.
 pub type Named = (&'static str, Value);
 
-/// The number of a record: each record of a cell has one more than the one before, also after a restart.
+/// The number of a record: each record of a cell has one more than the previous one, even after a restart.
 pub const NUMBER: &str = "Record/Number";
 /// The store that numbers the records: another one begins at 1 again.
 pub const STORE: &str = "Record/Store";
 /// Whether the link to the device is connected.
 pub const CONNECTED: &str = "Link/Connected";
-/// Something has happened: an object of JSON.
+/// An event: an object of JSON.
 pub const EVENT: &str = "Event";
-/// To be written: a command, an object of JSON.
+/// A command, which is written to the cell: an object of JSON.
 pub const REQUEST: &str = "Command/Request";
-/// The command that the outcome is of.
+/// The id of the command that an outcome belongs to.
 pub const COMMAND: &str = "Command/Id";
-/// What became of it.
+/// The outcome of the command.
 pub const OUTCOME: &str = "Command/Outcome";
-/// And why.
+/// The reason for the outcome.
 pub const DETAIL: &str = "Command/Detail";
 
 /// The metrics of every cell.

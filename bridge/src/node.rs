@@ -28,13 +28,13 @@ pub struct Node {
 /// A message to publish. Its number is used up by [`Node::published`].
 #[derive(Debug, PartialEq)]
 pub struct Publication {
-    /// Its topic.
+    /// The topic of the message.
     pub topic: String,
-    /// Its content.
+    /// The payload of the message.
     pub payload: Vec<u8>,
 }
 
-/// What a message of the broker is to the node.
+/// The meaning of a message from the broker.
 #[derive(Debug, PartialEq)]
 pub enum Received {
     /// All births are requested again.
@@ -45,19 +45,19 @@ pub enum Received {
         device: String,
         /// The metrics.
         payload: Payload,
-        /// Why it is no command that may be obeyed, if it is none.
+        /// The reason to refuse the command, if there is one.
         unfit: Option<String>,
     },
-    /// Whether a host application is online, and since when it is so, in milliseconds since 1970 UTC.
+    /// The state of a host application.
     State {
         /// The host application.
         host: String,
-        /// It is.
+        /// Whether the host application is online.
         online: bool,
-        /// Since then.
+        /// The time since which it is so, in milliseconds since 1970 UTC.
         timestamp: u64,
     },
-    /// Nothing that it understands, and why.
+    /// The node does not understand the message; the reason.
     Strange(String),
     /// A retained message was cleared.
     Nothing,
@@ -105,7 +105,7 @@ impl Node {
         self.numbered("NBIRTH", None, metrics)
     }
 
-    /// The birth of a device: all its metrics, with the values of now. What has none is null.
+    /// Returns the birth of a device: all its metrics, with their values now. A metric without a value is null.
     pub fn device_birth<'a>(
         &self,
         device: &str,

@@ -1,4 +1,4 @@
-//! Notifications to systemd for a service of `Type=notify`: ready, watchdog, stopping. Without systemd there are none.
+//! Notifications to systemd for a service of `Type=notify`: ready, watchdog, stopping. Without systemd nothing is sent.
 
 use std::env;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub(crate) struct Notify {
     socket: Option<PathBuf>,
-    /// From one sign of life to the next.
+    /// The time from one sign of life to the next.
     interval: Option<Duration>,
     due: Instant,
 }
@@ -21,20 +21,20 @@ impl Notify {
         Self { socket: env::var_os("NOTIFY_SOCKET").map(PathBuf::from), interval, due: Instant::now() }
     }
 
-    /// Says it, once.
+    /// Sends a notification, once.
     pub(crate) fn say(&self, what: &str) {
         #[cfg(unix)]
         if let Some(place) = &self.socket
             && let Ok(socket) = std::os::unix::net::UnixDatagram::unbound()
         {
-            // Who does not listen has no use for it.
+            // Ignore an error: a socket on which no program listens has no use for the notification.
             let _ = socket.send_to(what.as_bytes(), place);
         }
         #[cfg(not(unix))]
         let _ = (&self.socket, what);
     }
 
-    /// A sign of life, where it is time for one.
+    /// Sends a sign of life if it is time for one.
     pub(crate) fn lives(&mut self, now: Instant) {
         if let Some(interval) = self.interval
             && now >= self.due

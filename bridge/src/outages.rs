@@ -1,31 +1,31 @@
-//! Which reasons of a connection that is lost are logged: each once, and not each attempt.
+//! Limits the log of connection failures: each reason is logged once per outage, not once per attempt.
 
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// A connection that has lasted this long was one: what ends it is news again. After this long without one, what the log says last is not
-/// that there is one.
+/// After a connection that has lasted this long, reasons that were logged before are logged again. The same applies after this
+/// time without a connection if the last line of the log says that there is one.
 const LASTING: Duration = Duration::from_secs(60);
 
-/// What was logged.
+/// The reasons that were logged during an outage.
 #[derive(Debug, Default)]
 pub struct Outages {
-    /// Why there is no connection, each time that it was logged.
+    /// The reasons why there is no connection, as logged.
     logged: HashSet<String>,
-    /// Since when there is a connection, or none.
+    /// Whether there is a connection, and the time since which that is so.
     since: Option<(bool, Instant)>,
-    /// The log says last that there is one.
+    /// The last line of the log says that there is a connection.
     says_connected: bool,
 }
 
 impl Outages {
-    /// There is a connection. Whether that is to be logged.
+    /// Records that the connection is up; returns whether to log it.
     pub fn over(&mut self, now: Instant) -> bool {
         self.since = Some((true, now));
         !core::mem::replace(&mut self.says_connected, true)
     }
 
-    /// There is none, and why. Whether that is to be logged.
+    /// Records that the connection is down; returns whether to log the reason.
     pub fn is_news(&mut self, why: &str, now: Instant) -> bool {
         let lasted = self.since.filter(|(_, since)| now.saturating_duration_since(*since) >= LASTING);
         if lasted.is_some_and(|(was_connected, _)| was_connected || self.says_connected) {
@@ -52,10 +52,10 @@ mod tests {
         assert!(
             outages.is_news("b", at(1)) && !outages.is_news("a", at(2)) && !outages.is_news("b", at(100))
         );
-        // A connection that does not last is no other outage.
+        // A connection that does not last does not begin another outage.
         assert!(outages.over(at(101)) && !outages.is_news("a", at(102)));
         assert!(!outages.over(at(103)) && !outages.is_news("b", at(104)));
-        // But the log is not to end with "connected" where there is none.
+        // The log must not end with "connected" while there is no connection.
         assert!(
             !outages.is_news("b", at(163)) && outages.is_news("b", at(164)) && !outages.is_news("b", at(165))
         );

@@ -6,10 +6,10 @@ use prost::{Message, Oneof};
 /// A message's payload.
 #[derive(Clone, PartialEq, Message)]
 pub struct Payload {
-    /// When it was sent, in milliseconds since 1970 UTC.
+    /// The time at which the message was sent, in milliseconds since 1970 UTC.
     #[prost(uint64, optional, tag = "1")]
     pub timestamp: Option<u64>,
-    /// What it says.
+    /// The metrics of the message.
     #[prost(message, repeated, tag = "2")]
     pub metrics: Vec<Metric>,
     /// The number of the message, 0 to 255.
@@ -20,19 +20,19 @@ pub struct Payload {
 /// A named value.
 #[derive(Clone, PartialEq, Message)]
 pub struct Metric {
-    /// Its name; missing where an alias stands for it.
+    /// The name of the metric; missing if an alias stands for it.
     #[prost(string, optional, tag = "1")]
     pub name: Option<String>,
-    /// What stands for the name since the last birth.
+    /// The alias that stands for the name since the last birth.
     #[prost(uint64, optional, tag = "2")]
     pub alias: Option<u64>,
-    /// When the value was read, in milliseconds since 1970 UTC.
+    /// The time at which the value was read, in milliseconds since 1970 UTC.
     #[prost(uint64, optional, tag = "3")]
     pub timestamp: Option<u64>,
     /// A [`Kind`].
     #[prost(uint32, optional, tag = "4")]
     pub datatype: Option<u32>,
-    /// It was stored without a connection: it is not the current value.
+    /// The value was stored without a connection: it is not the current one.
     #[prost(bool, optional, tag = "5")]
     pub is_historical: Option<bool>,
     /// There is no value.
@@ -49,10 +49,10 @@ pub struct Metric {
 /// Named properties of a metric: a key and a value each, in two lists.
 #[derive(Clone, PartialEq, Message)]
 pub struct Properties {
-    /// Their names.
+    /// The names of the properties.
     #[prost(string, repeated, tag = "1")]
     pub keys: Vec<String>,
-    /// Their values.
+    /// The values of the properties.
     #[prost(message, repeated, tag = "2")]
     pub values: Vec<Property>,
 }
@@ -60,7 +60,7 @@ pub struct Properties {
 /// The value of a property, as far as the bridge has any: a number of 32 bits.
 #[derive(Clone, PartialEq, Message)]
 pub struct Property {
-    /// Sparkplug's number of its type.
+    /// Sparkplug's number of the value's type.
     #[prost(uint32, optional, tag = "1")]
     pub datatype: Option<u32>,
     /// The value.
@@ -68,11 +68,11 @@ pub struct Property {
     pub value: Option<u32>,
 }
 
-/// What a value is worth, with Sparkplug's numbers; what has no such property is good.
+/// The quality of a value, with Sparkplug's numbers; a value without this property is good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Quality {
-    /// The device reports what cannot be.
+    /// The device reports implausible values.
     Bad = 0,
     /// The device does not answer.
     Stale = 500,
@@ -153,7 +153,7 @@ impl Metric {
         }
     }
 
-    /// A metric without a value, and why it has none.
+    /// Returns a metric without a value; the quality is the reason.
     pub fn null(name: &str, kind: Kind, timestamp: u64, quality: Quality) -> Self {
         // Int32.
         let quality = Property { datatype: Some(3), value: Some(quality as u32) };
@@ -161,7 +161,7 @@ impl Metric {
         Self { properties: Some(properties), ..Self::new(name, kind, timestamp, None) }
     }
 
-    /// The number of its quality, of what has no value.
+    /// Returns the number of the quality of a metric without a value.
     pub fn quality(&self) -> Option<u32> {
         self.properties.as_ref()?.values.first()?.value
     }

@@ -1,11 +1,11 @@
-//! A record as plain JSON, for who does not read Sparkplug.
+//! Records as plain JSON, for subscribers that do not decode Sparkplug.
 
 use serde_json::{Map, Value as Json, json};
 
 use crate::metric::NUMBER;
 use crate::payload::{Metric, Value};
 
-/// The message of a record of a cell.
+/// Returns the message of a record of a cell.
 pub fn message(cell: &str, metrics: &[Metric], is_historical: bool) -> Vec<u8> {
     let mut values = Map::new();
     let (mut number, mut time) = (Json::Null, None);

@@ -1,28 +1,28 @@
-//! Records that the broker refuses: those that it may take later are tried for a while.
+//! Records that the broker refuses: those that it may take later are retried for a while.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-/// How long a record is tried that is refused for a reason that may pass, such as a quota. The others wait behind it.
+/// The time for which a record is retried if the reason of its refusal may pass, such as a quota. The records after it wait.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A record that is dropped because the broker refuses it for good.
 #[derive(Debug, PartialEq)]
 pub struct Apart {
-    /// Its key in the store.
+    /// The key of the record in the store.
     pub key: u64,
     /// The cell.
     pub place: usize,
-    /// Why.
+    /// The reason of the refusal.
     pub why: String,
 }
 
-/// When each was refused first.
+/// The time at which each record was refused first.
 #[derive(Debug, Default)]
 pub struct Refusals(HashMap<u64, Instant>);
 
 impl Refusals {
-    /// A record is refused now: whether that is for good.
+    /// Records that a record is refused now; returns whether that is for good.
     pub fn is_for_good(&mut self, key: u64, now: Instant) -> bool {
         let first = *self.0.entry(key).or_insert(now);
         now.saturating_duration_since(first) >= PATIENCE

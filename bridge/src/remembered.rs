@@ -16,11 +16,11 @@ use crate::store::Batch;
 /// Names of the store and their values.
 pub type Names = Vec<(String, String)>;
 
-/// In the store, before CELL/ID.
+/// The prefix of a name in the store, before CELL/ID.
 const PREFIX: &str = "command/";
-/// In the store, before the cell: what of it was forgotten.
+/// The prefix of a name in the store, before the cell: a summary of its forgotten commands.
 const FORGOTTEN: &str = "forgotten/";
-/// How long an outcome can be asked for.
+/// The time for which an outcome can be requested.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
 /// The number that is remembered: of those that make room for others, and of the others that are older than a day.
 pub const MOST: usize = 20_000;
@@ -40,14 +40,14 @@ pub struct Remembered {
 /// A command, as it is remembered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
-    /// When it was received.
+    /// The time at which the command was received.
     pub at: u64,
-    /// The time in its id, or that of the message.
+    /// The time in the command's id, or that of the message.
     #[serde(default)]
     pub sent: u64,
-    /// What became of it.
+    /// The outcome of the command.
     pub outcome: Outcome,
-    /// And why.
+    /// The reason for the outcome.
     pub detail: String,
     /// The bridge that it was given to, if that is another one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -74,7 +74,7 @@ pub fn time_of(id: &str) -> Option<u64> {
     u64::from_str_radix(&digits, 16).ok()
 }
 
-/// What is not remembered one by one.
+/// A summary of commands that are not remembered one by one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 struct Forgotten {
     /// The latest time of a command that was forgotten.
@@ -84,7 +84,7 @@ struct Forgotten {
 }
 
 impl Remembered {
-    /// What the store has of every cell.
+    /// Reads the commands of every cell from the store.
     ///
     /// # Errors
     /// When the store cannot be read.
@@ -122,20 +122,20 @@ impl Remembered {
         }
     }
 
-    /// Those that have no outcome: this bridge's, or those of others.
+    /// Returns the commands that have no outcome: this bridge's, or those of others.
     pub fn unfinished(&mut self, is_own: bool) -> impl Iterator<Item = (&String, &mut Entry)> {
         let is_wanted =
             move |entry: &Entry| entry.outcome == Outcome::Accepted && entry.by.is_empty() == is_own;
         self.entries.iter_mut().chain(&mut self.executed).filter(move |(_, entry)| is_wanted(entry))
     }
 
-    /// The time of the latest that was not refused, or was forgotten.
+    /// Returns the time of the latest command that was not refused, or was forgotten.
     pub fn latest(&self) -> u64 {
         let given = self.iter().filter(|(_, entry)| entry.outcome != Outcome::Refused);
         given.map(|(_, entry)| entry.sent).chain([self.forgotten.until]).max().unwrap_or_default()
     }
 
-    /// Commands until this time may have been given without being known here: what is not known and not later is refused.
+    /// Refuses unknown commands up to this time: they may have been given without being known here.
     pub fn bar(&mut self, cell: &str, until: u64, batch: &mut Batch) {
         if until > self.forgotten.until {
             self.forgotten.until = until;
@@ -143,7 +143,7 @@ impl Remembered {
         }
     }
 
-    /// Why a command of this time is refused, because of others that were forgotten.
+    /// Returns the reason why a command of this time is refused because of others that were forgotten, if there is one.
     pub fn bars(&self, sent: u64) -> Option<String> {
         let Forgotten { until, early } = self.forgotten;
         match early {

@@ -1,4 +1,4 @@
-//! What the threads of the bridge say to one another.
+//! The messages between the bridge's threads.
 
 use std::fmt;
 
@@ -9,40 +9,40 @@ use serde_json::{Map, Value as Json};
 use super::metric::Named;
 use crate::broker::Happened;
 
-/// What the hub takes.
+/// An input of the hub.
 #[derive(Debug)]
 pub enum Input {
     /// A report of the cell of this number.
     Cell(usize, Report),
-    /// Something has happened on the connection of this number.
+    /// An event of the connection of this number.
     Broker(u64, Happened),
 }
 
-/// What a cell reports.
+/// A report of a cell.
 #[derive(Debug, PartialEq)]
 pub struct Report {
-    /// When, in milliseconds since 1970 UTC.
+    /// The time of the report, in milliseconds since 1970 UTC.
     pub at: u64,
-    /// What.
+    /// The contents of the report.
     pub what: What,
 }
 
-/// What a cell reports.
+/// The contents of a report.
 #[derive(Debug, PartialEq)]
 pub enum What {
-    /// Values of its metrics.
+    /// Values of the cell's metrics.
     Values(Vec<Named>),
-    /// The event of a device that does not answer, as an object of JSON: it is no record.
+    /// The event of a device that does not answer, as an object of JSON: it is not a record.
     Failed(String),
-    /// What the device reports cannot be: its own metrics have no values.
+    /// The device reports implausible values: the cell's own metrics have no values.
     Bad(Vec<Named>),
-    /// What became of a command, and why.
+    /// The outcome of a command.
     Outcome {
         /// The command.
         id: String,
-        /// What became of it.
+        /// The outcome of the command.
         outcome: Outcome,
-        /// Why, or nothing.
+        /// The reason for the outcome, or nothing.
         detail: String,
     },
 }
@@ -50,11 +50,11 @@ pub enum What {
 /// A command for a cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Command {
-    /// Who orders it chooses this, and never uses it again.
+    /// The command's id. The sender chooses it and uses it once.
     pub id: String,
-    /// What is to be done; what can be depends on the link.
+    /// The order to execute; the possible orders depend on the link.
     pub order: Map<String, Json>,
-    /// Later it is not begun; in milliseconds since 1970 UTC.
+    /// The time after which the command is not begun, in milliseconds since 1970 UTC.
     pub until: u64,
 }
 
@@ -87,17 +87,17 @@ impl<'de> Deserialize<'de> for Order {
     }
 }
 
-/// What became of a command.
+/// The outcome of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It is kept in the store, and on its way to the device.
+    /// The command is in the store, and on its way to the device.
     Accepted,
-    /// The device has executed it, or has queued it where that is all that the link reports.
+    /// The device has executed the command, or has queued it if that is all that the link reports.
     Done,
-    /// It was not executed.
+    /// The command was not executed.
     Refused,
-    /// Some of it was executed, and the rest will not be.
+    /// Some of the command was executed, and the rest will not be.
     Partial,
     /// Unknown: it may have been executed or not, but not twice.
     Unknown,

@@ -4,9 +4,9 @@
 //!  │ frame │ frame │ frame │ …      frame: "cwR1", length, CRC-32, then a message of up to 64 records and of keys that were removed
 //! ```
 //!
-//! Frames have consecutive numbers. Which are needed, from the first with a record that was not removed on, is said by whoever opens the
-//! ring; what else is in the file is of an earlier lap. A frame that is missing is damage, unless the power may have taken it: what was
-//! written after the last [`sync`](Ring::sync).
+//! Frames have consecutive numbers. The caller that opens the ring states the range that is needed, which begins with the first
+//! frame whose records were not all removed; the other frames in the file are of an earlier lap. A frame that is missing is
+//! damage, unless a loss of power may have taken it: it was written after the last [`sync`](Ring::sync).
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use prost::Message;
 
 const MAGIC: [u8; 4] = *b"cwR1";
-/// What a frame has before its message: the magic word, the length of the message, its checksum.
+/// The bytes of a frame before its message: the magic word, the length of the message, its checksum.
 const HEAD: usize = 12;
 /// Frames begin at multiples of this.
 const ALIGN: u64 = 8;
@@ -24,7 +24,7 @@ const ALIGN: u64 = 8;
 const MOST: usize = 64;
 /// The file is read in pieces of this size when it is opened.
 const PIECE: usize = 1 << 20;
-/// What was written is on the disk after this long.
+/// The time after which a written frame is on the disk.
 pub const SYNC: Duration = Duration::from_millis(200);
 
 /// Records in a file.
@@ -48,10 +48,10 @@ pub struct Ring {
     length: u64,
 }
 
-/// What is kept of a ring elsewhere.
+/// The state of a ring, as it is kept elsewhere.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Known {
-    /// Of this ring alone.
+    /// A number of this ring alone.
     pub seed: u64,
     /// The number of the first frame that is needed.
     pub first: u64,
@@ -59,7 +59,7 @@ pub struct Known {
     pub end: u64,
     /// The key of the next record is this or higher.
     pub next: u64,
-    /// How often this was kept.
+    /// The number of times that the state was kept.
     pub commits: u64,
 }
 
@@ -75,7 +75,7 @@ struct Place {
     alive: u64,
 }
 
-/// What is written at once.
+/// The records and removals that are written at once.
 #[derive(Clone, PartialEq, Message)]
 struct Frame {
     #[prost(uint64, tag = "1")]
@@ -85,7 +85,7 @@ struct Frame {
     /// Frames below this number were on the disk when this one was written.
     #[prost(uint64, tag = "3")]
     synced: u64,
-    /// It counts only if the frames up to it are known elsewhere.
+    /// The frame counts only if the frames up to it are known elsewhere.
     #[prost(bool, tag = "4")]
     is_bound: bool,
     /// Keys that were removed: the first of some that follow one another, and how many.
@@ -93,7 +93,7 @@ struct Frame {
     removed: Vec<u64>,
     #[prost(bytes = "vec", repeated, tag = "6")]
     records: Vec<Vec<u8>>,
-    /// What is known of the ring was kept so often when this frame was written.
+    /// The number of times that the state of the ring had been kept when this frame was written.
     #[prost(uint64, tag = "7")]
     commits: u64,
 }
@@ -194,18 +194,18 @@ impl Ring {
         self.at = offset + length;
     }
 
-    /// What is to be kept elsewhere: from then on what is of no use before it may be written over.
+    /// Returns the state to keep elsewhere. Once it is kept, frames before the first needed one may be overwritten.
     pub fn known(&self) -> Known {
         let first =
             self.places.iter().find(|place| place.alive != 0).map_or(self.number, |place| place.number);
         Known { first, end: self.number, next: self.next, commits: self.known.commits + 1, ..self.known }
     }
 
-    /// Writes, where there is room, a frame that has nothing but how often what is known was kept: what is kept is then never an earlier
-    /// state in silence.
+    /// Writes, if there is free space, a frame that has only the number of times that the state was kept, so that an earlier
+    /// state does not take its place unnoticed.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// When the disk does not take the frame.
     pub fn mark(&mut self) -> io::Result<()> {
         let frame = self.pack(Frame { number: self.number, first: self.next, ..Frame::default() });
         let end = self.at + frame.len() as u64;
@@ -415,7 +415,7 @@ impl Ring {
         Ok(())
     }
 
-    /// The bytes of a frame, with what each one says of the frames before it.
+    /// Returns the bytes of a frame, with the fields that each frame has about those before it.
     fn pack(&self, frame: Frame) -> Vec<u8> {
         let frame = Frame { synced: self.synced, commits: self.known.commits, ..frame };
         pack(self.known.seed, &frame)

@@ -7,8 +7,8 @@ use std::time::Duration;
 use anyhow::Result;
 use cellwire_io::interrupt::{self, Policy};
 
-/// From now on SIGINT and SIGTERM are noted ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the
-/// remark. What is returned is true after each SIGHUP, where the system has that.
+/// Notes SIGINT and SIGTERM from now on ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the
+/// remark. Returns a flag that is true after each SIGHUP, if the system has that.
 ///
 /// # Errors
 /// When the system has no room for a thread.

@@ -31,18 +31,18 @@ const TOO_LARGE: u8 = 0x95;
 /// How many messages are in flight; a broker may ask for fewer.
 const IN_FLIGHT: u16 = 1000;
 
-/// Where the broker is, and who connects.
+/// The address of the broker, and the identity of the client.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Its name or address, which its certificate has to show.
+    /// The broker's name or address, which its certificate must contain.
     pub host: String,
-    /// Its port.
+    /// The broker's port.
     pub port: u16,
-    /// Where it is, if it is reached over a WebSocket.
+    /// The URL, if the broker is reached over a WebSocket.
     pub url: Option<String>,
     /// The client's name: a broker ends the connection of another client that has it.
     pub client: String,
-    /// Name and password.
+    /// The user name and password.
     pub login: Option<(String, Password)>,
     /// Without it the connection is not encrypted.
     pub tls: Option<Tls>,
@@ -50,18 +50,18 @@ pub struct Options {
     pub version: Version,
     /// After 1.5 times this without a message the broker considers the client disconnected.
     pub keep_alive: Duration,
-    /// What the broker publishes then: a topic and its message, with QoS 1.
+    /// The will: a topic and its message, which the broker publishes then with QoS 1.
     pub will: (String, Vec<u8>),
 }
 
 /// A version of MQTT.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize)]
 pub enum Version {
-    /// With reasons.
+    /// MQTT 5, which has reasons.
     #[default]
     #[serde(rename = "5")]
     Five,
-    /// Without.
+    /// MQTT 3.1.1, which has no reasons.
     #[serde(rename = "3.1.1")]
     Three,
 }
@@ -79,58 +79,58 @@ pub struct Tls {
     pub client: Option<(Vec<u8>, Password)>,
 }
 
-/// What has happened on a connection.
+/// An event of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Happened {
-    /// The broker has accepted it, and takes packets of this many bytes, if it says so.
+    /// The broker has accepted the connection. The maximum packet size in bytes, if the broker states one.
     Connected(Option<u32>),
     /// The broker has accepted every subscription.
     Subscribed,
     /// A message.
     Message {
-        /// Its topic.
+        /// The topic of the message.
         topic: String,
-        /// Its content.
+        /// The payload of the message.
         payload: Vec<u8>,
-        /// It is retained, or its sender has asked for that.
+        /// The message is retained, or its sender has asked for that.
         is_retained: bool,
     },
     /// A message was dropped because it is longer than 16 MiB.
     Skipped {
-        /// Its topic.
+        /// The topic of the message.
         topic: String,
-        /// Its length in bytes.
+        /// The length of the message in bytes.
         length: usize,
     },
     /// The broker has this message; with QoS 0, the socket has.
     Published(u64),
     /// The broker does not take a message.
     Rejected {
-        /// Which.
+        /// The token of the message.
         token: u64,
-        /// Why.
+        /// The reason.
         why: String,
-        /// What it would take.
+        /// The scope of the refusal.
         refusal: Refusal,
     },
-    /// The broker does not take a message without a token, and why.
+    /// The broker does not take a message without a token; the reason.
     NotTaken(String),
     /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
     TooLong,
     /// Another client has connected with the same name; [`Closed`](Self::Closed) follows.
     TakenOver,
-    /// It has ended, and why. Nothing follows.
+    /// The connection has ended; the reason. Nothing follows.
     Closed(String),
 }
 
-/// What a broker that has not taken a message would take.
+/// The scope of a refusal: the messages that the broker would still take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
-    /// Nothing of this topic, until its access control is another.
+    /// Refuses every message of this topic until the broker's access control is changed.
     Topic,
-    /// Other messages; not this one, whenever it comes.
+    /// Refuses this message whenever it is sent; the broker takes others.
     Message,
-    /// Perhaps the same message, later.
+    /// May pass: the broker may take the same message later.
     Passing,
 }
 
@@ -190,12 +190,14 @@ impl Session {
         }
     }
 
-    /// Publishes a message: with QoS 0, or with QoS 1. What has a token is reported. False when there is no room yet.
+    /// Publishes a message: with QoS 0, or with QoS 1. The outcome of a message with a token is reported. Returns false when
+    /// there is no free space yet.
     pub fn publish(&self, topic: &str, payload: Vec<u8>, acknowledged: bool, token: Option<u64>) -> bool {
         self.send(topic, payload, acknowledged, token, false)
     }
 
-    /// Publishes a message that the broker stores, with QoS 1; an empty one removes it. False when there is no room yet.
+    /// Publishes a message that the broker stores, with QoS 1; an empty one removes it. Returns false when there is no free space
+    /// yet.
     pub fn store(&self, topic: &str, payload: Vec<u8>) -> bool {
         self.send(topic, payload, true, None, true)
     }
@@ -290,7 +292,7 @@ impl Options {
 /// Checks that a text has certificates in PEM form, as [`Tls`] takes them.
 ///
 /// # Errors
-/// When there is none, or one that cannot be read.
+/// When there is no certificate, or one that cannot be read.
 pub fn check_certificates(text: &str) -> Result<()> {
     let mut certificates = CertificateDer::pem_slice_iter(text.as_bytes()).peekable();
     ensure!(certificates.peek().is_some(), "no BEGIN CERTIFICATE in PEM format");
@@ -385,7 +387,7 @@ async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, rep
     report(Happened::Closed(why));
 }
 
-/// What a reason says of other messages.
+/// Returns the scope of a refusal with this reason.
 fn refusal(reason: PubAckReason) -> Refusal {
     match reason {
         PubAckReason::NotAuthorized | PubAckReason::TopicNameInvalid => Refusal::Topic,
@@ -399,7 +401,7 @@ fn refusal(reason: PubAckReason) -> Refusal {
     }
 }
 
-/// What is wrong with a broker's certificate, as rustls names it, and what to do.
+/// Faults of a broker's certificate, as rustls names them, with advice for each.
 const CERTIFICATES: [(&str, &str); 5] = [
     (
         "CaUsedAsEndEntity",
@@ -424,7 +426,7 @@ fn certificate_advice(error: &str) -> String {
     format!("TLS: {error}: {}", advice.map_or("see address and tls, and the broker's certificate", |it| it.1))
 }
 
-/// What has happened, and what to look at.
+/// Describes an error of the connection, with advice.
 fn explain(error: &ConnectionError) -> String {
     match error {
         ConnectionError::ConnectionRefused(code) => {

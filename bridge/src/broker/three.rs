@@ -1,4 +1,5 @@
-//! A connection with MQTT 3.1.1, which has no reasons: what the broker does not take it acknowledges, or ends the connection.
+//! A connection with MQTT 3.1.1, which has no reasons: the broker acknowledges a message that it does not take, or ends the
+//! connection.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Mutex;

@@ -51,7 +51,7 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
     store.write(&batch, &|_| Vec::new()).unwrap();
     drop((store, commands));
 
-    // The process was killed: what had no outcome is unknown, and is not given again, however late it is asked for.
+    // The process was killed: a command without an outcome is unknown, and is not given again, however late it is sent again.
     let (mut store, mut batch) = (Store::open(&path, 1 << 16).unwrap(), Batch::default());
     let (mut commands, unknown) =
         Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
@@ -63,7 +63,7 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
         assert_eq!(outcome(&decision), ("report", outcome_then.into()));
     }
     store.write(&batch, &|_| Vec::new()).unwrap();
-    // A day later it is still known, also if it is sent with another time.
+    // A day later the command is still known, even if it is sent with another time.
     let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
     commands.forget(later, &mut batch);
     assert_eq!(batch.names.len(), 0);
@@ -287,7 +287,7 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
         let report = outcome(&commands.decide(to("c", &order(id, now)), now, &mut batch));
         assert_eq!(report, ("report", format!("{id} {said}: ")));
     }
-    // The other one is gone. What it may have been given without being heard is not given.
+    // The other bridge is gone. A command that it may have given without this bridge's knowledge is not given.
     let mut taken: Vec<_> = commands
         .take("c", now + 500, &mut batch)
         .into_iter()

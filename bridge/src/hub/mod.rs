@@ -47,21 +47,21 @@ use cellwire_io::interrupt;
 pub use records::check;
 use sharing::News;
 
-/// How many reports wait for the hub.
+/// The number of reports that may wait for the hub.
 const ROOM: usize = 10_000;
-/// What comes within this time is written at once: a disk takes some hundred writes a second.
+/// Reports that arrive within this time are written together: a disk takes some hundred writes a second.
 const GATHER: Duration = Duration::from_millis(20);
-/// How much is written at once.
+/// The maximum number of reports that are written together.
 const MOST: usize = 5_000;
-/// How often health and interrupts are looked at.
+/// The interval at which health and interrupts are checked.
 const TICK: Duration = Duration::from_millis(200);
-/// How often old commands are forgotten.
+/// The interval at which old commands are forgotten.
 const FORGET: Duration = Duration::from_secs(3600);
-/// How long the links get at the end: their last commands, and a moment to report the outcomes.
+/// The time that the links get at the end: their last commands, and a moment to report the outcomes.
 const LINKS_END: Duration = LAST.saturating_add(Duration::from_millis(500));
-/// How long the broker gets at the end to acknowledge records.
+/// The time that the broker gets at the end to acknowledge records.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// How many reasons are logged: who sends another one each time fills no disk.
+/// The maximum number of reasons that are logged: a sender with another one each time does not fill the disk.
 const REASONS: usize = 200;
 
 /// The hub.
@@ -69,11 +69,11 @@ const REASONS: usize = 200;
 pub struct Hub<'a> {
     cells: Vec<Cell>,
     places: Places,
-    /// What the store has of every cell, also of those that are not in the site file.
+    /// The record numbers of the cells in the store, even of cells that are not in the site file.
     numbers: HashMap<String, u64>,
     /// The name of the store.
     identity: String,
-    /// What the cells that begin report to.
+    /// The sender that new cells report with.
     sender: SyncSender<Input>,
     /// Runs the cells, in one thread.
     runtime: runtime::Handle,
@@ -95,21 +95,21 @@ pub struct Hub<'a> {
     outages: Outages,
     /// Commands that were refused at once, by their cells and why.
     refusals: BTreeMap<(usize, &'static str), u64>,
-    /// What the broker has sent that was not understood.
+    /// The reasons why messages of the broker were not understood, as logged.
     strange: HashSet<String>,
-    /// Of which cells records were refused for good, and why.
+    /// The cells whose records were refused for good, and the reasons.
     refused: HashSet<(usize, String)>,
     forget_at: Instant,
     show_at: Instant,
     notify: Notify,
 }
 
-/// What a turn is to do when everything is written.
+/// The results of a turn: names and records to write, and actions for when they are written.
 #[derive(Default)]
 struct Turn {
     batch: Batch,
     give: Vec<(usize, Command)>,
-    /// Commands of shared cells, of which others are to know.
+    /// Commands of shared cells, to report to the other bridges.
     tell: Vec<News>,
 }
 
@@ -219,7 +219,7 @@ impl<'a> Hub<'a> {
         for cell in &self.cells {
             cell.stop.send_replace(true);
         }
-        // What the links report last is kept, and published if there is a broker.
+        // The last reports of the links are stored, and published if there is a broker.
         self.until(LINKS_END, |hub| hub.cells.iter().all(Cell::has_ended))?;
         if let Some(share) = self.share.as_mut().filter(|_| self.cells.iter().all(Cell::has_ended)) {
             share.end();
@@ -227,7 +227,7 @@ impl<'a> Hub<'a> {
         self.turn(true)?;
         self.uplink.disconnect();
         self.until(FAREWELL, |hub| hub.uplink.is_offline())?;
-        // Everything is on the disk, and no loss of power after this is one of records.
+        // Everything is on the disk: a loss of power after this loses no records.
         let mut batch = Batch::default();
         power::ended(&mut batch);
         self.write(&mut batch)

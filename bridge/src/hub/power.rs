@@ -1,17 +1,17 @@
-//! Whether the machine has ended without the bridge, as at a loss of power.
+//! Detects that the computer restarted while the bridge was running, for example after a power failure.
 
 use anyhow::Result;
 
 use crate::store::{Batch, Store};
 
-/// In the store while a bridge runs: which start of the machine it runs in.
+/// The name of the boot id, which is in the store while a bridge runs.
 const BOOT: &str = "boot";
 
-/// What was made in the last moments before a loss of power may be with the broker and not on the disk. So the numbers of records leave
-/// out as many as a cell can have made in that time: none is used twice.
+/// The gap in the record numbers after a loss of power. Records of the last moments before it may be with the broker and not on
+/// the disk: as many numbers as a cell can have used in that time are left out, and none is used twice.
 pub(super) const JUMP: u64 = 1000;
 
-/// Whether a bridge ran when the machine ended. From now on one runs.
+/// Returns whether the computer restarted while a bridge was running, and adds this run's boot id to `batch`.
 pub(super) fn is_lost(store: &Store, batch: &mut Batch) -> Result<bool> {
     let boot = boot();
     let before = store.get(BOOT)?;
@@ -19,12 +19,12 @@ pub(super) fn is_lost(store: &Store, batch: &mut Batch) -> Result<bool> {
     Ok(before.is_some_and(|before| before != boot))
 }
 
-/// The bridge has ended.
+/// Adds to `batch` the removal of the boot id, because the bridge has ended.
 pub(super) fn ended(batch: &mut Batch) {
     batch.names.push((BOOT.into(), None));
 }
 
-/// What another start of the machine has another of. Where the system does not say, each is another one.
+/// Returns the id of this start of the computer; where the system does not provide it, a random one.
 fn boot() -> String {
     match std::fs::read_to_string("/proc/sys/kernel/random/boot_id") {
         Ok(boot) => boot.trim_end().into(),

@@ -74,7 +74,7 @@ impl Hub<'_> {
         self.figures.records += 1;
     }
 
-    /// Writes it. What a full disk does not take waits until it does, and the links wait with it.
+    /// Writes the batch. If the disk is full, waits until it takes the batch, and the links wait with it.
     pub(super) fn write(&mut self, batch: &mut Batch) -> Result<()> {
         let is_due = self.store.due().is_some_and(|due| due <= Instant::now());
         if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() && !is_due {
@@ -204,7 +204,7 @@ fn numbers(cells: &[Cell], kept: Kept) -> Names {
     news.map(|cell| (format!("{NUMBERS}{}", cell.name), Some(number(cell).to_string()))).collect()
 }
 
-/// Whether it is none of those that are no number, or infinite.
+/// Returns whether the value is neither NaN nor infinite.
 fn is_number(value: &Value) -> bool {
     match value {
         Value::Float(value) => value.is_finite(),

@@ -178,7 +178,8 @@ impl Hub<'_> {
         Ok(())
     }
 
-    /// What differs is begun and ended; the other cells do not notice. Only a file that is right as a whole changes anything.
+    /// Applies a site file: begins and ends the cells that differ, and the other cells do not notice. A file with an error has no
+    /// effect.
     fn reload(&mut self, site: Site, clients: Vec<Client>, turn: &mut Turn) -> Result<()> {
         if let Some(table) = self.site.differs(&site) {
             return Err(site.located(table, anyhow!("[{table}] differs: it is only read at the start")));

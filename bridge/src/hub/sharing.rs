@@ -52,7 +52,7 @@ impl Hub<'_> {
         Ok(())
     }
 
-    /// Says what there is to say to the bridges that share cells. What it says of commands is on the disk.
+    /// Sends what is due to the bridges that share cells. The commands that it reports are on the disk.
     pub(super) fn say(&mut self, news: Vec<News>) {
         let Some(share) = &mut self.share else { return };
         for (place, id, command) in news {
@@ -103,14 +103,14 @@ impl Hub<'_> {
         }
     }
 
-    /// A command has no outcome, and will have none.
+    /// Records that a command has no outcome, and will not get one.
     pub(super) fn is_unknown(&mut self, place: usize, report: Vec<Named>, turn: &mut Turn) {
         self.count("unknown");
         turn.tell.extend(text_of(&report, COMMAND).map(|id| (place, id.to_owned(), None)));
         self.record(place, metric::now(), report, &mut turn.batch);
     }
 
-    /// Commands that the cells have not had.
+    /// Refuses commands that the cells have not had.
     pub(super) fn not_given(&mut self, commands: Vec<(usize, Command)>, turn: &mut Turn) {
         for (place, Command { id, .. }) in commands {
             let Some(cell) = self.cells.get(place) else { continue };
@@ -125,7 +125,7 @@ impl Hub<'_> {
         }
     }
 
-    /// Why a command for the cell cannot be obeyed here, if it is not here.
+    /// Returns the reason why a command for the cell cannot be executed here, if there is one.
     pub(super) fn is_elsewhere(&self, cell: &Cell) -> Option<String> {
         if matches!(cell.next, Next::Another(_)) {
             return Some("the cell is being reconfigured: send the command again".into());

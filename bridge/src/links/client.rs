@@ -53,7 +53,7 @@ impl Silence {
         Self { time, is_asked: true }
     }
 
-    /// Its setting.
+    /// Lists the setting of the silence.
     pub(super) fn configure(fields: &mut impl Fields, time: &mut Duration) {
         let range = Duration::ZERO..=Duration::from_secs(3600);
         let about = "the silence, of at least three requests, after which the device is dead; 0s: never while connected";
@@ -69,13 +69,13 @@ pub(super) trait Listener: Send + 'static {
     /// Reports an event. Only a connection that is best given up is an error.
     ///
     /// # Errors
-    /// Why.
+    /// The reason to give up the connection.
     fn event(&mut self, event: <Self::Service as Service>::Event, end: &End) -> Result<(), String>;
 }
 
 /// Works with a device, one thing after the other.
 pub(super) trait Worker: Send + 'static {
-    /// There is another connection.
+    /// Called when there is another connection.
     fn reconnected(&mut self) {}
 
     /// Asks for the values, and reports them. A worker without a period is never called.

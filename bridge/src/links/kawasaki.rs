@@ -41,7 +41,7 @@ const METRICS: [Definition; 5] = [
     define("Order/Queued", Kind::Int64),
 ];
 
-/// What can be set.
+/// The settings of a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     plant: Plant,
@@ -62,17 +62,17 @@ impl Configure for Settings {
     }
 }
 
-/// What a command may order.
+/// The content of a command: the jobs of an order.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Order {
     jobs: Vec<Map<String, Json>>,
 }
 
-/// How far the order is.
+/// The progress of the order.
 #[derive(Debug, Clone, Copy, Default)]
 struct Course {
-    /// The robot has accepted it.
+    /// The robot has accepted the order.
     is_begun: bool,
     executed: u32,
     sent: u32,

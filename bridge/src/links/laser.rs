@@ -23,7 +23,7 @@ use cellwire_sim::laser::STATUS;
 
 const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
 
-/// What can be set.
+/// The settings of a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     query: u16,
@@ -62,7 +62,7 @@ impl Configure for Settings {
     }
 }
 
-/// What a command may order: instructions that fit one frame.
+/// The content of a command: instructions that fit one frame.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Order {

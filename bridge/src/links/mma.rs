@@ -34,7 +34,7 @@ const METRICS: [Definition; 9] = [
     define("Status/Axes/4", Kind::Double),
 ];
 
-/// What can be set.
+/// The settings of a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     is_platform: bool,

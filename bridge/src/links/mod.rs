@@ -119,7 +119,7 @@ impl fmt::Display for WrongBand {
     }
 }
 
-/// What can be set of each link's client, by the name of the link.
+/// Returns the settings of each link's client, by the name of the link.
 pub fn settings() -> Vec<(&'static str, Vec<Setting>)> {
     links().into_iter().map(|link| (link.name, link.settings)).collect()
 }
@@ -154,7 +154,7 @@ fn link<S: Configure + Default + 'static>(
     Link { name, settings: settings::list(S::default()), client: Box::new(client) }
 }
 
-/// The one thing that a command orders, and its parameters.
+/// Parses the one thing that a command orders, and its parameters.
 fn order<T: DeserializeOwned>(order: &Map<String, Json>) -> Result<T, String> {
     serde_json::from_value(Json::Object(order.clone())).map_err(|error| error.to_string())
 }

@@ -46,14 +46,14 @@ const METRICS: [Definition; 19] = [
     define("Telemetry/Quaternion Rate/Z", Kind::Float),
 ];
 
-/// What can be set.
+/// The settings of a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     poll: Duration,
     silence: Duration,
     unit: u8,
     address: u16,
-    /// Without one it is found.
+    /// The word order; without one it is detected.
     word_order: Option<WordOrder>,
     session: ClientConfig,
 }
@@ -90,7 +90,7 @@ impl Configure for Settings {
     }
 }
 
-/// What a command may order.
+/// The content of a command: a write.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 enum Order {

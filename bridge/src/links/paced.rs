@@ -1,11 +1,11 @@
-//! Settings of a link whose device reports faster than anybody reads.
+//! Settings of a link whose device reports faster than any subscriber reads.
 
 use std::time::Duration;
 
 use super::client::Silence;
 use cellwire_links::settings::{Configure, Fields};
 
-/// What can be set: the least from one report to the next, and the session's own.
+/// The settings of a cell: the shortest time between reports, the silence, and those of the session.
 #[derive(Debug, Clone)]
 pub(super) struct Paced<C> {
     pub report: Duration,

@@ -6,25 +6,26 @@ use cellwire_motion::plausibility::Plausibility;
 use fanuc_hmi_modbus::typed::OrderProbe;
 use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
-/// What a block is.
+/// The result of reading a block.
 #[derive(Debug, PartialEq)]
 pub(super) enum Read {
-    /// What the controller reports.
+    /// The values that the controller reports.
     Values(TelemetryBlock),
-    /// It cannot be: the fault's name, the value that shows it, and how many blocks in a row had it. Once a minute for each fault.
+    /// The block is implausible: the fault's name, the value that shows it, and the number of such blocks in a row. Once a minute
+    /// for each fault.
     Cannot(&'static str, &'static str, u32),
-    /// It cannot be for the same reason as the one before.
+    /// The block is implausible for the same reason as the previous one.
     Still,
 }
 
 /// Reads blocks one after the other.
 #[derive(Debug)]
 pub(super) struct Telemetry {
-    /// What the file says.
+    /// The word order that the site file gives.
     given: Option<WordOrder>,
-    /// What the life counter says.
+    /// The word order that the life counter shows.
     probe: OrderProbe,
-    /// What the blocks have been read in, where neither says it yet.
+    /// The word order that the blocks have been read in while neither of the others is known.
     assumed: WordOrder,
     plausibility: Plausibility,
     fault: Option<Fault>,

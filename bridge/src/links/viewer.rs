@@ -24,7 +24,7 @@ use cellwire_links::settings::{Configure, Fields, LINE};
 
 const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define("Viewer/Sent", Kind::Int64)];
 
-/// What can be set.
+/// The settings of a cell.
 #[derive(Debug, Clone)]
 pub(super) struct Settings {
     report: Duration,
@@ -57,7 +57,7 @@ impl Configure for Settings {
     }
 }
 
-/// What a command may order.
+/// The content of a command: a pose.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Order {

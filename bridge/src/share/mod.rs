@@ -1,8 +1,10 @@
-//! Bridges that share cells: which of them has which, found out over the broker alone. docs/bridge-shared.md says why it holds.
+//! Bridges that share cells: they agree over the broker alone which of them has which cell. docs/bridge-shared.md explains why it
+//! holds.
 //!
-//! Each bridge says every 1.5 s on a topic of its own which cells it offers and has, and which others it knows. What it has said comes
-//! back to it: so the broker has it, and everybody who is connected has it before whatever the broker takes later. Its cells are its
-//! own for [`LEASE`] from then that it said it. A bridge that was not heard for 16 s has none any more.
+//! Each bridge announces every 1.5 s, on a topic of its own, which cells it offers and has, and which others it knows. The
+//! message comes back to it: so the broker has it, and every connected client has it before any message that the broker takes
+//! later. The bridge's cells are its own for [`LEASE`] from the time at which it sent the message. A bridge that was not heard
+//! for 16 s has no cells any more.
 //!
 //! A command is on a page of its bridge's ledger, which the broker stores, before the cell has it. A bridge gives a command whose id has no
 //! time only after it has read the ledgers of the others.
@@ -28,39 +30,41 @@ use super::report::Command;
 use message::{Alive, Message, Page, What};
 use reading::Reading;
 
-/// How often a bridge announces itself.
+/// The interval at which a bridge announces itself.
 const EVERY: Duration = Duration::from_millis(1500);
-/// How long its cells are its own, from the time of a message that came back to it.
+/// The time for which a bridge's cells are its own, from the time of a message that came back to it.
 pub const LEASE: Duration = Duration::from_secs(6);
 /// A thread lets its device go within this time, and clocks go as fast as one another to within the rest.
 const MARGIN: Duration = Duration::from_secs(4);
-/// A bridge that was not heard for this long has no cell. Its lease, and that of the one who judges: what came back to that one last was
-/// said so long ago at the most, and what the broker has had since then may not have come yet.
+/// A bridge that was not heard for this long has no cell. The time covers its lease and that of the observing bridge: the last
+/// message that came back to the observer was sent at most one lease ago, and messages that the broker has had since then may not
+/// have arrived yet.
 const SILENT: Duration = Duration::from_secs(2 * LEASE.as_secs() + MARGIN.as_secs());
 /// The shortest interval at which the whole ledger is published again for a bridge that lacks it.
 const AGAIN: Duration = Duration::from_secs(5);
 /// The last level of the topic of a ledger's last page.
 const LAST_PAGE: &str = "last";
 
-/// What a bridge knows of those that it shares cells with.
+/// A bridge's view of the bridges that it shares cells with.
 #[derive(Debug)]
 pub struct Share {
     node: String,
     store: String,
     lease: Arc<Lease>,
     peers: BTreeMap<String, Peer>,
-    /// Another one each time that it has lost its lease, or offers other cells: who knows it has heard what was said with it.
+    /// A word that changes each time that the bridge loses its lease or offers other cells: a bridge that knows it has heard the
+    /// messages with it.
     term: String,
     held: bool,
     /// The number of the next message.
     number: u64,
     /// A command may be dated so far ahead, in milliseconds.
     ahead: u64,
-    /// The messages that have not come back, and when they were said.
+    /// The messages that have not come back, and the times at which they were sent.
     sent: VecDeque<(u64, Duration)>,
-    /// Since when everything is heard, and the time of day then.
+    /// The time since which everything is heard, and the time of day then.
     since: Option<(Duration, u64)>,
-    /// What was said last of itself, and when on this connection.
+    /// The last announcement of this bridge, and its time on this connection.
     said: Option<Alive>,
     said_at: Option<Duration>,
     /// Outcomes of commands that are not in the ledger.
@@ -85,11 +89,11 @@ struct Peer {
     heard: Option<Duration>,
     term: String,
     alive: Alive,
-    /// Its latest command when it was heard first: those after it were heard one by one.
+    /// The peer's latest command when it was heard first: later ones were heard one by one.
     until: u64,
 }
 
-/// What was heard.
+/// The result of a message that was heard.
 #[derive(Debug, PartialEq)]
 pub enum Heard {
     /// A message has come back.
@@ -135,12 +139,12 @@ impl Share {
         }
     }
 
-    /// What the threads of the cells ask.
+    /// Returns the lease, which the threads of the cells check.
     pub fn lease(&self) -> Arc<Lease> {
         Arc::clone(&self.lease)
     }
 
-    /// There is another connection. Pages that the broker has stored may come before [`connected`](Self::connected).
+    /// Called when there is another connection. Pages that the broker has stored may come before [`connected`](Self::connected).
     pub fn opened(&mut self) {
         let was_dead = |peer: &Peer| self.back_at.is_some_and(|at| self.lives(peer, at) == Some(false));
         let dead: BTreeSet<String> =
@@ -148,8 +152,8 @@ impl Share {
         self.reading.opened(|node| dead.contains(node));
     }
 
-    /// From now on everything is heard; `today` is in milliseconds since 1970 UTC. The commands of which it is not known whether anybody
-    /// has heard: they are not to be given.
+    /// Called when everything is heard from now on; `today` is in milliseconds since 1970 UTC. Returns the commands of which it
+    /// is not known whether any bridge has heard them: they are not to be given.
     pub fn connected(&mut self, now: Duration, today: u64) -> Vec<(usize, Command)> {
         // A bridge that was dead when the last message came back, and runs again, takes nothing for as long from then on.
         if self.back_at.is_none_or(|at| now.saturating_sub(at) >= SILENT) {
@@ -237,7 +241,7 @@ impl Share {
         let (_, at) = self.sent.drain(..=place).next_back()?;
         self.lease.renew(at + LEASE);
         self.back_at = Some(now);
-        // What was said too long ago is no lease.
+        // A message that was sent too long ago does not give a lease.
         self.held |= self.lease.holds_at(now);
         let known = self.waiting.iter().take_while(|(waits, ..)| *waits <= number).count();
         let (mut give, mut lost) = (Vec::new(), Vec::new());

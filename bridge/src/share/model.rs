@@ -18,7 +18,7 @@ enum Clause {
     Read,
     /// The ledger is read once more on each connection.
     Again,
-    /// A cell is taken only when everything that was said before has arrived.
+    /// A cell is taken only when every message that was sent before has arrived.
     Arrived,
     /// An id is not forgotten for others; one that has a time leaves a mark, and is refused if it is not later.
     Mark,

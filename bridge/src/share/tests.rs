@@ -190,7 +190,7 @@ fn a_command_is_given_when_its_page_has_come_back_and_not_when_the_connection_is
     assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), Some(back));
     assert!(a.lease.holds_at(now + LEASE - STEP) && !a.lease.holds_at(now + LEASE));
     assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), None, "once");
-    // The other one hears whose it is, from the broker or when it is said.
+    // The other bridge hears who has given the command, from the stored page or from the message.
     for is_stored in [false, true] {
         let mut b = share("b");
         b.connected(now, 100);

@@ -103,7 +103,7 @@ impl Bridge {
         queue.back().map_or(at, |(last, _)| at.max(*last))
     }
 
-    /// The connection is gone; what was on its way to the broker may arrive all the same.
+    /// Ends the connection; messages on their way to the broker may arrive all the same.
     pub(super) fn cut(&mut self, rng: &mut Rng) {
         self.is_connected = false;
         self.down.clear();
@@ -278,7 +278,7 @@ impl World {
             }
         }
         for bridge in self.bridges.iter_mut().filter(|bridge| bridge.is_connected) {
-            // A connection that has not subscribed yet gets what is stored, and nothing that was said before.
+            // A connection that has not subscribed yet gets the stored messages, and no earlier ones.
             if bridge.up.iter().any(|(_, what)| what.is_none()) {
                 continue;
             }
@@ -290,7 +290,8 @@ impl World {
 
     fn bridge(&mut self, at: usize, is_broker_there: bool) {
         let now = self.now;
-        // The threads of its cells go on while the hub is stopped, as long as the lease lasts. Who is told to end begins nothing.
+        // The threads of its cells go on while the hub is stopped, as long as the lease lasts. A thread that is to end begins
+        // nothing.
         let cells = self.bridges[at].cells.iter().filter(|(_, ends)| ends.is_none());
         let cells: Vec<usize> = cells.map(|(cell, _)| *cell).collect();
         if self.bridges[at].share.lease.holds_at(now) {

@@ -22,17 +22,17 @@ pub use share::ShareSettings;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Site {
-    /// Where everything goes.
+    /// The broker that everything is sent to.
     pub broker: Broker,
-    /// What waits for it.
+    /// The store of the records that wait for the broker.
     pub store: StoreSettings,
-    /// Who may look after the bridge.
+    /// The address for monitoring the bridge.
     #[serde(default)]
     pub health: Health,
-    /// What the broker may order.
+    /// The limits of commands from the broker.
     #[serde(default)]
     pub commands: Commands,
-    /// Who has cells in common.
+    /// The bridges that have cells in common.
     pub share: Option<ShareSettings>,
     /// The cells, by their names.
     #[serde(default)]
@@ -69,7 +69,7 @@ pub struct Broker {
     pub keep_alive: Duration,
     /// The host application without which nothing is sent.
     pub primary_host: Option<String>,
-    /// What is refused otherwise, because it is unsafe.
+    /// Unsafe settings that the bridge refuses otherwise.
     #[serde(default)]
     pub allow: Vec<Unsafe>,
     /// Numbers stand for the names of metrics after their birth.
@@ -82,13 +82,13 @@ pub struct Broker {
     pub qos: u8,
 }
 
-/// What a file has to allow.
+/// An unsafe setting that a file has to allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Unsafe {
     /// Others can read the password, or the key of the bridge's certificate.
     ReadableSecrets,
-    /// The password goes to another machine without TLS.
+    /// The password goes to another computer without TLS.
     PasswordWithoutTls,
 }
 
@@ -100,7 +100,7 @@ pub struct TlsFiles {
     pub ca: PathBuf,
     /// The bridge's own certificate.
     pub certificate: Option<PathBuf>,
-    /// Its key.
+    /// The key of the bridge's certificate.
     pub key: Option<PathBuf>,
 }
 
@@ -108,9 +108,9 @@ pub struct TlsFiles {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoreSettings {
-    /// Its file.
+    /// The file of the store.
     pub file: PathBuf,
-    /// The most bytes of its records; the oldest make room for more.
+    /// The maximum number of bytes of the records; the oldest are dropped for newer ones.
     #[serde(default = "quarter_of_gib", deserialize_with = "bytes")]
     pub bytes: u64,
 }
@@ -119,7 +119,7 @@ pub struct StoreSettings {
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Health {
-    /// Where `/metrics` and `/health` are; a port alone is one of this machine's loopback address.
+    /// The address of `/metrics` and `/health`; a port alone is one of this computer's loopback address.
     pub listen: Option<String>,
 }
 
@@ -257,7 +257,7 @@ impl Site {
         }
     }
 
-    /// What is wrong, and where.
+    /// Checks the settings; an error has the name of the wrong one.
     fn check(&self) -> Result<(), (String, anyhow::Error)> {
         let wrong = |name: &str, why: &dyn Display| Err((name.to_owned(), anyhow!("{name}: {why}")));
         let broker = &self.broker;
@@ -297,7 +297,7 @@ impl Site {
         if !(rate > 0.0 && burst > 0) {
             return wrong("commands.rate", &"give rate and burst more than 0");
         }
-        // Those that may still come again.
+        // Commands that may still be sent again.
         let most = remembered::MOST as f64 / 2.0;
         if rate * 2.0 * max_age.as_secs_f64() + f64::from(burst) > most {
             let why = format!("more than the {most} remembered commands within twice max_age: give less");
@@ -311,10 +311,10 @@ impl Site {
 }
 
 impl Broker {
-    /// Where the brokers are.
+    /// Returns the addresses of the brokers.
     ///
     /// # Errors
-    /// When an address is none.
+    /// When an address is invalid.
     pub fn places(&self) -> Result<Vec<Place>> {
         let places: Vec<Place> =
             self.address.all().iter().map(|address| place(address)).collect::<Result<_>>()?;
@@ -328,7 +328,7 @@ impl Broker {
         Ok(places)
     }
 
-    /// What of the secrets is unsafe and not allowed, and where.
+    /// Checks that unsafe secrets are allowed; an error has the name of the setting.
     fn check_secrets(&self) -> Result<(), (&'static str, anyhow::Error)> {
         let key = self.tls.as_ref().and_then(|tls| tls.key.as_ref());
         for (name, file) in [("broker.password_file", self.password_file.as_ref()), ("broker.tls", key)] {
@@ -400,14 +400,14 @@ impl Broker {
 
 const ADVICE: &str = "give HOST:PORT, such as broker.example:8883";
 
-/// Where a broker is.
+/// The address of a broker.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Place {
-    /// Its name or address.
+    /// The broker's name or address.
     pub host: String,
-    /// Its port.
+    /// The broker's port.
     pub port: u16,
-    /// All of it, if it is reached over a WebSocket.
+    /// The whole URL, if the broker is reached over a WebSocket.
     pub url: Option<String>,
 }
 

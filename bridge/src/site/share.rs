@@ -11,14 +11,14 @@ use cellwire_io::port::AnyPort;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShareSettings {
-    /// The nodes of all of them, also of this one.
+    /// The nodes of all sharing bridges, including this one.
     pub bridges: Vec<String>,
 }
 
-/// What is wrong, and where.
+/// The name of a wrong setting, and the reason.
 type Wrong = (String, anyhow::Error);
 
-/// Checks what is shared, and with whom.
+/// Checks the shared cells, and the bridges that share them.
 pub(super) fn check(
     share: Option<&ShareSettings>,
     broker: &Broker,

@@ -1,8 +1,9 @@
-//! What outlives the process: records in their order until they are removed, in a [`Ring`]; numbers and texts by their names, in a
-//! database, which also has what is known of the ring.
+//! The state that outlives the process: records in their sequence until they are removed, in a [`Ring`]; numbers and texts by
+//! their names, in a database, which also has the state of the ring.
 //!
-//! What a [`Batch`] with names holds is on the disk as a whole once [`Store::write`] returns, or not at all: its records are bound to the
-//! names. Records alone outlive the process from then on, and a loss of power once [`SYNC`](crate::ring::SYNC) has passed.
+//! The content of a [`Batch`] with names is on the disk as a whole once [`Store::write`] returns, or not at all: its records are
+//! bound to the names. Records alone outlive the process from then on, and a loss of power once [`SYNC`](crate::ring::SYNC) has
+//! passed.
 
 use std::cell::Cell;
 use std::fmt;
@@ -23,14 +24,14 @@ const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
 /// The name of the file's format, and the format of this bridge.
 const FORMAT_NAME: &str = "format";
 const FORMAT: &str = "3";
-/// The name of what is known of the ring.
+/// The name of the ring's state.
 const RING: &str = "ring";
 /// The name of the length of the ring's file.
 const LENGTH: &str = "length";
 /// The name of the bridge that the store belongs to.
 const OWNER: &str = "owner";
 
-/// What the database is read through, in bytes.
+/// The size of the cache of the database, in bytes.
 const CACHE: usize = 16 << 20;
 /// The ring's file grows by so many bytes at once.
 const EXTENT: u64 = 256 << 10;
@@ -58,7 +59,7 @@ pub struct Store {
 #[derive(Debug)]
 pub struct Busy(String);
 
-/// What is written at once.
+/// The changes that are written at once.
 #[derive(Debug, Default)]
 pub struct Batch {
     /// Records to append.
@@ -69,21 +70,21 @@ pub struct Batch {
     pub names: Names,
 }
 
-/// What a write has done.
+/// The result of a write.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Written {
-    /// How many old records had to make room.
+    /// The number of old records that were dropped for new ones.
     pub dropped: u64,
     /// The names of before the batch are kept, or those with it.
     pub kept: Option<Kept>,
 }
 
-/// Which names are kept.
+/// The names that are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kept {
-    /// Those of before the batch.
+    /// The names of before the batch.
     Before,
-    /// Those of now.
+    /// The names with the batch.
     Now,
 }
 
@@ -91,7 +92,7 @@ impl Store {
     /// Opens the files or makes them. The records have up to `most` bytes: the oldest make room for more.
     ///
     /// # Errors
-    /// When another process has them open, or they are no such files.
+    /// When another process has the files open, or they are not files of a store.
     pub fn open(path: &Path, most: u64) -> Result<Self> {
         Self::open_until(path, most, None)
     }
@@ -171,30 +172,30 @@ impl Store {
         self.open.as_ref().map(|open| &open.0).context("cannot reopen the store")
     }
 
-    /// The key that the next record gets: each is more than the one before.
+    /// Returns the key that the next record gets: each is more than the previous one.
     pub fn next(&self) -> u64 {
         self.next
     }
 
-    /// How many records there are.
+    /// Returns the number of records.
     pub fn len(&self) -> u64 {
         self.open.as_ref().map_or(0, |open| open.1.count())
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no records.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The bytes of the records, and the most that they may have.
+    /// Returns the bytes of the records, and their maximum.
     pub fn bytes(&self) -> (u64, u64) {
         (self.open.as_ref().map_or(0, |open| open.1.used()), self.most)
     }
 
-    /// Writes all of it. `more` are names that are kept whenever any are: as of before the batch, or with it.
+    /// Writes the batch. `more` are names that are kept whenever any are: as of before the batch, or with it.
     ///
     /// # Errors
-    /// When the disk does not take it: then [`reopen`](Self::reopen) it, and nothing has changed.
+    /// When the disk does not take the batch: then [`reopen`](Self::reopen) the store; nothing has changed.
     pub fn write(&mut self, batch: &Batch, more: &dyn Fn(Kept) -> Names) -> Result<Written> {
         let written =
             self.write_all(batch, more).with_context(|| format!("the store {}", self.path.display()))?;
@@ -318,7 +319,7 @@ impl fmt::Display for Busy {
 
 impl std::error::Error for Busy {}
 
-/// Keeps names, and what is known of the ring: what was written to it before is on the disk then.
+/// Keeps names and the state of the ring: everything that was written to the ring before is then on the disk.
 fn commit(database: &Database, ring: &mut Ring, mut changed: Names) -> Result<()> {
     ring.sync()?;
     let known = ring.known();
@@ -389,7 +390,7 @@ fn open(path: &Path) -> Result<Database, redb::Error> {
     Ok(database)
 }
 
-/// The file, readable for its owner alone, also if an earlier version has made it.
+/// Opens the file, readable for its owner alone, even if an earlier version has made it.
 fn private(path: &Path) -> io::Result<File> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create(true).truncate(false);

@@ -186,7 +186,7 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     }
     drop(store);
     assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a"), (1, "b"), (2, "c")]));
-    // What was on the disk when something later was written is damaged.
+    // A frame that was on the disk when a later one was written is damaged.
     std::fs::write(beside(&path), &good).unwrap();
     let mut store = Store::open(&path, MOST).unwrap();
     std::thread::sleep(crate::ring::SYNC);
@@ -404,7 +404,7 @@ fn a_file_without_the_other_or_cut_is_an_error() {
     std::fs::remove_file(beside(&path)).unwrap();
     let why = fault(&path);
     assert!(why.contains("is damaged: ") && why.contains("store.records has 0 bytes of 65536: "), "{why}");
-    // A cut file is an error, also if nothing was kept in the part that is gone: record numbers would be used again.
+    // A truncated file is an error, even if nothing was kept in the missing part: record numbers would be used again.
     for length in [0, 40, records.len() - 1] {
         std::fs::write(&path, &database).unwrap();
         std::fs::write(beside(&path), &records[..length]).unwrap();

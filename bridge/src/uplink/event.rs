@@ -1,8 +1,8 @@
-//! What the connection to the broker reports to the hub.
+//! The events of the connection to the broker, for the hub.
 
 use crate::payload::Payload;
 
-/// What something that has happened means for the hub.
+/// An event of the connection to the broker, as the hub handles it.
 #[derive(Debug)]
 pub enum Event {
     /// Nothing.
@@ -17,10 +17,10 @@ pub enum Event {
     Held {
         /// The cell.
         place: usize,
-        /// Why.
+        /// The reason.
         why: String,
     },
-    /// They are published now.
+    /// The records of the cell of this place are published now.
     Released(usize),
     /// All births follow once more.
     Rebirth,
@@ -30,18 +30,18 @@ pub enum Event {
         device: String,
         /// The metrics.
         payload: Payload,
-        /// Why it is no command that may be obeyed, if it is none.
+        /// The reason to refuse the command, if there is one.
         unfit: Option<String>,
     },
-    /// What a bridge says of shared cells, also this one.
+    /// A message about shared cells, from another bridge or from this one.
     Share {
         /// The topic after `cellwire/GROUP/`.
         from: String,
         /// Whether the broker has stored it.
         is_retained: bool,
-        /// What it says.
+        /// The content of the message.
         payload: Vec<u8>,
     },
-    /// Nothing that is understood, and why.
+    /// The message is not understood; the reason.
     Strange(String),
 }

@@ -23,10 +23,10 @@ use crate::broker::{Happened, Options, Refusal, Session};
 use crate::store::{Batch, Store};
 pub use event::Event;
 
-/// An attempt that has come to nothing for this long is given up.
+/// The time after which an attempt without a result is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
-/// What a host application says of itself may be dated so far ahead: no two clocks agree. What is dated further ahead would hide what it
-/// says by the right time.
+/// The maximum time by which the state of a host application may be dated ahead: no two clocks agree. A state that is dated
+/// further ahead would hide later ones with the right time.
 const AHEAD: Duration = Duration::from_secs(300);
 
 /// The name, in the store, of the number of the next connection.
@@ -68,19 +68,19 @@ pub struct Uplink {
     live: u64,
     flight: HashMap<u64, Flying>,
     refusals: Refusals,
-    /// The cells whose topics it refuses.
+    /// The cells whose topics the broker refuses.
     holds: Holds,
     /// Records that the broker refuses for good.
     apart: Vec<Apart>,
     /// The longest packet that the broker takes.
     longest: usize,
-    /// Records of cells that are no more.
+    /// Records of cells that do not exist any more.
     orphans: Vec<u64>,
-    /// What was counted.
+    /// The counters of the uplink.
     pub counts: Counts,
 }
 
-/// What an uplink counts.
+/// The counters of an uplink.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Counts {
     /// Accepted connections to the broker.
@@ -91,9 +91,9 @@ pub struct Counts {
     pub acknowledged: u64,
     /// Refusals of records by the broker.
     pub rejected: u64,
-    /// Records that it refuses for good: they are dropped.
+    /// Records that the broker refuses for good: they are dropped.
     pub refused: u64,
-    /// What the host application has said of itself, dated too far ahead.
+    /// States of the host application that are dated too far ahead.
     pub ahead: u64,
 }
 
@@ -116,12 +116,12 @@ enum Phase {
     Waiting { session: Session, until: Option<Instant> },
     /// Records are published.
     Online { session: Session },
-    /// A death was said; until the broker closes the connection.
+    /// A death was published; until the broker closes the connection.
     Leaving { _session: Session, until: Instant },
 }
 
 impl Uplink {
-    /// A connection that is opened at the first turn.
+    /// Returns a connection that is opened at the first turn.
     ///
     /// # Errors
     /// When a file of the broker's settings cannot be read.
@@ -416,8 +416,9 @@ impl Uplink {
         self.phase = Phase::Offline { until: now + wait };
     }
 
-    /// What has to be written before [`turn`](Self::turn): the number of a connection that is due, and which records are dropped.
-    /// Returns how many are of cells that are no more, and those that the broker refuses.
+    /// Adds to `batch` the changes that have to be written before [`turn`](Self::turn): the number of a connection that is due,
+    /// and the removal of dropped records. Returns how many are of cells that do not exist any more, and those that the broker
+    /// refuses.
     pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> (u64, Vec<Apart>) {
         if let Phase::Offline { until } = self.phase
             && until <= Instant::now()
@@ -474,7 +475,7 @@ impl Uplink {
         if let Some(Place { host, port, url }) = self.brokers.get(self.broker) {
             let is_another = (&self.options.host, self.options.port) != (host, *port);
             (self.options.host, self.options.port, self.options.url) = (host.clone(), *port, url.clone());
-            // What the host application has said at another broker says nothing here.
+            // The time of a state at another broker does not count here.
             self.host_at = if is_another { 0 } else { self.host_at };
         }
         let Publication { topic, payload } = self.node.death();

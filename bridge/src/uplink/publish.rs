@@ -1,4 +1,4 @@
-//! What is published on a connection: births, the records of the store in their order, and deaths.
+//! Publishes on a connection: births, the records of the store in their sequence, and deaths.
 
 use std::time::Instant;
 
@@ -77,7 +77,7 @@ impl Uplink {
         Ok(true)
     }
 
-    /// What is next in the store, but of cells that are held. False where there is no room for more.
+    /// Publishes the next records of the store, except those of held cells. Returns false when there is no free space for more.
     fn publish_records(
         &mut self,
         (store, words): (&mut Store, &Words),
@@ -180,7 +180,7 @@ impl Uplink {
     }
 }
 
-/// What a death says: that the link is not connected, why, and that the cell's own metrics have no values.
+/// Returns the metrics of a death: the link is not connected, the reason, and no values of the cell's own metrics.
 fn last_words(cell: &mut Cell) -> Vec<Metric> {
     let mut words = cell.nulls(metric::now(), Quality::Stale);
     let said = cell.definitions.iter().filter(|it| [CONNECTED, EVENT].contains(&it.name));
@@ -196,8 +196,8 @@ fn say(session: &Session, Publication { topic, payload }: Publication) -> bool {
     session.publish(&topic, payload, false, None)
 }
 
-/// Publishes the birth of a cell. What happened last is left out where the broker does not take so much; a birth that is too long even
-/// so ends the connection, and nothing follows it. With the cell's place its metrics have aliases.
+/// Publishes the birth of a cell. The last event is omitted if the broker does not take so long a packet; a birth that is too
+/// long even so ends the connection, and nothing follows it. With the cell's place its metrics have aliases.
 fn bear(
     session: &Session,
     node: &mut Node,

@@ -1,4 +1,4 @@
-//! What is said of a broker's certificate that cannot be accepted: openssl is the broker, as far as TLS goes.
+//! The errors for a broker's certificate that cannot be accepted: openssl is the broker, as far as TLS goes.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Commands that are not obeyed.
+//! Commands that are not executed.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -59,7 +59,7 @@ fn what_was_refused_is_never_executed() {
     let mut bridge = start(folder.path(), &broker, &ball, "max_age = \"2s\"");
     let mut peer = broker.accept(&[]);
     alive(&mut peer);
-    // The ball takes no command: what the bridge accepts is refused by its link.
+    // The ball takes no command: its link refuses each one that the bridge accepts.
     let accepted = |peer: &mut Peer, id: &str| {
         assert_eq!(outcome(peer), (id.into(), "accepted".into(), String::new()));
         assert_eq!(outcome(peer), (id.into(), "refused".into(), "a ball has no commands".into()));
@@ -94,7 +94,7 @@ fn what_was_refused_is_never_executed() {
     let mut peer = broker.accept(&[]);
     peer.publish(TOPIC, &early);
     assert_eq!(outcome(&mut peer), ("early".into(), "refused".into(), why));
-    // What was not acknowledged to the process before has come once more.
+    // The record that was not acknowledged to the previous process has come once more.
     peer.publish(TOPIC, &write("next", 0, 0));
     while outcome(&mut peer).0 == "early" {}
     assert_eq!(outcome(&mut peer).1, "refused");

@@ -110,7 +110,7 @@ fn a_device_on_a_serial_port_too() {
     dies_and_is_born(folder.path(), &ball);
 }
 
-/// What a controller reports.
+/// The kinds of reports of a controller.
 const GOOD: u8 = 0;
 const ONES: u8 = 1;
 const ZEROS: u8 = 2;

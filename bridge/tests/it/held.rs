@@ -140,7 +140,7 @@ fn what_is_held_makes_room_in_a_full_store() {
     let oldest = trial.record();
     assert!(oldest > 5, "{oldest}");
     peer.acknowledge(&trial, 0);
-    // The store is full until it is read: what makes room behind the trial is counted as well.
+    // The store is full until it is read: records after the trial that were dropped for others are counted as well.
     let (mut last, mut missing) = (oldest, oldest - 1);
     while last < oldest + figure_in(&text, HELD) + 30 {
         let message = peer.message();

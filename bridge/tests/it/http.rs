@@ -1,4 +1,4 @@
-//! What a stranger may send to the HTTP server, and what it may not bring down.
+//! Requests that a stranger may send to the HTTP server, which they must not bring down.
 
 use std::io::{Read as _, Write as _};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -135,7 +135,7 @@ fn a_process_without_descriptors_listens_again_once_it_has_some() {
         let mut command = std::process::Command::new("prlimit");
         assert!(command.args(["--pid", &pid, &format!("--nofile={most}:")]).status().unwrap().success());
     };
-    // Room for the system's own: what is open has the lowest numbers.
+    // Room for the system's own: open files have the lowest numbers.
     limit(under.count("fd"));
     let waiting: Vec<TcpStream> = (0..40).map(|_| under.connect()).collect();
     std::thread::sleep(Duration::from_secs(1));

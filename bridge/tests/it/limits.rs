@@ -8,7 +8,8 @@ use prost::Message as _;
 use crate::broker::{Broker, Message, Peer};
 use crate::{REFUSED, ball, bridge, figure};
 
-/// What a message has around topic and payload with QoS 0: the first byte, two of the length, two of the topic's, no properties.
+/// The bytes of a message besides topic and payload, with QoS 0: the first byte, two of the length, two of the topic's, one for
+/// no properties.
 const AROUND: usize = 6;
 
 /// Maximum Packet Size of CONNACK.

@@ -1,4 +1,4 @@
-//! `cellwire-bridge`: what is wrong in a site file is found before anything is connected. What happens with a broker is
+//! `cellwire-bridge`: errors in a site file are found before anything is connected. The behaviour with a broker is tested by
 //! `.ci/bridge`.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
@@ -103,7 +103,7 @@ fn edit(folder: &Path, from: &str, to: &str) {
     std::fs::write(&file, text.replace(from, to)).unwrap();
 }
 
-/// What the bridge answers to a request for a path.
+/// Returns the bridge's answer to a request for a path.
 fn get(bridge: &Running, path: &str) -> String {
     let mut stream = TcpStream::connect(bridge.ready["health"].as_str().unwrap()).unwrap();
     stream.set_read_timeout(Some(DEADLINE)).unwrap();

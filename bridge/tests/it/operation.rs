@@ -59,7 +59,7 @@ fn cells_come_and_go_without_touching_the_others() {
     let mut seen = up_to(&mut peer, "spBv1.0/g/DDATA/n/stays");
     seen.extend(up_to(&mut peer, "spBv1.0/g/DDATA/n/goes"));
 
-    // A file that is wrong in one place changes nothing.
+    // A file that is wrong in one place has no effect.
     let both = format!("{}{}", table("stays", &stays, ""), table("comes", &comes, ""));
     write(folder.path(), &format!("{head}{both}[cell.wrong]\nlink = \"nothing\"\naddress = \"x:1\"\n"));
     hang_up(&bridge);
@@ -260,7 +260,7 @@ fn each_record_is_json_too_before_the_broker_has_the_record() {
         }
     }
     assert!(last > Some(5));
-    // Who may not publish there learns it, and the records go on.
+    // The refusal of a message that is not a record is logged, and the records go on.
     loop {
         let message = peer.message();
         let is_json = message.topic == "plain/site/ball";

@@ -27,14 +27,14 @@ const MAX_HANDSHAKES: usize = 64;
 /// The longest datagram.
 const LONGEST: usize = 65536;
 
-/// How the other end is met.
+/// The way in which the other end is reached.
 #[derive(Debug)]
 pub enum Meeting {
-    /// It connects.
+    /// The other end connects.
     Listen(Arrivals),
-    /// It listens there.
+    /// The other end listens.
     Connect {
-        /// Where.
+        /// The address of the other end.
         address: String,
         /// How a connection is opened.
         dialing: Dialing,
@@ -43,13 +43,13 @@ pub enum Meeting {
         /// The TLS of the connections; `None` without.
         tls: Option<Tls>,
     },
-    /// It sends datagrams; what it sends has to be a message of this table.
+    /// The other end sends datagrams; each has to be a message of this table.
     Datagrams(UdpSocket, Dialect),
-    /// It is sent datagrams.
+    /// Datagrams are sent to the other end.
     Peer(UdpSocket, String),
 }
 
-/// What carries the bytes of a connection.
+/// The transport of a connection.
 #[derive(Debug)]
 pub enum Carrier {
     /// A TCP connection.
@@ -130,10 +130,10 @@ impl Meeting {
         }
     }
 
-    /// A connection that was made without waiting for one; `None` without a client.
+    /// Returns a connection that was made without waiting for one; `None` without a client.
     ///
     /// # Errors
-    /// What a person has to change; that a connection cannot be opened now is the inner error.
+    /// Faults that a person has to correct; that a connection cannot be opened now is the inner error.
     pub fn meet(&mut self) -> Result<Result<Option<(Carrier, String)>, String>> {
         Ok(match self {
             Self::Listen(arrivals) => {
@@ -173,8 +173,8 @@ impl Meeting {
 }
 
 impl Arrivals {
-    /// The client that has connected last, of those that have not left again: each later one takes the place of the one before it. In TLS
-    /// a client has connected when its handshake is over.
+    /// Returns the client that has connected last, of those that have not disconnected again: each later one takes the place of
+    /// the previous one. In TLS a client has connected when its handshake is over.
     fn newest(&mut self) -> Result<Option<(tls::Carrier<Stream>, SocketAddr)>> {
         let mut found = None;
         loop {

@@ -1,4 +1,4 @@
-//! The PC: what it does between two looks at the connection is its program's.
+//! The PC: a program acts on its session between two checks of the connection.
 
 use std::cell::RefCell;
 use std::io;
@@ -15,36 +15,36 @@ pub use super::peer::Packets;
 use super::peer::{Peer, outcome};
 use crate::trace::Trace;
 
-/// The program acts this often, and a robot that connects waits this long at most.
+/// The interval at which the program runs: the longest time that a connecting robot waits.
 const GLANCE: Duration = Duration::from_millis(20);
 
 /// The program of a PC.
 pub trait Program {
-    /// Its session.
+    /// The session of the program.
     type Session: Session<Event = PcEvent>;
 
     /// Acts on the session once everything that has happened was reported; false ends the run.
     ///
     /// # Errors
-    /// Whatever ends the run as a failure.
+    /// The failure that ends the run.
     fn step(&mut self, session: &mut Self::Session) -> Result<bool>;
 
-    /// Keeps what has to survive the program, before what the session has written is sent.
+    /// Keeps the state that has to survive the program, before the session's output is sent.
     ///
     /// # Errors
-    /// It could not be kept: nothing is sent, and the connection ends.
+    /// When the state could not be kept: nothing is sent, and the connection ends.
     fn keep(&mut self, _session: &mut Self::Session) -> io::Result<()> {
         Ok(())
     }
 
-    /// Something has happened.
+    /// Reports an event.
     ///
     /// # Errors
-    /// Whatever ends the run as a failure.
+    /// The failure that ends the run.
     fn notify(&mut self, session: &mut Self::Session, notification: Notification<'_>) -> Result<()>;
 }
 
-/// What a PC reports while it runs.
+/// The reports of a running PC.
 #[derive(Debug)]
 pub enum Notification<'a> {
     /// An event of the session.
@@ -53,15 +53,15 @@ pub enum Notification<'a> {
     Connected(String),
     /// The connection has ended, or cannot be opened.
     Disconnected(&'a str),
-    /// The session's bytes were written there.
+    /// The session's bytes were written to this file.
     Traced(PathBuf),
 }
 
-/// Runs until the program ends it. One robot at a time: over TCP a new connection takes the place of the one before it, over UDP
-/// another robot is answered when the one before is silent.
+/// Runs until the program ends it. One robot at a time: over TCP a new connection takes the place of the previous one, over UDP
+/// another robot is answered when the previous one is silent.
 ///
 /// # Errors
-/// What the program returns, and an endpoint that fails.
+/// The errors of the program, and an endpoint that fails.
 pub fn run<P: Program>(
     meeting: &mut Meeting,
     session: P::Session,

@@ -12,16 +12,16 @@ use crate::clock::Clock;
 use crate::drive::Traced;
 use crate::trace::Trace;
 
-/// What an end has sent.
+/// Counts of the packets that an end has sent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Packets {
-    /// Packets.
+    /// The number of packets.
     pub count: u64,
-    /// Messages in all of them.
+    /// The number of messages in all packets.
     pub messages: u64,
-    /// Messages in the one that held most.
+    /// The number of messages in the packet that has most.
     pub most_messages: usize,
-    /// Bytes of the longest.
+    /// The number of bytes of the longest packet.
     pub longest: usize,
 }
 
@@ -130,7 +130,7 @@ impl Transport for Peer<'_> {
     }
 }
 
-/// What the handler broke with, or why the connection is to be closed.
+/// Returns the value that the handler broke with, or the reason to close the connection.
 pub fn outcome<B>(
     turn: io::Result<ControlFlow<Ended<B>>>,
     closed: &str,

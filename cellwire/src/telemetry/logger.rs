@@ -46,7 +46,7 @@ pub struct Logger {
     backoff: Backoff,
 }
 
-/// What a request for the block came to, or what became of the connection.
+/// The outcome of a request for the block, or a change of the connection.
 #[derive(Debug, Clone, Copy)]
 pub enum Reading<'a> {
     /// The 37 registers, as they stand, and the time from the request to them.
@@ -209,12 +209,12 @@ impl Logger {
     }
 }
 
-/// What ends a request.
+/// The outcome of a request.
 enum Answer {
     Block([u16; 37]),
     /// There is a controller, and no block.
     Refusal(String),
-    /// No reply.
+    /// There is no reply.
     Silence(String),
 }
 

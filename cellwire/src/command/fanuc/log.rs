@@ -224,13 +224,13 @@ impl Unread {
     }
 }
 
-/// What the recording itself does not count.
+/// Counts that the recording itself does not have.
 #[derive(Default)]
 struct Tally {
     blocks: u64,
     faults: BTreeMap<Fault, u64>,
     failed: u64,
-    /// Why there was no block, the last time.
+    /// The reason why there was no block, the last time.
     why: Option<String>,
     disconnected: u64,
     /// The time without a connection, up to the end of the log.
@@ -327,7 +327,7 @@ impl Log {
         Ok(())
     }
 
-    /// What still waits for its word order is written as it is, if it is in the usual one.
+    /// Writes the blocks that still wait for their word order as if it were the usual one, with a mark.
     fn end(&mut self) -> Result<()> {
         self.progress.finish_and_clear();
         match self.lost_at.take() {
@@ -378,17 +378,17 @@ impl Log {
 struct Order {
     known: Option<WordOrder>,
     probe: OrderProbe,
-    /// What the life counter shows, where that is not the order in which the blocks are read.
+    /// The word order that the life counter shows, if that is not the one in which the blocks are read.
     contradicted: Option<WordOrder>,
     /// The blocks, and the clock time at which each was read.
     waiting: Vec<(SystemTime, [u16; 37])>,
 }
 
 impl Order {
-    /// The life counter has not shown it after this many blocks: it is stalled, or is something else.
+    /// The number of blocks after which a life counter that has not shown the word order is stalled, or is something else.
     const PATIENCE: usize = 500;
 
-    /// The blocks that can be read now.
+    /// Returns the blocks whose word order is known now.
     fn push(&mut self, registers: &[u16; 37]) -> Result<Vec<(SystemTime, TelemetryBlock)>> {
         let [first, second, ..] = *registers;
         let found = self.probe.watch([first, second]);

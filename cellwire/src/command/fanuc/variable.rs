@@ -203,7 +203,7 @@ impl Variable<'_> {
         format!("{}{hint}", client.explain(failure))
     }
 
-    /// What registers hold.
+    /// Returns the value that registers hold.
     pub(super) fn value(&self, registers: &[u16]) -> Value {
         match self.place.kind {
             KindArg::String => {

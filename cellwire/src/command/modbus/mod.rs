@@ -102,7 +102,7 @@ struct PortArgs {
 #[error("{0}")]
 pub struct Refused(pub(super) String);
 
-/// A request that is no read has no reply: a server may have executed it.
+/// A request that is not a read has no reply: a server may have executed it.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Unknown(pub(super) String);
@@ -143,13 +143,13 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
-/// What can be set of a client, for the help.
+/// Returns the settings of a client, for the help.
 pub fn settings() -> Vec<Setting> {
     client_help(client_settings(), &USES)
 }
 
 impl PortArgs {
-    /// The port of the server, and its unit.
+    /// Returns the port of the server, and its unit.
     fn port(&self, server: &str, timeout: Duration) -> Result<(Port, u8)> {
         self.port_with(server, timeout, |_| {})
     }

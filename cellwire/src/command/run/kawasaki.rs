@@ -171,7 +171,7 @@ fn machine(tally: &Tally) -> String {
     }
 }
 
-/// What can be set.
+/// Returns the settings.
 pub(super) fn settings() -> Vec<settings::Setting> {
     [settings::list(Settings::default()), connect_settings()].concat()
 }

@@ -176,13 +176,13 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     runner.run(settings, &addresses, &mut *periphery)
 }
 
-/// The lines of a task that begin its parts.
+/// Returns the lines of a task that begin its parts.
 fn lines(task: &str) -> Vec<u64> {
     let begins = |(_, line): &(u64, &str)| line.split('#').next().is_some_and(|it| it.trim() == "[[part]]");
     (1..).zip(task.lines()).filter(begins).map(|(number, _)| number).collect()
 }
 
-/// What can be set.
+/// Returns the settings.
 pub(super) fn settings() -> Vec<settings::Setting> {
     [settings::list(Settings::default()), connect_settings()].concat()
 }

@@ -37,17 +37,17 @@ const QUEUE: usize = 256;
 /// With `--faults`, so likely does a read break the connection.
 const BREAKS: f64 = 0.02;
 
-/// How long a robot without a connection waits here: a short run is to see many connections.
+/// The time that a robot without a connection waits here: a short run is to see many connections.
 const RECONNECT: Duration = Duration::from_millis(100);
 
 /// The number of the first order: that of the source's example (thesis, section 10.1).
 const ORDER: u16 = 50;
 
-/// An order that was ended is over when the job that is being executed is done, and the robot has reported it: within this time, and
-/// that of the longest line.
+/// The time within which an order that was ended is over, plus that of the longest line: the job that is being executed is done,
+/// and the robot has reported it.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What can be set of the demo.
+/// The settings of the demo.
 #[derive(Debug)]
 pub struct Settings {
     plant: Plant,
@@ -222,10 +222,10 @@ impl<'a> Program for Repeat<'a> {
     }
 }
 
-/// What the run has shown.
+/// The results of the run.
 struct Seen<'a> {
     packets: Packets,
-    /// The most bytes of one.
+    /// The most bytes of a packet.
     limit: usize,
     ledger: Orders<'a>,
     robot: robot::Run,

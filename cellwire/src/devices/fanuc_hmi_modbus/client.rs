@@ -23,7 +23,7 @@ use cellwire_io::tls::{Carrier, Tls};
 /// A connection that the client itself has replaced is tried again for this long.
 const REGAINED: Duration = Duration::from_secs(5);
 
-/// Where the servers are.
+/// The address of a server, and the settings of the connection.
 #[derive(Debug, Clone)]
 pub struct Port {
     /// The connection or the line.
@@ -41,18 +41,18 @@ pub enum PortKind {
     Tcp {
         /// HOST:PORT.
         server: String,
-        /// Whether RTU frames go through it.
+        /// Whether RTU frames go through the connection.
         rtu: bool,
-        /// Its TLS; `None` without.
+        /// The TLS of the connection; `None` without.
         tls: Option<Tls>,
     },
     /// A serial port, with RTU.
     Serial {
-        /// Its path.
+        /// The path of the serial port.
         path: String,
-        /// Its rate.
+        /// The baud rate.
         baud: u32,
-        /// Its bits.
+        /// The data bits, parity and stop bits of the line.
         mode: Mode,
     },
 }
@@ -124,22 +124,22 @@ struct Seen {
     has_odd_exceptions: bool,
 }
 
-/// What a request came to.
+/// The outcome of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer<T> {
-    /// What was read from the reply, or from the exception.
+    /// The value that was read from the reply, or from the exception.
     Replied(T),
-    /// It was sent as a broadcast, which has no reply.
+    /// The request was sent as a broadcast, which has no reply.
     Announced,
     /// There is no usable reply.
     Failed(Failure),
 }
 
 impl Client {
-    /// A client with a connection.
+    /// Opens a client with a connection.
     ///
     /// # Errors
-    /// When there is none, no such port, or the configuration cannot work.
+    /// When there is no connection, no such port, or the configuration cannot work.
     pub fn open(port: &Port) -> Result<Self> {
         let mut session = modbus::Client::new(port.config)?;
         let driver = Driver::new(port.open()?);
@@ -193,7 +193,7 @@ impl Client {
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Answer<T>> {
-        // What has come before the request is no reply to it.
+        // Bytes that have arrived before the request are not a reply to it.
         self.turn(Some(Duration::ZERO), |_| ())?;
         self.instead = None;
         self.session.request(unit, request)?;
@@ -274,7 +274,7 @@ impl Client {
         self.turn(Some(time), |_| ()).map(drop)
     }
 
-    /// What the loss of the connection makes of the request that was made last.
+    /// Reports the loss of the connection, and returns its effect on the last request.
     pub fn lost(&mut self) -> Failure {
         self.session.handle_disconnected(robot_session::now());
         let outcome = core::iter::from_fn(|| self.session.poll_event()).find_map(|event| match event {
@@ -321,11 +321,11 @@ impl Client {
     /// Opens another connection in place of this one.
     ///
     /// # Errors
-    /// [`Lost`] when there is none.
+    /// [`Lost`] when there is no connection.
     fn reconnect(&mut self) -> Result<()> {
         self.session.handle_disconnected(robot_session::now());
         while self.session.poll_event().is_some() {}
-        // The old one first: some servers have room for one.
+        // Close the old connection first: some servers accept only one.
         match self.driver.transport_mut() {
             Carrier::Plain(port) => port.close(),
             Carrier::Secure(stream) => stream.close(),

@@ -46,7 +46,7 @@ pub struct FanucSettings {
     pub program: ProgramSettings,
 }
 
-/// What the robot runs.
+/// The program of the robot, and its settings.
 #[derive(Debug, Clone)]
 pub struct ProgramSettings {
     /// The LS file; programs that it calls are in the same folder.
@@ -61,7 +61,7 @@ pub struct ProgramSettings {
     pub inputs: Option<String>,
     /// Whether the program begins again when it has ended.
     pub repeat: bool,
-    /// The first register of the background task; 0: there is none.
+    /// The first register of the background task; 0: no such task.
     pub telemetry: u16,
     /// Whether that task does not run if it would write registers that the program uses.
     pub leaves_registers: bool,
@@ -159,7 +159,7 @@ impl Default for FanucSettings {
 }
 
 impl FanucSettings {
-    /// The server behind a TCP address.
+    /// Returns the configuration of a server on a TCP address.
     pub fn on_tcp(&self) -> ServerConfig {
         match self.frames {
             Frames::Tcp => self.with(ServerConfig { unit: self.unit, ..ServerConfig::tcp() }),

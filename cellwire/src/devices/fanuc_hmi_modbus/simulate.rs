@@ -120,10 +120,10 @@ fn overwritten(programs: &Programs, first: u32) -> Option<Value> {
     Some(json!({"event": "not_modelled", "what": what, "count": 1}))
 }
 
-/// How many registers the background task writes.
+/// The number of registers that the background task writes.
 const BACKGROUND_REGISTERS: u32 = 19;
 
-/// The robot that runs a program; what is not modelled of it is the first of its events.
+/// Makes the robot that runs a program; the parts of the program that are not simulated are the first of its events.
 ///
 /// # Errors
 /// When a file cannot be read, or is not what it should be.

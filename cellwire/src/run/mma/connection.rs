@@ -17,21 +17,21 @@ use cellwire_io::bell::Bell;
 use cellwire_io::tcp::Dialing;
 use cellwire_io::tls::Tls;
 
-/// The most that waits to be taken, and is done in one turn.
+/// The maximum number of items that wait, and that are handled in one turn.
 pub(super) const WAITING: usize = 64;
 
-/// What has come on a connection.
+/// Bytes that have arrived on a connection, or its end.
 #[derive(Debug)]
 pub(super) struct Arrival {
-    /// Which device.
+    /// The device.
     pub(super) from: Device,
-    /// Which connection to it.
+    /// The number of the connection to the device.
     pub(super) number: u64,
-    /// The bytes, or the reason for its end.
+    /// The bytes, or the reason for the end of the connection.
     pub(super) bytes: Result<Vec<u8>, String>,
 }
 
-/// Takes what has come, and rings for it. A device that sends faster than it is read waits in its socket.
+/// Takes arrivals, and rings for each. A device that sends faster than it is read waits in its socket.
 #[derive(Clone)]
 pub(super) struct Inbox {
     pub(super) arrivals: SyncSender<Arrival>,
@@ -39,7 +39,7 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    /// False when the peer is gone.
+    /// Returns false when the peer is gone.
     fn put(&self, arrival: Arrival) -> bool {
         let is_taken = self.arrivals.send(arrival).is_ok();
         self.bell.ring();
@@ -59,7 +59,7 @@ pub(super) struct Connection<P: Pose> {
     session: Central<P>,
     retry_at: Duration,
     backoff: Backoff,
-    /// Why it was lost, until the device has answered again: one that ends may still accept a connection.
+    /// The reason why the connection was lost, until the device has answered again: one that ends may still accept a connection.
     lost: Option<String>,
     /// The end of the last connection in words.
     ended: String,
@@ -134,7 +134,7 @@ impl<P: Pose> Connection<P> {
         let outcome = self.connect();
         self.retry_at = now().saturating_add(self.backoff.pause());
         match outcome {
-            // What the session begins with.
+            // The session begins with a turn at once.
             Ok(()) => Some(now()),
             Err(error) => {
                 self.lost = Some(format!("{error:#}"));
@@ -143,7 +143,7 @@ impl<P: Pose> Connection<P> {
         }
     }
 
-    /// Why it was lost, if it is not regained.
+    /// Returns the reason why the connection was lost, if it is not regained.
     pub(super) fn why_lost(&self) -> Option<&str> {
         self.lost.as_deref()
     }

@@ -38,16 +38,16 @@ pub enum Happened {
 
 /// Cameras, valves and the vacuum switch.
 pub trait Periphery {
-    /// Camera 1 or 2 is to take a picture, for the part of this number.
+    /// Orders a picture of camera 1 or 2, for the part of this number.
     fn acquire(&mut self, camera: i32, part: usize);
 
-    /// The vacuum valve or the blow valve is to be opened or closed.
+    /// Orders the vacuum valve or the blow valve to be opened or closed.
     fn set_valve(&mut self, valve: i32, open: bool);
 
-    /// What has happened since.
+    /// Returns the next event.
     fn poll(&mut self) -> Option<Happened>;
 
-    /// When something happens that no bell rings for.
+    /// Returns the time of the next event for which no bell rings.
     fn due(&self) -> Option<Duration>;
 }
 
@@ -135,7 +135,7 @@ impl Line {
     }
 
     fn write(&mut self, line: &str) {
-        // Who does not read is noticed as one who does not answer.
+        // Ignore a write error: a peer that does not read does not answer either, and that is reported.
         let _ = self.wire.send(line.as_bytes());
     }
 }

@@ -66,7 +66,7 @@ pub struct Runner<'a> {
     held: bool,
     /// The task waits for the answer to a question.
     question: bool,
-    /// The devices were told to stop at once: then the run ends, even if they do not answer.
+    /// The time at which the run ends even if the devices do not answer, since they were ordered to stop at once.
     end_by: Option<Duration>,
 }
 
@@ -225,7 +225,7 @@ impl<'a> Runner<'a> {
         task.handle_event(now(), Event::Abort);
     }
 
-    /// Limits the wait for devices that were told to stop.
+    /// Limits the wait for devices that were ordered to stop.
     fn limit_end(&mut self) {
         self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
     }

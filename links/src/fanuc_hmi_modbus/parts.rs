@@ -100,7 +100,7 @@ fn data(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
     }
 }
 
-/// The bytes behind the code of a reply of function 11 or 12.
+/// Takes the bytes after the code of a reply of function 11 or 12.
 fn events(parts: &mut Parts<'_>, message: &Value) {
     let is_log = message.get("log").is_some();
     if is_log {
@@ -114,7 +114,7 @@ fn events(parts: &mut Parts<'_>, message: &Value) {
     }
 }
 
-/// The bytes behind the code of function 20 or 21.
+/// Takes the bytes after the code of function 20 or 21.
 fn files(parts: &mut Parts<'_>, message: &Value) {
     parts.take(1, "byte count", "FM-104");
     for index in 0..count(message, "contents") {
@@ -135,7 +135,7 @@ fn files(parts: &mut Parts<'_>, message: &Value) {
     }
 }
 
-/// The bytes behind the code of function 43.
+/// Takes the bytes after the code of function 43.
 fn identification(parts: &mut Parts<'_>, message: &Value, is_request: bool) {
     parts.take(1, "MEI type", "FM-97");
     parts.take(1, "/category", "FM-97");

@@ -102,9 +102,9 @@ impl End for Ball {
     type Statistics = BallStatistics;
     type Payload = ();
 
-    // `MAX_INPUT`: the buffer of a serial port. Requests that have piled up there have one answer.
     const LINK: &'static str = "isra-ball";
     const END: &'static str = "ball";
+    // The buffer of a serial port. Requests that have piled up there have one answer.
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Packet::LEN;
     const ROOM: Room = Room::NONE;

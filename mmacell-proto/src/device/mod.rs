@@ -146,9 +146,9 @@ impl<P: Pose> End for Device<P> {
     type Statistics = DeviceStatistics;
     type Payload = ();
 
-    /// `MAX_INPUT`: the bytes that fit beside the beginning of a line.
     const LINK: &'static str = "mmacell-proto";
     const END: &'static str = "device";
+    /// The bytes that fit beside the beginning of a line.
     const MAX_INPUT: usize = BACKLOG - Line::MAX_LEN;
     const MAX_TRANSMIT: usize = Reply::<P>::MAX_LEN;
     /// An order and the end of the connection.

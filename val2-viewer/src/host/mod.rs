@@ -114,9 +114,9 @@ impl End for Host {
     type Statistics = HostStatistics;
     type Payload = ();
 
-    // `MAX_INPUT`: the buffer of a serial port. Requests that have piled up there have one answer.
     const LINK: &'static str = "val2-viewer";
     const END: &'static str = "host";
+    // The buffer of a serial port. Requests that have piled up there have one answer.
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = 256;
     const ROOM: Room = Room::NONE;

@@ -38,11 +38,11 @@ impl Bands {
         Ok(Self(own().map(band).collect()))
     }
 
-    /// Leaves what is to be reported: `last` is what was reported of a metric.
+    /// Removes the metrics that are not to be reported: `last` returns the value of a metric that was reported last.
     pub fn filter<'a>(&self, named: &mut Vec<Named>, last: impl Fn(&str) -> Option<&'a Value>) {
         named.retain(|(name, value)| match (self.0.get(name), last(name)) {
             (Some(band), Some(last)) => is_exception(last, value, *band),
-            // Of a metric that has no value a value that is none is no news.
+            // For a metric without a value, a value that is not finite is not news.
             (Some(_), None) => !matches!(value, Value::Float(value) if !value.is_finite()),
             (None, _) => true,
         });

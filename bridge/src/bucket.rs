@@ -1,11 +1,11 @@
-//! A token bucket: this many at once, and this many a second.
+//! A token bucket: `burst` tokens at once, and `per_second` new ones each second.
 
-/// How many commands a cell takes.
+/// The rate of commands that a cell takes.
 #[derive(Debug, Clone, Copy)]
 pub struct Rate {
-    /// On the average, a second.
+    /// The average number of commands per second.
     pub per_second: f64,
-    /// At once, after a while without any.
+    /// The number of commands at once, after a while without any.
     pub burst: u32,
 }
 
@@ -13,19 +13,19 @@ pub struct Rate {
 #[derive(Debug)]
 pub struct Bucket {
     tokens: f64,
-    /// When it had this many, in milliseconds.
+    /// The time at which the bucket had this many tokens, in milliseconds.
     at: u64,
 }
 
 impl Bucket {
-    /// A full one.
+    /// Returns a full bucket.
     pub fn full(rate: Rate, now: u64) -> Self {
         Self { tokens: rate.burst.into(), at: now }
     }
 
     /// Returns the number of tokens now.
     pub fn left(&self, rate: Rate, now: u64) -> f64 {
-        // A clock that is set back gives none.
+        // A clock that is set back adds no tokens.
         let seconds = core::time::Duration::from_millis(now.saturating_sub(self.at)).as_secs_f64();
         (self.tokens + seconds * rate.per_second).min(rate.burst.into())
     }

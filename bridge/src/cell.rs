@@ -22,41 +22,41 @@ pub struct Cell {
     pub name: String,
     /// The link of the cell.
     pub link: String,
-    /// Every metric that it may report.
+    /// Every metric that the cell may report.
     pub definitions: Vec<Definition>,
-    /// The values that it has reported last, and when.
+    /// The values that the cell has reported last, and their times.
     pub values: HashMap<&'static str, (u64, Value)>,
-    /// Whether its link is connected.
+    /// Whether the link is connected.
     pub is_connected: bool,
     /// The time since which `is_connected` has this value, in milliseconds since 1970 UTC.
     pub since: u64,
     /// The reason why the link is not connected.
     pub why: String,
-    /// Whether the broker has its birth.
+    /// Whether the broker has the cell's birth.
     pub is_born: bool,
-    /// The number of its last record.
+    /// The number of the cell's last record.
     pub number: u64,
-    /// The number of its last record that was written.
+    /// The number of the cell's last record that was written.
     pub written: u64,
-    /// The number that is kept beside the records.
+    /// The number of the cell's last record, as it is kept beside the records.
     pub kept: u64,
-    /// The time of its last record.
+    /// The time of the cell's last record.
     pub last_at: u64,
     /// The number of failures while the device did not answer.
     pub failures: Arc<AtomicU64>,
-    /// Whether the site file allows commands to it.
+    /// Whether the site file allows commands to the cell.
     pub takes_commands: bool,
-    /// Whether it may be another bridge's.
+    /// Whether the cell may be another bridge's.
     pub is_shared: bool,
-    /// By how much a metric has to change to be reported, if it reports by exception.
+    /// The changes by which metrics are reported, if the cell reports by exception.
     pub bands: Option<Bands>,
-    /// Where its task takes commands.
+    /// The sender of commands to the cell's task.
     pub commands: UnboundedSender<Command>,
-    /// Its task is to end.
+    /// The sender of true when the cell's task is to end.
     pub stop: watch::Sender<bool>,
     /// The task of the cell.
     pub task: Option<JoinHandle<()>>,
-    /// The site file has it no more, or as another one: which is begun when the task has ended.
+    /// The next state, after a change of the site file or of the lease: another cell is begun when the task has ended.
     pub next: Next,
 }
 
@@ -78,23 +78,23 @@ pub enum Next {
 /// clock's.
 const CROSSED: u64 = 60_000;
 
-/// The time of a record that was made at `at`, after one that has the time `last`.
+/// Returns the time of a record that was made at `at`, after one that has the time `last`.
 pub fn in_order(last: u64, at: u64) -> u64 {
     if last.saturating_sub(at) < CROSSED { at.max(last) } else { at }
 }
 
 impl Cell {
-    /// Whether the site file has it no more.
+    /// Returns whether the cell is not in the site file any more.
     pub fn is_gone(&self) -> bool {
         matches!(self.next, Next::Gone)
     }
 
-    /// Whether it is this bridge's, and to stay so.
+    /// Returns whether the cell is this bridge's, and is to stay so.
     pub fn is_here(&self) -> bool {
         !self.is_shared || matches!(self.next, Next::Same) && self.task.is_some()
     }
 
-    /// Whether its task has ended.
+    /// Returns whether the cell's task has ended.
     pub fn has_ended(&self) -> bool {
         self.task.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -120,7 +120,7 @@ impl Cell {
         self.definitions.iter().map(|it| it.name).find(|name| self.alias(place, name) == Some(alias))
     }
 
-    /// The metrics of its own, as null: it has no values from now on.
+    /// Returns the cell's own metrics as null: the cell has no values from now on.
     pub fn nulls(&mut self, at: u64, quality: Quality) -> Vec<Metric> {
         let own = self.definitions.iter().filter(|definition| !COMMON.contains(definition));
         let null = |Definition { name, kind }: &Definition| {

@@ -154,7 +154,7 @@ impl Commands {
         }
     }
 
-    /// Whether a command is to be given, or why it is not: as it is in the metrics, and in words.
+    /// Decides whether a command is to be given; the error is the reason against it, as it is in the metrics and in words.
     fn acceptable(
         &mut self,
         write: Write<'_>,
@@ -213,12 +213,12 @@ impl Commands {
         Ok(())
     }
 
-    /// How many commands a cell takes now.
+    /// Returns the number of commands that a cell takes now.
     pub fn left(&self, cell: &str, now: u64) -> f64 {
         self.buckets.get(cell).map_or(self.rate.burst.into(), |bucket| bucket.left(self.rate, now))
     }
 
-    /// The outcome of a command that was given to a cell: what is to be reported.
+    /// Records the outcome of a command that was given to a cell; returns the report.
     pub fn finish(
         &mut self,
         cell: &str,
@@ -258,7 +258,7 @@ impl Commands {
         self.ledger.pages()
     }
 
-    /// The commands on a page of the ledger that are remembered.
+    /// Returns the commands on a page of the ledger that are remembered.
     pub fn page(&self, page: u64) -> Vec<Told> {
         let told = |(cell, id): &(String, String)| {
             let entry = self.entry(cell, id).filter(|entry| entry.is_in_ledger())?.clone();
@@ -291,8 +291,8 @@ impl Commands {
         }
     }
 
-    /// The cell is this bridge's now, and what others were given until this time may not have been heard of. What is to be reported of
-    /// their commands that have no outcome.
+    /// Takes over a cell. Commands that others were given for it until this time may be unknown here. Returns the report of each
+    /// of their commands that have no outcome.
     pub fn take(&mut self, cell: &str, until: u64, batch: &mut Batch) -> Vec<Vec<Named>> {
         let known = self.known.entry(cell.to_owned()).or_default();
         known.bar(cell, until, batch);
@@ -306,7 +306,7 @@ impl Commands {
         known.unfinished(false).map(over).collect()
     }
 
-    /// Forgets what is older than a day.
+    /// Forgets commands that are older than a day.
     pub fn forget(&mut self, now: u64, batch: &mut Batch) {
         for (cell, known) in &mut self.known {
             known.forget(cell, now, self.max_age, batch);
@@ -319,7 +319,7 @@ impl Commands {
 }
 
 impl Entry {
-    /// Whether this bridge has accepted the command, and shares its cell.
+    /// Returns whether this bridge has accepted the command, and shares its cell.
     pub fn is_in_ledger(&self) -> bool {
         self.number > 0 && self.by.is_empty()
     }
@@ -330,7 +330,7 @@ impl Entry {
     }
 }
 
-/// The command of a message, and its time.
+/// Returns the command of a message, and its time.
 fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
     let [metric] = payload.metrics.as_slice() else {
         return Err(format!("write only the metric {REQUEST}"));

@@ -9,7 +9,7 @@ use crate::metric::Definition;
 use crate::payload::{Kind, Metric, Quality, Value};
 use crate::store::{Batch, Store};
 
-/// In the store, before the number of a word: its kind, a space, and the name.
+/// The prefix in the store of the number of a word; the value is its kind, a space, and the name.
 const PREFIX: &str = "word/";
 /// The kind of a cell's name.
 const CELL: u32 = 0;
@@ -44,7 +44,7 @@ struct Compact {
 struct Item {
     #[prost(uint32, tag = "1")]
     word: u32,
-    /// A quality, of what has no value.
+    /// The quality of a metric without a value.
     #[prost(uint32, optional, tag = "2")]
     quality: Option<u32>,
     #[prost(oneof = "Value", tags = "10, 11, 12, 13, 14, 15")]
@@ -91,7 +91,7 @@ impl Words {
         number
     }
 
-    /// The record of a cell at this time, with metrics that were [learnt](Self::learn).
+    /// Returns the record of a cell at this time, with metrics that were [learnt](Self::learn).
     pub fn pack(&self, cell: &str, at: u64, metrics: &[Metric]) -> Vec<u8> {
         let number =
             |kind, name: &str| self.numbers.get(&(kind, name.to_owned())).copied().unwrap_or(u32::MAX);
@@ -103,7 +103,7 @@ impl Words {
         Compact { cell: number(CELL, cell), at, items: items.collect() }.encode_to_vec()
     }
 
-    /// A record, if it is one.
+    /// Decodes a record; `None` if the bytes are not a record.
     pub fn unpack(&self, bytes: &[u8]) -> Option<Record> {
         let Compact { cell, at, items } = Compact::decode(bytes).ok()?;
         let word = |number: u32| self.words.get(number as usize);

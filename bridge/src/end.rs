@@ -17,13 +17,13 @@ use super::metric::{self, CONNECTED, EVENT, Named};
 use super::payload::Value;
 use super::report::{Command, Input, Outcome, Report, What};
 
-/// How long a command that has begun may take when the bridge ends.
+/// The time that a command that has begun may take when the bridge ends.
 pub const LAST: Duration = Duration::from_secs(5);
 
 /// The reason to refuse a command that was not begun when the bridge ended.
 pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
 
-/// How many reasons of a device that does not answer are reported.
+/// The number of reasons that are reported of a device that does not answer.
 const REASONS: usize = 20;
 /// The interval at which a report that does not fit is tried again, and at which a task that is to end looks for its command's
 /// outcome.
@@ -53,7 +53,7 @@ impl Stop {
         self.lease.as_ref().is_some_and(|lease| !lease.holds())
     }
 
-    /// Waits until it is due.
+    /// Waits until the task is to end.
     async fn due(&self) {
         let mut told = self.told.clone();
         let lost = async {
@@ -78,7 +78,8 @@ impl Stop {
 pub struct Inbox(pub mpsc::UnboundedReceiver<Command>);
 
 impl Inbox {
-    /// The next command, one at a time. One that has waited too long behind others is refused, and each once the task is to end.
+    /// Returns the next command, one at a time. A command that has waited too long is refused, and so is each once the task is to
+    /// end.
     pub async fn next(&mut self, end: &End) -> Command {
         loop {
             match self.0.recv().await {
@@ -125,24 +126,24 @@ pub struct End {
 struct State {
     /// The command that has no outcome yet.
     current: Option<String>,
-    /// When it was noticed first that the task is to end.
+    /// The time at which it was noticed first that the task is to end.
     stopped_at: Option<Instant>,
-    /// How many connections there were, and whether there is one.
+    /// The number of connections so far, and whether there is one now.
     connections: u64,
     is_linked: bool,
-    /// Whether the device answers, and when it did last.
+    /// Whether the device answers, and the time at which it did last.
     is_alive: bool,
     heard: Option<Instant>,
-    /// Whether there is a record since it answered last that it does not.
+    /// Whether there is a record, since the device answered last, that it does not answer.
     is_recorded: bool,
     /// The reasons that were reported since it answered last.
     reported: HashSet<String>,
-    /// Reports for which the hub had no room.
+    /// Reports that did not fit into the queue of the hub.
     unsent: VecDeque<Input>,
 }
 
 impl End {
-    /// The end of the cell of this number, whose device is at `place`.
+    /// Makes the end of the cell of this number, whose device is at `place`.
     pub fn new(
         cell: usize,
         place: String,
@@ -158,13 +159,13 @@ impl End {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the bridge ends, or the cell is not its own any more.
+    /// Returns whether the bridge ends, or the cell is not its own any more.
     pub fn is_stopped(&self) -> bool {
         self.stop.is_due()
     }
 
-    /// Whether the task is to end now: it is stopped, and its command has an outcome, or has had [`LAST`] to get one. A cell that
-    /// another bridge may have is given up at once.
+    /// Returns whether the task is to end now: it is stopped, and its command has an outcome, or has had [`LAST`] to get one. A
+    /// cell that another bridge may have is given up at once.
     pub fn is_over(&self) -> bool {
         if !self.is_stopped() {
             return false;
@@ -199,7 +200,7 @@ impl End {
         }
     }
 
-    /// Whether the device answers.
+    /// Returns whether the device answers.
     pub fn is_alive(&self) -> bool {
         self.state().is_alive
     }
@@ -228,24 +229,24 @@ impl End {
         self.send(&mut self.state(), what);
     }
 
-    /// There is a connection. It shows nothing of the device.
+    /// Reports a connection. It shows nothing of the device.
     pub fn linked(&self) {
         let mut state = self.state();
         (state.is_linked, state.heard) = (true, Some(Instant::now()));
         state.connections += 1;
     }
 
-    /// The number of connections so far.
+    /// Returns the number of connections so far.
     pub fn connections(&self) -> u64 {
         self.state().connections
     }
 
-    /// When the device answered last, or the connection was made.
+    /// Returns the time at which the device answered last, or the connection was made.
     pub fn heard(&self) -> Option<Instant> {
         self.state().heard
     }
 
-    /// The device has answered.
+    /// Reports that the device has answered.
     pub fn answered(&self) {
         let mut state = self.state();
         state.heard = Some(Instant::now());
@@ -254,7 +255,7 @@ impl End {
         }
     }
 
-    /// The device at `place` answers.
+    /// Reports that the device at `place` answers.
     pub fn connected(&self, place: &str) {
         self.is_connected(&mut self.state(), place);
     }
@@ -290,7 +291,8 @@ impl End {
         self.send(state, What::Values(values));
     }
 
-    /// Why a command cannot be given to the device now. One that [is asked](crate::links) has to have answered.
+    /// Returns the reason why a command cannot be given to the device now. One that [is asked](crate::links) has to have
+    /// answered.
     pub fn refusal(&self, is_asked: bool) -> Option<&'static str> {
         let state = self.state();
         match (state.is_linked, state.is_alive || !is_asked) {
@@ -300,7 +302,7 @@ impl End {
         }
     }
 
-    /// Whether a command is begun; otherwise it is refused.
+    /// Returns whether a command is begun; otherwise it is refused.
     fn begins(&self, command: &Command) -> bool {
         self.state().current = Some(command.id.clone());
         if self.is_stopped() {
@@ -313,12 +315,12 @@ impl End {
         false
     }
 
-    /// Whether a command has no outcome yet.
+    /// Returns whether a command has no outcome yet.
     pub fn is_busy(&self) -> bool {
         self.state().current.is_some()
     }
 
-    /// The outcome of the command that had none.
+    /// Reports the outcome of the command that is under way.
     pub fn finish(&self, outcome: Outcome, detail: impl Into<String>) {
         let mut state = self.state();
         if let Some(id) = state.current.take() {

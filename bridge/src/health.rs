@@ -1,4 +1,4 @@
-//! How the bridge is, in the text format of Prometheus, and for a page.
+//! The state of the bridge, in the text format of Prometheus, and for a page.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,34 +12,34 @@ use super::metric;
 use super::uplink::Counts;
 use crate::http::Reply;
 
-/// The bridge's state.
+/// The state of the bridge, shared with the server.
 #[derive(Debug, Default)]
 pub struct Health(Mutex<Figures>);
 
-/// How the bridge is.
+/// The state of the bridge.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
     /// The broker.
     pub broker: BrokerHealth,
-    /// Records are published.
+    /// Whether records are published.
     pub is_online: bool,
-    /// Records in the store.
+    /// The number of records in the store.
     pub stored: u64,
-    /// The bytes that they have in the store, and the most that they may have.
+    /// The bytes of the records in the store, and their maximum.
     pub stored_bytes: (u64, u64),
-    /// Records that the broker was sent and has not acknowledged.
+    /// The number of records that were sent to the broker and are not acknowledged.
     pub in_flight: usize,
-    /// Records made.
+    /// The number of records made.
     pub records: u64,
-    /// Records that had to make room in a full store.
+    /// The number of records that were dropped because the store was full.
     pub dropped_full: u64,
-    /// Reports of cells that were dropped because the disk was too slow.
+    /// The number of reports that were dropped because the disk was too slow.
     pub dropped_busy: u64,
-    /// Records of cells that the site file has no more.
+    /// The number of records that were dropped because their cells are not in the site file any more.
     pub dropped_orphans: u64,
-    /// Ignored or malformed messages of the broker.
+    /// The number of ignored or malformed messages of the broker.
     pub strange: u64,
-    /// The disk does not take what is to be written.
+    /// Whether the disk does not take the data that is to be written.
     pub is_stuck: bool,
     /// The connection to the broker.
     pub uplink: Counts,
@@ -56,18 +56,18 @@ pub struct Figures {
 /// The numbers of shared cells by their bridge, as far as this bridge knows.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Shared {
-    /// The cells that this bridge has.
+    /// The number of cells that this bridge has.
     pub here: u64,
-    /// The cells that another bridge has.
+    /// The number of cells that another bridge has.
     pub elsewhere: u64,
-    /// The cells that no bridge has.
+    /// The number of cells that no bridge has.
     pub nobody: u64,
 }
 
 /// The broker.
 #[derive(Debug, Clone, Default)]
 pub struct BrokerHealth {
-    /// Where it is.
+    /// The address of the broker.
     pub address: String,
     /// Sparkplug's group.
     pub group: String,
@@ -98,19 +98,19 @@ pub struct CellHealth {
     pub commands_left: f64,
     /// The commands of the cell that were refused at once, by reason.
     pub refusals: Vec<(&'static str, u64)>,
-    /// Its records that wait because the broker refuses its topic.
+    /// The number of the cell's records that wait because the broker refuses its topic.
     pub held: usize,
-    /// The number of failures while its device did not answer.
+    /// The number of failures while the cell's device did not answer.
     pub failures: u64,
 }
 
 impl Health {
-    /// From now on it is so.
+    /// Replaces the state.
     pub fn set(&self, figures: Figures) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = figures;
     }
 
-    /// The answer to a request for a path.
+    /// Returns the answer to a request for a path.
     pub fn reply(&self, path: &str) -> Reply {
         let figures = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
         match path {

@@ -4,7 +4,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};
 
-/// From one trial to the next.
+/// The time from one trial to the next.
 const INTERVAL: Duration = Duration::from_secs(60);
 
 /// The cells that are held, by their places.
@@ -32,7 +32,7 @@ pub enum Refused {
 }
 
 impl Holds {
-    /// A cell's record was refused because of its topic.
+    /// Records that a cell's record was refused because of its topic.
     pub fn refuse(&mut self, place: usize, key: u64, now: Instant) -> Refused {
         let mut refused = Refused::Another;
         let hold = self.0.entry(place).or_insert_with(|| {
@@ -48,7 +48,7 @@ impl Holds {
         refused
     }
 
-    /// A cell's record was taken. The others of the cell if it was the trial: it is held no more.
+    /// Records that a cell's record was taken. If it was the trial, the cell is held no longer: returns its other records.
     pub fn take(&mut self, place: usize, key: u64) -> Option<BTreeSet<u64>> {
         if self.0.get(&place)?.trial != Some(key) {
             return None;
@@ -58,22 +58,22 @@ impl Holds {
         Some(keys)
     }
 
-    /// Whether the cell is held.
+    /// Returns whether the cell is held.
     pub fn is_held(&self, place: usize) -> bool {
         self.0.contains_key(&place)
     }
 
-    /// How many records of the cell wait because it is held.
+    /// Returns the number of the cell's records that wait because it is held.
     pub fn count(&self, place: usize) -> usize {
         self.0.get(&place).map_or(0, |hold| hold.keys.len())
     }
 
-    /// A record that would be published now waits if its cell is held. Whether it does.
+    /// Keeps a record that would be published now, if its cell is held. Returns whether it is.
     pub fn keep(&mut self, place: usize, key: u64) -> bool {
         self.0.get_mut(&place).map(|hold| hold.keys.insert(key)).is_some()
     }
 
-    /// The store has no record below this key any more.
+    /// Drops the keys below this one: the store does not have their records any more.
     pub fn made_room(&mut self, first: u64) {
         for hold in self.0.values_mut() {
             while hold.keys.first().is_some_and(|key| *key < first) {
@@ -82,7 +82,7 @@ impl Holds {
         }
     }
 
-    /// A record is dropped.
+    /// Forgets a record that is dropped.
     pub fn forget(&mut self, place: usize, key: u64) {
         if let Some(hold) = self.0.get_mut(&place) {
             hold.keys.remove(&key);
@@ -90,20 +90,20 @@ impl Holds {
         }
     }
 
-    /// There is a new connection: each cell is tried at once.
+    /// Called when there is a new connection: each cell is tried at once.
     pub fn connected(&mut self, now: Instant) {
         for hold in self.0.values_mut() {
             (hold.trial, hold.try_at) = (None, now);
         }
     }
 
-    /// A record to try, and the place of its cell.
+    /// Returns a record to try, and the place of its cell.
     pub fn due(&self, now: Instant) -> Option<(usize, u64)> {
         let due = self.0.iter().filter(|(_, hold)| hold.trial.is_none() && hold.try_at <= now);
         due.filter_map(|(place, hold)| Some((*place, *hold.keys.first()?))).min()
     }
 
-    /// It is on its way.
+    /// Records that a record is on its way as a trial.
     pub fn tried(&mut self, place: usize, key: u64) {
         if let Some(hold) = self.0.get_mut(&place) {
             hold.trial = Some(key);
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(holds.due(first), Some((3, 7)));
         holds.tried(3, 7);
         assert_eq!(holds.due(first + INTERVAL), None, "one at a time");
-        // One that was on its way when the first was refused, and was taken, says nothing of those before it.
+        // A record that was on its way when the first was refused, and was taken, shows nothing about those before it.
         assert_eq!(holds.take(3, 8), None);
         assert_eq!(holds.refuse(3, 7, first), Refused::Trial);
         assert_eq!(holds.due(first + INTERVAL - Duration::from_millis(1)), None);

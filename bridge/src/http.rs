@@ -21,13 +21,14 @@ use tokio::runtime::Builder;
 use tokio::task::JoinHandle;
 use tokio::time::{Interval, interval, sleep};
 
-/// How many connections at once; one more takes the place of the oldest.
+/// The maximum number of connections; another one takes the place of the oldest.
 const MOST: usize = 16;
 /// The longest head of a request, in bytes.
 const HEAD: usize = 8 * 1024;
 /// The longest time of a connection: one request and its answer.
 const LONGEST: Duration = Duration::from_secs(5);
-/// How often live data is sent, until the client goes; one that has not taken anything for [`LONGEST`] is dropped.
+/// The interval at which live data is sent, until the client goes; a client that has not read anything for [`LONGEST`] is
+/// dropped.
 const EVERY: Duration = Duration::from_secs(1);
 /// The bytes that the system buffers for a client that does not read.
 const UNREAD: usize = 64 * 1024;
@@ -43,30 +44,30 @@ const HEADERS: [(HeaderName, &str); 5] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     (header::CACHE_CONTROL, "no-store"),
 ];
-/// How often a connection is retried when the system has no descriptor for it.
+/// The interval at which a connection is retried when the system has no descriptor for it.
 const RETRY: Duration = Duration::from_millis(100);
 
 /// The answer to a request.
 #[derive(Debug)]
 pub struct Reply {
-    /// Such as 200.
+    /// The status code, such as 200.
     pub status: u16,
     /// The content's type.
     pub kind: &'static str,
     /// The content.
     pub body: String,
-    /// It is an event, and followed by others for as long as the client reads.
+    /// Whether the content is an event, and followed by others for as long as the client reads.
     pub is_live: bool,
 }
 
 impl Reply {
-    /// An answer that is there at once.
+    /// Makes an answer that is there at once.
     pub fn new(status: u16, kind: &'static str, body: impl Into<String>) -> Self {
         Self { status, kind, body: body.into(), is_live: false }
     }
 }
 
-/// Answers every `GET` with what `reply` makes of its path, until the process ends. Returns where it listens.
+/// Answers every `GET` with the result of `reply` for its path, until the process ends. Returns the address that it listens at.
 ///
 /// # Errors
 /// When the system has no room for a thread.

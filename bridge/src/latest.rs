@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use super::report::Outcome;
 
-/// How many are shown.
+/// The number of commands that are shown.
 const MOST: usize = 30;
-/// How many bytes of an id or a reason are shown.
+/// The number of bytes of an id or a reason that are shown.
 const LONGEST: usize = 200;
 
 /// The latest commands.

@@ -10,7 +10,7 @@ const PAGE: u64 = 64;
 /// Commands by their numbers, which begin at 1.
 #[derive(Debug, Default)]
 pub struct Ledger {
-    /// The cell and the id of each.
+    /// The cell and the id of each command.
     commands: BTreeMap<u64, (String, String)>,
     last: u64,
 }
@@ -33,20 +33,20 @@ impl Ledger {
         self.commands.retain(|_, (cell, id)| is_remembered(cell, id));
     }
 
-    /// The pages, of which the last one has room for the next command.
+    /// Returns the pages, of which the last one has free space for the next command.
     pub fn pages(&self) -> RangeInclusive<u64> {
         let open = page_of(self.last + 1);
         self.commands.first_key_value().map_or(open, |(first, _)| page_of(*first))..=open
     }
 
-    /// The cell and the id of each command on a page.
+    /// Returns the cell and the id of each command on a page.
     pub fn page(&self, page: u64) -> impl Iterator<Item = &(String, String)> {
         let first = page.saturating_mul(PAGE);
         self.commands.range(first..first.saturating_add(PAGE)).map(|(_, command)| command)
     }
 }
 
-/// The page of a number.
+/// Returns the page of a number.
 pub fn page_of(number: u64) -> u64 {
     number / PAGE
 }

@@ -45,24 +45,24 @@ pub const COMMON: [Definition; 8] = [
     define(DETAIL, Kind::String),
 ];
 
-/// A definition.
+/// Makes a definition.
 pub const fn define(name: &'static str, kind: Kind) -> Definition {
     Definition { name, kind }
 }
 
-/// Milliseconds since 1970 UTC.
+/// Returns the time now, in milliseconds since 1970 UTC.
 pub fn now() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
 }
 
-/// A whole number.
+/// Makes the value of a whole number.
 pub fn whole(number: impl Into<i64>) -> Value {
     // Two's complement, as Sparkplug has it.
     Value::Long(number.into().cast_unsigned())
 }
 
-/// A text.
+/// Makes the value of a text.
 pub fn text(text: impl Into<String>) -> Value {
     Value::String(text.into())
 }

@@ -5,7 +5,7 @@ use prost::Message;
 use super::metric::{self, Definition, text, whole};
 use super::payload::{Kind, Metric, Payload, Value};
 
-/// Where every topic of Sparkplug B begins.
+/// The first level of every topic of Sparkplug B.
 const NAMESPACE: &str = "spBv1.0";
 /// The longest message that is taken as a command, in bytes.
 const LONGEST: usize = 256 * 1024;
@@ -64,7 +64,7 @@ pub enum Received {
 }
 
 impl Node {
-    /// A node at the beginning of the connection of this number.
+    /// Makes a node at the beginning of the connection of this number.
     pub fn new(group: &str, node: &str, bd_seq: u8) -> Self {
         Self { group: group.into(), node: node.into(), bd_seq, seq: 0 }
     }
@@ -75,23 +75,23 @@ impl Node {
         format!("{NAMESPACE}/{group}/{kind}/{node}{device}")
     }
 
-    /// The topics of what it may be ordered.
+    /// Returns the topics of commands to the node and its devices.
     pub fn subscriptions(&self) -> [String; 2] {
         [self.topic("NCMD", None), self.topic("DCMD", Some("+"))]
     }
 
-    /// The topic of a host application's state.
+    /// Returns the topic of a host application's state.
     pub fn state_of(host: &str) -> String {
         format!("{NAMESPACE}/STATE/{host}")
     }
 
-    /// The death of the node: the connection's will, or said at its intended end. It has no number.
+    /// Returns the death of the node: the connection's will, also published at its intended end. It has no number.
     pub fn death(&self) -> Publication {
         let payload = Payload { timestamp: Some(metric::now()), metrics: vec![self.bd_seq()], seq: None };
         Publication { topic: self.topic("NDEATH", None), payload: payload.encode_to_vec() }
     }
 
-    /// The birth of the node. It restarts the message numbers.
+    /// Returns the birth of the node. It restarts the message numbers.
     pub fn birth(&mut self, cells: usize) -> Publication {
         self.seq = 0;
         let now = metric::now();
@@ -121,17 +121,17 @@ impl Node {
         self.numbered("DBIRTH", Some(device), metrics.collect())
     }
 
-    /// The death of a device: what it had values of, and why it has none now.
+    /// Returns the death of a device: the metrics that had values, and the reason why they have none now.
     pub fn device_death(&self, device: &str, metrics: Vec<Metric>) -> Publication {
         self.numbered("DDEATH", Some(device), metrics)
     }
 
-    /// Values of a device.
+    /// Returns a message with values of a device.
     pub fn data(&self, device: &str, metrics: Vec<Metric>) -> Publication {
         self.numbered("DDATA", Some(device), metrics)
     }
 
-    /// The message was published: the next one has the next number.
+    /// Called when the message was published: the next one has the next number.
     pub fn published(&mut self) {
         self.seq = self.seq.wrapping_add(1);
     }
@@ -145,7 +145,7 @@ impl Node {
         Metric::new(BD_SEQ, Kind::Int64, metric::now(), Some(whole(self.bd_seq)))
     }
 
-    /// Understands a message; `is_retained` is whether the broker was to keep it.
+    /// Parses a message; `is_retained` is whether the broker was to store it.
     pub fn receive(&self, topic: &str, payload: &[u8], is_retained: bool) -> Received {
         if let Some(host) = topic.strip_prefix(NAMESPACE).and_then(|rest| rest.strip_prefix("/STATE/")) {
             return state(host, payload);

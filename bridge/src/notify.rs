@@ -14,7 +14,7 @@ pub(crate) struct Notify {
 }
 
 impl Notify {
-    /// As the environment says.
+    /// Reads the socket and the interval from the environment.
     pub(crate) fn from_environment() -> Self {
         let limit = env::var("WATCHDOG_USEC").ok().and_then(|text| text.parse().ok());
         let interval = limit.map(|limit| Duration::from_micros(limit) / 3);

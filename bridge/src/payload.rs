@@ -29,16 +29,16 @@ pub struct Metric {
     /// The time at which the value was read, in milliseconds since 1970 UTC.
     #[prost(uint64, optional, tag = "3")]
     pub timestamp: Option<u64>,
-    /// A [`Kind`].
+    /// The number of a [`Kind`].
     #[prost(uint32, optional, tag = "4")]
     pub datatype: Option<u32>,
-    /// The value was stored without a connection: it is not the current one.
+    /// Whether the value was stored without a connection: then it is not the current one.
     #[prost(bool, optional, tag = "5")]
     pub is_historical: Option<bool>,
-    /// There is no value.
+    /// Whether there is no value.
     #[prost(bool, optional, tag = "7")]
     pub is_null: Option<bool>,
-    /// More about it.
+    /// More about the metric.
     #[prost(message, optional, tag = "9")]
     pub properties: Option<Properties>,
     /// The value.
@@ -81,16 +81,16 @@ pub enum Quality {
 /// The value of a metric.
 #[derive(Clone, PartialEq, Oneof)]
 pub enum Value {
-    /// 32 bits and less.
+    /// An integer of 32 bits and less.
     #[prost(uint32, tag = "10")]
     Int(u32),
-    /// 64 bits.
+    /// An integer of 64 bits.
     #[prost(uint64, tag = "11")]
     Long(u64),
-    /// Single precision.
+    /// A number of single precision.
     #[prost(float, tag = "12")]
     Float(f32),
-    /// Double precision.
+    /// A number of double precision.
     #[prost(double, tag = "13")]
     Double(f64),
     /// True or false.
@@ -107,23 +107,23 @@ pub enum Value {
 pub enum Kind {
     /// A signed number of 64 bits, as [`Value::Long`] in two's complement.
     Int64 = 4,
-    /// As [`Value::Float`].
+    /// A number of single precision, as [`Value::Float`].
     Float = 9,
-    /// As [`Value::Double`].
+    /// A number of double precision, as [`Value::Double`].
     Double = 10,
-    /// As [`Value::Boolean`].
+    /// True or false, as [`Value::Boolean`].
     Boolean = 11,
-    /// As [`Value::String`].
+    /// A text, as [`Value::String`].
     String = 12,
 }
 
 impl Kind {
-    /// Sparkplug's number.
+    /// Returns Sparkplug's number.
     pub fn number(self) -> u32 {
         self as u32
     }
 
-    /// The kind of this number.
+    /// Returns the kind of this number.
     pub fn of(number: u32) -> Option<Self> {
         [Self::Int64, Self::Float, Self::Double, Self::Boolean, Self::String]
             .into_iter()
@@ -132,14 +132,14 @@ impl Kind {
 }
 
 impl Quality {
-    /// The quality of this number.
+    /// Returns the quality of this number.
     pub fn of(number: u32) -> Option<Self> {
         [Self::Bad, Self::Stale].into_iter().find(|quality| *quality as u32 == number)
     }
 }
 
 impl Metric {
-    /// A metric with its name, kind and value; without one it is null.
+    /// Makes a metric with its name, kind and value; without a value it is null.
     pub fn new(name: &str, kind: Kind, timestamp: u64, value: Option<Value>) -> Self {
         Self {
             name: Some(name.to_owned()),

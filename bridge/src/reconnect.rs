@@ -1,12 +1,13 @@
-//! When the broker is tried again. A name that another client has is left to it.
+//! The delays between attempts to connect to the broker. If another client uses the bridge's client name, the delay is longer.
 
 use std::time::{Duration, Instant};
 
-/// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest. With what an attempt
-/// may take that is less than 30 s.
+/// The wait before the first attempt to connect again; each further attempt waits twice as long as the previous one, up to the
+/// longest. Together with the time of an attempt, a wait is less than 30 s.
 const FIRST_WAIT: Duration = Duration::from_millis(500);
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
-/// How long a bridge leaves its name to another client that has it, at first; each time after it twice as long, up to the longest.
+/// The first time for which a bridge leaves its name to another client that has it; each further time is twice as long, up to the
+/// longest.
 const FIRST_YIELD: Duration = Duration::from_secs(60);
 const LONGEST_YIELD: Duration = Duration::from_secs(3600);
 
@@ -15,9 +16,9 @@ const LONGEST_YIELD: Duration = Duration::from_secs(3600);
 pub struct Reconnect {
     wait: Duration,
     yield_for: Duration,
-    /// When the broker accepted the connection.
+    /// The time at which the broker accepted the connection.
     since: Option<Instant>,
-    /// Another client has this name.
+    /// Whether another client has this name.
     is_doubled: bool,
 }
 
@@ -28,12 +29,13 @@ impl Default for Reconnect {
 }
 
 impl Reconnect {
-    /// The broker has accepted a connection.
+    /// Called when the broker has accepted a connection.
     pub fn accepted(&mut self, now: Instant) {
         self.since = Some(now);
     }
 
-    /// The broker says that another client has this name. For about how long it is left to it.
+    /// Called when the broker reports that another client has this name. Returns for about how long the name is left to that
+    /// client.
     pub fn leave_name(&mut self, now: Instant) -> Duration {
         // The other one may keep the name for one and a half times its own wait, which is about as long as this one's.
         if self.since.is_some_and(|since| now.saturating_duration_since(since) >= self.yield_for * 4) {
@@ -43,14 +45,14 @@ impl Reconnect {
         self.yield_for
     }
 
-    /// The connection is over, or the attempt: until the next one.
+    /// Called when the connection or the attempt is over. Returns the wait before the next attempt.
     pub fn next(&mut self, now: Instant) -> Duration {
         if let Some(since) = self.since.take()
             && now.saturating_duration_since(since) > LONGEST_WAIT
         {
             self.wait = FIRST_WAIT;
         }
-        // Not all bridges of a site at once.
+        // The bridges of a site do not connect all at once.
         let (next, longest, jitter) = if core::mem::take(&mut self.is_doubled) {
             (&mut self.yield_for, LONGEST_YIELD, 0.5 + fastrand::f64())
         } else {

@@ -28,7 +28,7 @@ impl Refusals {
         now.saturating_duration_since(first) >= PATIENCE
     }
 
-    /// It is tried no more.
+    /// Forgets a record, which is not tried any more.
     pub fn forget(&mut self, key: u64) {
         self.0.remove(&key);
     }

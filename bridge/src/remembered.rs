@@ -1,8 +1,8 @@
 //! The commands of one cell that are remembered, so that none is executed twice and none that was refused is executed later.
 //!
-//! An id that is a UUID of version 7 has a time in it, which is the same however the command is sent again. So such commands, and refused
-//! ones, make room for others and leave a mark: a command that is not later is refused. Every other id of an executed command is
-//! remembered for a day at least.
+//! An id that is a UUID of version 7 has a time in it, which is the same however the command is sent again. So such commands, and
+//! refused ones, are forgotten to make space for others, and leave a mark: a command that is not later is refused. Every other id
+//! of an executed command is remembered for a day at least.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -49,7 +49,7 @@ pub struct Entry {
     pub outcome: Outcome,
     /// The reason for the outcome.
     pub detail: String,
-    /// The bridge that it was given to, if that is another one.
+    /// The bridge that the command was given to, if that is another one.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub by: String,
     /// The number in the ledger of the bridge that has accepted the command; 0 for a command that is in no ledger.
@@ -104,17 +104,17 @@ impl Remembered {
         Ok(cells)
     }
 
-    /// The command of an id.
+    /// Returns the command of an id.
     pub fn get(&self, id: &str) -> Option<&Entry> {
         self.executed.get(id).or_else(|| self.entries.get(id))
     }
 
-    /// Every command.
+    /// Returns every command.
     pub fn iter(&self) -> impl Iterator<Item = (&String, &Entry)> {
         self.entries.iter().chain(&self.executed)
     }
 
-    /// The map of an entry, and the other one.
+    /// Returns the map of an entry, and the other one.
     fn of(&mut self, id: &str, entry: &Entry) -> (&mut HashMap<String, Entry>, &mut HashMap<String, Entry>) {
         match entry.outcome != Outcome::Refused && time_of(id).is_none() {
             true => (&mut self.executed, &mut self.entries),
@@ -168,7 +168,7 @@ impl Remembered {
         }
     }
 
-    /// Whether a further command whose id has no time would have to be forgotten within a day.
+    /// Returns whether a further command whose id has no time would have to be forgotten within a day.
     pub fn is_full(&mut self, cell: &str, now: u64, batch: &mut Batch) -> bool {
         self.executed.len() >= MOST_EXECUTED && {
             self.forget_executed(cell, now, batch);
@@ -200,7 +200,7 @@ impl Remembered {
         self.mark(cell, batch);
     }
 
-    /// Forgets what is older than a day and can no more be accepted.
+    /// Forgets commands that are older than a day and cannot be accepted any more.
     pub fn forget(&mut self, cell: &str, now: u64, max_age: u64, batch: &mut Batch) {
         let (before, kept) = (self.forgotten, u64::try_from(KEPT.as_millis()).unwrap_or(u64::MAX));
         let forgotten = &mut self.forgotten;

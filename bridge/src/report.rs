@@ -99,12 +99,12 @@ pub enum Outcome {
     Refused,
     /// Some of the command was executed, and the rest will not be.
     Partial,
-    /// Unknown: it may have been executed or not, but not twice.
+    /// The outcome is unknown: the command may have been executed or not, but not twice.
     Unknown,
 }
 
 impl Outcome {
-    /// As it is in the metric.
+    /// Returns the name of the outcome in the metric.
     pub fn name(self) -> &'static str {
         match self {
             Self::Accepted => "accepted",

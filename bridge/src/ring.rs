@@ -34,14 +34,15 @@ pub struct Ring {
     known: Known,
     /// The most bytes of the file.
     most: u64,
-    /// Where the next frame is written.
+    /// The offset of the next frame in the file.
     at: u64,
     /// The number of the next frame.
     number: u64,
     /// Frames below this one are on the disk.
     synced: u64,
     unsynced_since: Option<Instant>,
-    /// From the first that is needed on; of frames without a record that is left only those that a [`Known`] still names.
+    /// The frames from the first that is needed on; a frame without remaining records is listed only if a [`Known`] still names
+    /// it.
     places: VecDeque<Place>,
     /// The key of the next record.
     next: u64,
@@ -63,11 +64,11 @@ pub struct Known {
     pub commits: u64,
 }
 
-/// Where a frame is.
+/// The position of a frame in the file.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     number: u64,
-    /// The key of its first record.
+    /// The key of the frame's first record.
     first: u64,
     offset: u64,
     length: u64,
@@ -135,7 +136,7 @@ impl Ring {
         if cut.is_none() && found.peek().is_some_and(|(frame, ..)| frame.number > number) && synced > number {
             return Err(missing(number));
         }
-        // They would be in the way of those that get these numbers now.
+        // These frames would be in the way of those that get their numbers now.
         for (_, offset, _) in found {
             ring.erase(offset)?;
         }
@@ -145,7 +146,7 @@ impl Ring {
         }
     }
 
-    /// Every frame from the first that is needed on, without its records: where it is, and how long.
+    /// Finds every frame from the first that is needed on, without its records; returns each with its offset and length.
     fn scan(&mut self) -> io::Result<Vec<(Frame, u64, u64)>> {
         let length = self.file.metadata()?.len();
         let (mut found, mut at, mut piece, mut start) = (Vec::new(), 0, Vec::new(), 0);
@@ -213,7 +214,7 @@ impl Ring {
         if is_free && end <= self.file.metadata()?.len() { self.write(&[frame], 0) } else { Ok(()) }
     }
 
-    /// It is kept.
+    /// Notes that this state is kept.
     pub fn set_known(&mut self, known: Known) {
         self.known = known;
         while self.places.front().is_some_and(|place| place.number < known.first) {
@@ -224,33 +225,33 @@ impl Ring {
         }
     }
 
-    /// The key of the next record.
+    /// Returns the key of the next record.
     pub fn next(&self) -> u64 {
         self.next
     }
 
-    /// The key of the next record is not below this.
+    /// Sets the lowest key of the next record.
     pub fn skip_to(&mut self, next: u64) {
         self.next = self.next.max(next);
     }
 
-    /// The number of the next frame.
+    /// Returns the number of the next frame.
     pub fn number(&self) -> u64 {
         self.number
     }
 
-    /// How many records there are.
+    /// Returns the number of records.
     pub fn count(&self) -> u64 {
         self.length
     }
 
-    /// How many bytes of the file are from the first record that is there to the last.
+    /// Returns the bytes of the file from the first record that is there to the last.
     pub fn used(&self) -> u64 {
         let first = self.places.iter().find(|place| place.alive != 0).map_or(self.at, |place| place.offset);
         if first <= self.at { self.at - first } else { self.most - (first - self.at) }
     }
 
-    /// The bytes before the first record that is there which may not be written over, because what is kept elsewhere names them.
+    /// Returns the bytes before the first record that is there which may not be overwritten, because the kept state names them.
     pub fn wasted(&self) -> u64 {
         let Some(front) = self.places.front() else { return 0 };
         let first = self.places.iter().find(|place| place.alive != 0).map_or(self.at, |place| place.offset);
@@ -272,7 +273,7 @@ impl Ring {
         is_there
     }
 
-    /// The bytes that these records take.
+    /// Returns the bytes of the frames of these records.
     pub fn frames(&self, records: &[Vec<u8>], removed: &[u64], is_bound: bool) -> Vec<Vec<u8>> {
         let mut runs: Vec<u64> = Vec::new();
         for key in removed {
@@ -301,8 +302,8 @@ impl Ring {
         frames
     }
 
-    /// Makes room for this many bytes: the oldest records go. Returns how many, and whether what is [`known`](Self::known) has to be kept
-    /// before anything is written.
+    /// Makes space for this many bytes: the oldest records are dropped. Returns their number, and whether the
+    /// [`known`](Self::known) state has to be kept before anything is written.
     pub fn make_room(&mut self, bytes: u64) -> (u64, bool) {
         let (mut dropped, mut has_to_be_kept) = (0, false);
         let mut forget = |ring: &mut Self| {
@@ -326,7 +327,7 @@ impl Ring {
     /// Makes the file long enough for this many bytes, by multiples of `extent`. Returns its length if it has changed.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// When the disk does not take the bytes.
     pub fn extend(&self, bytes: u64, extent: u64) -> io::Result<Option<u64>> {
         if self.at + bytes <= self.file.metadata()?.len() {
             return Ok(None);
@@ -336,11 +337,11 @@ impl Ring {
         Ok(Some(length))
     }
 
-    /// Writes frames of [`frames`](Self::frames) where there is room: for another process they are there from now on, on the disk after
-    /// [`sync`](Self::sync).
+    /// Writes frames of [`frames`](Self::frames), for which there has to be free space: another process can read them from now
+    /// on, and they are on the disk after [`sync`](Self::sync).
     ///
     /// # Errors
-    /// When the disk does not take them.
+    /// When the disk does not take the frames.
     pub fn write(&mut self, frames: &[Vec<u8>], records: usize) -> io::Result<()> {
         if frames.is_empty() {
             return Ok(());
@@ -363,15 +364,15 @@ impl Ring {
         Ok(())
     }
 
-    /// When [`sync`](Self::sync) is due.
+    /// Returns the time at which [`sync`](Self::sync) is due.
     pub fn sync_due(&self) -> Option<Instant> {
         self.unsynced_since.map(|since| since + SYNC)
     }
 
-    /// Everything that was written is on the disk once this returns.
+    /// Syncs the file: everything that was written is on the disk once this returns.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// When the disk does not take the data.
     pub fn sync(&mut self) -> io::Result<()> {
         if self.unsynced_since.is_some() {
             self.file.sync_data()?;
@@ -380,7 +381,7 @@ impl Ring {
         Ok(())
     }
 
-    /// Up to `count` records from this key on, with their keys.
+    /// Returns up to `count` records from this key on, with their keys.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -403,7 +404,7 @@ impl Ring {
         Ok(found)
     }
 
-    /// Every record that is in the file from the first that is needed on, also what was removed.
+    /// Passes every record that is in the file from the first needed frame on to `see`, even removed ones.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -446,7 +447,7 @@ impl Ring {
 
 enum Parsed {
     Frame(Frame, u64),
-    /// How many bytes are needed.
+    /// The number of bytes that are needed.
     More(usize),
     Nothing,
 }
@@ -484,7 +485,7 @@ fn checksum(seed: u64, message: &[u8]) -> u32 {
     hasher.finalize()
 }
 
-/// A bit for each of this many records.
+/// Returns a bit for each of this many records.
 fn bits(count: usize) -> u64 {
     (0..count.min(MOST)).fold(0, |bits, bit| bits | 1 << bit)
 }

@@ -1,6 +1,6 @@
 //! A connection to an MQTT broker: one attempt, one session, one end.
 //!
-//! A new connection never sends again what an earlier one has not had acknowledged: the caller does, who knows whether it is still
+//! A new connection does not resend messages that were unacknowledged on an earlier one. The caller resends those that are still
 //! wanted.
 
 mod three;
@@ -22,13 +22,14 @@ use tokio::runtime::Builder;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 
-/// How many messages wait for the socket.
+/// The number of messages that may wait for the socket.
 const ROOM: usize = 256;
-/// The longest packet that is read: a broker keeps a longer one silently. So this is far above what is taken.
+/// The longest packet that is read: a broker withholds a longer one silently, so this is far above the longest message that is
+/// accepted.
 const LONGEST: u32 = 16 << 20;
-/// The reason code "packet too large": of PUBACK no code of the standard, and sent nevertheless, by mosquitto.
+/// The reason code "packet too large": the standard does not list it for PUBACK, and mosquitto sends it nevertheless.
 const TOO_LARGE: u8 = 0x95;
-/// How many messages are in flight; a broker may ask for fewer.
+/// The number of messages in flight; a broker may ask for fewer.
 const IN_FLIGHT: u16 = 1000;
 
 /// The address of the broker, and the identity of the client.
@@ -44,11 +45,11 @@ pub struct Options {
     pub client: String,
     /// The user name and password.
     pub login: Option<(String, Password)>,
-    /// Without it the connection is not encrypted.
+    /// The TLS of the connection; without it the connection is not encrypted.
     pub tls: Option<Tls>,
-    /// The protocol's version.
+    /// The version of the protocol.
     pub version: Version,
-    /// After 1.5 times this without a message the broker considers the client disconnected.
+    /// The keep-alive time: after 1.5 times this without a message the broker considers the client disconnected.
     pub keep_alive: Duration,
     /// The will: a topic and its message, which the broker publishes then with QoS 1.
     pub will: (String, Vec<u8>),
@@ -102,7 +103,7 @@ pub enum Happened {
         /// The length of the message in bytes.
         length: usize,
     },
-    /// The broker has this message; with QoS 0, the socket has.
+    /// The broker has the message of this token; with QoS 0, the socket has it.
     Published(u64),
     /// The broker does not take a message.
     Rejected {
@@ -155,7 +156,7 @@ impl Session {
         let sent = Arc::new(Mutex::new(VecDeque::new()));
         let shared = Arc::clone(&sent);
         let thread = thread::Builder::new().name("broker".into());
-        // It opens descriptors, and the system may have none left.
+        // The runtime opens descriptors, and the system may have run out of them.
         let runtime =
             Builder::new_current_thread().enable_all().build().context("no runtime for the connection")?;
         let (client, thread) = match options.version {
@@ -174,7 +175,7 @@ impl Session {
         Ok(Self { client, sent })
     }
 
-    /// Asks for messages of these topics, with QoS 1: those from now on, and of `kept` also what the broker has kept.
+    /// Subscribes to these topics, with QoS 1: to messages from now on, and for `kept` also to those that the broker has stored.
     pub fn subscribe(&self, topics: &[String], kept: &[String]) {
         let filter = |topic: &String| Filter::new(topic.as_str(), QoS::AtLeastOnce);
         let fresh = |topic| Filter {
@@ -227,7 +228,7 @@ impl Session {
         is_taken
     }
 
-    /// The bytes of a message's packet.
+    /// Returns the length of a message's packet in bytes.
     pub fn packet_len(topic: &str, payload: &[u8], acknowledged: bool) -> usize {
         // The topic has its length before it, then follow the packet's number and the length of no properties.
         let rest = 2 + topic.len() + if acknowledged { 2 } else { 0 } + 1 + payload.len();
@@ -240,7 +241,7 @@ impl Session {
         1 + length + rest
     }
 
-    /// Ends it after what was published: the broker keeps the will to itself.
+    /// Ends the connection after the published messages: the broker does not publish the will.
     pub fn close(&self) {
         match &self.client {
             Client::Five(client) => drop(client.try_disconnect()),
@@ -266,7 +267,7 @@ fn open(options: &Options) -> (AsyncClient, EventLoop) {
     AsyncClient::new(mqtt, ROOM)
 }
 
-/// How the broker is reached, if it is not by plain TCP.
+/// Returns the transport to the broker, if it is not plain TCP.
 fn transport(options: &Options) -> Option<Transport> {
     let tls = options.tls.as_ref().map(|Tls { authorities, client }| {
         let client_auth = client.clone().map(|(certificate, key)| (certificate, key.0.into_bytes()));

@@ -45,7 +45,7 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
     assert_eq!(outcome(&decision), ("give", "a accepted: ".into()));
     let again = commands.decide(to("cell", &request), 1_000_901, &mut batch);
     assert_eq!(outcome(&again), ("report", "a accepted: ".into()));
-    // Another cell's id is another's.
+    // The same id is another command at another cell.
     assert_eq!(outcome(&commands.decide(to("other", &request), 1_000_902, &mut batch)).0, "give");
     commands.finish("other", "a", Outcome::Done, String::new(), &mut batch);
     store.write(&batch, &|_| Vec::new()).unwrap();
@@ -77,7 +77,7 @@ fn an_id_with_a_time_is_forgotten_after_a_day_and_then_too_old() {
     let store = Store::open(&folder.path().join("store"), 1 << 16).unwrap();
     let (age, mut batch) = (Duration::from_secs(30), Batch::default());
     let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
-    // The time of the message is another one each time, and no matter.
+    // The time of the message differs each time, and has no effect.
     let id = "00000000-03e8-7123-8abc-0123456789ab";
     let order = |at| write(&format!(r#"{{"id":"{id}"}}"#), at);
     let decision = commands.decide(to("c", &order(9_000_000)), 30_900, &mut batch);

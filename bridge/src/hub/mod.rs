@@ -78,7 +78,7 @@ pub struct Hub<'a> {
     /// Runs the cells, in one thread.
     runtime: runtime::Handle,
     site: Site,
-    /// The site file is to be reloaded.
+    /// Whether the site file is to be reloaded.
     reload: Arc<AtomicBool>,
     reading: Option<reload::Reading>,
     store: Store,
@@ -93,7 +93,7 @@ pub struct Hub<'a> {
     figures: Figures,
     log: &'a mut dyn FnMut(Json),
     outages: Outages,
-    /// Commands that were refused at once, by their cells and why.
+    /// The numbers of commands that were refused at once, by cell and reason.
     refusals: BTreeMap<(usize, &'static str), u64>,
     /// The reasons why messages of the broker were not understood, as logged.
     strange: HashSet<String>,
@@ -233,7 +233,7 @@ impl<'a> Hub<'a> {
         self.write(&mut batch)
     }
 
-    /// Until it is so, but no longer than `limit`.
+    /// Takes turns until the condition is met, but no longer than `limit`.
     fn until(&mut self, limit: Duration, is_so: impl Fn(&Self) -> bool) -> Result<()> {
         let end = Instant::now() + limit;
         while !is_so(self) && Instant::now() < end {
@@ -326,7 +326,7 @@ impl<'a> Hub<'a> {
                 }
                 let has_values = named.iter().any(|(name, _)| *name != EVENT);
                 if let Some(cell) = self.cells.get_mut(place).filter(|cell| cell.is_connected && has_values) {
-                    // It was implausible until now.
+                    // The device's values were implausible until now.
                     cell.why.clear();
                 }
                 let mut named = named;
@@ -395,7 +395,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// Once for each reason: it is tried for as long as it takes.
+    /// Logs the loss of a connection, once for each reason: attempts go on.
     fn lost(&mut self, why: String) {
         self.figures.broker.why.clone_from(&why);
         if self.outages.is_news(&why, Instant::now()) {
@@ -403,7 +403,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// Once for each reason: every one is counted.
+    /// Logs a message that is not understood, once for each reason: every one is counted.
     fn strange(&mut self, why: String) {
         self.figures.strange += 1;
         if self.strange.len() < REASONS && self.strange.insert(why.clone()) {
@@ -418,7 +418,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// Once for each cell and reason: every one is counted.
+    /// Logs a record that was refused for good, once for each cell and reason: every one is counted.
     fn refused(&mut self, Apart { place, why, .. }: Apart) {
         if self.refused.insert((place, why.clone()))
             && let Some(cell) = self.cells.get(place)
@@ -489,7 +489,7 @@ impl<'a> Hub<'a> {
     }
 }
 
-/// The text of a metric.
+/// Returns the text of a metric.
 fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
     named.iter().find_map(|(found, value)| match value {
         Value::String(text) if *found == name => Some(text.as_str()),

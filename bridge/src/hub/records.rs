@@ -20,9 +20,9 @@ use crate::store::{Batch, Kept, Names, Store, Written};
 use crate::uplink;
 use cellwire_io::interrupt;
 
-/// In the store, before the name of a cell: the number of its last record.
+/// The prefix in the store of the name of a cell: the value is the number of its last record.
 const NUMBERS: &str = "number/";
-/// How often a failed write to the disk is retried.
+/// The interval at which a failed write to the disk is retried.
 const RETRY: Duration = Duration::from_secs(1);
 
 impl Hub<'_> {
@@ -30,7 +30,7 @@ impl Hub<'_> {
         self.record_with(place, at, named, None, batch);
     }
 
-    /// A cell's values are implausible; the event says why.
+    /// Notes that a cell's values are implausible; the event has the reason.
     pub(super) fn implausible(&mut self, place: usize, named: &[Named]) {
         let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get_mut(place), named.first()) else {
             return;
@@ -175,7 +175,7 @@ pub fn check(store: &mut Store, words: &Words) -> Result<()> {
     power::is_lost(store, &mut Batch::default()).map(drop)
 }
 
-/// The number of each cell's last record: what is kept of them, and what was written since.
+/// Returns the number of each cell's last record, from the kept numbers and the records that were written since.
 pub(super) fn numbers_of(store: &mut Store, words: &Words) -> Result<HashMap<String, u64>> {
     let mut numbers = HashMap::new();
     for (name, number) in store.names(NUMBERS)? {
@@ -194,7 +194,8 @@ pub(super) fn numbers_of(store: &mut Store, words: &Words) -> Result<HashMap<Str
     Ok(numbers)
 }
 
-/// The numbers of the cells, where they are not kept: those of before the batch that is being written, or those with it.
+/// Returns the numbers of the cells that differ from the kept ones: those of before the batch that is being written, or those
+/// with it.
 fn numbers(cells: &[Cell], kept: Kept) -> Names {
     let number = |cell: &Cell| match kept {
         Kept::Before => cell.written,

@@ -23,12 +23,12 @@ use crate::share::Share;
 use crate::site::{self, Site};
 use crate::uplink;
 
-/// A site file may have so many bytes.
+/// The maximum length of a site file in bytes.
 const MOST: u64 = 1 << 20;
-/// A site file is read within this time.
+/// The time within which a site file is read.
 const LIMIT: Duration = Duration::from_secs(10);
 
-/// How many cells have threads of their own at the most.
+/// The maximum number of cells with threads of their own.
 const CELLS: usize = 10_000;
 
 /// A site file that is read by a thread of its own: a network folder may never answer.
@@ -137,7 +137,7 @@ impl Hub<'_> {
         Ok(())
     }
 
-    /// The places of cells whose tasks were to end, and have.
+    /// Returns the places of cells whose tasks were to end, and have.
     pub(super) fn over(&self) -> Vec<usize> {
         let over = self.cells.iter().enumerate().filter(|(_, cell)| cell.is_over());
         over.map(|(place, _)| place).collect()

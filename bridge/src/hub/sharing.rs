@@ -1,4 +1,4 @@
-//! Cells that bridges share: the hub takes them, lets them go, and says what becomes of their commands.
+//! Cells that bridges share: the hub takes them, lets them go, and reports the outcomes of their commands.
 
 use std::collections::BTreeMap;
 
@@ -15,11 +15,11 @@ use crate::metric::{self, COMMAND, Named};
 use crate::report::{Command, Outcome};
 use crate::share::Heard;
 
-/// A command of the cell of this place of which the others are to know, before it is given if it is to be.
+/// A command of the cell of this place, to report to the other bridges before it is given, if it is to be given.
 pub(super) type News = (usize, String, Option<Command>);
 
 impl Hub<'_> {
-    /// Lets go what is another bridge's, and takes what is this one's.
+    /// Lets go cells that are another bridge's, and takes those that are this one's.
     pub(super) fn share_out(&mut self, turn: &mut Turn) -> Result<()> {
         let Some(share) = &mut self.share else { return Ok(()) };
         let now = now();
@@ -67,7 +67,7 @@ impl Hub<'_> {
         share.say(now(), cells, &self.commands, |below, message| self.uplink.say(below, message));
     }
 
-    /// How many shared cells are where.
+    /// Returns the numbers of shared cells by their bridge.
     pub(super) fn shared(&self) -> Option<Shared> {
         let (share, now, mut shared) = (self.share.as_ref()?, now(), Shared::default());
         for cell in self.cells.iter().filter(|cell| cell.is_shared && !cell.is_gone()) {
@@ -80,7 +80,7 @@ impl Hub<'_> {
         Some(shared)
     }
 
-    /// A bridge has said something.
+    /// Handles a message of a bridge.
     pub(super) fn heard(&mut self, from: &str, payload: &[u8], is_retained: bool, turn: &mut Turn) {
         match self.share.as_mut().and_then(|share| share.hear(from, payload, is_retained, now())) {
             Some(Heard::Back { give, lost }) => {

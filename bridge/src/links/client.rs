@@ -26,28 +26,28 @@ const PAUSES: Reconnect = Reconnect { first: Duration::from_millis(250), longest
 /// A device that is never silent is looked for this seldom.
 const NEVER: Duration = Duration::from_secs(86_400);
 
-/// When a device that does not answer counts as dead.
+/// The silence after which a device counts as dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Silence {
-    /// After this long; zero: never, it counts as alive while it is connected.
+    /// The duration of the silence; zero: never, the device counts as alive while it is connected.
     pub time: Duration,
-    /// It answers what it is asked, and has not seen who asks if it does not: then the connection is reopened. Another one speaks by
-    /// itself, and may begin at any time.
+    /// Whether the device answers requests. If it does not answer, it has not noticed the connection, which is then reopened. Any
+    /// other device speaks by itself, and may begin at any time.
     pub is_asked: bool,
 }
 
 impl Silence {
-    /// Of a device that sends unsolicited messages.
+    /// Makes the silence of a device that sends unsolicited messages.
     pub(super) fn of_speaker(time: Duration) -> Self {
         Self { time, is_asked: false }
     }
 
-    /// Of a device whose session itself ends the connection if it is silent.
+    /// Makes the silence of a device whose session itself ends the connection if it is silent.
     pub(super) fn of_session() -> Self {
         Self { time: NEVER, is_asked: true }
     }
 
-    /// For a device polled with this period: at least three requests without an answer.
+    /// Makes the silence of a device polled with this period: at least three requests without an answer.
     pub(super) fn of_asked(time: Duration, every: Duration) -> Self {
         let time = if time.is_zero() { time } else { time.max(every.saturating_mul(3)) };
         Self { time, is_asked: true }
@@ -83,7 +83,7 @@ pub(super) trait Worker: Send + 'static {
         pending()
     }
 
-    /// Has the device execute a command; returns the outcome, and why.
+    /// Has the device execute a command; returns the outcome and the reason.
     fn command(&mut self, command: &Command, end: &End) -> impl Future<Output = (Outcome, String)> + Send;
 
     /// The detail of a command that has no outcome when the cell ends, and why it ends.
@@ -104,15 +104,15 @@ impl Worker for Refuses {
 /// The terms on which a device is asked.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms {
-    /// When it counts as dead.
+    /// The silence after which the device counts as dead.
     pub silence: Silence,
-    /// How often its values are asked for, if it is asked.
+    /// The period with which the device's values are polled, if it is polled.
     pub every: Option<Duration>,
     /// The deadline that a USB adapter may miss.
     pub deadline: Option<Deadline>,
 }
 
-/// The client of a cell whose device has a handle.
+/// Makes the client of a cell whose device has a handle.
 pub(super) fn of<L, W, C>(
     cell: &Cell,
     metrics: &'static [Definition],
@@ -210,7 +210,7 @@ async fn watch_over<L: Listener>(
     }
 }
 
-/// The device was silent for too long, if there is a connection.
+/// Reports that the device was silent for too long, if there is a connection.
 fn silent<S: Service>(handle: &Handle<S>, silence: Silence, end: &End) {
     let is_linked = matches!(*handle.link().borrow(), Link::Connected);
     let why = format!("the device has not answered for {}", humantime::format_duration(silence.time));
@@ -236,7 +236,7 @@ async fn work<W: Worker>(
                 pending().await
             }
             loop {
-                // Without a task there is nothing to be asked.
+                // Without a task there is no device to poll.
                 if link.wait_for(|link| matches!(link, Link::Connected)).await.is_err() {
                     pending().await
                 }

@@ -28,7 +28,7 @@ use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{Configure, Fields};
 
-/// How often it is looked whether an order is to be broken off.
+/// The interval at which it is checked whether an order is to be broken off.
 const LOOK: Duration = Duration::from_millis(100);
 /// The most jobs of a command.
 const MOST: usize = 10_000;
@@ -161,7 +161,7 @@ impl Listener for State {
                     end.connected(&self.peer.lock().unwrap_or_else(PoisonError::into_inner));
                 }
                 end.answered();
-                // It comes in every cycle of the robot: only another one is news.
+                // The status comes in every cycle of the robot: only a change is news.
                 let phase = serde_json::to_value(phase).unwrap_or_default();
                 let phase = phase.as_str().map_or_else(|| phase.to_string(), str::to_owned);
                 let before = core::mem::replace(&mut self.status, format!("{phase} {order}"));
@@ -263,7 +263,7 @@ impl Kawasaki {
             if (end.is_stopped() || is_lost)
                 && let Err(Error::Call(SessionError::Lacks { .. })) = self.pc.interrupt().await
             {
-                // It is ending already, or has not begun: then it is retried.
+                // The order is ending already, or has not begun: then the call is retried.
                 let _ = self.pc.end().await;
             }
             sleep(LOOK).await;

@@ -29,9 +29,9 @@ use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
 pub struct Client {
-    /// The metrics of its own.
+    /// The metrics of the link's own.
     metrics: &'static [Definition],
-    /// By how much they have to change to be reported.
+    /// The changes by which the metrics are reported.
     pub bands: Option<Bands>,
     run: Box<dyn FnOnce(End, Inbox) -> Running + Send>,
 }
@@ -53,7 +53,7 @@ impl Client {
         Self { metrics, bands: None, run: Box::new(|end, inbox| Box::pin(run(end, inbox))) }
     }
 
-    /// Every metric that it may report.
+    /// Returns every metric that the client may report.
     pub fn definitions(&self) -> impl Iterator<Item = Definition> + use<> {
         COMMON.into_iter().chain(self.metrics.iter().copied())
     }
@@ -64,10 +64,10 @@ impl Client {
     }
 }
 
-/// The client of every cell, in the order of the cells.
+/// Returns the client of every cell, in the order of the cells.
 ///
 /// # Errors
-/// With the line of what is wrong.
+/// With the line of the error.
 pub fn clients(site: &Site) -> Result<Vec<Client>> {
     let of_cell = |(name, cell): (&String, &Cell)| {
         client(cell).map_err(|error| {
@@ -82,7 +82,7 @@ pub fn clients(site: &Site) -> Result<Vec<Client>> {
     site.cell.iter().map(of_cell).collect()
 }
 
-/// The client of a cell's link, with the cell's settings. It connects when it is run.
+/// Makes the client of a cell's link, with the cell's settings. It connects when it is run.
 ///
 /// # Errors
 /// When the cell has no such link, address or setting.

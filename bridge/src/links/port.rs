@@ -13,7 +13,7 @@ use crate::site::Cell;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial;
 
-/// Where a device is that waits for a connection.
+/// The address of a device that waits for a connection.
 #[derive(Debug)]
 pub(super) struct Port {
     place: String,

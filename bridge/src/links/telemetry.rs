@@ -1,4 +1,4 @@
-//! The telemetry block of a FANUC controller: its word order, and whether it can be, as `cellwire fanuc log` sees it.
+//! The telemetry block of a FANUC controller: its word order and its plausibility, as `cellwire fanuc log` checks them.
 
 use std::time::Duration;
 
@@ -38,7 +38,7 @@ struct Fault {
     value: &'static str,
     /// The number of blocks in a row.
     blocks: u32,
-    /// When it was reported last.
+    /// The time at which the fault was reported last.
     at: Duration,
 }
 
@@ -46,7 +46,7 @@ struct Fault {
 const AGAIN: Duration = Duration::from_secs(60);
 
 impl Telemetry {
-    /// Of a controller whose blocks are read every `poll`.
+    /// Makes the telemetry of a controller whose blocks are read every `poll`.
     pub(super) fn new(given: Option<WordOrder>, period: Duration, poll: Duration) -> Self {
         Self {
             given,
@@ -57,13 +57,13 @@ impl Telemetry {
         }
     }
 
-    /// A connection was made.
+    /// Notes a new connection.
     pub(super) fn reconnected(&mut self) {
         (self.probe, self.fault) = (OrderProbe::default(), None);
         self.plausibility.reconnected();
     }
 
-    /// A block that was read at `now`.
+    /// Decodes a block that was read at `now`.
     pub(super) fn read(&mut self, registers: &[u16; 37], now: Duration) -> Read {
         let [first, second, ..] = *registers;
         let found = self.probe.watch([first, second]);

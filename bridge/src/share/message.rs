@@ -29,22 +29,22 @@ pub(super) enum What {
 /// The state of a bridge that runs.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Alive {
-    /// The identity of its store.
+    /// The identity of the bridge's store.
     pub store: String,
-    /// The cells that it offers to have, and whether it has them.
+    /// The cells that the bridge offers to have, and whether it has them.
     pub cells: BTreeMap<String, bool>,
-    /// The others that it has heard, and the terms that they had then.
+    /// The other bridges that it has heard, and the terms that they had then.
     pub knows: BTreeMap<String, String>,
-    /// The others that it has heard and whose ledgers it has not read: they publish them again.
+    /// The other bridges that it has heard and whose ledgers it has not read: they publish them again.
     pub lacks: BTreeSet<String>,
-    /// The time of the latest command that it knows to have been given, in milliseconds since 1970 UTC.
+    /// The time of the latest command that the bridge knows to have been given, in milliseconds since 1970 UTC.
     pub until: u64,
-    /// It has no cell, and takes none before it says another term.
+    /// Whether the bridge has no cell, and takes none before it announces another term.
     pub ends: bool,
 }
 
 impl Alive {
-    /// Whether the other bridges would do the same if they heard this in place of the other.
+    /// Returns whether the other bridges would do the same if they heard this state in place of the other.
     pub(super) fn says_the_same(&self, other: &Self) -> bool {
         (&self.store, &self.cells, &self.knows, &self.lacks, self.ends)
             == (&other.store, &other.cells, &other.knows, &other.lacks, other.ends)
@@ -60,6 +60,6 @@ pub(super) struct Page {
     pub first: Option<u64>,
     /// The time of the latest command that the bridge knows to have been given, in milliseconds since 1970 UTC.
     pub until: u64,
-    /// The commands on it.
+    /// The commands on the page.
     pub commands: Vec<Told>,
 }

@@ -58,7 +58,7 @@ pub struct Share {
     held: bool,
     /// The number of the next message.
     number: u64,
-    /// A command may be dated so far ahead, in milliseconds.
+    /// The time by which a command may be dated ahead, in milliseconds.
     ahead: u64,
     /// The messages that have not come back, and the times at which they were sent.
     sent: VecDeque<(u64, Duration)>,
@@ -83,7 +83,7 @@ pub struct Share {
     ends: bool,
 }
 
-/// Another bridge, as it was heard since everything is.
+/// Another bridge, as it was heard on this connection.
 #[derive(Debug, Default)]
 struct Peer {
     heard: Option<Duration>,
@@ -105,12 +105,12 @@ pub enum Heard {
     },
     /// The outcomes of commands that other bridges have accepted or refused.
     Commands(Vec<Told>),
-    /// Nothing that is understood, and why.
+    /// The message is not understood; the reason.
     Strange(String),
 }
 
 impl Share {
-    /// One that has no cell yet.
+    /// Makes a bridge that has no cell yet.
     pub fn new(node: &str, store: &str, bridges: &[String], max_age: Duration) -> Self {
         let others = bridges.iter().filter(|name| *name != node);
         Self {
@@ -121,7 +121,7 @@ impl Share {
             peers: others.map(|name| (name.clone(), Peer::default())).collect(),
             term: term(),
             held: false,
-            // None that an earlier process has used.
+            // A number that an earlier process has not used.
             number: fastrand::u64(..1 << 50),
             sent: VecDeque::new(),
             since: None,
@@ -165,7 +165,7 @@ impl Share {
         self.waiting.drain(..).map(|(_, place, command)| (place, command)).collect()
     }
 
-    /// Whether the lease was lost since this was asked last, and the commands that are not to be given.
+    /// Returns the commands that are not to be given, if the lease was lost since the last call.
     pub fn lapsed(&mut self, now: Duration) -> Option<Vec<(usize, Command)>> {
         if !self.held || self.lease.holds_at(now) {
             return None;
@@ -176,17 +176,18 @@ impl Share {
         Some(lost.map(|(_, place, command)| (place, command)).collect())
     }
 
-    /// It has let every cell go and takes none.
+    /// Called when the bridge has let every cell go, and takes none any more.
     pub fn end(&mut self) {
         self.ends = true;
     }
 
-    /// Whether it has.
+    /// Returns whether [`end`](Self::end) was called.
     pub fn has_ended(&self) -> bool {
         self.ends
     }
 
-    /// A message of this bridge, or of another: `from` is the topic after `cellwire/GROUP/`. The broker has stored it, if it is retained.
+    /// Handles a message of this bridge, or of another: `from` is the topic after `cellwire/GROUP/`. The broker has stored it, if
+    /// it is retained.
     pub fn hear(&mut self, from: &str, payload: &[u8], is_retained: bool, now: Duration) -> Option<Heard> {
         let (from, page_of) = from.split_once('/').map_or((from, None), |(node, page)| (node, Some(page)));
         let store = page_of.and_then(|page| page.split('/').next());
@@ -251,12 +252,12 @@ impl Share {
         (!give.is_empty() || !lost.is_empty()).then_some(Heard::Back { give, lost })
     }
 
-    /// Whether every id that another bridge has executed is known here.
+    /// Returns whether every id that another bridge has executed is known here.
     fn is_read(&self, name: &str, peer: &Peer) -> bool {
         self.reading.is_read(name, peer.heard.map(|_| &*peer.alive.store))
     }
 
-    /// The reason to refuse ids without a time, if there is one.
+    /// Returns the reason to refuse ids without a time, if there is one.
     pub fn unread(&self) -> Option<String> {
         let mut unread = self.peers.iter().filter(|(name, peer)| !self.is_read(name, peer));
         let (name, advice) = match unread.next() {
@@ -269,7 +270,7 @@ impl Share {
         Some(format!("the ids that {name} has executed are not all known: {advice}"))
     }
 
-    /// Whether a bridge lives; nothing as long as that is not known.
+    /// Returns whether a bridge lives; `None` as long as that is not known.
     fn lives(&self, peer: &Peer, now: Duration) -> Option<bool> {
         let (since, _) = self.since?;
         let is_silent = now.saturating_sub(peer.heard.unwrap_or(since)) >= SILENT;
@@ -279,14 +280,14 @@ impl Share {
         }
     }
 
-    /// Whether a cell that this bridge has not is its to take; then, until when commands may have been given by others without being
-    /// heard of, in milliseconds since 1970 UTC.
+    /// Returns, if a cell that this bridge does not have is its to take, the time until which commands may have been given by
+    /// others without being heard of, in milliseconds since 1970 UTC.
     pub fn may_take(&self, cell: &str, now: Duration) -> Option<u64> {
         let (_, today) = self.since.filter(|_| !self.ends && self.held && self.lease.holds_at(now))?;
         let mut until = 0;
         for (name, peer) in &self.peers {
             if self.lives(peer, now)? {
-                // It has heard that this bridge lives, and so takes nothing of what is this one's by rank.
+                // The other bridge has heard that this bridge lives, and so does not take cells that are this one's by rank.
                 let knows_this = peer.alive.knows.get(&self.node) == Some(&self.term);
                 let comes_after =
                     peer.alive.cells.get(cell).is_none_or(|has| !has && self.is_before(name, cell));
@@ -305,7 +306,7 @@ impl Share {
         Some(until.max(self.reading.until(&self.node)))
     }
 
-    /// Whether a cell that this bridge has is another's by rank, which lives.
+    /// Returns whether a cell that this bridge has is by rank that of another bridge, which lives.
     pub fn must_give(&self, cell: &str, now: Duration) -> bool {
         self.peers.iter().any(|(name, peer)| {
             self.lives(peer, now) == Some(true)
@@ -314,19 +315,21 @@ impl Share {
         })
     }
 
-    /// Whether this bridge comes before another for a cell: any two agree, and the cells of each are spread over the others.
+    /// Returns whether this bridge comes before another for a cell: any two agree, and the cells of each are spread over the
+    /// others.
     fn is_before(&self, other: &str, cell: &str) -> bool {
         (rank(&self.node, cell), &*self.node) > (rank(other, cell), other)
     }
 
-    /// The bridge that has a cell, as far as is known.
+    /// Returns the bridge that has a cell, as far as is known.
     pub fn owner(&self, cell: &str, now: Duration) -> Option<&str> {
         let has =
             |peer: &Peer| self.lives(peer, now) == Some(true) && peer.alive.cells.get(cell) == Some(&true);
         self.peers.iter().find(|(_, peer)| has(peer)).map(|(name, _)| &**name)
     }
 
-    /// The outcome of a command, for the others. With a place it is to be given to the cell there when they know of it.
+    /// Queues the outcome of a command for the other bridges. With a place, the command is given to the cell there when they know
+    /// of it.
     pub fn tell(&mut self, cell: &str, id: &str, entry: &Entry, give: Option<(usize, Command)>) {
         if entry.is_in_ledger() {
             let page = page_of(entry.number);
@@ -337,8 +340,9 @@ impl Share {
         }
     }
 
-    /// Publishes what is to be said, by the topic after that of this bridge: outcomes of commands, pages of the ledger, and then, when that
-    /// is due, which cells are offered, and whether this bridge has them, and the time of the latest command that it knows.
+    /// Publishes due messages, by the topic after that of this bridge: outcomes of commands, pages of the ledger, and then, when
+    /// it is due, the announcement of the cells that are offered, whether this bridge has them, and the time of the latest
+    /// command that it knows.
     pub fn say(
         &mut self,
         now: Duration,
@@ -378,7 +382,7 @@ impl Share {
         }
     }
 
-    /// Publishes the pages that have changed, the last one last. Returns false if there is not enough room for all of them.
+    /// Publishes the pages that have changed, the last one last. Returns false if not all of them fit.
     fn say_pages(
         &mut self,
         now: Duration,

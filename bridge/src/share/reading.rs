@@ -11,7 +11,7 @@ pub(super) struct Reading(BTreeMap<(String, String), Ledger>);
 /// The pages of a ledger that were read.
 #[derive(Debug, Default)]
 struct Ledger {
-    /// Whether it was read on an earlier connection, when its bridge was dead.
+    /// Whether the ledger was read on an earlier connection, when its bridge was dead.
     is_earlier: bool,
     /// The numbers of the first and the last page.
     bounds: Option<(u64, u64)>,
@@ -26,7 +26,7 @@ impl Ledger {
 }
 
 impl Reading {
-    /// A page was read.
+    /// Notes a page that was read.
     pub(super) fn read(&mut self, node: &str, store: &str, page: &Page) {
         let ledger = self.0.entry((node.to_owned(), store.to_owned())).or_default();
         if ledger.is_earlier {
@@ -39,30 +39,31 @@ impl Reading {
         }
     }
 
-    /// Whether every ledger of a node is read, of which there is one at least: that of the store that the node has, if that is known.
+    /// Returns whether every ledger of a node is read, of which there is one at least: that of the store that the node has, if
+    /// that is known.
     pub(super) fn is_read(&self, node: &str, store: Option<&str>) -> bool {
         let mut of = self.of(node).map(|(store, _)| store).peekable();
         let has_its = store.map_or(of.peek().is_some(), |store| of.any(|found| found == store));
         has_its && self.of(node).all(|(_, ledger)| ledger.is_read())
     }
 
-    /// The time of the latest command in the ledgers of a node.
+    /// Returns the time of the latest command in the ledgers of a node.
     pub(super) fn until(&self, node: &str) -> u64 {
         self.of(node).map(|(_, ledger)| ledger.until).max().unwrap_or_default()
     }
 
-    /// Whether a ledger of a node has an unread page.
+    /// Returns whether a ledger of a node has an unread page.
     pub(super) fn has_gap(&self, node: &str) -> bool {
         self.of(node).any(|(_, ledger)| !ledger.is_read())
     }
 
-    /// There is another connection: only the ledgers of nodes that were dead may be the same.
+    /// Called when there is another connection: only the ledgers of nodes that were dead may be the same.
     pub(super) fn opened(&mut self, was_dead: impl Fn(&str) -> bool) {
         self.0.retain(|(node, _), _| was_dead(node));
         self.0.values_mut().for_each(|ledger| ledger.is_earlier = true);
     }
 
-    /// Forgets what was read of these nodes on earlier connections.
+    /// Forgets the pages of these nodes that were read on earlier connections.
     pub(super) fn forget(&mut self, is_one: impl Fn(&str) -> bool) {
         self.0.retain(|(node, _), ledger| !ledger.is_earlier || !is_one(node));
     }

@@ -19,7 +19,7 @@ pub(super) const CELLS: [&str; 6] = ["handling", "painter", "cutter", "assembly"
 /// The longest time for which a thread may go on with work that it has begun.
 const THREAD: Duration = Duration::from_secs(2);
 const MAX_AGE: Duration = Duration::from_secs(30);
-/// The clocks of the bridges and of the sender are apart by so much at the most, in milliseconds.
+/// The maximum difference of the clocks of the bridges and of the sender, in milliseconds.
 const SKEW: u64 = 15_000;
 const TODAY: u64 = 1_790_000_000_000;
 
@@ -27,7 +27,7 @@ pub(super) fn milliseconds(count: u64) -> Duration {
     Duration::from_millis(count)
 }
 
-/// A command for a cell, as it is sent once: a name, and when.
+/// A command for a cell, as it is sent once: the cell, a name, and the time.
 type Sent = (usize, String, u64);
 
 /// A message of a bridge with its topic; without one, a subscription.
@@ -49,15 +49,15 @@ pub(super) struct Bridge {
     commands: Commands,
     disk: BTreeMap<String, String>,
     store: String,
-    /// Its clock is ahead by so much, in milliseconds.
+    /// The time by which the bridge's clock is ahead, in milliseconds.
     ahead: u64,
-    /// The cells that it has, and when the thread of one that it lets go ends.
+    /// The cells that the bridge has, and the time at which the thread of a cell that it lets go ends.
     cells: BTreeMap<usize, Option<Duration>>,
     is_connected: bool,
-    /// The messages to the broker and from it, and when each arrives.
+    /// The messages to the broker and from it, and the time at which each arrives.
     up: VecDeque<(Duration, Up)>,
     down: VecDeque<(Duration, Down)>,
-    /// Its process or its network is stopped until then.
+    /// The time until which the bridge's process or its network is stopped.
     frozen: Duration,
     jam: Duration,
     pub(super) dead_until: Option<Duration>,
@@ -132,7 +132,7 @@ impl Bridge {
         commands.into_iter().for_each(|(cell, command)| self.over(cell, &command.id, Outcome::Refused));
     }
 
-    /// A command arrives: as the hub does.
+    /// Handles a command that arrives, as the hub does.
     fn command(&mut self, (cell, id, at): Sent, now: Duration) {
         let text = Value::String(format!(r#"{{"id":"{id}"}}"#));
         let metric = Metric::new(REQUEST, Kind::String, at, Some(text));
@@ -170,12 +170,12 @@ pub(super) struct World {
     pub(super) bridges: Vec<Bridge>,
     /// The messages that the broker has stored, by topic.
     pub(super) stored: BTreeMap<String, Vec<u8>>,
-    /// Stores are lost, too.
+    /// Whether stores are lost, too.
     loses_stores: bool,
     /// The last owner of each cell, and the time until which it may have moved the device.
     moved: BTreeMap<usize, (usize, Duration)>,
     pub(super) takes: usize,
-    /// The ids that were sent to each cell, and how often each was executed.
+    /// The ids that were sent to each cell; `executed` has the number of times that each was executed.
     ids: Vec<(usize, String)>,
     pub(super) executed: BTreeMap<(usize, String), usize>,
 }
@@ -449,7 +449,7 @@ impl World {
         self.bridges.iter().filter(has).map(of).collect()
     }
 
-    /// The ids that were sent and not executed.
+    /// Returns the number of ids that were sent and not executed.
     pub(super) fn unexecuted(&self) -> usize {
         self.ids.len() - self.executed.len()
     }

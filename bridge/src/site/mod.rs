@@ -58,13 +58,13 @@ pub struct Broker {
     pub node: String,
     /// The client's name at the broker; by default GROUP-NODE.
     pub client: Option<String>,
-    /// The name to log in with.
+    /// The user name at the broker.
     pub user: Option<String>,
     /// A file with the password in its first line.
     pub password_file: Option<PathBuf>,
-    /// Without it the connection is not encrypted.
+    /// The TLS files; without them the connection is not encrypted.
     pub tls: Option<TlsFiles>,
-    /// After 1.5 times this without a message the broker considers the bridge disconnected.
+    /// The keep-alive time: after 1.5 times this without a message the broker considers the bridge disconnected.
     #[serde(default = "keep_alive", deserialize_with = "time")]
     pub keep_alive: Duration,
     /// The host application without which nothing is sent.
@@ -72,12 +72,12 @@ pub struct Broker {
     /// Unsafe settings that the bridge refuses otherwise.
     #[serde(default)]
     pub allow: Vec<Unsafe>,
-    /// Numbers stand for the names of metrics after their birth.
+    /// Whether numbers stand for the names of metrics after their birth.
     #[serde(default)]
     pub aliases: bool,
-    /// Where each record is published as JSON, too: PREFIX/CELL.
+    /// The prefix of the topics on which each record is published as JSON, too: PREFIX/CELL.
     pub json: Option<String>,
-    /// 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
+    /// The QoS of records. 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
     #[serde(default = "one")]
     pub qos: u8,
 }
@@ -127,13 +127,13 @@ pub struct Health {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Commands {
-    /// The most that a command's time may differ from now.
+    /// The maximum difference of a command's time from now.
     #[serde(default = "half_a_minute", deserialize_with = "time")]
     pub max_age: Duration,
-    /// How many a second each cell takes on the average.
+    /// The average number of commands per second that each cell takes.
     #[serde(default = "ten")]
     pub rate: f64,
-    /// And this many at once, after a while without any.
+    /// The number of commands at once that each cell takes, after a while without any.
     #[serde(default = "hundred")]
     pub burst: u32,
 }
@@ -142,25 +142,25 @@ pub struct Commands {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cell {
-    /// The name of its link's crate.
+    /// The name of the crate of the cell's link.
     pub link: String,
-    /// Where its device is: HOST:PORT, or the path of a serial port.
+    /// The address of the cell's device: HOST:PORT, or the path of a serial port.
     pub address: Option<String>,
-    /// Where its device connects to.
+    /// The address that the cell's device connects to.
     pub listen: Option<String>,
     /// The pause between each new connection to `address`, or the opened serial port, and the first byte sent.
     #[serde(default, deserialize_with = "time")]
     pub connect_pause: Duration,
-    /// Whether commands are taken.
+    /// Whether the cell takes commands.
     #[serde(default)]
     pub commands: bool,
-    /// Whether one of several bridges has it.
+    /// Whether several bridges share the cell.
     #[serde(default)]
     pub shared: bool,
-    /// As `--set` takes them.
+    /// The settings of the link, as `--set` takes them.
     #[serde(default)]
     pub settings: Map<String, Value>,
-    /// Report by exception: by how much a metric, or those of a folder, have to change.
+    /// Report by exception: the change by which a metric, or those of a folder, are reported.
     pub dead_band: Option<BTreeMap<String, f64>>,
 }
 
@@ -168,14 +168,14 @@ pub struct Cell {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "give an address, or a list of addresses")]
 pub enum Addresses {
-    /// One.
+    /// One address.
     One(String),
-    /// Several.
+    /// Several addresses.
     Several(Vec<String>),
 }
 
 impl Addresses {
-    /// All of them.
+    /// Returns all addresses.
     pub fn all(&self) -> &[String] {
         match self {
             Self::One(address) => core::slice::from_ref(address),
@@ -198,14 +198,14 @@ impl Default for Commands {
 
 /// The least bytes of the store's records.
 const SMALLEST: u64 = 16 << 10;
-/// Commands are remembered for longer than this.
+/// The longest `max_age`: commands are remembered for longer.
 const OLDEST: Duration = Duration::from_secs(3600);
 
 impl Site {
     /// Reads the file, and checks everything but the links of the cells. Files that it names are beside it.
     ///
     /// # Errors
-    /// With the line of what is wrong.
+    /// With the line of the error.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path)?;
         let mut site: Self = toml::from_str(&text)
@@ -231,12 +231,12 @@ impl Site {
         Ok(site)
     }
 
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The first table that differs and is read at the start only.
+    /// Returns the first table that differs and is read at the start only.
     pub fn differs(&self, other: &Self) -> Option<&'static str> {
         [
             ("broker", self.broker == other.broker),
@@ -249,7 +249,7 @@ impl Site {
         .find_map(|(name, is_same)| (!is_same).then_some(name))
     }
 
-    /// The error of what has this name in the file, with its line.
+    /// Returns an error about the setting of this name, with its line in the file.
     pub fn located(&self, name: &str, error: anyhow::Error) -> anyhow::Error {
         match settings::line_of(&self.text, name) {
             Some(line) => anyhow!("{}, line {line}: {error:#}", self.path.display()),
@@ -358,7 +358,7 @@ impl Broker {
         Ok(())
     }
 
-    /// Name and password.
+    /// Returns the user name and the password.
     ///
     /// # Errors
     /// When the password cannot be read.
@@ -371,7 +371,7 @@ impl Broker {
         Ok(Some((user.clone(), Password(password))))
     }
 
-    /// The certificates.
+    /// Reads the certificates.
     ///
     /// # Errors
     /// When a file cannot be read, or has no certificate or key.
@@ -424,7 +424,7 @@ fn place(address: &str) -> Result<Place> {
     Ok(Place { host, port: port.parse().context(ADVICE)?, url: rest.map(|_| address.to_owned()) })
 }
 
-/// Whether the file is world-readable. Whether it is readable at all is checked when it is read.
+/// Returns whether the file is world-readable. Whether it is readable at all is checked when it is read.
 fn is_readable(file: &Path) -> bool {
     #[cfg(unix)]
     return file.metadata().is_ok_and(|found| {
@@ -438,7 +438,7 @@ fn is_readable(file: &Path) -> bool {
     }
 }
 
-/// A name that is a level of a topic.
+/// Checks a name that is a level of a topic.
 pub(crate) fn check_name(name: &str) -> Result<()> {
     ensure!(!name.is_empty() && name.len() <= 64, "give a name of 1 to 64 bytes");
     if let Some(bad) = name.chars().find(|c| matches!(c, '+' | '#' | '/') || c.is_control()) {
@@ -447,7 +447,7 @@ pub(crate) fn check_name(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Levels of a topic, which is none of Sparkplug's.
+/// Checks the levels of a topic, which must not be Sparkplug's.
 fn check_prefix(prefix: &str) -> Result<()> {
     ensure!(!prefix.starts_with("spBv1.0") && !prefix.starts_with('$'), "this topic prefix is reserved");
     prefix.split('/').try_for_each(check_name)

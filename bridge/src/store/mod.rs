@@ -35,7 +35,7 @@ const OWNER: &str = "owner";
 const CACHE: usize = 16 << 20;
 /// The ring's file grows by so many bytes at once.
 const EXTENT: u64 = 256 << 10;
-/// How many bytes of the ring may be of no use before they are written over.
+/// The number of unused bytes of the ring that may remain before they are overwritten.
 const WASTE: u64 = 1 << 20;
 
 const ADVICE: &str = "move it and its .records file away to start with an empty store: the waiting records are lost, and a command that is sent again is executed again";
@@ -75,7 +75,7 @@ pub struct Batch {
 pub struct Written {
     /// The number of old records that were dropped for new ones.
     pub dropped: u64,
-    /// The names of before the batch are kept, or those with it.
+    /// The names that were kept with the write, if any: those of before the batch, or those with it.
     pub kept: Option<Kept>,
 }
 
@@ -152,7 +152,8 @@ impl Store {
         Ok(Self { path: path.to_owned(), open: Some((database, ring)), next, number, most })
     }
 
-    /// Opens the files again: after an error of the disk nothing else makes them usable. What was written last counts, and nothing after it.
+    /// Opens the files again: after an error of the disk nothing else makes them usable. The last write counts, and nothing after
+    /// it.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -244,12 +245,12 @@ impl Store {
         Ok(written)
     }
 
-    /// When an empty [`write`](Self::write) has something to do.
+    /// Returns the time at which an empty [`write`](Self::write) has something to do.
     pub fn due(&self) -> Option<Instant> {
         self.open.as_ref().and_then(|open| open.1.sync_due())
     }
 
-    /// Up to `count` records from this key on, with their keys.
+    /// Returns up to `count` records from this key on, with their keys.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -259,7 +260,7 @@ impl Store {
         found.with_context(|| format!("the records of the store {}", path.display()))
     }
 
-    /// Every record that was written since names were kept, also what was removed.
+    /// Passes every record that was written since names were kept to `see`, even removed ones.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -269,10 +270,10 @@ impl Store {
         seen.with_context(|| format!("the records of the store {}", path.display()))
     }
 
-    /// Makes the store that of a bridge, unless it is another one's.
+    /// Makes the store that of a bridge, unless it is another bridge's.
     ///
     /// # Errors
-    /// When it is another one's, or cannot be read or written.
+    /// When it is another bridge's, or cannot be read or written.
     pub fn belong_to(&mut self, owner: &str) -> Result<()> {
         let what = format!("the store {}", self.path.display());
         match self.get(OWNER)? {
@@ -282,7 +283,7 @@ impl Store {
         }
     }
 
-    /// The value of a name.
+    /// Returns the value of a name.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -290,7 +291,7 @@ impl Store {
         get(self.database()?, name).with_context(|| format!("the store {}", self.path.display()))
     }
 
-    /// Every name that begins so, with its value, in order.
+    /// Returns every name that begins so, with its value, in order.
     ///
     /// # Errors
     /// When the file cannot be read.

@@ -33,7 +33,7 @@ const KINDS: [Kind; 7] = [
     // Without an answer it asks again after a pause of 2 s.
     ("val2-viewer", "workstation", Some(("draw", Duration::from_secs(3)))),
 ];
-/// How often due work is looked for.
+/// The interval at which due work is looked for.
 const TICK: Duration = Duration::from_millis(5);
 
 struct Device {
@@ -160,7 +160,7 @@ impl Device {
         }
     }
 
-    /// Replies of Modbus/TCP to whatever reads registers.
+    /// Replies of Modbus/TCP to any client that reads registers.
     fn registers(&mut self, now: Duration) {
         while let Some([t0, t1, _, _, _, _, unit, function, _, _, c0, c1]) =
             self.input.first_chunk::<12>().copied()

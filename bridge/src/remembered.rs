@@ -294,7 +294,7 @@ mod tests {
         let why =
             "too many commands dated 9000000 to 9019999 were refused as too early; its timestamp is 9000007";
         assert_eq!(cell.bars(future + 7), Some(why.into()));
-        // Until they can no more be accepted.
+        // They are kept until they cannot be accepted any more.
         cell.forget("c", future + 19_999 + AGE, AGE, &mut batch);
         assert!(cell.bars(future + 7).is_some());
         cell.forget("c", future + 20_000 + AGE, AGE, &mut batch);

@@ -124,7 +124,7 @@ fn no_number_of_other_ids_makes_an_executed_one_new() {
         assert_eq!(decide(&format!("refused {number}"), 1_000_000, false), "not_allowed");
         assert_eq!(decide(&number.to_string(), 1_000_001, true), "give");
     }
-    // A day has room for no more of them, but for those that have a time.
+    // A further one of them within a day is refused, unless its id has a time.
     assert_eq!(decide("first", 1_000_500, true), "report");
     assert_eq!(decide("further", 1_000_500, true), "full");
     assert_eq!(decide("00000000-03e8-7123-8abc-0123456789ab", 30_000, true), "forgotten");

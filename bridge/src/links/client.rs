@@ -86,7 +86,7 @@ pub(super) trait Worker: Send + 'static {
     /// Has the device execute a command; returns the outcome and the reason.
     fn command(&mut self, command: &Command, end: &End) -> impl Future<Output = (Outcome, String)> + Send;
 
-    /// The detail of a command that has no outcome when the cell ends, and why it ends.
+    /// Returns the detail of a command that has no outcome when the cell ends, with the reason of the end.
     fn unfinished(&self, why: &str, _end: &End) -> String {
         format!("the connection has ended: {why}")
     }

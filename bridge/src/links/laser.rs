@@ -183,7 +183,7 @@ impl Sender {
     }
 }
 
-/// The outcome of a frame with this error, and why.
+/// Returns the outcome of a frame with this error, and the reason.
 fn outcome_of(error: &Error) -> (Outcome, String) {
     match error {
         Error::Refused { refusal, .. } => (Outcome::Refused, format!("the controller refuses: {refusal}")),
@@ -194,7 +194,7 @@ fn outcome_of(error: &Error) -> (Outcome, String) {
 }
 
 impl Order {
-    /// Whether all of it fits one frame.
+    /// Returns whether all instructions fit one frame.
     fn fits(&self, config: &HostConfig) -> Result<(), String> {
         if self.instructions.is_empty() {
             return Err("there are no instructions".into());

@@ -237,7 +237,8 @@ impl World {
     pub(super) fn step(&mut self, is_broker_there: bool) {
         self.now += STEP;
         let now = self.now;
-        // The broker takes what has arrived, in some order of the connections, and hands it to whoever is subscribed at once.
+        // The broker takes the messages that have arrived, in some order of the connections, and passes them at once to every
+        // subscriber.
         for at in 0..self.bridges.len() {
             while let Some((arrives, what)) = self.bridges[at].up.front() {
                 if *arrives > now || !is_broker_there {

@@ -215,7 +215,7 @@ impl Store {
             commit(database, ring, more(Kept::Before))?;
             written.kept = Some(Kept::Before);
         }
-        // More than the half of the file at once is no batch of a site.
+        // A batch of more than half of the file does not occur at a site.
         let mut append = batch.append.as_slice();
         let mut frames = ring.frames(append, &removed, is_bound);
         while frames.iter().map(|frame| frame.len() as u64).sum::<u64>() > most / 2 {

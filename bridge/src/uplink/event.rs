@@ -11,9 +11,9 @@ pub enum Event {
     Opened,
     /// The broker has accepted the subscriptions.
     Connected,
-    /// The connection is over, and why.
+    /// The connection is over; the reason.
     Lost(String),
-    /// The records of the cell of this place are held: the broker refuses its topic, and why.
+    /// The records of the cell of this place are held, because the broker refuses its topic.
     Held {
         /// The cell.
         place: usize,

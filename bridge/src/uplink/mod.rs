@@ -39,12 +39,12 @@ pub type Places = HashMap<String, usize>;
 #[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
 pub struct Uplink {
     options: Options,
-    /// Where brokers are, and which of them is tried, or connected.
+    /// The addresses of the brokers, and the index of the broker that is tried, or connected.
     brokers: Vec<Place>,
     broker: usize,
-    /// Where records are published as JSON, too.
+    /// The prefix of the topics on which records are published as JSON, too.
     json: Option<String>,
-    /// Where bridges that share cells speak to one another, before the name of each.
+    /// The topic on which bridges that share cells announce themselves, before the name of each.
     share: Option<String>,
     aliases: bool,
     group: String,
@@ -106,17 +106,17 @@ struct Flying {
 }
 
 enum Phase {
-    /// Until the next attempt.
+    /// Waits until the next attempt.
     Offline { until: Instant },
-    /// Until the store has the number of the connection.
+    /// Waits until the store has the number of the connection.
     Ready,
-    /// Until the broker has accepted connection and subscriptions.
+    /// Waits until the broker has accepted connection and subscriptions.
     Opening { session: Session, until: Instant },
-    /// Until the host application is online; where there are several brokers, not for long: it may be at another.
+    /// Waits until the host application is online; with several brokers not for long, since it may be at another broker.
     Waiting { session: Session, until: Option<Instant> },
-    /// Records are published.
+    /// Publishes records.
     Online { session: Session },
-    /// A death was published; until the broker closes the connection.
+    /// Waits, after a death was published, until the broker closes the connection.
     Leaving { _session: Session, until: Instant },
 }
 
@@ -178,17 +178,17 @@ impl Uplink {
         self.host.as_deref().filter(|_| matches!(self.phase, Phase::Waiting { .. }))
     }
 
-    /// Whether there is no connection.
+    /// Returns whether there is no connection.
     pub fn is_offline(&self) -> bool {
         matches!(self.phase, Phase::Offline { .. } | Phase::Ready)
     }
 
-    /// How many records are on their way.
+    /// Returns the number of records that are on their way.
     pub fn in_flight(&self) -> usize {
         self.flight.len()
     }
 
-    /// How many records of the cell wait because the broker refuses its topic.
+    /// Returns the number of the cell's records that wait because the broker refuses its topic.
     pub fn held(&self, place: usize) -> usize {
         self.holds.count(place)
     }
@@ -304,7 +304,7 @@ impl Uplink {
         }
     }
 
-    /// It has been refused for good: the next turn drops it.
+    /// Notes a record that was refused for good: the next turn drops it.
     fn set_apart(&mut self, key: u64, why: String) {
         if let Some(Flying { place, .. }) = self.flight.remove(&key) {
             self.refusals.forget(key);
@@ -313,7 +313,7 @@ impl Uplink {
         }
     }
 
-    /// Another client has this name: two that fight for it would deliver nothing.
+    /// Leaves the name to another client that has it: two clients that fight for a name would deliver nothing.
     fn leave_name(&mut self) -> Event {
         let wait = self.reconnect.leave_name(Instant::now()).as_secs();
         self.disconnect();

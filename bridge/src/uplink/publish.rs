@@ -15,9 +15,9 @@ use crate::plain;
 use crate::refusals::Apart;
 use crate::store::Store;
 
-/// How many records are on their way.
+/// The number of records that are on their way at once.
 const IN_FLIGHT: usize = 500;
-/// How many are read at once.
+/// The number of records that are read at once.
 const CHUNK: usize = 100;
 
 impl Uplink {
@@ -37,7 +37,7 @@ impl Uplink {
         Ok(())
     }
 
-    /// False where there is no room for more.
+    /// Publishes births. Returns false when there is no free space for more.
     fn publish_births(&mut self, store: &Store, cells: &mut [Cell]) -> bool {
         let Phase::Online { session } = &self.phase else { return false };
         if !self.is_born {
@@ -61,7 +61,7 @@ impl Uplink {
             })
     }
 
-    /// One record of each cell that is held and due. False where there is no room for more.
+    /// Publishes one record of each cell that is held and due. Returns false when there is no free space for more.
     fn publish_trials(&mut self, (store, words): (&mut Store, &Words), cells: &mut [Cell]) -> Result<bool> {
         while let Some((place, key)) = self.holds.due(Instant::now()) {
             let stored = store.records(key, 1)?.into_iter().find(|(found, _)| *found == key);
@@ -111,7 +111,7 @@ impl Uplink {
         Ok(true)
     }
 
-    /// Publishes a record, after the birth of its cell. False where there is no room for it.
+    /// Publishes a record, after the birth of its cell. Returns false when there is no free space for it.
     fn publish_record(
         &mut self,
         cell: &mut Cell,

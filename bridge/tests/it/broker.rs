@@ -31,7 +31,7 @@ impl Broker {
         self.0.local_addr().unwrap().to_string()
     }
 
-    /// Whether nobody connects in this time.
+    /// Returns whether no client connects in this time.
     pub(crate) fn is_left_alone(&self, time: Duration) -> bool {
         self.0.set_nonblocking(true).unwrap();
         let end = Instant::now() + time;

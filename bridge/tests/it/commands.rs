@@ -40,7 +40,7 @@ fn outcome(peer: &mut Peer) -> (String, String, String) {
     }
 }
 
-/// Until the device answers: nothing is begun before.
+/// Waits until the device answers: no command is begun before.
 fn alive(peer: &mut Peer) {
     loop {
         let message = peer.message();
@@ -84,7 +84,7 @@ fn what_was_refused_is_never_executed() {
     peer.publish(TOPIC, &write("longer", 0, 10 << 20));
     assert_eq!(outcome(&mut peer).0, "longer");
 
-    // Its time has come, also for the next process.
+    // The time of the command has come, even for the next process.
     std::thread::sleep(Duration::from_secs(4));
     peer.publish(TOPIC, &early);
     assert_eq!(outcome(&mut peer), ("early".into(), "refused".into(), why.clone()));

@@ -40,7 +40,7 @@ impl Under {
         String::from_utf8(answer).unwrap()
     }
 
-    /// Whether somebody else is answered at once.
+    /// Checks that another client is answered at once.
     fn is_well(&self) {
         let start = Instant::now();
         assert!(get(&self.bridge, "/metrics").contains("cellwire_bridge_online 0"));
@@ -114,7 +114,7 @@ fn who_sends_half_a_request_or_does_not_read_keeps_nobody_waiting() {
     // The attempts to reach a broker have a thread now and then.
     assert!(under.count("task") <= threads + 1);
     assert!(under.count("fd") <= files + 20, "{} and {files} before", under.count("fd"));
-    // Also who sends a byte now and then has no more than five seconds.
+    // A client that sends a byte now and then has five seconds at the most, too.
     let mut slow = under.connect();
     let start = Instant::now();
     while slow.write_all(b"x").is_ok() {

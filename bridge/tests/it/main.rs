@@ -57,7 +57,7 @@ fn simulated_device() {
     simulate::run(&args).unwrap();
 }
 
-/// Where a device is: an address, or the path of a pseudo-terminal.
+/// Returns the address of a device, or the path of its pseudo-terminal.
 fn place(device: &Running) -> &str {
     device.ready.get("listen").or(device.ready.get("pty")).unwrap().as_str().unwrap()
 }

@@ -44,7 +44,7 @@ fn outcome(peer: &mut Peer) -> [String; 3] {
     }
 }
 
-/// Until a record has this text.
+/// Waits until a record has this text.
 fn see(peer: &mut Peer, text: &str) {
     loop {
         let message = peer.message();

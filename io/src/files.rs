@@ -66,7 +66,7 @@ fn ordinary<'a, 'b>(
 /// it is.
 ///
 /// # Errors
-/// When there is no right to write there.
+/// When writing there is not permitted.
 pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
     let is_device = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
     if is_device && let Ok(device) = OpenOptions::new().write(true).open(path) {

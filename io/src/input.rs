@@ -85,7 +85,7 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>
 /// The text of a file, without the mark that editors of Windows begin one with.
 ///
 /// # Errors
-/// When the file cannot be read, or is no UTF-8.
+/// When the file cannot be read, or is not UTF-8.
 pub fn text(path: &Path) -> Result<String> {
     decode(path, bytes(path)?)
 }
@@ -93,7 +93,7 @@ pub fn text(path: &Path) -> Result<String> {
 /// As [`text`], of a file that was read.
 ///
 /// # Errors
-/// When it is no UTF-8.
+/// When the text is not UTF-8.
 pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
     ensure!(
         !matches!(

@@ -134,7 +134,7 @@ pub fn account(text: String) {
 
 /// Ends the program, and prints why, and the [`account`]. A terminal that accepts nothing delays the end by two seconds at most.
 pub fn end_at_once(why: &str) -> ! {
-    // By one thread alone.
+    // Only one thread ends the program.
     while ENDS.swap(true, Ordering::Relaxed) {
         thread::park();
     }

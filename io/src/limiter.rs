@@ -63,7 +63,7 @@ mod tests {
         assert_eq!(admitted(&mut limiter, 5999, "read"), 10);
         assert_eq!(limiter.take_left_out().collect::<Vec<_>>(), [("corrupt", 40), ("read", 15)]);
         assert_eq!(limiter.take_left_out().count(), 0);
-        // Its second has passed.
+        // The second in which they were counted has passed.
         assert_eq!(admitted(&mut limiter, 6000, "corrupt"), 10);
         assert_eq!(admitted(&mut limiter, 6000, "read"), 0);
         assert_eq!(limiter.take_left_out().collect::<Vec<_>>(), [("corrupt", 15), ("read", 25)]);

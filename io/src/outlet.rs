@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 
-/// How many bytes wait for a reader, beside those that the system keeps.
+/// The number of bytes that may wait for a reader, beside those that the system buffers.
 const ROOM: usize = 1 << 20;
 
-/// How long a reader gets at the end of the program to take the buffered output.
+/// The time that a reader gets at the end of the program to take the buffered output.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A thread that writes lines. When its buffer is full, lines are dropped and counted.
@@ -32,7 +32,7 @@ struct State {
     failed: Option<Failed>,
 }
 
-/// Why nothing can be written any more.
+/// The reason why nothing can be written any more.
 #[derive(Debug)]
 struct Failed(io::Error);
 

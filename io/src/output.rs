@@ -245,7 +245,7 @@ pub fn announce(line: &Value) -> Result<()> {
     }
 }
 
-/// Where remarks go while a screen covers standard error.
+/// The destination of remarks while a screen covers standard error.
 static SCREEN: Mutex<Option<Sender<String>>> = Mutex::new(None);
 
 /// From now on remarks are for the screen; `None`: for standard error again.

@@ -10,10 +10,10 @@ use crate::serial::{self, Mode};
 use crate::stream::Stream;
 use crate::tcp::{self, Dialing};
 
-/// Where a device on a serial line is reached.
+/// The connection to a device on a serial line.
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub enum AnyPort {
-    /// A port of this machine.
+    /// A port of this computer.
     Serial(Serial),
     /// A serial device server.
     Tcp(Stream),

@@ -58,7 +58,7 @@ fn key(name: &str) -> (&str, u32) {
     (letters, name.get(letters.len()..).and_then(|number| number.parse().ok()).unwrap_or(0))
 }
 
-/// How long the chip of a USB adapter collects bytes, in milliseconds; `None`: the port has no such chip.
+/// Returns the time for which the chip of a USB adapter collects bytes, in milliseconds; `None`: the port has no such chip.
 ///
 /// FTDI's chips wait 16 ms by default for more bytes: a reply that is due in 15 ms comes too late over each of them.
 pub fn latency_timer(path: &Path) -> Option<u32> {

@@ -34,7 +34,7 @@ pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     open_with(path, baud, Mode::EIGHT_N_ONE)
 }
 
-/// How a serial line divides bytes into bits.
+/// The division of the bytes of a serial line into bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mode {
     /// 7 or 8.
@@ -118,7 +118,7 @@ pub fn advise(path: &str, baud: u32, error: serialport::Error) -> anyhow::Error 
     anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
 }
 
-/// Why a port cannot be opened. Systems do not tell one that is in use from one that does not exist.
+/// Describes why a port cannot be opened. Systems do not tell one that is in use from one that does not exist.
 fn absent(path: &str) -> String {
     let names: Vec<String> = ports::list().unwrap_or_default().into_iter().map(|port| port.port).collect();
     if Path::new(path).exists() || names.iter().any(|name| name.eq_ignore_ascii_case(path)) {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use robot_session::{Received, Sent, Transport, Wait, is_silence};
 
-/// How many bytes wait for a peer that does not read, beside those that the system keeps.
+/// The number of bytes that may wait for a peer that does not read, beside those that the system buffers.
 const UNSENT: usize = 64 * 1024;
 
 /// While bytes wait, the peer is asked this often whether it reads again.
@@ -105,7 +105,7 @@ mod tests {
             }
         };
         assert_eq!(error.to_string(), "the peer does not read");
-        // It reads after all: nothing of what was taken is lost or out of order.
+        // The peer reads after all: no accepted bytes are lost or out of order.
         let reader = std::thread::spawn(move || {
             let mut received = vec![0; sent];
             peer.read_exact(&mut received).unwrap();

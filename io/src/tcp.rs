@@ -55,7 +55,7 @@ pub(super) fn warn_unless_loopback(place: SocketAddr) {
     }
 }
 
-/// How a client opens its connections.
+/// The settings by which a client opens its connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Dialing {
     /// The time that a TCP connection may take to open.
@@ -78,7 +78,7 @@ impl Dialing {
     }
 }
 
-/// How long a connection may take to open.
+/// The range of the time that a connection may take to open.
 const TIMEOUTS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
 /// The longest pause before the first byte.
 pub const MAX_PAUSE: Duration = Duration::from_secs(60);
@@ -92,7 +92,7 @@ pub struct TimeoutArgs {
 }
 
 impl TimeoutArgs {
-    /// How connections are opened, with this pause.
+    /// Returns the settings of a client's connections, with this pause.
     pub const fn dialing(self, pause: Duration) -> Dialing {
         Dialing { timeout: self.connect_timeout, pause }
     }
@@ -109,7 +109,7 @@ pub struct ConnectArgs {
 }
 
 impl ConnectArgs {
-    /// How connections are opened.
+    /// Returns the settings of a client's connections.
     pub const fn dialing(self) -> Dialing {
         self.timeout.dialing(self.connect_pause)
     }

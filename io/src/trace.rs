@@ -88,7 +88,7 @@ pub struct Trace {
 struct Kept {
     sent: VecDeque<Byte>,
     received: VecDeque<Byte>,
-    /// How often bytes were added.
+    /// The number of times that bytes were added.
     turn: u64,
 }
 

@@ -40,7 +40,7 @@ pub fn connect(address: &str) -> Result<UdpSocket> {
     Ok(socket)
 }
 
-/// How many datagrams of others are passed over before the session is looked after again.
+/// The number of datagrams of other senders that are passed over before the session is looked after again.
 const PASSED_OVER: usize = 64;
 
 /// The datagrams of one peer. A lost datagram and a missing peer are not errors: the protocol resends.

@@ -1,4 +1,5 @@
-//! How the two ends meet: over TCP one of them listens, by default the PC (thesis, section 10.4); over UDP the robot sends first.
+//! The connection of the two ends: over TCP one of them listens, by default the PC (thesis, section 10.4); over UDP the robot
+//! sends first.
 
 use std::collections::VecDeque;
 use std::io::ErrorKind;
@@ -36,7 +37,7 @@ pub enum Meeting {
     Connect {
         /// The address of the other end.
         address: String,
-        /// How a connection is opened.
+        /// The settings of a connection.
         dialing: Dialing,
         /// The pauses between connections.
         backoff: Backoff,

@@ -90,7 +90,7 @@ pub fn run<P: Program>(
 /// The order ends after the job that is being executed; if the plant has no message for that, after the jobs that the robot has queued.
 pub fn break_off<S: JobSource>(session: &mut LargePc<S>) {
     if let Err(SessionError::Lacks { .. }) = session.interrupt() {
-        // It is ending already, or has not begun: then it is retried.
+        // The order is ending already, or has not begun: then the call is retried.
         let _ = session.end();
     }
 }
@@ -102,7 +102,7 @@ struct Server<'r, P: Program> {
     program: &'r mut P,
     /// When a connection is looked for again.
     retry_at: Duration,
-    /// Why none could be opened.
+    /// The reason why no connection could be opened, as reported last.
     reported: String,
 }
 

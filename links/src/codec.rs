@@ -49,7 +49,7 @@ pub trait Codec {
     fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value>;
 }
 
-/// Why an object has no bytes.
+/// The reason why an object has no bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodeError {
     /// The object is not a message of this link.

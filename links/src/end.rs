@@ -58,7 +58,7 @@ pub enum By<'a> {
     Connection,
 }
 
-/// How much may have begun that has not ended.
+/// The number of items that may be pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
     /// The amount.

@@ -1,4 +1,5 @@
-//! Where in the bytes of a frame its fields are, and which clause of the specification describes each: for programs that show both.
+//! Lists the fields of a frame with their bytes and the clause of the specification that describes each: for programs that show
+//! both.
 
 use anyhow::Result;
 use serde::Serialize;

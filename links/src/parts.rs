@@ -31,11 +31,11 @@ pub struct Read<'a> {
 #[derive(Debug)]
 pub struct Parts<'a> {
     bytes: &'a [u8],
-    /// Where on the wire each byte begins that is not there for stuffing alone.
+    /// The offset on the wire of each byte that is not there for stuffing alone.
     places: Vec<usize>,
     /// The next of these.
     at: usize,
-    /// Where stuffing ends.
+    /// The number of these bytes before the end of stuffing.
     single: usize,
     parts: Vec<Part>,
 }
@@ -62,12 +62,12 @@ impl<'a> Parts<'a> {
         Self { bytes, places, at: 0, single, parts: Vec::new() }
     }
 
-    /// How many bytes are left, stuffing not counted.
+    /// Returns the number of bytes that are not taken yet, stuffing not counted.
     pub fn left(&self) -> usize {
         self.places.len() - self.at
     }
 
-    /// How many of them come before the end of stuffing.
+    /// Returns the number of bytes that are not taken yet and come before the end of stuffing.
     pub fn left_stuffed(&self) -> usize {
         self.single.saturating_sub(self.at)
     }
@@ -123,7 +123,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// How many values a list of the message has.
+/// Returns the number of values that a list of the message has.
 pub fn count(message: &Value, list: &str) -> usize {
     message.pointer(&format!("/{list}")).and_then(Value::as_array).map_or(0, Vec::len)
 }

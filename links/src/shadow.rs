@@ -22,7 +22,7 @@ pub trait Shadow {
     /// Called when time has passed without an event: reports messages that are missing by now.
     fn pass(&mut self, report: &mut Report<'_>);
 
-    /// Where the conversation is, in a few words.
+    /// Returns the state of the conversation in a few words.
     fn state(&self) -> String;
 }
 
@@ -60,7 +60,7 @@ pub enum Seen<'a> {
     Message {
         /// The end that sent it.
         from: &'static str,
-        /// How many bytes it has.
+        /// The number of bytes of the message.
         length: u64,
         /// The message as its codec shows it.
         message: &'a Value,
@@ -69,7 +69,7 @@ pub enum Seen<'a> {
     Corrupt {
         /// The end that sent it.
         from: &'static str,
-        /// How many bytes.
+        /// The number of bytes.
         length: u64,
         /// The error of the decoder.
         error: &'a Value,
@@ -171,7 +171,7 @@ impl Watcher {
         core::mem::take(&mut self.complaints)
     }
 
-    /// Where the conversation is, in a few words.
+    /// Returns the state of the conversation in a few words.
     pub fn state(&self) -> String {
         self.shadow.state()
     }

@@ -92,7 +92,7 @@ fn places(messages: &[(&'static str, Value)]) -> Vec<Place> {
     unit.into_iter().chain(only(&addresses, "address", "the telemetry block is read there")).collect()
 }
 
-/// Where the block is read.
+/// Returns notes about the address at which the block is read.
 fn notes(messages: &[(&'static str, Value)]) -> Vec<String> {
     let found = numbers(messages, "address", reads_block);
     let read = |at: u64| {

@@ -13,7 +13,7 @@ pub enum Frames {
     Rtu,
 }
 
-/// How the link's bytes are shown, and the registers that a client asks for.
+/// The settings of a view of the link's bytes, and the registers that a client asks for.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ViewSettings {
     /// The frames.

@@ -16,7 +16,7 @@ use crate::shadow::{Report, Seen, Setup, Shadow, UNSEEN, ms};
 const CLIENT: &str = "client";
 const SERVER: &str = "server";
 
-/// How many requests are remembered that were not answered in time.
+/// The number of requests that are remembered after they were not answered in time.
 const REMEMBERED: usize = 16;
 
 pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {

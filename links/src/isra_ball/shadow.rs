@@ -89,7 +89,7 @@ impl Shadow for Polled {
 }
 
 impl Polled {
-    /// How long after its poll a packet has come at the latest (§7.1).
+    /// Returns the longest time from a poll to its packet (§7.1).
     fn window(&self) -> Duration {
         transmission_time(1 + PACKET, self.host.baud).saturating_add(self.host.max_delay)
     }

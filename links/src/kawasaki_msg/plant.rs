@@ -26,7 +26,7 @@ pub struct Plant {
     pub limits: Limits,
     /// The highest job number.
     pub max_number: u16,
-    /// How executed jobs are acknowledged.
+    /// The way in which executed jobs are acknowledged.
     pub acks: Acks,
     /// The coordinates of the drawing's lines, where a job is one.
     pub bounds: Bounds,

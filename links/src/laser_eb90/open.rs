@@ -56,11 +56,11 @@ pub(super) const OPEN: Open = Open {
 const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];
 const FLAG: u8 = 0xF0;
 const MARK: u8 = 0x90;
-/// How many payloads are looked at.
+/// The number of payloads that are examined.
 const MOST: usize = 400;
-/// How many values have which sizes: one type of four bytes, one of two, two of one.
+/// The maximum number of types of each size: one of four bytes, one of two, two of one.
 const SIZES: [(usize, usize); 3] = [(4, 1), (2, 1), (1, 2)];
-/// How many values are suggested.
+/// The number of values that are suggested.
 const SUGGESTED: usize = 6;
 
 /// A tag and the size of its values.

@@ -37,7 +37,7 @@ pub(super) fn judge(message: &Value, words: &Words, batch: u8, report: &mut Repo
     }
 }
 
-/// How long an answer takes on the line, without what is stuffed.
+/// Returns the time of an answer on the line, without stuffed bytes.
 pub(super) fn line(message: &Value, host: &HostConfig) -> Duration {
     let is_short = items(message).count() == 1;
     transmission_time(if is_short { 13 } else { 2 * laser_eb90::MAX_PAYLOAD }, host.baud)

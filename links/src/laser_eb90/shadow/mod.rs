@@ -282,7 +282,7 @@ impl Laser {
     }
 }
 
-/// How long an earlier host's frame may still be answered (LE-64).
+/// Returns the time for which an earlier host's frame may still be answered (LE-64).
 fn drain(host: &HostConfig) -> Duration {
     let line = transmission_time(host.longest_frame, host.baud);
     [host.max_pause, host.earlier_execution, host.settle].into_iter().fold(line, Duration::saturating_add)

@@ -47,7 +47,7 @@ fn differences(old: &str, new: &str) -> Vec<(Range<usize>, String)> {
     found
 }
 
-/// How many bytes of their beginning and of their end two lines have in common.
+/// Returns the numbers of bytes that two lines have in common at their beginning and at their end.
 fn common(old: &str, new: &str) -> (usize, usize) {
     let same = |(a, b): &(char, char)| a == b;
     let before: usize = old.chars().zip(new.chars()).take_while(same).map(|(c, _)| c.len_utf8()).sum();

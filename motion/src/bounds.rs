@@ -18,15 +18,15 @@ pub struct Bounds {
 /// bounds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Confidence {
-    /// Of the delay, in s: how far the true one may be from the one that was found.
+    /// The bounds of the delay, in s: how far the true one may be from the one that was found.
     pub delay: Bounds,
-    /// Of the position's error, in mm.
+    /// The bounds of the position's error, in mm.
     pub position: Bounds,
-    /// Of the orientation's error, in degrees.
+    /// The bounds of the orientation's error, in degrees.
     pub rotation: Bounds,
-    /// Of the velocity's error, in mm/s.
+    /// The bounds of the velocity's error, in mm/s.
     pub velocity: Bounds,
-    /// Of the angular velocity's error, in degrees a second.
+    /// The bounds of the angular velocity's error, in degrees a second.
     pub angular_velocity: Bounds,
 }
 

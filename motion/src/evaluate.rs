@@ -179,13 +179,13 @@ pub fn moving(state: &State) -> bool {
 pub struct Summary {
     /// The number of compared states.
     pub count: u64,
-    /// Of the position's norm, in mm.
+    /// The figures of the position's norm, in mm.
     pub position: Figures,
-    /// Of the rotation's angle, in degrees.
+    /// The figures of the rotation's angle, in degrees.
     pub rotation: Figures,
-    /// Of the velocity's norm, in mm/s.
+    /// The figures of the velocity's norm, in mm/s.
     pub velocity: Figures,
-    /// Of the angular velocity's norm, in degrees a second.
+    /// The figures of the angular velocity's norm, in degrees a second.
     pub angular_velocity: Figures,
 }
 

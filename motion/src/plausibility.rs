@@ -57,7 +57,8 @@ const SLACK: f64 = 1.0;
 const FARTHEST: f32 = 100_000.0;
 
 impl Plausibility {
-    /// Of a robot, if it is known, whose background task runs with this period and whose blocks are read every `poll`.
+    /// Makes the check of a robot, if it is known, whose background task runs with this period and whose blocks are read every
+    /// `poll`.
     pub fn new(robot: Option<(Arm, Limits)>, period: Duration, poll: Duration) -> Self {
         // A controller that is busy lets its background task wait; 0.25 s of that is more than any report speaks of.
         let patience = (period * 10).max(poll * 3).max(Duration::from_millis(250));

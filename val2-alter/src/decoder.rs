@@ -353,7 +353,7 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
     }
 }
 
-/// How many bytes, or as many as the machine counts.
+/// Returns the number of bytes as a `usize`, or its maximum if there are more.
 fn whole(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }

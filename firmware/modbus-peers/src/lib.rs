@@ -146,7 +146,7 @@ fn crc(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xFFFF, |crc, byte| (0..8).fold(crc ^ u16::from(*byte), bit))
 }
 
-/// Of a reply: the CRC of a frame with its CRC would be 0.
+/// Returns a checksum of a reply: the CRC of a frame with its CRC would be 0.
 fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |sum: u32, byte| sum.wrapping_mul(31).wrapping_add((*byte).into()))
 }

@@ -38,7 +38,7 @@ fn within(document: &Document, offset: usize) -> Option<(ItemKind, usize)> {
     Some((kind, offset - (before.len() - open - 1)))
 }
 
-/// Where the name of the program begins that is called at a byte.
+/// Returns the offset at which the name of a program begins that is called at a byte.
 fn calls(document: &Document, offset: usize) -> Option<usize> {
     let before = line_before(document, offset);
     let word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');

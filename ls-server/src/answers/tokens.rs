@@ -239,7 +239,7 @@ fn is_message(word: &str) -> bool {
     ["MESSAGE", "MELDUNG"].iter().any(|name| word.eq_ignore_ascii_case(name))
 }
 
-/// How many bytes of the beginning are such characters.
+/// Returns the number of bytes at the beginning whose characters match.
 fn run(text: &str, is: impl Fn(char) -> bool) -> usize {
     text.find(|c| !is(c)).unwrap_or(text.len())
 }

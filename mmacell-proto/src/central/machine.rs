@@ -78,7 +78,7 @@ pub enum Motion<P> {
     Rest {
         /// The pose where it should be.
         target: Target<P>,
-        /// Its pose since it accepted a motion last.
+        /// The pose of the device since it accepted a motion last.
         pose: Place<P>,
     },
 }

@@ -127,7 +127,7 @@ struct State {
     happened: Vec<(Duration, Fault)>,
     /// The faults that have happened to the whole device, with the connection on which each happened first.
     whole: Vec<(usize, Duration, Fault)>,
-    /// Of this many connections.
+    /// The number of connections.
     connections: usize,
     random: fastrand::Rng,
 }

@@ -189,7 +189,7 @@ impl Device for LaserRobot {
                 if let Some(instruction) = self.controller.instruction() {
                     notes.event(LaserEvent::Executed(class, instruction.into()));
                 }
-                // It waits for an answer, and each of these fits.
+                // The instruction waits for an answer, and each of these fits.
                 let answered = self.execute(now, word);
                 debug_assert_eq!(answered, Ok(()));
             }

@@ -427,7 +427,7 @@ mod tests {
             let mut robot = robot(NONE);
             let go = "SRVON\r\nMOVA+250.000+000.000+000.000+00.0000\r\n";
             assert_eq!(reply(&mut robot, S, go), "OK\r\nOK\r\n");
-            // It is on already: nothing changes.
+            // The servo motors are on already: the command has no effect.
             assert_eq!(reply(&mut robot, S + S / 2, "SRVON\r\n"), "OK\r\n");
             assert!(robot.device().moves());
             assert_eq!(reply(&mut robot, S + S * 3 / 4, command), "OK\r\n");

@@ -247,11 +247,11 @@ pub enum LostReason {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum ExceptionOutcome {
-    /// The controller has read it: the subroutine was started.
+    /// The controller has read the exception: the subroutine was started.
     Done,
-    /// It was never sent, or the controller did not read it, not even late.
+    /// The exception was never sent, or the controller did not read it, not even late.
     NotDone,
-    /// It was sent, and it is unknown whether it was read.
+    /// The exception was sent, and it is unknown whether it was read.
     Unknown(UnknownReason),
 }
 

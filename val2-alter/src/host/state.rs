@@ -143,7 +143,7 @@ impl HostMachine {
         Self { phase: HostPhase::Disconnected, policy, subroutine, gap_at: None }
     }
 
-    /// By when the answer that is due must begin to leave.
+    /// Returns the time by which the answer that is due must begin to leave.
     pub fn reply_by(&self) -> Option<Duration> {
         match &self.phase {
             HostPhase::Starting { answer, .. } | HostPhase::Repeating { answer: Some(answer), .. } => {

@@ -300,7 +300,7 @@ fn what_cannot_work_is_refused() {
     assert_eq!(controller(ControllerConfig { baud: 9600, ..default }), Err(window));
 }
 
-/// Of the window of 15 ms the longest reply takes 8.854 ms (34 bytes at 38400 baud), and 1 ms is kept.
+/// The longest reply takes 8.854 ms (34 bytes at 38400 baud) of the window of 15 ms, and 1 ms is kept.
 #[test]
 fn while_the_longest_reply_fits_it_has_all_words() {
     let config = HostConfig::default();

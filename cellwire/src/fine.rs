@@ -1,6 +1,6 @@
 //! Plots that are not on whole pixels.
 
-/// How many units of a plot are a pixel: the drawing library rounds every place to a whole unit.
+/// The units of a plot per pixel: the drawing library rounds every position to a whole unit.
 pub(crate) const FINE: u32 = 10;
 /// The same, for places.
 pub(crate) const UNIT: i32 = 10;

@@ -14,7 +14,7 @@ use super::profile::Profile;
 pub struct TeleopConfig {
     /// The robot's port.
     pub robot: PortConfig,
-    /// Where the hand is.
+    /// The source of the hand's values.
     pub input: InputConfig,
     /// The file that keeps what the input reports.
     pub record: Option<PathBuf>,

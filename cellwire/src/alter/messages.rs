@@ -27,7 +27,7 @@ pub enum Order {
     Confirm,
     /// The meaning of the hand's values from now on: come to rest first.
     Profile(Box<Profile>),
-    /// How start messages are answered.
+    /// The policy by which start messages are answered.
     Policy(Policy),
     /// Come to rest, then fall silent.
     Stop,
@@ -62,7 +62,7 @@ pub enum Notification {
         demand: [i16; AXES],
         /// The demand within the limits, as it is sent.
         values: [i16; AXES],
-        /// From the last byte read to the reply written.
+        /// The time from the last byte read to the reply written.
         thinking: Duration,
         /// An axis had to wait, because its word did not fit the window.
         held: bool,
@@ -130,7 +130,7 @@ pub enum Notification {
     Trace(PathBuf),
 }
 
-/// Why ALTER is over without an end message, in words.
+/// Describes the reason why ALTER is over without an end message.
 pub fn lost_text(reason: LostReason) -> &'static str {
     match reason {
         LostReason::Silence => "the robot sends nothing",

@@ -50,7 +50,7 @@ use self::sample::Jog;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::Trace;
 
-/// How many reports wait for the screen; more are dropped: the control loop never waits.
+/// The number of reports that may wait for the screen; more are dropped: the control loop never waits.
 const NOTIFICATIONS: usize = 4096;
 /// A thread that does not end is left alone after this time: it may hang in a driver.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -140,7 +140,7 @@ impl Teleop {
         Orders(self.orders.clone())
     }
 
-    /// Where the keys go that move the arm, if they are the input.
+    /// Returns the sender of the keys that move the arm, if they are the input.
     pub fn jog(&self) -> Option<Sender<Jog>> {
         self.jog.clone()
     }

@@ -28,7 +28,7 @@ pub struct PortConfig {
     pub baud: u32,
 }
 
-/// How often a lost port is retried; the session continues meanwhile.
+/// The interval at which a lost port is retried; the session continues meanwhile.
 const REOPEN: Duration = Duration::from_millis(200);
 /// A wait that has run out still takes what is there.
 const LEAST_WAIT: Duration = Duration::from_micros(50);

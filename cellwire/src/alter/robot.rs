@@ -24,7 +24,7 @@ use cellwire_io::priority::{self, Rank};
 
 /// Orders are looked at this often while the robot is silent.
 const IDLE: Duration = Duration::from_millis(20);
-/// How long the port test listens at each rate.
+/// The time for which the port test listens at each rate.
 const LISTEN: Duration = Duration::from_millis(1200);
 
 pub(super) struct Robot {

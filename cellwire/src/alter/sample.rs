@@ -9,7 +9,7 @@ pub struct Sample {
     pub axes: [i16; 6],
     /// The buttons that are down: bit *k* is button *k* + 1.
     pub buttons: u32,
-    /// How long the values may be used, by the clock of the host.
+    /// The time until which the values may be used, by the clock of the host.
     pub fresh_until: Duration,
 }
 

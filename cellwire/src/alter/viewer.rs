@@ -16,7 +16,7 @@ use super::port::{Port, PortConfig};
 
 /// New poses are looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
-/// How long the port test listens at each rate.
+/// The time for which the port test listens at each rate.
 const LISTEN: Duration = Duration::from_secs(1);
 
 pub(super) struct Feed {

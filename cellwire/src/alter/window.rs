@@ -1,4 +1,4 @@
-//! How many axes fit a reply at a baud rate, and what to do where that is not all of them (§3.4).
+//! The number of axes that fit a reply at a baud rate, and advice if not all of them fit (§3.4).
 
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, HostConfig};

@@ -12,13 +12,13 @@ use cellwire_io::trace::TraceArgs;
 /// The options of a link's demo.
 #[derive(Debug)]
 pub struct DemoOptions {
-    /// How long to run; `None`: the link's own short run.
+    /// The time to run; `None`: the link's own short run.
     pub seconds: Option<Duration>,
     /// Whether the transport has faults.
     pub faults: bool,
     /// The seed of the faults.
     pub seed: u64,
-    /// Where to write the result.
+    /// The path of the result.
     pub out: Option<PathBuf>,
     /// The change of the run's record before it is judged.
     pub must_fail: Option<MustFail>,

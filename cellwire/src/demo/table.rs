@@ -12,7 +12,7 @@ use cellwire_sim::ledger::Counts;
 
 /// The columns of a screen, where there is no narrower one.
 const WIDTH: usize = 80;
-/// Where the text of a failure begins.
+/// The column at which the text of a failure begins.
 const INDENT: usize = 5;
 
 /// The columns that the table has room for.
@@ -95,7 +95,7 @@ pub struct Judged {
     pub report: Report,
     /// Whether a time above its budget is a failure.
     pub check_times: bool,
-    /// Where the picture is.
+    /// The path of the picture.
     pub picture: Option<PathBuf>,
 }
 
@@ -167,7 +167,7 @@ impl Judged {
     }
 }
 
-/// How many tenths of what is allowed are used, rounded up; ten at most.
+/// Returns the used tenths of the allowed amount, rounded up; ten at most.
 fn tenths(used: f64, allowed: f64) -> usize {
     (1..10).find(|tenth| used <= allowed * f64::from(*tenth) / 10.0).map_or(10, |tenth| tenth as usize)
 }

@@ -21,13 +21,13 @@ use cellwire_links::settings::Setting;
 /// A simulated end of a link.
 #[derive(Debug, Clone, Copy)]
 pub struct Device {
-    /// Its name on the command line.
+    /// The name of the device on the command line.
     pub name: &'static str,
     /// Its link, where that has no other device: another name, and so is that of the link's crate.
     pub link: Option<&'static str>,
     /// The device in one line.
     pub about: &'static str,
-    /// Its settings, with their defaults.
+    /// The settings of the device, with their defaults.
     pub settings: fn() -> Vec<Setting>,
     /// Runs it until the process is interrupted; fails when its endpoint cannot be opened.
     pub simulate: fn(&SimulateOptions) -> Result<()>,
@@ -39,7 +39,7 @@ impl Device {
         self.name == name || self.aliases().any(|alias| alias == name)
     }
 
-    /// Its other names.
+    /// Returns the other names of the device.
     pub fn aliases(&self) -> impl Iterator<Item = &'static str> + use<> {
         let link = self.link.and_then(|link| Link::by_name(link).ok());
         link.into_iter().flat_map(|link| [link.short, link.name])
@@ -49,9 +49,9 @@ impl Device {
 /// The options of a simulator.
 #[derive(Debug)]
 pub struct SimulateOptions {
-    /// Where clients reach it.
+    /// The endpoint at which clients reach the device.
     pub endpoint: Endpoint,
-    /// How a connection is opened, for a device that is a TCP client.
+    /// The settings of a connection, for a device that is a TCP client.
     pub dialing: Dialing,
     /// The TLS of the device's connections.
     pub tls: TlsArgs,
@@ -126,5 +126,5 @@ pub fn serve(
     }
 }
 
-/// How often a stop, a client that comes or goes, and commands are looked for.
+/// The interval at which a stop, a client that comes or goes, and commands are looked for.
 pub const LOOK: Duration = Duration::from_millis(10);

@@ -61,7 +61,7 @@ pub struct Span {
     pub outcome: Outcome,
     /// The first, from 0.
     pub first: usize,
-    /// How many they are.
+    /// The number of parts of the span.
     pub count: usize,
 }
 
@@ -73,7 +73,7 @@ impl fmt::Display for Span {
     }
 }
 
-/// How many parts of the work have each outcome.
+/// The numbers of parts of the work with each outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tally {
     /// All parts.
@@ -244,12 +244,12 @@ impl<R: Record> Journal<R> {
         self.record.outcomes()
     }
 
-    /// How many parts have this outcome.
+    /// Returns the number of parts with this outcome.
     pub fn count(&self, outcome: Outcome) -> usize {
         self.outcomes().iter().filter(|known| **known == outcome).count()
     }
 
-    /// How many parts have which outcome.
+    /// Returns the numbers of parts with each outcome.
     pub fn tally(&self) -> Tally {
         let (outcomes, queued) = (self.outcomes(), self.record.queued());
         let (mut done, mut unknown) = (0, 0);

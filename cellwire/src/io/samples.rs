@@ -26,7 +26,7 @@ impl Samples {
         self.0 += &other.0;
     }
 
-    /// How many there are.
+    /// Returns the number of samples.
     pub fn count(&self) -> u64 {
         self.0.len()
     }

@@ -204,7 +204,7 @@ fn marks(low: f64, high: f64, step: f64) -> impl Iterator<Item = f64> {
     (0u32..).map(move |n| (first + f64::from(n)) * step).take_while(move |value| *value <= high)
 }
 
-/// From one number of an axis to the next: 1, 2 or 5 and zeros, at most ten of them.
+/// Returns the step from one number of an axis to the next: 1, 2 or 5 and zeros, at most ten of them.
 fn step(length: f64) -> f64 {
     let mut power = 1.0;
     loop {

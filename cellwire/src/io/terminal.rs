@@ -168,7 +168,7 @@ mod tests {
 
         let (mut user, path) = cellwire_io::serial::pair().unwrap();
         let open = || std::fs::File::options().read(true).write(true).open(&path).unwrap();
-        // Its settings stay as long as it is open.
+        // The settings of the terminal stay as long as it is open.
         let _client = open();
         let stty = |args: &[&str]| {
             let output = Command::new("stty").args(["-F", &path]).args(args).output().unwrap();

@@ -15,7 +15,7 @@ use cellwire_io::interrupt;
 use cellwire_io::tcp::{self, Dialing};
 use cellwire_io::tls::{Carrier, Tls};
 
-/// Where the telemetry is, and how often it is read.
+/// The address of the telemetry, and the interval at which it is read.
 #[derive(Debug, Clone)]
 pub struct Source {
     /// HOST:PORT.
@@ -26,9 +26,9 @@ pub struct Source {
     pub address: u16,
     /// The time from one request to the next.
     pub poll: Duration,
-    /// How connections are opened.
+    /// The settings by which connections are opened.
     pub dialing: Dialing,
-    /// Their TLS; `None` without.
+    /// The TLS of the connections; `None` without.
     pub tls: Option<Tls>,
     /// The session's configuration, of Modbus TCP.
     pub config: ClientConfig,
@@ -63,8 +63,8 @@ pub enum Reading<'a> {
     Reconnected(Duration),
 }
 
-/// How many requests in a row without a reply, and the controller counts as gone: a connection to one that was switched off stays
-/// open for a quarter of an hour.
+/// The number of requests in a row without a reply after which the controller counts as gone: a connection to one that was
+/// switched off stays open for a quarter of an hour.
 const MOST_SILENT: u32 = 3;
 /// An interrupt is seen after this time at the latest.
 const TURN: Duration = Duration::from_millis(100);

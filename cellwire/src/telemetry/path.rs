@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use crate::fine::{self, FINE, UNIT};
 use cellwire_motion::Pose;
 
-/// Where the robot is at a time.
+/// The joints and the tool's pose of the robot at a time.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
     /// In s.

@@ -50,7 +50,7 @@ impl Recording {
         }
     }
 
-    /// How regularly the blocks came.
+    /// Returns the counts that show how regularly the blocks came.
     pub fn counts(&self) -> Counts {
         self.tracker.counts()
     }
@@ -191,13 +191,13 @@ pub struct Comparison {
     pub deviations: Vec<Deviation>,
     /// The greatest and the mean of them.
     pub summary: Summary,
-    /// How many states were recorded while both were idle.
+    /// The number of states that were recorded while both were idle.
     pub idle: u64,
-    /// How certain the delay and the means are; None where the motion is too short to say.
+    /// The certainty of the delay and of the means; `None` if the motion is too short.
     pub confidence: Option<Confidence>,
 }
 
-/// Why two motions cannot be compared.
+/// The reason why two motions cannot be compared.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ComparisonError {
     /// One has no states, or the recorded robot is at rest all the time.
@@ -208,7 +208,7 @@ pub enum ComparisonError {
         "no delay found: the best fit within ±{latest} s is at the border, {at:+.3} s; check the motion, or give a longer --within"
     )]
     DelayNotFound {
-        /// Where it ended, in s.
+        /// The delay at which the search ended, in s.
         at: f64,
         /// The border, in s.
         latest: f64,

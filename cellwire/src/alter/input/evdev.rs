@@ -15,7 +15,7 @@ pub(super) use elsewhere::Evdev;
 struct Range {
     least: i32,
     most: i32,
-    /// Where it is at rest: in the middle, or at the least, as a trigger is.
+    /// The value at rest: in the middle, or at the least, as a trigger is.
     rest: i32,
 }
 

@@ -18,7 +18,7 @@ pub(super) type Hid = Mouse<hidapi::HidDevice>;
 #[cfg(not(feature = "hid"))]
 pub(super) type Hid = Mouse<elsewhere::None>;
 
-/// Where reports come from.
+/// A source of reports.
 pub(super) trait Reports: Sized + Send {
     /// Opens the device whose name or path contains `wanted`; also returns its name.
     ///

@@ -63,7 +63,7 @@ pub(super) struct Hand {
     context: Context,
     orders: Sender<Order>,
     recorder: Option<Recorder>,
-    /// Where the operator's keys go that move the arm.
+    /// The sender of the operator's keys that move the arm.
     pub(super) jog: Option<Sender<Jog>>,
 }
 

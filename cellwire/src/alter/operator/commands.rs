@@ -9,7 +9,7 @@ use super::keys::{Stop, stop};
 use super::model::{Model, Test, View};
 use crate::alter::{Axes, Order, PortConfig, Profile};
 
-/// How long the tests of ball and workstation take.
+/// The duration of the tests of ball and workstation.
 const TEST: Duration = Duration::from_secs(3);
 /// The command of a key.
 #[derive(Debug, Clone, PartialEq)]

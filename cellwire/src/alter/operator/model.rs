@@ -76,7 +76,7 @@ pub(super) struct Model {
     pub(super) advice: Option<String>,
     /// The mode of a start that was refused last, unless ALTER has begun since.
     pub(super) refused: Option<Mode>,
-    /// Why the robot is lost.
+    /// The reason why the robot is lost.
     pub(super) lost: Option<&'static str>,
     pub(super) policy: Policy,
     pub(super) clamp: bool,
@@ -329,7 +329,7 @@ impl Model {
         }
     }
 
-    /// How old the position is that is shown, if it is older than a cycle and a half: the next message is missing.
+    /// Returns the age of the shown position, if it is older than a cycle and a half: the next message is missing.
     pub(super) fn position_age(&self) -> Option<Duration> {
         self.motion?;
         let age = self.now.saturating_sub(self.motion_at);
@@ -442,7 +442,7 @@ impl Model {
     }
 }
 
-/// Why the arm does not follow the hand, in words.
+/// Describes the reason why the arm does not follow the hand.
 pub(super) fn cause_text(cause: Cause) -> &'static str {
     match cause {
         Cause::NoAlter => "no ALTER runs",

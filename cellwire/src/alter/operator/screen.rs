@@ -15,7 +15,7 @@ use cellwire_sim::puma::Layout as Words;
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
 /// The style of values that are not live.
 const OLD: Style = Style::new().fg(Color::DarkGray);
-/// Why the robot could not read a reply, from error code 1 on: three fit the line.
+/// The reasons why the robot could not read a reply, from error code 1 on: three fit the line.
 const REASONS: [&str; 7] = ["checksum", "format", "overflow", "incomplete", "marks", "timeout", "code 7"];
 
 /// The least terminal that has room for every window of the source.
@@ -114,7 +114,7 @@ fn draw_input(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     }
     let lines = ball_lines(model);
     match model.input_age() {
-        // Of the source's robot: a word of ALTER is 1/32 mm, or 360/65536 degrees.
+        // For the source's robot: a word of ALTER is 1/32 mm, or 360/65536 degrees.
         None => window(frame, area, "Input: deflection in ‰; asked → sent in 1/32 mm and 1/182°", lines),
         Some(what) => {
             let lines = lines.into_iter().map(|line| line.style(OLD)).collect();

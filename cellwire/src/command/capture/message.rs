@@ -5,7 +5,7 @@ use serde_json::Value;
 /// A message, or bytes that are not a message.
 #[derive(Debug, Clone)]
 pub(super) struct Message {
-    /// From 1.
+    /// The number of the message, from 1.
     pub(super) number: usize,
     /// When it was whole, since the first byte of the conversation.
     pub(super) at: Duration,

@@ -60,7 +60,7 @@ fn call(text: &str) -> Result<Call, String> {
     Ok(Call { at, input })
 }
 
-/// How many steps a story has at most: an end that polls makes one each time.
+/// The maximum number of steps of a story: an end that polls makes one each time.
 const MOST: usize = 10_000;
 
 pub(super) fn run(args: &Args) -> Result<bool> {

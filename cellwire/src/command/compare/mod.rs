@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 pub(super) use self::follow::{Follow, IsCommand};
 use self::report::Report;
 
-/// How many messages may be missing before one that is known again.
+/// The number of messages that may be missing before one that is known again.
 const AHEAD: usize = 8;
 
 /// The differences of each kind that are printed.
@@ -23,7 +23,7 @@ pub(super) struct Compare {
     expected: Vec<Value>,
     /// For each of them, whether it has no content: then it is not compared.
     fillers: Vec<bool>,
-    /// How many messages without content have come.
+    /// The number of messages without content that have come.
     filled: usize,
     /// How many of them have come, or will not.
     pub(super) passed: usize,

@@ -16,7 +16,7 @@ use super::source::{Format, SourceArgs};
 use cellwire_io::output::{EventArgs, Unwritten, is_for_people, log, remark};
 use cellwire_links::codec::{Item, Kind, Stream};
 
-/// How much is read and written at once.
+/// The number of bytes that are read and written at once.
 const CHUNK: usize = 64 * 1024;
 
 /// Reads bytes, and prints each message as a line: of JSON, at a terminal as text.
@@ -141,7 +141,7 @@ type Output = Rc<RefCell<Printed>>;
 struct Lines {
     out: Output,
     clean: bool,
-    /// How many messages there were so far.
+    /// The number of messages so far.
     messages: u64,
 }
 

@@ -147,7 +147,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         unread: Unread { timeout: config.timeout, since: clock.now(), failed: false },
         lost_at: None,
         is_first: true,
-        // It has no end that a bar could show.
+        // The log has no end that a bar could show.
         progress: ProgressBar::with_draw_target(None, target).with_style(ProgressStyle::default_spinner()),
         clock,
     };

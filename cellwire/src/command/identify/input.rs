@@ -15,9 +15,9 @@ use crate::io::capture::reassembly::Piece;
 use crate::io::capture::{Fault, Flow, Line, Reading};
 use cellwire_io::output::{counted, remark};
 
-/// How many bytes of each stream are read.
+/// The number of bytes of each stream that are read.
 const MOST: u64 = 1 << 20;
-/// How many conversations are looked at: those with most bytes.
+/// The number of conversations that are examined: those with most bytes.
 const CONVERSATIONS: usize = 8;
 
 /// The bytes of both ends of one link, on any number of connections.

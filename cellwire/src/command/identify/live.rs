@@ -18,11 +18,11 @@ use cellwire_io::marked::Marked;
 const TURNS: u32 = 40;
 const SHORTEST: Duration = Duration::from_millis(300);
 const LONGEST: Duration = Duration::from_secs(2);
-/// How often the progress is shown, and an interrupt seen.
+/// The interval at which the progress is shown, and an interrupt seen.
 const TICK: Duration = Duration::from_millis(100);
-/// How many bytes are kept.
+/// The number of bytes that are kept.
 const MOST: usize = 1 << 20;
-/// How many settings are tried with the links.
+/// The number of settings that are tried with the links.
 const TRIED: usize = 3;
 
 /// The result of listening to a line.
@@ -30,7 +30,7 @@ pub(super) struct Line {
     pub(super) conversation: Conversation,
     /// Every setting, the likeliest first.
     pub(super) judged: Vec<Judged>,
-    /// How many of them are not ruled out.
+    /// The number of these settings that are not ruled out.
     pub(super) likely: usize,
 }
 

@@ -63,7 +63,7 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     Ok(writeln!(out)?)
 }
 
-/// How many settings of a line are shown.
+/// The number of settings of a line that are shown.
 #[cfg(unix)]
 const SHOWN: usize = 8;
 

@@ -71,7 +71,7 @@ enum Command {
 /// The settings of the link's bytes that the commands use.
 const USES: [&str; 2] = ["framing", "unit"];
 
-/// How long a reply may take, unless it is set.
+/// The default of the time that a reply may take.
 const REPLY: Duration = Duration::from_secs(1);
 
 /// A shorter wait before the first request is not reported.

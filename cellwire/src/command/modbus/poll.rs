@@ -144,7 +144,7 @@ struct Watched {
     shown: Option<Result<Vec<Value>, String>>,
 }
 
-/// Why a range could not be read.
+/// The reason why a range could not be read.
 struct Unread {
     /// The reason, which is the same as long as nothing changes.
     why: String,

@@ -29,7 +29,7 @@ impl Range {
         TABLES.iter().find(|(table, _)| *table == self.table).map_or("", |(_, name)| name)
     }
 
-    /// How many one request reads.
+    /// Returns the maximum number of values that one request reads.
     pub(super) fn most(&self) -> u16 {
         match self.table {
             Table::Coils | Table::DiscreteInputs => limit::READ_BITS,
@@ -37,7 +37,7 @@ impl Range {
         }
     }
 
-    /// How many there are, at most 65536.
+    /// Returns the number of values, at most 65536.
     pub(super) fn count(&self) -> u32 {
         u32::from(self.last) - u32::from(self.first) + 1
     }

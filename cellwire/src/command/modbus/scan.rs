@@ -16,7 +16,7 @@ use cellwire_io::drive::Lost;
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{self, log, remark};
 
-/// How often a request is made whose connection is lost.
+/// The number of times that a request is made whose connection is lost.
 const TRIES: usize = 2;
 /// A server that cannot be connected to for this long ends the scan.
 const GIVEN_UP: Duration = Duration::from_secs(20);

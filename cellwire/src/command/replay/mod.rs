@@ -153,7 +153,7 @@ pub fn run(args: &Args) -> Result<bool> {
 /// The values with which an end commands a machine, by their names.
 fn commands(link: &str, side: &str) -> Option<IsCommand> {
     match (link, side) {
-        // Its other numbers depend on the progress of the robot.
+        // The PC's other numbers depend on the progress of the robot.
         ("kawasaki", "pc") => Some(|name| name == "work"),
         // The client chooses the transaction.
         ("fanuc", "client") => Some(|name| name != "transaction"),
@@ -234,7 +234,7 @@ impl Play {
         Ok(())
     }
 
-    /// How long the messages before a part are awaited; not as long if they have no content.
+    /// Returns the time for which the messages before a part are awaited; it is shorter if they have no content.
     fn patience(&self, args: &Args, part: &Part) -> Duration {
         const OF_FILLERS: Duration = Duration::from_millis(500);
         let only_fillers = self.compare.awaits_only_fillers(part.after);

@@ -25,7 +25,7 @@ pub(super) struct Part {
     pub(super) bytes: Vec<u8>,
     /// The bytes of each, and what they say if they are a message.
     pub(super) messages: Vec<(Vec<u8>, Option<Value>)>,
-    /// How many messages of the other end came before it.
+    /// The number of messages of the other end that came before it.
     pub(super) after: usize,
     /// The time since what was before it, of either end.
     pub(super) delay: Duration,

@@ -89,7 +89,7 @@ struct Terminal {
 }
 
 impl Terminal {
-    /// Until the other end is opened: without it a read fails at once.
+    /// Waits until the other end is opened: without it a read fails at once.
     fn wait(&mut self) -> Result<()> {
         let mut buffer = [0; 256];
         self.port.0.set_timeout(Duration::from_millis(5))?;

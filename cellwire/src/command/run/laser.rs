@@ -131,7 +131,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     Ok(ran.say(&line)?.0 == Ended::Complete)
 }
 
-/// How the run has ended, and how many instructions were done before it.
+/// Runs the program; returns how the run has ended, and the number of instructions that were done before it.
 fn execute(
     args: &Args,
     program: &Program,

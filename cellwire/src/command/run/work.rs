@@ -57,7 +57,7 @@ pub(super) struct Work<'a> {
     pub(super) what: &'a str,
     /// The value that distinguishes it from other work.
     pub(super) fingerprint: String,
-    /// How many parts it has.
+    /// The number of the work's parts.
     pub(super) parts: usize,
     /// The line of the file of each part, as far as they have one.
     pub(super) lines: Vec<u64>,

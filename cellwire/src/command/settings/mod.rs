@@ -76,7 +76,7 @@ impl SetArgs {
         Ok(given)
     }
 
-    /// How a client opens its connections: the option, and the setting `connect_pause` of the file or of `--set`.
+    /// Returns the settings of a client's connections: the option, and the setting `connect_pause` of the file or of `--set`.
     ///
     /// # Errors
     /// As [`read`](Self::read); when the pause is not one.

@@ -8,7 +8,7 @@ use super::Format;
 use crate::io::capture::{is_dump, is_socat, unreadable};
 use cellwire_io::trace::{parse_line, parse_name};
 
-/// How many bytes decide at most.
+/// The maximum number of bytes by which the format is decided.
 const MOST: usize = 4096;
 
 /// The first bytes of pcap, in microseconds and in nanoseconds, in both byte orders, with Kuznetzov's changes, and of pcapng.

@@ -71,7 +71,7 @@ impl SourceArgs {
         file.map_or_else(|| "FILE".into(), |file| quoted(&file.to_string_lossy()))
     }
 
-    /// How an input of this format is read, if it is a capture.
+    /// Returns the way to read an input of this format, if it is a capture.
     pub(super) fn reading(&self, format: Format) -> Option<Reading> {
         let form = match format {
             Format::Pcap => Form::Pcap,

@@ -48,7 +48,7 @@ pub(super) enum Told {
     Bytes(Vec<u8>),
     /// The end breaks a rule, is late, or shows that an assumption is wrong.
     Wrong(Complaint),
-    /// How many bytes were passed on, and not seen.
+    /// The number of bytes that were passed on, and not seen.
     Missed(u64),
     /// The end sends no more, or its connection broke.
     Closed(Option<String>),

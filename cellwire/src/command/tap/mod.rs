@@ -123,7 +123,7 @@ pub(super) struct Last(Arc<Mutex<Option<Writing>>>);
 /// The watch to be closed, and the message of the writer when the capture has ended.
 type Writing = (Watch, Receiver<Ended>);
 
-/// How long the rest of a capture may take.
+/// The time that the rest of a capture may take.
 const LAST: Duration = Duration::from_secs(5);
 
 impl Last {

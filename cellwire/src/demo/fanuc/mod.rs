@@ -38,7 +38,7 @@ use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
 use cellwire_sim::host::{Listener, Server};
 
 const ARM: Arm = Arm::LR_MATE_200ID;
-/// How long the robot rests before and after the motion.
+/// The time for which the robot rests before and after the motion, in s.
 const REST: f64 = 0.3;
 /// A longer run is this motion again and again, each compared by itself: no more than one is kept.
 const LAP: f64 = 60.0;
@@ -169,7 +169,7 @@ impl Log {
         let listener = Listener::new(listener)?;
         let trace = options.trace.start("fanuc");
         let device = connection(&Arc::new(Mutex::new(controller)), settings.server)?;
-        // It ends with the process, as the listener does.
+        // The thread ends with the process, as the listener does.
         thread::spawn(move || {
             let server = Server::new(listener, || clock.now());
             serve_tcp(server, device, &trace, None)

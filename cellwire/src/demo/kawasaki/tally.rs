@@ -10,12 +10,12 @@ use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_sim::Ledger;
 use cellwire_sim::ledger::{Counts, Reported};
 
-/// How an order has ended, as the PC knows it.
+/// The end of an order, as the PC knows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
-    /// How many jobs were sent, from the first on.
+    /// The number of jobs that were sent, from the first on.
     pub sent: u32,
-    /// How many of them are executed, from the first on; the others will not be.
+    /// The number of jobs that are executed, from the first on; the others will not be.
     pub executed: u32,
 }
 

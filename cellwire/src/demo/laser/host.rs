@@ -20,7 +20,7 @@ use cellwire_io::serial;
 use cellwire_sim::laser::STATUS;
 use cellwire_sim::ledger::Reported;
 
-/// How long questions go on when a run is over.
+/// The time for which questions go on when a run is over.
 const GIVE_UP: Duration = Duration::from_secs(60);
 
 /// A robot that has restarted answers like one that has not: only its status shows it. It is asked at least this often.
@@ -39,7 +39,7 @@ pub struct Cutter<'a> {
 #[derive(Debug)]
 pub struct Plan<'a> {
     path: &'a [Cut],
-    /// How many instructions a frame holds at most.
+    /// The maximum number of instructions of a frame.
     batch: u8,
     /// The instruction of the path that each ticket of the host belongs to; `None` for a question.
     tickets: Vec<Option<usize>>,
@@ -48,9 +48,9 @@ pub struct Plan<'a> {
     /// Whether to ask for the robot's status before going on, and when it was known last.
     ask: bool,
     asked: Duration,
-    /// How often the robot had started when it was asked last.
+    /// The number of times that the robot had started when it was asked last.
     boot: Option<i16>,
-    /// How many instructions, of those that it has queued, it had certainly executed when it was asked last.
+    /// The number of queued instructions that the robot had certainly executed when it was asked last.
     executed_before: usize,
     /// The instructions that the robot has queued, in sequence.
     queued: Vec<usize>,
@@ -95,7 +95,7 @@ pub struct HostCounts {
     pub asked: u64,
     /// Restarts of the robot that were noticed.
     pub restarts: u64,
-    /// From handing a frame over to its answer.
+    /// The times from handing a frame over to its answer.
     pub exchange: Samples,
 }
 

@@ -35,7 +35,7 @@ const BAUD: u32 = 115_200;
 /// With `--faults` one byte in a thousand is corrupt: turned over, lost, or preceded by noise.
 const FAULT_RATE: f64 = 0.001 / 3.0;
 
-/// How long the robot is off when it restarts.
+/// The time for which the robot is off when it restarts.
 const RESTART: Duration = Duration::from_millis(300);
 
 /// Single instructions are sent for a third of the run, but no longer than this: the rest of the path waits.

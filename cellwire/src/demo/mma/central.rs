@@ -19,9 +19,9 @@ use crate::io::samples::Samples;
 /// The two times of a run: the cell may run faster than the clock on the wall, the protocol's deadlines do not.
 #[derive(Debug, Clone, Copy)]
 pub struct Now {
-    /// By which replies are awaited.
+    /// The time of the wall clock, for awaiting replies.
     pub wall: Duration,
-    /// By which axes move.
+    /// The time of the cell, for the motion of axes.
     pub cell: Duration,
 }
 
@@ -198,7 +198,7 @@ impl Central {
         !connected && !matches!(self.task.step(), Step::Closing | Step::Finished)
     }
 
-    /// Where the task is.
+    /// Returns the step of the task.
     pub fn step(&self) -> Step {
         self.task.step()
     }

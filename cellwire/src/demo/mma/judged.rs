@@ -24,7 +24,7 @@ pub struct Judged {
     pub let_go_elsewhere: u64,
     /// The time of each part, from step 7 of its first attempt until it was placed.
     pub cycles: Samples,
-    /// How long each step of the cycle took.
+    /// The duration of each step of the cycle.
     pub steps: Vec<(Step, Samples)>,
 }
 
@@ -61,7 +61,7 @@ impl Judged {
         judged
     }
 
-    /// How long each step of the cycle took.
+    /// Measures the duration of each step of the cycle.
     fn measure(&mut self, steps: &[(Duration, Step)]) {
         for pair in steps.windows(2) {
             let [(begin, step), (end, _)] = pair else { continue };

@@ -40,7 +40,7 @@ use cellwire_sim::host::{Listener, Notice, Server};
 use cellwire_sim::ledger::Counts;
 use cellwire_sim::mma::MotionFaults;
 
-/// How often a read breaks the connection when faults are wanted.
+/// The probability that a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;
 /// Longer than this the task is in no step, even when every connection has to be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);

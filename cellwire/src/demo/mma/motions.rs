@@ -8,7 +8,7 @@ pub struct Motions {
     spans: Vec<Span>,
     /// Motions without a reply since the last agreed one.
     unknown: u64,
-    /// How many motions the device had begun when it agreed to the last one.
+    /// The number of motions that the device had begun when it agreed to the last one.
     begun: u64,
 }
 

@@ -10,7 +10,7 @@ use cellwire_links::settings::{Configure, Fields};
 const PARTS: u64 = 100;
 /// The most parts: a run takes no longer than ten minutes at the usual speed.
 const MAX_PARTS: u64 = 10_000;
-/// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
+/// The factor by which the cell runs faster than life, unless a setting gives another. The protocol's own times are not changed.
 const SPEED: u32 = 200;
 /// The settings of the demo.
 #[derive(Debug)]

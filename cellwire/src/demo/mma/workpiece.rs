@@ -8,7 +8,7 @@ use mmacell_proto::{BLOW, PlatformPose, RobotPose, VACUUM};
 const CONTACT_UM: f64 = 8_000.0;
 /// The largest distance in µm at which a part may be put down beside its place.
 const PLACE_UM: f64 = 10.0;
-/// How often a part is missed, and how often one falls.
+/// The probabilities that a part is missed, and that one falls.
 const MISSED: f64 = 0.08;
 const FALLS: f64 = 0.08;
 

@@ -37,7 +37,7 @@ const STALL: Duration = Duration::from_millis(60);
 /// An ALTER that has just ended is waited for this long at most, to see it taken up again before the run ends.
 const TAKE_UP: Duration = Duration::from_secs(10);
 
-/// How the cell runs.
+/// The settings of a run of the cell.
 #[derive(Debug, Clone)]
 pub struct CellConfig {
     /// The length of the run.
@@ -98,7 +98,7 @@ pub struct CellRecord {
     pub line_faults: [u64; 3],
     /// When the host was ordered to come to rest.
     pub stopped_at: Duration,
-    /// How many of the robot's ends of ALTER came before that.
+    /// The number of the robot's ends of ALTER that came before that.
     pub ends_before_stop: usize,
 }
 
@@ -109,7 +109,7 @@ pub struct HostRecord {
     pub cycles: Cycles,
     /// Cycles in which the arm was at rest without a good reply, as far as the host knows.
     pub stood: u64,
-    /// From the last byte read to the reply written, by the host's own clock.
+    /// The times from the last byte read to the reply written, by the host's own clock.
     pub thinking: Samples,
     /// Whether the reply thread ran before all others.
     pub has_priority: bool,
@@ -129,7 +129,7 @@ pub struct HostRecord {
     pub fresh: u64,
     /// Packets of the ball with the values before.
     pub old: u64,
-    /// From a poll of the ball to the whole packet.
+    /// The times from a poll of the ball to the whole packet.
     pub exchange: Samples,
     /// Polls without a packet.
     pub ball_missed: u64,

@@ -13,7 +13,8 @@ pub struct Cycle {
     pub at: Duration,
     /// The how many-th ALTER, from 1.
     pub session: u32,
-    /// How many cycles it has been at rest by then, without a good reply: after such a cycle the arm begins from rest.
+    /// The number of cycles for which the arm has been at rest by then, without a good reply: after such a cycle it begins from
+    /// rest.
     pub stood: u64,
     /// The robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
     pub interrupted: bool,

@@ -151,7 +151,7 @@ fn is_settled(record: &CellRecord, at: Duration) -> bool {
     at + SETTLING < record.stopped_at
 }
 
-/// How many ends of ALTER the host must have resumed.
+/// Returns the number of ends of ALTER that the host must have resumed.
 fn to_take_up(record: &CellRecord) -> u64 {
     record.puma.ends.iter().filter(|(at, _)| is_settled(record, *at)).count() as u64
 }

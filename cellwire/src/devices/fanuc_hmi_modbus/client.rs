@@ -30,7 +30,7 @@ pub struct Port {
     pub kind: PortKind,
     /// The session's configuration.
     pub config: ClientConfig,
-    /// How a connection is opened.
+    /// The settings by which a connection is opened.
     pub dialing: Dialing,
 }
 

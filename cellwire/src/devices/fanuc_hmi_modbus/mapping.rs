@@ -155,7 +155,7 @@ impl Area {
         Ok(Self { registers, variable, first })
     }
 
-    /// How many registers one variable takes.
+    /// Returns the number of registers that one variable takes.
     fn each(&self) -> usize {
         match self.variable {
             Variable::Number(kind, _) => kind.registers().into(),

@@ -24,7 +24,7 @@ pub struct FanucSettings {
     pub silence: Option<Duration>,
     /// The stall that ends a frame of RTU over TCP.
     pub stall: Duration,
-    /// How long the rest of a request is waited for on a serial line; `None`: 20 ms and 32 characters.
+    /// The time for which the rest of a request is awaited on a serial line; `None`: 20 ms and 32 characters.
     pub frame_timeout: Option<Duration>,
     /// Whether the line returns what is sent.
     pub echo: bool,

@@ -245,7 +245,7 @@ impl Shown {
     /// Prints the lines of an event: a read, a write, registers without an assignment, a refusal, corrupt bytes.
     fn print(&self, event: &FanucEvent, peer: Option<&str>) {
         let put = |kind: &str, fields: &dyn Fn() -> Value| {
-            // Of most requests nothing is printed: their lines are not made.
+            // For most requests nothing is printed: their lines are not made.
             if !admits(kind) {
                 return;
             }

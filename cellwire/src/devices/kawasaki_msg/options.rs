@@ -15,15 +15,15 @@ pub struct RobotSettings {
     pub plant: Plant,
     /// The configuration of the session.
     pub config: RobotConfig,
-    /// How many jobs its queue holds.
+    /// The number of jobs that the robot's queue holds.
     pub queue: usize,
-    /// How fast the pen goes, in mm/s.
+    /// The speed of the pen, in mm/s.
     pub speed: u32,
     /// The time of a job that is not a line.
     pub job_time: Duration,
-    /// Where the drawn picture is written.
+    /// The path of the drawn picture.
     pub out: Option<String>,
-    /// Where the executed jobs are written.
+    /// The path of the executed jobs.
     pub record: Option<String>,
 }
 

@@ -18,16 +18,16 @@ use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::trace::Trace;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 
-/// How the simulated robot is made.
+/// The settings of the simulated robot.
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The session's configuration.
     pub config: RobotConfig,
     /// The fields of a job.
     pub layout: Layout,
-    /// How many jobs its queue holds.
+    /// The number of jobs that the robot's queue holds.
     pub queue: usize,
-    /// How fast the pen goes, in mm/s, where a job is a line.
+    /// The speed of the pen, in mm/s, if a job is a line.
     pub speed: f64,
     /// The time of a job that is not a line.
     pub job_time: Duration,
@@ -36,15 +36,15 @@ pub struct Setup {
 /// The measurements of a run.
 #[derive(Debug, Default)]
 pub struct Run {
-    /// From the end of a job until the next one has begun: how late the robot has come to it.
+    /// The times from the end of a job until the next one has begun: how late the robot has come to it.
     pub work_cycle: Samples,
-    /// From sending a packet to having received its answer.
+    /// The times from sending a packet to having received its answer.
     pub exchange: Samples,
     /// Reading a packet, checking it and queueing its jobs.
     pub unpack: Samples,
     /// The counters of the session.
     pub statistics: RobotStatistics,
-    /// How often a connection was opened.
+    /// The number of times that a connection was opened.
     pub connections: u64,
 }
 

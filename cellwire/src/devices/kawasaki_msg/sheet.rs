@@ -11,7 +11,7 @@ pub const SHEET: Point = Point { x: 42_000, y: 29_700 };
 /// The fields of a line: 1 draws it and 2 moves along it, then both its ends.
 const NAMES: [&str; 5] = ["kind", "x1", "y1", "x2", "y2"];
 
-/// Where the fields of a line are in a layout that has them; all other fields have a default.
+/// The positions of the fields of a line in a layout that has them; all other fields have a default.
 ///
 /// Coordinates that are decimals are in millimetres, whole ones in hundredths of a millimetre.
 #[derive(Debug, Clone)]

@@ -32,7 +32,7 @@ pub struct RobotCounts {
     pub refused: u64,
     /// The time of the robot's work in a cycle, from when it has the processor until its answer is on the line.
     pub work: Samples,
-    /// From the end of the cycle to the answer on the line: how late the machine gave it the processor.
+    /// The times from the end of the cycle to the answer on the line: how late the computer gave it the processor.
     pub answer: Samples,
     /// The instructions that it held when it was killed.
     pub forgotten: Vec<Job>,

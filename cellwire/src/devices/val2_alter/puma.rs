@@ -28,7 +28,7 @@ use cellwire_links::settings;
 /// The number of cycles between notifications of the position: twice a second.
 const TOLD: u64 = 18;
 
-/// How the simulated robot behaves.
+/// The behaviour of the simulated robot.
 #[derive(Debug, Clone)]
 pub struct PumaConfig {
     /// The robot.
@@ -60,12 +60,12 @@ pub enum Notification {
     Connected(bool),
 }
 
-/// How the replies of an ALTER came.
+/// The statistics of the replies of an ALTER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Measured {
-    /// How many came in time.
+    /// The number of replies that came in time.
     pub replies: u64,
-    /// From the last byte of a request to the last byte of its reply: half of them at most, 99 % at most, the longest.
+    /// The times from the last byte of a request to the last byte of its reply: half of them at most, 99 % at most, the longest.
     pub turn_around: [Duration; 3],
     /// The shortest window.
     pub window: Duration,
@@ -74,7 +74,7 @@ pub struct Measured {
 /// The measurements and counts of the simulated robot.
 #[derive(Debug, Clone, Default)]
 pub struct PumaRecord {
-    /// From the last byte of a request to the last byte of its reply.
+    /// The times from the last byte of a request to the last byte of its reply.
     pub turn_around: Samples,
     /// When there was a cycle without a good reply.
     pub without: Vec<Duration>,
@@ -100,7 +100,7 @@ pub struct PumaRecord {
     pub gripper: Vec<bool>,
     /// Replies that came too late for their window.
     pub strays: u64,
-    /// How long the simulator itself was late.
+    /// The time by which the simulator itself was late.
     pub stood: Duration,
     /// The distance of the arm from its place at the end of ALTER when ALTER began again, in mm: it is at rest in between.
     pub drift: f64,

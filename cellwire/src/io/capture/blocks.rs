@@ -12,7 +12,7 @@ use pcap_parser::{
 use super::fault::Fault;
 use super::unreadable;
 
-/// How much is read at once.
+/// The number of bytes that are read at once.
 const CHUNK: usize = 1 << 20;
 /// No packet is longer; a length above it is corrupt.
 const MAX_BLOCK: usize = 16 << 20;
@@ -73,7 +73,7 @@ enum Form {
 /// The description of an interface in a section.
 struct Interface {
     link_type: u32,
-    /// How much is captured of a packet at most; 0: all of it.
+    /// The maximum number of bytes that are captured of a packet; 0: all of it.
     limit: u32,
     /// The parts of a second in which its times are.
     resolution: u64,
@@ -252,7 +252,7 @@ impl Form {
                 let Ok((_, parsed)) = parsed else { return corrupt() };
                 let section = match parsed {
                     NgBlock::SectionHeader(header) => {
-                        // Its interfaces are its own.
+                        // The interfaces of a section are its own.
                         *is_big = header.big_endian();
                         *section += 1;
                         interfaces.clear();

@@ -10,8 +10,8 @@ use anyhow::Result;
 use super::reassembly::{Piece, Reassembly};
 use super::{Fault, Flow, Found, Line, Packet, Reading, Segment, Summary};
 
-/// How many connections are kept at once. With more, the half that has been silent the longest ends, and what follows is another
-/// connection. A connection takes what its two directions hold, and the segments that wait.
+/// The number of connections that are kept at once. With more, the half that has been silent the longest ends, and their next
+/// packets are another connection. The memory of a connection is that of its two directions, and of the segments that wait.
 const MAX_CONNECTIONS: usize = 2048;
 
 /// A consumer of the directions of a capture.

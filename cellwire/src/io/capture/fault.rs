@@ -4,7 +4,7 @@ use std::net::IpAddr;
 
 use serde::Serialize;
 
-/// Why bytes of a capture could not be read.
+/// The reason why bytes of a capture could not be read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Fault {
@@ -24,7 +24,7 @@ pub enum Fault {
     Unreadable {
         /// The error of the header.
         why: String,
-        /// How many bytes of the packet the capture has cut off.
+        /// The number of bytes of the packet that the capture has cut off.
         missing: u64,
     },
     /// A USB device carries bytes, and nothing shows whether it is a serial adapter, and which: once for each device.
@@ -57,7 +57,7 @@ pub enum Fault {
     },
     /// A block that is not valid: nothing after it can be read.
     Corrupt {
-        /// Where it begins in the capture.
+        /// The offset in the capture at which the block begins.
         at: u64,
         /// The error of the block.
         why: String,

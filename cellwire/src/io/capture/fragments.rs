@@ -9,7 +9,7 @@ use etherparse::defrag::IpDefragBuf;
 use super::fault::Fault;
 use super::network::{Fragment, Ip};
 
-/// How many packets may be incomplete at once, each of at most 64 KiB; with more, the oldest counts as lost.
+/// The number of packets that may be incomplete at once, each of at most 64 KiB; with more, the oldest counts as lost.
 const MAX_INCOMPLETE: usize = 64;
 
 /// Packets of which some fragments were captured, the oldest first.

@@ -123,7 +123,7 @@ pub enum Line {
     Opened {
         /// The file descriptor.
         descriptor: u32,
-        /// How many files have had this descriptor before.
+        /// The number of files that have had this descriptor before.
         turn: u32,
     },
     /// A hex dump.
@@ -169,11 +169,11 @@ pub struct Packet<'a> {
     pub at: Option<Duration>,
     /// The sender and the receiver.
     pub flow: Flow,
-    /// Of TCP.
+    /// The segment of TCP.
     pub segment: Option<Segment>,
     /// The payload.
     pub payload: &'a [u8],
-    /// How many bytes of the payload the capture has cut off.
+    /// The number of bytes of the payload that the capture has cut off.
     pub missing: u64,
 }
 
@@ -191,7 +191,7 @@ pub enum Found<'a> {
 pub struct Summary {
     /// The packets of the capture.
     pub packets: u64,
-    /// How many of them never carry the bytes of a link, by protocol.
+    /// The numbers of packets that never carry the bytes of a link, by protocol.
     pub others: BTreeMap<String, u64>,
     /// The serial adapters, and how their lines are set.
     pub adapters: Vec<String>,

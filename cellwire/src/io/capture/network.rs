@@ -152,7 +152,7 @@ pub(super) struct Ip<'a> {
     pub(super) destination: IpAddr,
     pub(super) protocol: IpNumber,
     pub(super) payload: &'a [u8],
-    /// How much of the payload was cut off.
+    /// The number of bytes of the payload that were cut off.
     pub(super) missing: u64,
     pub(super) fragment: Option<Fragment>,
 }

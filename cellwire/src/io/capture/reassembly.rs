@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, VecDeque};
 
 use anyhow::Result;
 
-/// How many segments, and bytes, may wait for an earlier one; with more, the earlier one counts as lost.
+/// The numbers of segments, and of bytes, that may wait for an earlier one; with more, the earlier one counts as lost.
 const MAX_WAITING: usize = 256;
 const MAX_WAITING_BYTES: usize = 1 << 20;
-/// How many gaps are remembered: bytes that come for one later are reported.
+/// The number of gaps that are remembered: bytes that come for one later are reported.
 const MAX_GAPS: usize = 16;
 /// The position of the first byte: earlier bytes have a position, too.
 const ORIGIN: u64 = 1 << 32;
@@ -31,7 +31,7 @@ pub enum Piece<'a> {
 #[derive(Debug, Default)]
 pub struct Reassembly {
     started: Option<Started>,
-    /// By place; the bytes, and how many after them were cut off.
+    /// The bytes that wait, by their position, and the number of bytes after them that were cut off.
     waiting: BTreeMap<u64, (Vec<u8>, u64)>,
     waiting_bytes: usize,
     gaps: VecDeque<(u64, u64)>,

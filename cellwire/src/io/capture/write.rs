@@ -18,11 +18,11 @@ use crate::io::tap::{End, Place, Seeing, Seen, What};
 use cellwire_io::files;
 use cellwire_io::output::remark;
 
-/// How much is collected at most before it is written.
+/// The maximum number of bytes that are collected before they are written.
 const BATCH: usize = 1 << 20;
-/// How often a pipe is checked for its reader.
+/// The interval at which a pipe is checked for its reader.
 const GLANCE: Duration = Duration::from_millis(200);
-/// How often missing bytes are reported.
+/// The interval at which missing bytes are reported.
 const REPORT: Duration = Duration::from_secs(10);
 
 /// The ends of a serial line, which has no addresses (RFC 5737).
@@ -53,7 +53,7 @@ struct Missing {
     at: Option<Instant>,
 }
 
-/// Why a capture has ended.
+/// The reason why a capture has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// There is nothing more to see.
@@ -106,7 +106,7 @@ impl Writer {
         Ok(writer)
     }
 
-    /// Where it is.
+    /// Returns the path of the capture.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -137,7 +137,7 @@ impl Writer {
         ended
     }
 
-    /// Where the disk is full, packets are left out until there is room again.
+    /// Writes the collected packets. If the disk is full, packets are left out until there is free space again.
     fn flush(&mut self) {
         let bytes = self.waiting.len() as u64;
         match (self.write(), self.failed) {

@@ -47,9 +47,9 @@ pub struct Point {
 pub struct Line {
     /// Whether the line is drawn; otherwise the pen only moves there.
     pub draws: bool,
-    /// Where it begins.
+    /// The beginning of the line.
     pub from: Point,
-    /// Where it ends; never equal to `from`.
+    /// The end of the line; never equal to `from`.
     pub to: Point,
 }
 
@@ -139,7 +139,7 @@ impl Picture {
         Ok((Self { lines: pen.lines, outlines: pen.outlines, sheet }, warnings))
     }
 
-    /// How many of the lines are drawn.
+    /// Returns the number of lines that are drawn.
     pub fn strokes(&self) -> usize {
         self.lines.iter().filter(|line| line.draws).count()
     }

@@ -18,7 +18,7 @@ use super::{arcs, warnings};
 pub(super) const MAX_BYTES: u64 = 32 << 20;
 /// The elements of a drawing, with those that `use` repeats.
 const MAX_ELEMENTS: u64 = 1_000_000;
-/// How deep its elements are nested.
+/// The maximum depth of nested elements.
 const MAX_DEPTH: u32 = 256;
 /// The sides of a view box, in its own units.
 const VIEW_BOX: core::ops::RangeInclusive<f64> = 0.01..=1e6;
@@ -232,7 +232,7 @@ fn options() -> usvg::Options<'static> {
     options
 }
 
-/// How many elements there are when every `use` is followed.
+/// Counts the elements when every `use` is followed.
 struct Elements<'a, 'input> {
     by_id: HashMap<&'a str, Node<'a, 'input>>,
     counted: HashMap<Node<'a, 'input>, u64>,

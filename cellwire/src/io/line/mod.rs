@@ -35,8 +35,8 @@ const FIFO: usize = 8;
 /// need an hour on the line.
 const CARRIED: Duration = Duration::from_secs(5);
 
-/// How many bytes wait at most in each direction, as in a modem. A client that sends more waits until the line has carried them; a
-/// device that sends more takes no input meanwhile.
+/// The maximum number of bytes that wait in each direction, as in a modem. A client that sends more waits until the line has
+/// carried them; a device that sends more takes no input meanwhile.
 const MODEM: usize = 4096;
 
 /// The longest chunk of the reader in bytes, and the number of chunks that may wait.
@@ -56,11 +56,11 @@ pub struct Line {
     client: Arc<Presence>,
     /// Chunks of which a byte has not arrived.
     chunks: usize,
-    /// How many clients had left when this was looked at.
+    /// The number of clients that had disconnected when this was checked.
     left: usize,
     /// Whether the device has seen that a client is connected: it does before the client's first byte.
     announced: bool,
-    /// How many clients had left when the device saw that the last time.
+    /// The number of clients that had disconnected when the device saw that the last time.
     announced_left: usize,
     sending: Direction,
     late: Duration,
@@ -304,7 +304,7 @@ impl Line {
         }
     }
 
-    /// By how much this process, not the line, delayed the bytes sent since the last call.
+    /// Returns the time by which this process, not the line, delayed the bytes sent since the last call.
     pub fn take_lateness(&mut self) -> Duration {
         core::mem::take(&mut self.late)
     }
@@ -336,7 +336,7 @@ impl Line {
         self.receiving = Direction::default();
     }
 
-    /// How many clients have left: a client may follow another one at once.
+    /// Returns the number of clients that have disconnected: a client may follow another one at once.
     pub fn left(&self) -> usize {
         self.left
     }

@@ -20,7 +20,7 @@ use cellwire_io::serial::READ_TIMEOUT;
 const ARRIVALS: Token = Token(0);
 const CLIENT: Token = Token(1);
 
-/// How often the line is checked while it is full, or carries data of a client that has left.
+/// The interval at which the line is checked while it is full, or carries data of a client that has disconnected.
 const BUSY: Duration = Duration::from_millis(5);
 
 /// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all that was sent.

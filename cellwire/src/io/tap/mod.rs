@@ -13,10 +13,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How much is read and passed on at once.
+/// The number of bytes that are read and passed on at once.
 pub const CHUNK: usize = 16 * 1024;
 
-/// How many pieces wait for what looks at them: of the longest, 64 MiB.
+/// The number of pieces that may wait for a watcher: of the longest, 64 MiB.
 const WAITING: usize = 4096;
 
 /// One of the two ends: of a TCP connection `A` is the client, and on a serial line what is at the port `--a`.
@@ -59,7 +59,7 @@ pub enum What {
     Opened(Place),
     /// Bytes, as they were read.
     Bytes(Arc<[u8]>),
-    /// How many bytes were passed on, and not seen.
+    /// The number of bytes that were passed on, and not seen.
     Missed(u64),
     /// The end sends no more; or with a reason, its connection broke.
     Closed(Option<String>),
@@ -78,7 +78,7 @@ pub enum Place {
     Line(String),
 }
 
-/// Where everything that is seen goes. Clones lead to the same.
+/// The destination of everything that is seen. Clones lead to the same destination.
 #[derive(Debug, Clone, Default)]
 pub struct Watch {
     sinks: Vec<Arc<Sink>>,
@@ -108,7 +108,7 @@ pub struct Seeing {
     rest: Arc<Rest>,
 }
 
-/// How often one that waits looks whether the tap ends.
+/// The interval at which a waiting watcher checks whether the tap ends.
 const GLANCE: Duration = Duration::from_millis(100);
 
 impl Watch {

@@ -15,7 +15,7 @@ use cellwire_io::udp;
 /// The longest datagram.
 const LONGEST: usize = 65_536;
 
-/// How many clients at once; those of more are not passed.
+/// The maximum number of clients; datagrams of more clients are not passed.
 const CLIENTS: usize = 256;
 
 /// Passes the datagrams of every client on to `server`, and its answers back.

@@ -21,7 +21,7 @@ use cellwire_links::kawasaki_msg::plant::Plant;
 /// The most jobs of a file: the capacity of a journal and a drawing.
 const MAX_JOBS: usize = 1_000_000;
 
-/// How many bad lines are named.
+/// The number of bad lines that are named.
 const MOST_NAMED: usize = 20;
 
 /// Jobs in the order of their execution.
@@ -29,7 +29,7 @@ const MOST_NAMED: usize = 20;
 pub struct Jobs {
     /// The contents of the jobs.
     pub work: Vec<AnyWork>,
-    /// Where each is from: a line of the table, or an outline of the drawing, from 1.
+    /// The origin of each job: a line of the table, or an outline of the drawing, from 1.
     pub lines: Vec<u64>,
     /// The unit of `lines`: `line`, or `outline`.
     pub unit: &'static str,

@@ -20,9 +20,9 @@ pub struct Flight {
     pub max_number: u16,
     /// The jobs of the order, by their places in the file.
     pub places: Vec<usize>,
-    /// How many are known to be executed, from the first on.
+    /// The number of jobs that are known to be executed, from the first on.
     pub executed: u32,
-    /// From this one on none was sent.
+    /// The index of the first job that was not sent.
     pub sent: u32,
     /// The jobs that were executed ahead of others.
     pub ahead: Vec<u32>,
@@ -43,9 +43,9 @@ pub enum Entry {
     },
     /// The progress of the order.
     Progress {
-        /// How many jobs are executed.
+        /// The number of jobs that are executed.
         executed: u32,
-        /// How many are sent, or about to be.
+        /// The number of jobs that are sent, or about to be.
         sent: u32,
     },
     /// A job of the order was executed ahead of others.
@@ -60,7 +60,7 @@ pub enum Entry {
     },
     /// The order is over.
     End {
-        /// How many jobs were executed, and those that were ahead.
+        /// The number of jobs that were executed, and those that were ahead.
         end: u32,
         /// The jobs from `end` to this one are unknown.
         unknown: u32,

@@ -18,7 +18,7 @@ use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::kawasaki::pc::{self, Notification, Program};
 use cellwire_io::trace::Trace;
 
-/// How a run has ended.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// Every job is done.
@@ -40,19 +40,19 @@ pub struct Runner<'a> {
     jobs: &'a Jobs,
     config: PcConfig,
     journal: &'a mut Journal,
-    /// Why nothing is sent any more.
+    /// The reason why nothing is sent any more.
     failed: Option<anyhow::Error>,
     console: Console<'a>,
     /// The number of the next order, if given.
     order: Option<u16>,
     /// The answer for the jobs that an earlier run has left unknown, if given.
     answer: Option<Answer>,
-    /// How long no robot may be connected.
+    /// The time for which no robot may be connected.
     absence: Option<Duration>,
     ended: Option<Ended>,
     /// Whether jobs are asked about.
     asks: bool,
-    /// How many jobs were done before the order began, and this many of it are reported as done.
+    /// The number of jobs that were done before the order began, and the number of its jobs that are reported as done.
     before: usize,
     reported: u32,
     /// Whether a robot is connected, and since when it is so.
@@ -60,7 +60,7 @@ pub struct Runner<'a> {
     since: Duration,
     met: bool,
     alarm: bool,
-    /// How many messages of this connection are not in the table of messages; `None` once one is.
+    /// The number of messages of this connection that are not in the table of messages; `None` once one is.
     strange: Option<u32>,
 }
 
@@ -225,7 +225,7 @@ impl<'a> Runner<'a> {
                 if complete || self.console.paused || self.console.stopping || is_expected {
                     return Ok(());
                 }
-                // It was ended at the robot.
+                // The order was ended at the robot.
                 if self.console.is_without_keyboard(Duration::ZERO) {
                     self.console.stopping = true;
                     self.console.hint("the robot has ended the order: the same command executes the rest");

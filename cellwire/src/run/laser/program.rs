@@ -87,7 +87,7 @@ impl Program {
         format!("{hash:016x}")
     }
 
-    /// How long the line takes, when nothing fails and the queue is never full, and how many frames there are.
+    /// Returns the number of frames, and the time of the line if nothing fails and the queue is never full.
     pub fn estimate(&self, host: &HostConfig) -> (usize, Duration) {
         let (mut frames, mut time) = (0, Duration::ZERO);
         let mut rest = self.instructions.as_slice();
@@ -136,7 +136,7 @@ fn is_markup(data: &[u8]) -> bool {
     data.trim_ascii_start().starts_with(b"<")
 }
 
-/// Where an instruction of a path leads.
+/// Returns the point to which an instruction of a path leads.
 fn place(instruction: &Instruction, mapping: &Mapping) -> Option<[f32; 2]> {
     if ![mapping.cut, mapping.rapid].contains(&instruction.word) {
         return None;

@@ -10,7 +10,7 @@ pub(super) const MAX_INSTRUCTIONS: usize = 5_000_000;
 /// An instruction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Instruction {
-    /// Where it is from: a line of the file, or an outline of a drawing, from 1.
+    /// The origin of the instruction: a line of the file, or an outline of a drawing, from 1.
     pub line: u64,
     /// The command word.
     pub word: u16,

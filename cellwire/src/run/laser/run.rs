@@ -14,10 +14,10 @@ use crate::io::journal::{Outcome, Span};
 use crate::run::{Answer, Answered, Console, KEYBOARD_WITHIN, STOP_WITHIN};
 use cellwire_io::drive::{Lost, turn};
 
-/// How often the operator's words are looked at.
+/// The interval at which the operator's words are checked.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// How a run has ended.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// Every instruction is done.

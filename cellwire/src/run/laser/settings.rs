@@ -29,7 +29,7 @@ impl Configure for Settings {
     }
 }
 
-/// How the lines of a path become instructions: the profile of a plant.
+/// The mapping of the lines of a path to instructions: the profile of a plant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mapping {
     /// To a point with the laser on.

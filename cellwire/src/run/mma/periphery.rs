@@ -30,9 +30,9 @@ pub enum Happened {
     ValveSet,
     /// The vacuum switch is high, or low.
     Switch(bool),
-    /// It cannot do what it was asked for.
+    /// The periphery cannot do what it was asked for; the reason.
     Failed(String),
-    /// Its connection is gone.
+    /// The connection of the periphery is gone.
     Lost,
 }
 

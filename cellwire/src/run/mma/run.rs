@@ -21,20 +21,20 @@ use cellwire_io::input::Typed;
 use cellwire_io::tcp::Dialing;
 use cellwire_io::tls::Tls;
 
-/// Where the devices are.
+/// The addresses of the devices.
 #[derive(Debug, Clone)]
 pub struct Addresses {
     /// The robot's controller.
     pub robot: String,
     /// The platform's.
     pub platform: String,
-    /// How connections are opened.
+    /// The settings by which connections are opened.
     pub dialing: Dialing,
     /// The TLS of the connections; `None` without.
     pub tls: Option<Tls>,
 }
 
-/// How a run has ended.
+/// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// Every part is placed.
@@ -46,11 +46,11 @@ pub enum Ended {
 /// The state of the devices at the end, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rest {
-    /// They report that they are at rest.
+    /// The devices report that they are at rest.
     AtRest,
-    /// They may still finish their last motion.
+    /// The devices may still finish their last motion.
     MayMove,
-    /// They were not asked.
+    /// The devices were not asked.
     NotAsked,
 }
 
@@ -284,7 +284,7 @@ impl<'a> Runner<'a> {
     fn entered(&mut self, task: &mut Task, step: Step, lost: Option<&str>) -> Result<()> {
         self.console.notify(json!({"event": "step", "step": step, "part": self.part + 1}));
         match step {
-            // From now on the robot may have touched it.
+            // From now on the robot may have touched the part.
             Step::GoPick => self.note(Outcome::Unknown)?,
             Step::Placed => {
                 self.note(Outcome::Done)?;

@@ -13,26 +13,26 @@ use crate::io::sheet;
 use cellwire_links::json;
 use cellwire_links::settings::{ANY_TIME, Configure, Fields};
 
-/// Where a part is, and where it goes.
+/// The poses of a part: where it is, and where it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Part {
-    /// How the platform turns it towards the gripper.
+    /// The pose in which the platform turns the part towards the gripper.
     pub platform: PlatformPose,
-    /// Where the robot takes it.
+    /// The pose at which the robot takes the part.
     pub pick: RobotPose,
-    /// Where it puts it.
+    /// The pose at which the robot puts the part.
     pub place: RobotPose,
 }
 
 /// The settings of a run.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// How many parts; 0: those of `part`.
+    /// The number of parts; 0: those of `part`.
     pub parts: usize,
     /// The parts that simulated cameras see.
     pub part: Vec<Part>,
-    /// How long a simulated vacuum builds up.
+    /// The time in which a simulated vacuum builds up.
     pub vacuum: Duration,
     /// The task.
     pub task: TaskConfig,

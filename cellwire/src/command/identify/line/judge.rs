@@ -1,4 +1,4 @@
-//! How likely a setting is the line's, by what was heard with it.
+//! The likelihood of each setting of a line, by the bytes that were heard with it.
 
 use anyhow::Result;
 use cellwire_identify::{Finding, Sender, Stream, identify};
@@ -32,7 +32,7 @@ pub(in super::super) struct Judged {
     pub(in super::super) text: f64,
     /// The link that explains them.
     pub(in super::super) link: Option<&'static str>,
-    /// How much likelier it is than a wrong one, in powers of 2.
+    /// The likelihood of the setting compared with a wrong one, in powers of 2.
     pub(in super::super) bits: f64,
 }
 

@@ -17,9 +17,9 @@ pub(super) use judge::Judged;
 
 /// The rates, those first that are met most often.
 pub(super) const RATES: [u32; 10] = [9600, 19_200, 38_400, 115_200, 4800, 57_600, 2400, 1200, 600, 300];
-/// How many characters show whether a rate and a format are right.
+/// The number of characters that show whether a rate and a format are right.
 const ENOUGH: usize = 96;
-/// How many are a beginning.
+/// The number of characters that are a beginning.
 const SOME: usize = 24;
 /// The highest share of broken characters with the right format, in percent, including characters that a change of format splits.
 const CLEAN: usize = 10;
@@ -42,9 +42,9 @@ pub(super) struct Heard {
     pub(super) bytes: Vec<u8>,
     /// When some of them were read: which byte was the first.
     pub(super) arrivals: Vec<(usize, Duration)>,
-    /// How many were broken: with the wrong parity, or without a stop bit.
+    /// The number of broken characters: with the wrong parity, or without a stop bit.
     pub(super) broken: usize,
-    /// How often it was listened with.
+    /// The number of times that the setting was listened with.
     pub(super) times: usize,
     /// The beginning of a mark.
     pending: Vec<u8>,
@@ -160,7 +160,7 @@ impl Search {
         heard.count() >= ENOUGH
     }
 
-    /// Where what is heard with a setting goes.
+    /// Returns the place for the bytes that are heard with a setting.
     pub(super) fn listening(&mut self, setting: Setting) -> &mut Heard {
         if self.heard(setting).is_none() {
             self.heard.push((setting, Heard::default()));

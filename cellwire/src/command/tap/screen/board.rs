@@ -9,7 +9,7 @@ use crate::io::tap::Place;
 use cellwire_io::output::{self, counted};
 use cellwire_links::shadow::{Complaint, Kind};
 
-/// How many of the last lines are kept.
+/// The number of the last lines that are kept.
 const LINES: usize = 200;
 
 /// A rate is that of the last this many seconds.
@@ -30,14 +30,14 @@ pub(super) struct Board {
     /// The connection that was opened last.
     pub(super) place: String,
     pub(super) open: u32,
-    /// Where its conversation is.
+    /// The state of the end's conversation.
     pub(super) state: String,
     pub(super) ends: BTreeMap<&'static str, EndBoard>,
     pub(super) errors: BTreeMap<String, u64>,
     /// The number of complaints, by kind, and the last one.
     pub(super) complaints: BTreeMap<&'static str, u64>,
     pub(super) complaint: Option<LineBoard>,
-    /// Why messages are no longer decoded.
+    /// The reason why messages are no longer decoded.
     pub(super) failure: Option<String>,
     /// The remarks of the tap itself, oldest first.
     pub(super) remarks: VecDeque<String>,
@@ -55,9 +55,9 @@ pub(super) struct EndBoard {
     pub(super) bytes: u64,
     /// Messages of each of the last seconds, the newest last.
     seconds: VecDeque<u64>,
-    /// From the other's message to this end's.
+    /// The times from the other end's message to this end's.
     pub(super) answers: Samples,
-    /// How many of them are at most each of [`BARS`], and not below.
+    /// The numbers of answer times that are at most each of [`BARS`], and not below.
     pub(super) bars: [u64; BARS.len()],
 }
 

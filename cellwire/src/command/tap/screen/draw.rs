@@ -119,7 +119,7 @@ fn draw_table(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     frame.render_widget(table, area);
 }
 
-/// How long the answers of each end take, as bars.
+/// Draws the answer times of each end as bars.
 fn draw_times(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     let ends: Vec<_> = board.ends.iter().filter(|(_, end)| end.answers.count() > 0).collect();
     if ends.is_empty() {

@@ -57,7 +57,7 @@ pub(super) fn show(
     });
     output::show_remarks(None);
     remarks.try_iter().for_each(|text| board.remark(text));
-    // They were on the screen, which is gone.
+    // The remarks were on the screen, which is gone.
     board.remarks.iter().for_each(|text| output::remark(text));
     outcome
 }

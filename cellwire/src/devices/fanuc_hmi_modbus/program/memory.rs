@@ -55,7 +55,7 @@ pub struct Surroundings<'a> {
     pub now: f64,
     /// AR\[n\].
     pub arguments: &'a [Value],
-    /// Where the robot is: in X Y Z W P R of its user frame, and by its joints.
+    /// The position of the robot: in X Y Z W P R of its user frame, and by its joints.
     pub here: (Place, Place),
     /// The positions of the program.
     pub program: &'a fanuc_ls::Program,

@@ -13,7 +13,7 @@ pub enum Place {
     Cartesian {
         /// The six.
         xyzwpr: [f64; 6],
-        /// How the arm is folded, and the turns of J4 to J6, where that is known.
+        /// The posture of the arm, and the turns of J4 to J6, if they are known.
         folded: Option<(Posture, [i16; 3])>,
     },
     /// J1 to J6 in degrees.
@@ -50,7 +50,7 @@ impl Place {
         Some(Self::Cartesian { xyzwpr, folded })
     }
 
-    /// Where a motion to it goes; `frame` is the user frame.
+    /// Returns the goal of a motion to the position; `frame` is the user frame.
     pub fn goal(&self, frame: Pose) -> Goal {
         match self {
             Self::Joints(joints) => Goal::Joints(*joints),
@@ -88,7 +88,7 @@ impl Place {
         Some(sum)
     }
 
-    /// Its 50 registers.
+    /// Returns the 50 registers of the position.
     #[expect(clippy::cast_possible_truncation, reason = "they are of single precision")]
     pub fn register(&self) -> PositionRegister {
         let parts = self.parts().map(|part| part as f32);

@@ -34,7 +34,7 @@ impl fmt::Display for Adapter {
 }
 
 impl Adapter {
-    /// By the numbers of vendor and product.
+    /// Returns the adapter of these numbers of vendor and product.
     pub(super) fn of(vendor: u16, product: u16) -> Option<Self> {
         match (vendor, product) {
             (0x0403, _) => Some(Self::Ftdi),
@@ -48,7 +48,7 @@ impl Adapter {
         }
     }
 
-    /// By a request that its driver makes; an FTDI's are too simple to be its alone.
+    /// Returns the adapter whose driver makes this request; an FTDI's requests are too simple to be its alone.
     pub(super) fn asked(setup: [u8; 8]) -> Option<Self> {
         match setup {
             [0x40, 0x9A | 0xA1, .., 0, 0] => Some(Self::Ch340),
@@ -60,7 +60,7 @@ impl Adapter {
     }
 }
 
-/// How a line is set.
+/// The settings of a line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub(super) struct LineSettings {
     /// In bits a second, rounded to a usual rate that is as near as an adapter can be to it.

@@ -26,7 +26,7 @@ pub(super) struct Transfer<'a> {
     /// The setup packet of a control transfer on its way to the device.
     pub(super) setup: Option<[u8; 8]>,
     pub(super) data: &'a [u8],
-    /// How many bytes of the data are not in the capture.
+    /// The number of bytes of the data that are not in the capture.
     pub(super) missing: u64,
 }
 

@@ -15,10 +15,10 @@ pub use self::adapter::Adapter;
 use self::adapter::LineSettings;
 pub(super) use self::header::Header;
 
-/// How many transfers, bytes and requests of a device wait until it is known what it is.
+/// The numbers of transfers, bytes and requests of a device that wait until its kind is known.
 const MAX_WAITING: usize = 256;
 const MAX_WAITING_BYTES: usize = 1 << 16;
-/// How many devices are kept.
+/// The number of devices that are kept.
 const MAX_DEVICES: usize = 256;
 /// An FTDI is known by the status bytes of this many packets.
 const STATUS_PACKETS: usize = 4;
@@ -30,7 +30,7 @@ pub(super) struct Captured<'a> {
     pub(super) header: Header,
     pub(super) data: &'a [u8],
     pub(super) is_big: bool,
-    /// How much the capture has cut off.
+    /// The number of bytes that the capture has cut off.
     pub(super) missing: u64,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct Devices {
 struct Device {
     /// Vendor, product and release.
     described: Option<[u16; 3]>,
-    /// By address.
+    /// The endpoints by address.
     endpoints: BTreeMap<u8, Endpoint>,
     is: Is,
     lines: BTreeMap<u8, LineSettings>,

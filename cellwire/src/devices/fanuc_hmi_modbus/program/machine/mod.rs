@@ -17,7 +17,7 @@ use cellwire_sim::fanuc::Tables;
 
 /// The time of an instruction other than a motion, in s.
 const INSTRUCTION: f64 = 0.001;
-/// How often a condition is looked at, and the time of a motion restarts, in s: the interpolation period.
+/// The interval at which a condition is checked, and the time of a motion restarts, in s: the interpolation period.
 const PERIOD: f64 = 0.008;
 /// The time in which the arm gets its speed, in s, with ACC100.
 const RAMP: f64 = 0.2;
@@ -60,7 +60,7 @@ pub struct Machine {
     skipping: Option<f64>,
     /// OFFSET CONDITION.
     offset: Option<Item>,
-    /// How often a program has jumped to each of its labels.
+    /// The number of times that a program has jumped to each of its labels.
     jumps: BTreeMap<String, u32>,
     speed: f64,
     events: Vec<Json>,

@@ -43,7 +43,7 @@ pub(super) struct Piece {
     pub(super) side: &'static str,
     pub(super) level: Level,
     pub(super) json: String,
-    /// How much sense its numbers and texts make.
+    /// The sense that the message's numbers and texts make.
     pub(super) sense: f64,
 }
 
@@ -149,7 +149,7 @@ impl Stream {
         }
     }
 
-    /// How many bytes it has.
+    /// Returns the number of bytes of all parts.
     pub fn size(&self) -> usize {
         self.parts.iter().map(Vec::len).sum()
     }
@@ -243,7 +243,7 @@ impl Combination {
                 sides.push(self.read_side(number, stream, side, exactly)?);
             }
             let weight = |pieces: &Vec<Piece>| pieces.iter().map(Piece::weight).sum::<u64>();
-            // Of equals the first.
+            // Of equal sides the first stays first.
             sides.sort_by_key(|pieces| core::cmp::Reverse(weight(pieces)));
             let mut pieces: Vec<Piece> = Vec::new();
             for more in sides {

@@ -4,9 +4,9 @@ use core::ops::Range;
 
 use crate::Stream;
 
-/// How many of ten pieces that were sent have come back, at least.
+/// The minimum number of pieces that have come back, of ten that were sent.
 const OF_TEN: usize = 9;
-/// How many pieces show it.
+/// The number of pieces that show an echo.
 const ENOUGH: usize = 2;
 
 /// Returns the streams without the echo, if the line returns the bytes that one of two ends sends.
@@ -23,7 +23,7 @@ pub(crate) fn without_echo(streams: &[Stream]) -> Option<Vec<Stream>> {
     }
 }
 
-/// Where the pieces of one stream are in the other: each in what has arrived there after it was sent.
+/// Returns the positions of the pieces of one stream in the other: each in the bytes that arrived there after it was sent.
 fn returned(sent: &Stream, received: &Stream) -> Option<Vec<Range<usize>>> {
     let ([sent_bytes], [bytes]) = (sent.parts.as_slice(), received.parts.as_slice()) else { return None };
     let ends = sent.arrivals.iter().skip(1).map(|(begin, _)| *begin).chain([sent_bytes.len()]);

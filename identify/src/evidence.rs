@@ -14,9 +14,9 @@ const CLEAN: f64 = 5.0;
 const UNLIKELY: f64 = 1.0 / 32.0;
 /// A corrupt value does not come again by chance.
 const AGAIN: f64 = 12.0;
-/// How many corrupt messages are tried: a few, and where they do not decide, many.
+/// The number of corrupt messages that are tried: a few, and if they do not decide, many.
 const TRIALS: [u32; 2] = [64, 8192];
-/// How many messages are looked at.
+/// The number of messages that are examined.
 const MESSAGES: usize = 200;
 
 /// Whether the evidence for `a` rules `b` out, less that against it.
@@ -71,7 +71,7 @@ fn base(of_a: &Reading, b: &mut Combination) -> Vec<(&'static str, Vec<u8>)> {
     pairs
 }
 
-/// How likely a corrupt message is one that `a` explains better.
+/// Returns the probability that a corrupt message is one that `a` explains better.
 fn chance(a: &mut Combination, b: &mut Combination, base: &[(&'static str, Vec<u8>)], trials: u32) -> f64 {
     let (mut random, mut better) = (Random(1), 0);
     for _ in 0..trials {
@@ -104,7 +104,7 @@ fn tail(k: usize, n: usize, chance: f64) -> f64 {
     (-ways - real(k) * chance.log2()).max(0.0)
 }
 
-/// How often a value comes again that the second combination cannot write.
+/// Returns how often a value comes again that the second combination cannot write.
 fn repeated(only: &[&Piece], b: &mut Combination) -> f64 {
     let mut culprits: Vec<String> = Vec::new();
     let mut again = 0.0;

@@ -77,11 +77,11 @@ pub struct Finding {
     pub settings: Map<String, Value>,
     /// The settings that the source leaves open, one by one.
     pub options: Vec<Open>,
-    /// How many messages were read, and how many of them are written as they were read.
+    /// The number of messages that were read, and the number of them that are written as they were read.
     pub messages: [usize; 2],
     /// The bytes in messages, and all of them.
     pub bytes: [u64; 2],
-    /// How sure it is that they are messages: chance explains as much once in 2 to the power of this.
+    /// The certainty that these are messages: chance explains as much once in 2 to the power of this.
     pub bits: f64,
     /// The sides that sent each stream.
     pub senders: Vec<Vec<&'static str>>,

@@ -11,7 +11,7 @@ const LETTER: f64 = 0.5;
 /// Against a character that no text has.
 const NO_TEXT: f64 = -2.0;
 
-/// How much sense a message makes; 0 where nothing in it tells.
+/// Returns the sense that a message makes; 0 if nothing in it shows any.
 pub(super) fn plausible(message: &Value) -> f64 {
     match message {
         Value::Number(number) if number.is_f64() => {

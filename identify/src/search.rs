@@ -11,17 +11,17 @@ use super::{Decided, Finding, Open, Other, Stream};
 use cellwire_links::link::{Guess, Link};
 use cellwire_links::settings::Setting;
 
-/// How many bytes of each stream are read with every combination.
+/// The number of bytes of each stream that are read with every combination.
 const SAMPLE: usize = 16 * 1024;
-/// How many combinations are read exactly.
+/// The number of combinations that are read exactly.
 const KEPT: usize = 128;
-/// How many are read on all bytes.
+/// The number of combinations that are read on all bytes.
 const WHOLE: usize = 24;
 /// Numbers that make no sense rule a combination out with this many bits.
 const SENSE: f64 = 20.0;
 /// The sense by which one message decides.
 const SENSE_OF_ONE: f64 = 5.0;
-/// How many bytes are shuffled to see what is read by chance.
+/// The number of bytes that are shuffled to see what is read by chance.
 const SHUFFLED: usize = 64 * 1024;
 const MOST_SHUFFLES: usize = 1024;
 
@@ -165,7 +165,7 @@ fn guess(link: &Link, all: &[Map<String, Value>], sample: &[Stream]) -> Vec<Map<
         .collect()
 }
 
-/// How many settings are not at their defaults.
+/// Returns the number of settings that are not at their defaults.
 fn changes(combination: &Combination) -> usize {
     let known = (combination.link.settings)();
     let is_changed =
@@ -248,7 +248,7 @@ fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
     Ok(())
 }
 
-/// How sure it is that these are messages: the same bytes in another order hold as many once in 2 to the power of this.
+/// Returns the certainty that these are messages: the same bytes in another order hold as many once in 2 to the power of this.
 fn surely(best: Option<&mut Likely>, sample: &[Stream]) -> Result<f64> {
     let Some(best) = best else { return Ok(0.0) };
     let found = best.reading.pieces.len();

@@ -21,9 +21,9 @@ const NO_TIME: Duration = Duration::from_micros(1);
 struct Word {
     word: u16,
     times: usize,
-    /// In a frame with others.
+    /// The number of times that the word was in a frame with others.
     together: usize,
-    /// How long answers to it alone took.
+    /// The times of the answers to the word alone.
     answers: Vec<Duration>,
     /// The number of answers with values.
     values: usize,

@@ -33,7 +33,7 @@ pub struct Check {
 const FROM_END: usize = 3;
 const FIRST: usize = 8;
 const BEFORE: usize = 3;
-/// How many messages try a guess before all do.
+/// The number of messages that try a guess before all do.
 const FEW: usize = 6;
 
 /// A sum or a CRC.
@@ -178,7 +178,7 @@ fn agrees(
         Some(match kind {
             Kind::Sum | Kind::Negated => value.wrapping_sub(of) & mask,
             Kind::Xor => value ^ of,
-            // Of messages of different lengths a CRC has no constant.
+            // For messages of different lengths a CRC has no constant.
             Kind::Crc(_) => u32::from(value != of),
         })
     };

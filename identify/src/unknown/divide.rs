@@ -16,18 +16,18 @@ mod tests;
 
 /// The longest mark that is searched for, in symbols; constant symbols beside it are found later.
 const MARK: usize = 4;
-/// How many marks of each length are tried.
+/// The number of marks of each length that are tried.
 const TRIED: usize = 8;
 /// Fewer messages show nothing.
 const FEWEST: usize = 5;
-/// How many messages of a division are looked at.
+/// The number of messages of a division that are examined.
 const MESSAGES: usize = 200;
 /// The places at the beginning and at the end of messages that are compared: of bytes, and of a text's words.
 const PLACES: [usize; 2] = [16, 8];
 const PLACES_OF_TEXT: [usize; 2] = [48, 8];
 /// The places that may say which kind of message it is.
 const KINDS: usize = 6;
-/// How many divisions are looked at.
+/// The number of divisions that are examined.
 const LOOKED_AT: usize = 64;
 /// The numbers of messages of divisions that are shifted against each other differ by this many.
 const SHIFTED: usize = 2;
@@ -65,7 +65,7 @@ pub(super) struct Rank {
     closes: bool,
     /// The share of the messages with the marks of most, in percent.
     alike: usize,
-    /// How long the marks are.
+    /// The length of the marks.
     marks: usize,
 }
 

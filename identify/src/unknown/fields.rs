@@ -10,11 +10,11 @@ use super::messages::same;
 pub struct Length {
     /// The first byte of the field; of decimal digits, the place of the number among the numbers of the message, from 0.
     pub at: usize,
-    /// How many bytes it is; 0 of decimal digits.
+    /// The number of bytes of the field; 0 for decimal digits.
     pub width: usize,
     /// The order of its bytes: `little`, `big`, or `digits`.
     pub order: &'static str,
-    /// How many bytes the message has beside those that it counts.
+    /// The number of bytes that the message has beside those that the field counts.
     pub beside: i64,
 }
 
@@ -32,7 +32,7 @@ pub struct Number {
 }
 
 impl Number {
-    /// How many bytes it is, if it is not digits.
+    /// Returns the number of bytes of the field, if it is not digits.
     fn width(&self) -> usize {
         match self.kind {
             "u8" => 1,

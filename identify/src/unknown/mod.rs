@@ -22,7 +22,7 @@ pub use nearest::{Nearest, nearest};
 /// The visible structure of the bytes of one end.
 #[derive(Debug, Clone, Serialize)]
 pub struct Seen {
-    /// How many messages.
+    /// The number of messages.
     pub messages: usize,
     /// The shortest and the longest of them, in bytes.
     pub lengths: [usize; 2],
@@ -46,7 +46,7 @@ pub struct Seen {
     pub numbers: Vec<Number>,
 }
 
-/// How many messages of a stream are looked at.
+/// The number of messages of a stream that are examined.
 const MOST: usize = 200;
 /// A capture may have corrupt bytes: so much of the messages has to have what is found, in percent.
 pub(crate) const SHARE: usize = 85;

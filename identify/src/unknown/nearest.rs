@@ -24,7 +24,7 @@ const NOTHING: [&str; 9] = [
     "short",
 ];
 
-/// How near a link comes.
+/// The result for a link: its nearest settings, and the messages that begin like its own.
 #[derive(Debug, Clone, Serialize)]
 pub struct Nearest {
     /// The name of the link.
@@ -41,10 +41,10 @@ pub struct Nearest {
     pub wrong: Option<String>,
 }
 
-/// How near each link comes with its defaults, or one setting changed; the nearest first.
+/// Returns the result for each link with its defaults, or one setting changed; the nearest first.
 ///
 /// # Errors
-/// Where a decoder makes no progress: it is a defect.
+/// When a decoder makes no progress: it is a defect.
 pub fn nearest(links: &[&'static Link], streams: &[Stream]) -> Result<Vec<Nearest>> {
     let mut found = Vec::new();
     for link in links {

@@ -4,18 +4,18 @@ use std::collections::HashMap;
 
 use super::{enough, real};
 
-/// How many bytes of each part are looked at.
+/// The number of bytes of each part that are examined.
 const SAMPLE: usize = 8 * 1024;
 
 /// A part of a stream.
 pub(super) struct Part {
     /// One number for each symbol.
     pub(super) symbols: Vec<u32>,
-    /// Where each symbol begins among the bytes, and where the last one ends.
+    /// The position at which each symbol begins among the bytes, and the end of the last one.
     places: Vec<usize>,
     /// The bytes.
     bytes: Vec<u8>,
-    /// Where the part begins in its stream.
+    /// The position at which the part begins in its stream.
     begin: usize,
 }
 

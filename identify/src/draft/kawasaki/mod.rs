@@ -14,9 +14,9 @@ use super::Said;
 struct Kind {
     side: &'static str,
     name: String,
-    /// Where in the conversation each was, and its values: those of its header, then its fields.
+    /// The index of each message in the conversation, and its values: those of its header, then its fields.
     all: Vec<(usize, Vec<String>)>,
-    /// How many of them are of the header.
+    /// The number of values that are of the header.
     header: usize,
 }
 
@@ -25,7 +25,7 @@ struct Guess<'a> {
     role: &'static str,
     kind: Option<&'a Kind>,
     why: &'static str,
-    /// How many of the same name the other end sends.
+    /// The number of messages of the same name that the other end sends.
     others: usize,
     /// The capture proves the role.
     is_sure: bool,
@@ -56,12 +56,12 @@ impl Kind {
         values.get(at).map(String::as_str)
     }
 
-    /// How many places it has: those of the shortest.
+    /// Returns the number of places of the shortest message.
     fn width(&self) -> usize {
         self.all.iter().map(|(_, values)| values.len()).min().unwrap_or_default()
     }
 
-    /// How many the longest has.
+    /// Returns the number of places of the longest message.
     fn longest(&self) -> usize {
         self.all.iter().map(|(_, values)| values.len()).max().unwrap_or_default()
     }
@@ -287,7 +287,7 @@ fn kinds(said: &[Said]) -> Vec<Kind> {
     kinds
 }
 
-/// How many of these messages have the number of the job that follows, at this place of a job.
+/// Returns the number of these messages that have the number of the job that follows, at this place of a job.
 fn asked(kind: &Kind, job: &Kind, number: usize) -> usize {
     let asks = |(at, values): &&(usize, Vec<String>)| {
         let next = match job.all.iter().find(|(of_job, _)| of_job > at) {
@@ -300,7 +300,7 @@ fn asked(kind: &Kind, job: &Kind, number: usize) -> usize {
     kind.all.iter().filter(asks).count()
 }
 
-/// How often a number is one more than the last, or up to ten.
+/// Returns how often a number is one more than the last, or up to ten.
 fn steps(kind: &Kind, at: usize) -> usize {
     let numbers = kind.numbers(at);
     let grows = |(before, now): &(&i64, &i64)| (1..=10).contains(&(*now - *before));

@@ -263,7 +263,7 @@ impl<'a> Conversation<'a> {
         }
     }
 
-    /// How often a value changes within a run.
+    /// Returns the number of times that a value changes within a run.
     fn changes(&self, jobs: &Kind, at: usize) -> usize {
         changes_within(jobs, self.number, at)
     }
@@ -360,7 +360,7 @@ fn is_sent_at_once(kind: &Kind, counted: usize) -> bool {
     at_once.count() >= TWICE
 }
 
-/// How often a value is another in the job of the next number.
+/// Returns the number of times that a value differs in the job of the next number.
 fn changes_within(kind: &Kind, counted: usize, at: usize) -> usize {
     let pairs = kind.all.iter().zip(kind.all.iter().skip(1));
     let changes = pairs.filter(|((_, before), (_, now))| {

@@ -109,7 +109,7 @@ exports! {
         })
     }
 
-    /// The next event of a session as JSON; 0 if there is none.
+    /// The next event of a session as JSON; 0 without an event.
     fn poll_event(session: usize) -> usize {
         STATE.with_borrow_mut(|state| {
             let event = state.session(session).and_then(|end| end.poll_event());
@@ -117,7 +117,7 @@ exports! {
         })
     }
 
-    /// The deadline of a session; the greatest number if it has none.
+    /// The deadline of a session; the greatest number without a deadline.
     fn poll_timeout(session: usize) -> u64 {
         STATE.with_borrow_mut(|state| {
             let deadline = state.session(session).and_then(|end| end.poll_timeout());

@@ -51,7 +51,7 @@ use sharing::News;
 const ROOM: usize = 10_000;
 /// Reports that arrive within this time are written together: a disk takes some hundred writes a second.
 const GATHER: Duration = Duration::from_millis(20);
-/// The maximum number of reports that are written together.
+/// The maximum number of inputs that are written together.
 const MOST: usize = 5_000;
 /// The interval at which health and interrupts are checked.
 const TICK: Duration = Duration::from_millis(200);

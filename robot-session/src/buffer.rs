@@ -1,4 +1,4 @@
-//! What a decoder holds of its stream.
+//! The bytes that a decoder holds of its stream.
 
 /// The bytes of a stream that a [`Decoder`](crate::Decoder) holds, at most `N`, and where they are in it.
 #[derive(Debug, Clone)]
@@ -15,10 +15,10 @@ impl<const N: usize> StreamBuffer<N> {
         Self { bytes: [0; N], start: 0, end: 0, position: 0 }
     }
 
-    /// Takes as many bytes as there is room for; returns how many.
+    /// Takes as many bytes as fit; returns how many.
     #[inline]
     pub fn push(&mut self, bytes: &[u8]) -> usize {
-        // A serial line brings its bytes one by one: a copy of one is no call.
+        // A serial line delivers its bytes one by one: copy a single byte without a call.
         if let ([byte], Some(slot)) = (bytes, self.bytes.get_mut(self.end)) {
             *slot = *byte;
             self.end += 1;
@@ -36,19 +36,19 @@ impl<const N: usize> StreamBuffer<N> {
         taken
     }
 
-    /// What is held.
+    /// Returns the held bytes.
     #[inline]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(self.start..self.end).unwrap_or_default()
     }
 
-    /// How many bytes are held.
+    /// Returns the number of held bytes.
     #[inline]
     pub const fn len(&self) -> usize {
         self.end - self.start
     }
 
-    /// No byte is held.
+    /// Returns whether no byte is held.
     pub const fn is_empty(&self) -> bool {
         self.start == self.end
     }

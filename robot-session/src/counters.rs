@@ -1,8 +1,9 @@
-//! What every session counts.
+//! The counters of a session.
 
 use core::fmt::Debug;
 
-/// The counters of an end: its own, and two that the loop of every session keeps. [`counters!`](crate::counters!) defines them.
+/// The counters of an end: those of its link, and two that the loop of every session keeps. [`counters!`](crate::counters!)
+/// defines them.
 pub trait Counters: Copy + Default + Debug + PartialEq {
     /// Inputs that the machine's state did not allow.
     fn unexpected(&mut self) -> &mut u64;

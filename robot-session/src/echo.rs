@@ -1,42 +1,43 @@
-//! Lines that return what is sent.
+//! Removes the echo of lines that return the bytes sent on them.
 
 use core::fmt;
 
-/// Takes out of the input of an end what a line returns of its output: many adapters for two wires do that.
+/// A filter that removes the echo from the input of an end: the bytes that a line returns of its output, as many adapters for
+/// two wires do.
 ///
-/// With the setting, as many bytes as were sent come back first. They are compared with what was sent, and dropped. Without it,
-/// a message that no peer answers with the same bytes shows whether the line returns it: if so, that is reported, and from then on what
-/// comes back is dropped as with the setting, until the connection ends.
+/// With the setting, as many bytes as were sent come back first. They are compared with those sent, and dropped. Without it,
+/// a message that no peer answers with the same bytes shows whether the line returns it: if so, that is reported, and from
+/// then on the echo is dropped as with the setting, until the connection ends.
 #[derive(Debug, Clone)]
 pub struct Echo<const N: usize> {
-    /// Whether the line is said to return what is sent.
+    /// Whether the line is configured as one with an echo.
     is_set: bool,
-    /// Whether it does.
+    /// Whether the line has an echo, as configured or found.
     returns: bool,
     /// The last message.
     sent: [u8; N],
     len: usize,
-    /// How many bytes have come since it was sent, as far as they may be its own.
+    /// The number of bytes that have come since the message was sent, while they may be its echo.
     come: usize,
-    /// Of a line of which it is not known: its own bytes may have begun with one of the first three that came, a bit for each. Before
-    /// them an adapter may give a byte of noise.
+    /// For a line without a known echo: a bit for each of the first three bytes that came, set while the echo may have begun
+    /// with it. Before the echo an adapter may give a byte of noise.
     begun: u8,
-    /// A collision was reported.
+    /// Whether a collision was reported for this message.
     has_collided: bool,
 }
 
-/// A line that returns what is sent, or should.
+/// An error of a line that returns the bytes sent, or is configured to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum EchoError {
-    /// The line returns what is sent, and `echo` is not set. What comes back is dropped from here on.
+    /// The line returns the bytes sent, and `echo` is not set. The echo is dropped from here on.
     NotSet {
         /// The bytes of the message that came back.
         length: usize,
     },
-    /// `echo` is set, and something else than what was sent has come back.
+    /// `echo` is set, and other bytes than those sent have come back.
     Collision {
         /// The first byte that differs, counted from 0.
         offset: usize,
@@ -47,21 +48,21 @@ pub enum EchoError {
     },
 }
 
-/// How many bytes of noise may come before a message that comes back, plus one.
+/// The number of noise bytes that may come before an echo, plus one.
 const BEGINNINGS: usize = 3;
 
 impl<const N: usize> Echo<N> {
-    /// Of a line that returns what is sent, or of which that is not known.
+    /// A line with an echo if `is_set`, otherwise one whose echo is not known.
     pub const fn new(is_set: bool) -> Self {
         Self { is_set, returns: is_set, sent: [0; N], len: 0, come: 0, begun: 0, has_collided: false }
     }
 
-    /// A connection begins or has ended: another line may be behind the next one.
+    /// Called when a connection begins or has ended: the next one may use another line.
     pub const fn reset(&mut self) {
         (self.returns, self.len, self.begun) = (self.is_set, 0, 0);
     }
 
-    /// A message is sent, of `N` bytes at most. `is_proof`: no answer to it begins with the same bytes.
+    /// Called when a message of at most `N` bytes is sent. `is_proof`: no answer to it begins with the same bytes.
     pub fn sent(&mut self, message: &[u8], is_proof: bool) {
         (self.len, self.come, self.begun, self.has_collided) = (0, 0, 0, false);
         if !self.returns && !is_proof {
@@ -74,8 +75,8 @@ impl<const N: usize> Echo<N> {
         }
     }
 
-    /// Of an end whose frames cannot be answers: the last message, of so many bytes, was found among what has come, behind more noise than is
-    /// looked at here. What comes back of the next messages is dropped. Returns what is wrong, if that is news.
+    /// For an end whose frames cannot be answers: the last message, of `length` bytes, was found in the input, after more
+    /// noise than is examined here. The echo of the next messages is dropped. Returns the error unless the echo was known.
     #[cold]
     pub fn found(&mut self, length: usize) -> Option<EchoError> {
         self.len = 0;
@@ -83,7 +84,7 @@ impl<const N: usize> Echo<N> {
         (!is_known).then_some(EchoError::NotSet { length })
     }
 
-    /// The bytes that have come, without what the line has returned; and what is wrong, once for each message.
+    /// Returns the bytes that have come, without the echo, and the error of the line, at most one per message.
     #[inline]
     pub fn receive<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {
         if self.len == 0 { (bytes, None) } else { self.compare(bytes) }
@@ -109,7 +110,7 @@ impl<const N: usize> Echo<N> {
         (bytes.get(count..).unwrap_or_default(), wrong)
     }
 
-    /// Looks for the message among what has come first.
+    /// Looks for the echo of the message at the beginning of the input.
     fn look<'a>(&mut self, bytes: &'a [u8]) -> (&'a [u8], Option<EchoError>) {
         for noise in 0..BEGINNINGS {
             if self.begun & (1 << noise) == 0 {

@@ -30,7 +30,7 @@ where
     P: Read + ReadReady + Write + WriteReady,
     C: Fn() -> Duration,
 {
-    /// A loop over `port`, with the time that `now` tells. The caller calls [`Session::handle_connected`] and
+    /// A loop over `port`, with the time that `now` returns. The caller calls [`Session::handle_connected`] and
     /// [`Session::handle_disconnected`].
     pub const fn new(port: P, now: C) -> Self {
         Self { port: Ready(port), now: Now(now), input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
@@ -47,23 +47,23 @@ where
         &mut self.port.0
     }
 
-    /// Reads what has come, writes what is to be sent and what the port has room for, and gives every event to `handler`. Returns the latest time when
-    /// it must be called again. It must also be called when bytes have come, when the port has room again, and when what
-    /// the session uses besides bytes and time has changed, such as the queue that a robot fills: from the interrupts of all these, where
-    /// they have one priority, or from one that they trigger.
+    /// Reads the bytes that have come, writes those to be sent as far as the port takes them, and gives every event to
+    /// `handler`. Returns the latest time at which it must be called again. It must also be called when bytes have come, when
+    /// the port can take bytes again, and when another input of the session has changed, such as the queue that a robot
+    /// fills: from the interrupts of all these, if they have one priority, or from one that they trigger.
     ///
     /// The port sends its bytes on its own: it is not flushed. While the session does not
     /// [want input](Session::wants_input), bytes stay in the port.
     ///
     /// # Errors
-    /// The port's.
+    /// The errors of the port.
     pub fn poll<S: Session, B>(
         &mut self,
         session: &mut S,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>, Option<Duration>>, P::Error> {
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
-        // What has changed since the last call is looked at once, after the bytes.
+        // Handle the changes of other inputs since the last call once, after the bytes.
         let mut changed = true;
         loop {
             let Self { port, now, input, out, left } = self;
@@ -128,7 +128,7 @@ impl<P: Read + ReadReady + Write + WriteReady> crate::turn::Port for Ready<P> {
     }
 }
 
-/// Done when it is so.
+/// Completes when `is_so` returns true.
 fn ready_if(mut is_so: impl FnMut() -> bool) -> impl Future<Output = ()> {
     poll_fn(move |_| if is_so() { Poll::Ready(()) } else { Poll::Pending })
 }

@@ -17,8 +17,8 @@ use crate::{Clock, Ended, Session};
 /// `INPUT` bytes are read at once, up to the session's [`MAX_INPUT`](Session::MAX_INPUT); `OUT` is its
 /// [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) or more: a shorter buffer does not compile.
 ///
-/// It owns what is not written yet, so that a dropped future loses nothing, if the port's own are cancel-safe, as those of Embassy's
-/// buffered ports are: [`turn`](Self::turn) may be one branch of a `select`.
+/// The driver owns the unsent bytes, so a dropped future loses nothing if the port's own futures are cancel-safe, as those of
+/// Embassy's buffered ports are: [`turn`](Self::turn) may be one branch of a `select`.
 #[derive(Debug)]
 pub struct Driver<R, W, C, const INPUT: usize, const OUT: usize> {
     port: Port<R, W>,
@@ -56,15 +56,16 @@ where
         &self.clock
     }
 
-    /// One turn: events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`,
-    /// then the events of that. While the session does not [want input](Session::wants_input), bytes stay in the port.
+    /// Runs one turn: events and bytes to be sent, until there is neither, then one wait for bytes, for the session's timeout
+    /// or for `wake`, then the events of that. While the session does not [want input](Session::wants_input), bytes stay in
+    /// the port.
     ///
-    /// `wake` ends when the session's other inputs have changed, such as the `wait` of an `embassy_sync` signal that the hook of a queue
-    /// sets, or [`pending`]. After a turn that was woken the next one does not wait: between the two the caller hands over what it was
-    /// woken for.
+    /// `wake` ends when the session's other inputs have changed, such as the `wait` of an `embassy_sync` signal that the hook
+    /// of a queue sets, or [`pending`]. After a turn that was woken the next one does not wait: between the two, the caller
+    /// passes on the change that has woken it.
     ///
     /// # Errors
-    /// The port's.
+    /// The errors of the port.
     pub async fn turn<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -74,11 +75,12 @@ where
         self.pass(session, wake, None::<NoKeep<S, R::Error>>, handler).await
     }
 
-    /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive a
-    /// reset, as in flash, so that the peer has nothing that was not kept. Where the future of this is dropped, it is called again.
+    /// As [`turn`](Self::turn), with a hook that is called before the session's bytes are sent: it stores the state that must
+    /// survive a reset, for example in flash, so that the peer has received nothing that was not stored. If the future of
+    /// this call is dropped, the hook is called again.
     ///
     /// # Errors
-    /// The port's; what `keep` returns, and then nothing is sent, and the connection is over.
+    /// The errors of the port and of `keep`. After an error of `keep` nothing is sent, and the connection is over.
     pub async fn turn_keeping<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -102,12 +104,12 @@ where
         Turn { port, time: &*clock, input, out, left }.run(session, wake, keep, handler).await
     }
 
-    /// Runs a session that works with nothing but bytes and time until `handler` breaks or the peer closes the connection. The session
-    /// is connected before, and disconnected after, also by a dropped future; `handler` gets the events of that too, but the first value
-    /// that it breaks with is the one returned.
+    /// Runs a session with no inputs but bytes and time until `handler` breaks or the peer closes the connection. The session
+    /// is connected before, and disconnected after, even by a dropped future; `handler` gets the events of that too, but the
+    /// first value that it breaks with is the one returned.
     ///
     /// # Errors
-    /// The port's.
+    /// The errors of the port.
     pub async fn drive<S: Session, B>(
         &mut self,
         session: &mut S,

@@ -2,7 +2,7 @@
 
 /// A message that can be written as bytes.
 pub trait Encode {
-    /// Why a message cannot be encoded: a fault of the caller.
+    /// The reason that a message cannot be encoded: a fault of the caller.
     type Error: core::error::Error;
 
     /// The bytes that [`encode`](Self::encode) writes.
@@ -11,6 +11,6 @@ pub trait Encode {
     /// Writes the message; returns the bytes written.
     ///
     /// # Errors
-    /// The buffer is too small, which changes nothing in it, or the message has a value that the protocol cannot carry.
+    /// The buffer is too small, and is not changed, or the message has a value that the protocol cannot carry.
     fn encode(&self, out: &mut [u8]) -> Result<usize, Self::Error>;
 }

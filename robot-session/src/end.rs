@@ -1,4 +1,4 @@
-//! For authors of a link: what an end consists of, and the session of every end, one loop for all links.
+//! For authors of a link: the parts of an end, and the session of every end, one loop for all links.
 
 use core::time::Duration;
 
@@ -11,47 +11,47 @@ pub use crate::machine::{Expiry, Input, Machine, is_due};
 pub use crate::rules::{Rule, Rules};
 use crate::{Decoder, Session, Unexpected, trace};
 
-/// The parts of every end.
+/// The parts of an end.
 #[derive(Debug, Clone)]
 pub struct Core<M: Machine, D, Q, S> {
-    /// What it works with.
+    /// The configuration of the end.
     pub config: M::Config,
-    /// What it decides.
+    /// The state machine of the end.
     pub machine: M,
-    /// Bytes in, frames out.
+    /// The decoder of the frames.
     pub decoder: D,
-    /// What waits for the caller.
+    /// Events that the caller has not polled yet.
     pub events: Q,
-    /// What it has counted.
+    /// The counters of the end.
     pub statistics: S,
-    /// Reading has stopped; frames may wait in the decoder.
+    /// Whether reading has stopped; frames may then wait in the decoder.
     held: bool,
     /// A record of the machine's inputs, if enabled: time, state and input.
     #[cfg(feature = "model")]
     pub moves: Option<std::vec::Vec<(Duration, M, M::Input)>>,
 }
 
-/// The number of outcomes for which the event queue must have room. Otherwise the step does not begin.
+/// The free entries that each step needs in the event queue for its outcomes. Without them the step does not begin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Room {
-    /// Before a connection begins; without room the session stays without one.
+    /// Entries needed before a connection begins; without them the session stays without a connection.
     pub connect: usize,
-    /// Before a frame is read; without room it waits in the decoder.
+    /// Entries needed before a frame is read; without them the frame waits in the decoder.
     pub read: usize,
-    /// Before something is sent.
+    /// Entries needed before a message is sent.
     pub transmit: usize,
 }
 
-/// One end of a link: what its frames mean, what its actions report, how its messages are written. It decides nothing: an `if` about
-/// a rule of the protocol belongs in its [`Machine`].
+/// One end of a link: the meaning of its frames, the reports of its actions, and the encoding of its messages. It decides
+/// nothing: an `if` about a rule of the protocol belongs in its [`Machine`].
 ///
-/// Whatever implements this is a [`Session`].
+/// Every implementor is a [`Session`].
 pub trait End: Sized {
-    /// What it decides.
+    /// The state machine of the end.
     type Machine: Machine;
-    /// Bytes in, frames out.
+    /// The decoder of the frames.
     type Decoder: Decoder;
-    /// What waits for the caller.
+    /// The queue of events that the caller has not polled yet.
     type Events: Events;
     /// [`Session::Statistics`].
     type Statistics: Counters;
@@ -62,27 +62,28 @@ pub trait End: Sized {
     const LINK: &'static str;
     /// [`Session::END`].
     const END: &'static str;
-    /// [`Session::MAX_INPUT`]. Where the machine may stop to read, this many bytes fit the decoder beside the beginning of a frame.
+    /// [`Session::MAX_INPUT`]. If the machine can stop reading, this many bytes fit the decoder beside the beginning of a
+    /// frame.
     const MAX_INPUT: usize;
     /// [`Session::MAX_TRANSMIT`].
     const MAX_TRANSMIT: usize;
-    /// For how many outcomes there must be room.
+    /// The free entries that each step needs in the event queue.
     const ROOM: Room;
 
-    /// What it consists of. [`core!`](crate::core) has both accessors, and [`unexpected`](Self::unexpected).
+    /// Returns the parts of the end. [`core!`](crate::core) has both accessors, and [`unexpected`](Self::unexpected).
     fn core(&self) -> &CoreOf<Self>;
 
-    /// What it consists of.
+    /// Returns the parts of the end.
     fn core_mut(&mut self) -> &mut CoreOf<Self>;
 
-    /// The next frame as an input. Corrupt bytes and frames that are no input are reported here.
+    /// Returns the next frame as an input. Corrupt bytes and frames that are not an input are reported here.
     fn next_input(&mut self) -> Option<(InputOf<Self>, Option<Self::Payload>)>;
 
     /// Executes an action of the machine.
     fn act(&mut self, now: Duration, action: ActionOf<Self>, payload: Option<Self::Payload>);
 
-    /// Encodes the due message; returns its length, and the input to give when it is sent. `None` if `out` is too short, and nothing has
-    /// changed. A length of zero: it cannot be sent, and the input says why.
+    /// Encodes the due message; returns its length, and the input to give when it is sent. Returns `None`, and changes
+    /// nothing, if `out` is too short. A length of zero: the message cannot be sent, and the input has the reason.
     fn write(
         &mut self,
         now: Duration,
@@ -90,38 +91,39 @@ pub trait End: Sized {
         out: &mut [u8],
     ) -> Option<(usize, InputOf<Self>)>;
 
-    /// The event of an input that the state does not allow.
+    /// Returns the event for an input that the state does not allow.
     fn unexpected(unexpected: Unexpected) -> EventOf<Self>;
 
-    /// What it works with.
+    /// Returns the configuration of the end.
     #[inline]
     fn config(&self) -> &ConfigOf<Self> {
         &self.core().config
     }
 
-    /// What it decides.
+    /// Returns the state machine of the end.
     #[inline]
     fn machine(&self) -> &Self::Machine {
         &self.core().machine
     }
 
-    /// A connection begins or has ended. An end of a line that may return what it sends has both of [`echo!`](crate::echo).
+    /// Called when a connection begins or has ended. An end of a line with an echo has this and `take_echo` from
+    /// [`echo!`](crate::echo).
     #[inline(always)]
     fn reset_echo(&mut self) {}
 
-    /// What has arrived, without what the line returns of the output.
+    /// Returns the bytes that have arrived, without the line's echo of the output.
     #[inline(always)]
     fn take_echo<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
         bytes
     }
 
-    /// Bytes have arrived, and are not yet decoded. False: they are not read.
+    /// Called when bytes have arrived, before they are decoded. Returns false to discard them.
     #[inline]
     fn begin_input(&mut self, _now: Duration) -> bool {
         true
     }
 
-    /// All bytes are decoded.
+    /// Called when all bytes are decoded.
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
@@ -130,13 +132,15 @@ pub trait End: Sized {
     #[inline]
     fn look(&mut self, _now: Duration) {}
 
-    /// [`Session::wants_input`]: while frames are read, and none waits to be read on. An end may also take what fits its decoder.
+    /// [`Session::wants_input`]: by default, while frames are read and none waits in the decoder. An end may also take the
+    /// bytes that fit its decoder.
     #[inline]
     fn takes_input(&self) -> bool {
         self.reads() && !self.core().held
     }
 
-    /// More bytes have arrived than fit while reading is stopped: they are lost, except for those that fit after this.
+    /// Called when more bytes have arrived than fit while reading is stopped: they are lost, except for those that fit after
+    /// this.
     fn overrun(&mut self, _now: Duration) {}
 
     /// [`Session::handle_transmitted`].
@@ -147,7 +151,7 @@ pub trait End: Sized {
         None
     }
 
-    /// The caller takes an event.
+    /// Removes and returns the oldest event for the caller.
     #[inline]
     fn next_event(&mut self) -> Option<EventOf<Self>> {
         self.core_mut().events.pop()
@@ -162,7 +166,7 @@ pub trait End: Sized {
         }
     }
 
-    /// Gives the machine an input of the caller, whom it may refuse.
+    /// Passes a call to the machine, which may reject it.
     ///
     /// # Errors
     /// The state does not allow it. Nothing has changed, and nothing is reported.
@@ -173,7 +177,7 @@ pub trait End: Sized {
         Ok(())
     }
 
-    /// Gives the machine an input of the caller, after expired deadlines where these come first.
+    /// Passes a call to the machine, after expired deadlines if these come first.
     #[inline]
     fn request(&mut self, now: Duration, input: InputOf<Self>) {
         expire_first(self, now);
@@ -188,7 +192,7 @@ pub trait End: Sized {
         core.events.push_notice(Self::unexpected(unexpected));
     }
 
-    /// Whether frames are read now.
+    /// Returns whether frames are read now.
     #[inline]
     fn reads(&self) -> bool {
         let core = self.core();
@@ -227,12 +231,12 @@ pub type TransmitOf<E> = <<E as End>::Machine as Machine>::Transmit;
 pub type EventOf<E> = <<E as End>::Events as Events>::Event;
 
 impl Room {
-    /// None: every event is a notice.
+    /// No outcomes: every event is a notice.
     pub const NONE: Self = Self { connect: 0, read: 0, transmit: 0 };
 }
 
 impl<M: Machine, D, Q: Default, S: Default> Core<M, D, Q, S> {
-    /// Without events.
+    /// An end without events.
     pub fn new(config: M::Config, machine: M, decoder: D) -> Self {
         Self {
             config,
@@ -264,7 +268,7 @@ impl<M: Machine, D, Q: Default, S: Default> Core<M, D, Q, S> {
 }
 
 impl<M: Machine, D, Q: Events, S> Core<M, D, Q, S> {
-    /// Reports an outcome: what it is of was begun only with room for it.
+    /// Reports an outcome. Its step began only with a free entry for it.
     #[inline]
     pub fn push_outcome(&mut self, outcome: Q::Event) {
         let pushed = self.events.push_outcome(outcome);
@@ -328,7 +332,7 @@ impl<E: End> Session for E {
             if self.core().machine.cuts() {
                 self.finish(now);
             }
-            // What was given up may have been what was waited for.
+            // The frames decoded just now may have cleared the deadline.
             if self.core().machine.expires(now) {
                 self.advance(now, Input::TIMEOUT, None);
             }
@@ -354,7 +358,7 @@ impl<E: End> Session for E {
         if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeTransmit | Expiry::BeforeBytes) {
             self.handle_timeout(now);
         }
-        // Until an event was taken, or the caller has done something.
+        // Reading stops until an event was polled, or the caller has made a call.
         read_held(self, now);
         let core = self.core();
         let what = core.machine.transmit(now, &core.config)?;
@@ -364,7 +368,8 @@ impl<E: End> Session for E {
         let (length, sent) = self.write(now, what, out)?;
         trace::written(out.get(..length).unwrap_or_default());
         self.advance(now, sent, None);
-        // At once: a caller that polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
+        // Read at once: a caller that polls until there is nothing more would miss the event of a frame that is read when
+        // nothing is sent.
         read_held(self, now);
         (length > 0).then_some(length)
     }
@@ -385,7 +390,7 @@ impl<E: End> Session for E {
     }
 }
 
-/// What came due, where that comes first.
+/// Handles expired deadlines if the machine requires that first ([`Expiry::First`]).
 #[inline(always)]
 fn expire_first<E: End>(end: &mut E, now: Duration) {
     if E::Machine::EXPIRY == Expiry::First {
@@ -393,7 +398,7 @@ fn expire_first<E: End>(end: &mut E, now: Duration) {
     }
 }
 
-/// Gives the decoder what it takes of the bytes, and says whether it takes any.
+/// Gives the decoder the bytes that it takes; returns whether it takes any.
 #[inline(always)]
 fn push<E: End>(end: &mut E, bytes: &mut &[u8]) -> bool {
     let taken = end.core_mut().decoder.push(bytes);
@@ -401,13 +406,13 @@ fn push<E: End>(end: &mut E, bytes: &mut &[u8]) -> bool {
     taken > 0
 }
 
-/// Reads where that is rare.
+/// As [`End::read`], out of line: for callers that rarely have bytes.
 #[inline(never)]
 fn read_on<E: End>(end: &mut E, now: Duration) {
     end.read(now);
 }
 
-/// Reads what has waited, if anything has.
+/// Reads the held frames, if there are any.
 #[inline(always)]
 fn read_held<E: End>(end: &mut E, now: Duration) {
     if end.core().held {
@@ -450,7 +455,7 @@ macro_rules! echo {
             let (rest, error) = self.echo.receive(bytes);
             if let Some(error) = error {
                 if let $crate::EchoError::NotSet { .. } = error {
-                    // The beginning of what has come back is in it.
+                    // The beginning of the echo is in the decoder.
                     $crate::Decoder::clear(&mut self.core.decoder);
                 }
                 $crate::end::Events::push_notice(&mut self.core.events, $event(error));

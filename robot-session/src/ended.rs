@@ -1,27 +1,28 @@
-//! How a loop ends, and what is reported then.
+//! The ends of a driver's loop, and the events reported then.
 
 use core::ops::ControlFlow;
 use core::time::Duration;
 
 use crate::session::Session;
 
-/// How a loop ended without an error.
+/// The reason that a loop ended without an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Ended<B> {
     /// The handler has ended it.
     ByHandler(B),
     /// The peer has closed the connection.
     ByPeer,
-    /// The peer has taken no byte of what is to be sent for [`STALL`]: it does not read. The connection is of no use any more.
+    /// The peer has taken no byte for [`STALL`] while bytes were to be sent: it does not read. The connection is of no use
+    /// any more.
     Stalled,
 }
 
-/// How long a peer may take no byte of what it is sent, unless a driver is given another time: 10 s. Where the receiver of a line may hold
-/// the sender (RTS/CTS), give the driver a longer time than that.
+/// The longest time for which a peer may take no byte while bytes are to be sent, unless a driver is given another time:
+/// 10 s. If the receiver of a line may hold the sender (RTS/CTS), give the driver a longer time than that.
 pub const STALL: Duration = Duration::from_secs(10);
 
 impl Ended<()> {
-    /// How it ended, with the value that the handler broke with, if it did.
+    /// Returns how the loop ended, with the value that the handler broke with, if it did.
     #[cfg(any(feature = "std", feature = "embedded-io-async"))]
     pub(crate) fn or<B>(self, value: Option<B>) -> Ended<B> {
         match (value, self) {
@@ -32,8 +33,8 @@ impl Ended<()> {
     }
 }
 
-/// A session with a connection. Where this is dropped before the loop has ended, as with the future of a `drive`, the connection ends all
-/// the same: what was in flight has an outcome, and the next connection begins with nothing of this one.
+/// A session with a connection. If this is dropped before the loop has ended, as with the future of a `drive`, the connection
+/// still ends: requests in flight have an outcome, and the next connection begins without any state of this one.
 #[cfg(any(feature = "tokio", feature = "embedded-io-async"))]
 pub(crate) struct Connection<'a, S, N, H>
 where

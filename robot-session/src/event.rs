@@ -1,18 +1,18 @@
-//! Events that wait for the caller.
+//! The queue of events that the caller has not polled yet.
 
 /// The events of a session, oldest first, at most `N`.
 ///
-/// An *outcome* is never dropped: a session begins only what it [has room](Self::has_room) to report. A *notice* takes the room
-/// that outcomes leave; if there is none, the oldest notice is dropped and counted.
+/// An *outcome* is never dropped: a session begins a step only if it [has room](Self::has_room) to report its outcomes. A
+/// *notice* uses the entries that outcomes leave free; if all are used, the oldest notice is dropped and counted.
 #[derive(Debug, Clone)]
 pub struct EventQueue<E, const N: usize> {
     /// A ring: `len` slots from `first` on are `Some`.
     slots: [Option<E>; N],
-    /// Which of them are notices: beside the slots, where they take a byte each.
+    /// Whether each slot has a notice: apart from the slots, so that each takes a byte.
     notices: [bool; N],
     first: usize,
     len: usize,
-    /// How many of them are outcomes.
+    /// The number of events that are outcomes.
     outcomes: usize,
     dropped: u64,
 }
@@ -23,7 +23,7 @@ impl<E, const N: usize> EventQueue<E, N> {
         Self { slots: [const { None }; N], notices: [false; N], first: 0, len: 0, outcomes: 0, dropped: 0 }
     }
 
-    /// Adds an outcome. It may take the place of a notice.
+    /// Adds an outcome. It may replace a notice.
     ///
     /// # Errors
     /// The queue is full of outcomes: `event` is returned.
@@ -88,7 +88,7 @@ impl<E, const N: usize> EventQueue<E, N> {
     fn drop_notice(&mut self) -> bool {
         let is_notice = |index: &usize| self.is_notice(Self::wrap(self.first + index));
         let Some(oldest) = (0..self.len).find(is_notice) else { return false };
-        // It goes to the front, and the outcomes before it stay in their order.
+        // The outcome goes to the front, and the outcomes before it stay in their order.
         for index in (0..oldest).rev() {
             let (at, after) = (Self::wrap(self.first + index), Self::wrap(self.first + index + 1));
             self.slots.swap(at, after);
@@ -116,7 +116,7 @@ impl<E, const N: usize> Default for EventQueue<E, N> {
 
 /// An [`EventQueue`] of any length.
 pub trait Events: Default {
-    /// What has happened.
+    /// The event type of the queue.
     type Event: core::fmt::Debug;
 
     /// [`EventQueue::push_outcome`].

@@ -1,4 +1,4 @@
-//! What a turn has not written yet.
+//! The unsent bytes and the pending work of a driver after a turn.
 
 use core::ops::ControlFlow;
 use core::time::Duration;
@@ -7,31 +7,32 @@ use crate::ended::{Ended, STALL};
 use crate::session::Session;
 use crate::step::{Step, Steps};
 
-/// While bytes wait to be written, what is due next may be the next bytes: other deadlines are looked for as often as this.
+/// While bytes wait to be written, the session's deadline may be in the past, because its next message is due. It is then
+/// checked again after this time, not at once.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// What is left of a turn that has ended, or was dropped.
+/// The unsent bytes and the pending work of a turn that has ended, or was dropped.
 #[derive(Debug)]
 pub(crate) struct Left {
     /// The steps of the session between two inputs.
     steps: Steps,
-    /// What is not written yet is in the driver's buffer from here,
+    /// The index in the driver's buffer at which the unsent bytes begin.
     begin: usize,
-    /// to here.
+    /// The index in the driver's buffer at which the unsent bytes end.
     end: usize,
-    /// What is not written yet was not announced.
+    /// Whether the hook before a transmission is still due for the unsent bytes.
     pub(crate) unannounced: bool,
-    /// The port holds what was written.
+    /// Whether the port still buffers written bytes.
     #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
     pub(crate) unflushed: bool,
-    /// When the port has last taken a byte.
+    /// The time at which the port last took a byte.
     taken_at: Duration,
-    /// For so long it may take none.
+    /// The longest time for which the port may take no byte.
     stall: Duration,
-    /// No turn of this connection has begun.
+    /// Whether no turn of this connection has begun.
     #[cfg(feature = "std")]
     pub(crate) is_new: bool,
-    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
+    /// Whether the previous turn ended by a wake. The caller has handled it, so the next turn calls the session at once.
     pub(crate) woken: bool,
 }
 
@@ -50,22 +51,22 @@ impl Left {
         woken: false,
     };
 
-    /// Bytes are left to be written.
+    /// Returns whether there are unsent bytes.
     pub(crate) const fn is_some(&self) -> bool {
         self.begin < self.end
     }
 
-    /// Nothing, from a port that may take none for this long.
+    /// A driver without unsent bytes, whose port may take no byte for `stall`.
     pub(crate) const fn with_stall(stall: Duration) -> Self {
         Self { stall, ..Self::NOTHING }
     }
 
-    /// The next connection begins with nothing of this one.
+    /// Discards all state of this connection before the next one begins.
     pub(crate) const fn clear(&mut self) {
         *self = Self::with_stall(self.stall);
     }
 
-    /// The next step of the session. Bytes that are not written yet come before others.
+    /// Returns the next step of the session. Unsent bytes come before others.
     #[inline]
     pub(crate) fn next<'a, S: Session>(
         &mut self,
@@ -84,7 +85,7 @@ impl Left {
         step
     }
 
-    /// The next bytes are written.
+    /// Records that the next `length` bytes are written.
     pub(crate) fn take(&mut self, length: usize, now: Duration) {
         self.begin = self.begin.saturating_add(length).min(self.end);
         if length > 0 {
@@ -92,17 +93,18 @@ impl Left {
         }
     }
 
-    /// The port takes nothing any more.
+    /// Returns whether the port has taken no byte for too long.
     pub(crate) fn is_stalled(&self, now: Duration) -> bool {
         self.is_some() && now >= self.taken_at.saturating_add(self.stall)
     }
 
-    /// Those bytes of the driver's buffer.
+    /// Returns the unsent bytes of the driver's buffer.
     pub(crate) fn of<'a>(&self, buffer: &'a [u8]) -> &'a [u8] {
         buffer.get(self.begin..self.end).unwrap_or_default()
     }
 
-    /// A turn has ended. With the connection ends what it did not take: the next one begins with nothing of it.
+    /// Called when a turn ends. If the connection has ended, discards the unsent bytes, so that the next connection does not
+    /// send them.
     pub(crate) fn after<B, E>(
         &mut self,
         turned: Result<ControlFlow<Ended<B>>, E>,
@@ -113,7 +115,7 @@ impl Left {
         turned
     }
 
-    /// When the session is to be called again at the latest.
+    /// Returns the latest time at which the session is to be called again.
     pub(crate) fn due<S: Session>(&self, session: &S, now: Duration) -> Option<Duration> {
         if self.woken {
             return Some(Duration::ZERO);
@@ -127,7 +129,7 @@ impl Left {
 
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
 impl Left {
-    /// The session has got an input: its events come before more bytes.
+    /// Called when the session has got an input: its events come before more bytes.
     pub(crate) const fn restart(&mut self) {
         self.steps = Steps::NEW;
     }

@@ -1,4 +1,4 @@
-//! What one end of a link decides.
+//! The state machine of one end of a link, and its inputs.
 
 use core::fmt::Debug;
 use core::hash::Hash;
@@ -8,13 +8,13 @@ use crate::unexpected::Unexpected;
 
 /// The state machine of one end of a link: everything that decides what happens next, without bytes, buffers or a clock.
 ///
-/// The state is a value: equal states behave equally. Every time in it is a deadline that is compared with `now` and with nothing
-/// else, so that the states are finitely many and a model can visit all of them. `Duration::MAX` means never.
+/// The state is a value: equal states behave equally. Every time in it is a deadline, which is compared only with `now`, so
+/// that the states are finitely many and a model can visit all of them. `Duration::MAX` means never.
 pub trait Machine: Clone + Eq + Hash + Debug {
     /// The end's name.
     const END: &'static str;
 
-    /// Which inputs wait until an expired deadline is handled.
+    /// The inputs that wait until an expired deadline is handled.
     const EXPIRY: Expiry;
 
     /// The inputs of the end.
@@ -26,7 +26,7 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     /// The messages that the end sends.
     type Transmit: Debug;
 
-    /// Its limits and options.
+    /// The limits and options of the end.
     type Config;
 
     /// Takes an input.
@@ -43,20 +43,21 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     /// The message to send now. It stays due until an input says that it was sent.
     fn transmit(&self, now: Duration, config: &Self::Config) -> Option<Self::Transmit>;
 
-    /// When [`Input::TIMEOUT`] or a message is due; `None` if nothing happens without bytes or a call.
+    /// The time at which [`Input::TIMEOUT`] or a message is due; `None` if nothing happens without bytes or a call.
     fn deadline(&self) -> Option<Duration>;
 
-    /// Whether [`Input::TIMEOUT`] is due now. Each one handles one deadline.
+    /// Returns whether [`Input::TIMEOUT`] is due now. Each timeout handles one deadline.
     fn expires(&self, now: Duration) -> bool;
 
-    /// Whether the bytes that are held are given up, and so read as what they are, before [`Input::TIMEOUT`] comes. Not where it comes
-    /// all the same: then its action does that.
+    /// Returns whether an expired deadline gives up the incomplete frame in the decoder, and decodes the bytes after its
+    /// beginning, before [`Input::TIMEOUT`]. Return false if the input follows in any case: its action then gives up the
+    /// frame.
     #[inline]
     fn cuts(&self) -> bool {
         false
     }
 
-    /// Whether frames are read now; otherwise bytes wait.
+    /// Returns whether frames are read now; otherwise bytes wait.
     #[inline]
     fn reads(&self) -> bool {
         true
@@ -75,9 +76,9 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     }
 }
 
-/// Which inputs wait until an expired deadline is handled.
+/// The inputs that wait until an expired deadline is handled.
 ///
-/// Where input does not wait, a reply that a late caller reads after its deadline still counts.
+/// If input does not wait, a reply that a late caller reads after its deadline still counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expiry {
     /// Everything waits: late input is worthless.
@@ -98,15 +99,15 @@ pub trait Input: Clone + Debug {
     const CONNECTED: Self;
     /// The connection is lost or closed.
     const DISCONNECTED: Self;
-    /// A deadline has passed. Given only where [`Machine::expires`] says so.
+    /// A deadline has passed. Given only if [`Machine::expires`] returns true.
     const TIMEOUT: Self;
 
     /// The input's name.
     fn name(&self) -> &'static str;
 }
 
-/// Implements [`Input`](trait@crate::end::Input) for an enum with the variants `Connected`, `Disconnected` and `Timeout`, and with those that
-/// are listed. The name of an input is that of its variant, or the one after `as`.
+/// Implements [`Input`](trait@crate::end::Input) for an enum with the variants `Connected`, `Disconnected` and `Timeout`, and
+/// with the listed ones. The name of an input is that of its variant, or the text after `as`.
 ///
 /// ```
 /// #[derive(Debug, Clone)]
@@ -147,7 +148,7 @@ macro_rules! inputs {
     };
 }
 
-/// Whether a deadline has passed; `Duration::MAX` means never.
+/// Returns whether a deadline has passed; `Duration::MAX` means never.
 #[inline]
 pub fn is_due(deadline: Duration, now: Duration) -> bool {
     now >= deadline && deadline < Duration::MAX

@@ -1,15 +1,16 @@
-//! The rules of a machine, for a model that shows what each is for.
+//! The rules of a machine, for a model that shows the need for each.
 
 use core::fmt;
 use core::marker::PhantomData;
 
 /// The rules of a machine, by name. [`rules!`](crate::rules) implements it.
 pub trait Rule: Copy + PartialEq + fmt::Debug + 'static {
-    /// All of them.
+    /// All rules of the machine.
     const ALL: &'static [Self];
 }
 
-/// Which rules a machine keeps: all of them. With the feature `model` one or two can be left out, and this has a size.
+/// The rules that a machine follows: all of them. With the feature `model` one or two can be left out, and the type has a
+/// size.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Rules<R> {
     #[cfg(feature = "model")]
@@ -18,7 +19,7 @@ pub struct Rules<R> {
 }
 
 impl<R> Rules<R> {
-    /// Every rule is kept.
+    /// The machine follows every rule.
     pub const ALL: Self = Self {
         #[cfg(feature = "model")]
         without: [None, None],
@@ -28,17 +29,17 @@ impl<R> Rules<R> {
 
 #[cfg(feature = "model")]
 impl<R: Rule> Rules<R> {
-    /// Every rule but one.
+    /// Every rule except `rule`.
     pub const fn without(rule: R) -> Self {
         Self { without: [Some(rule), None], rules: PhantomData }
     }
 
-    /// Every rule but two.
+    /// Every rule except `first` and `second`.
     pub const fn without_both(first: R, second: R) -> Self {
         Self { without: [Some(first), Some(second)], rules: PhantomData }
     }
 
-    /// Whether the machine keeps a rule.
+    /// Returns whether the machine follows a rule.
     #[inline]
     pub fn keeps(&self, rule: R) -> bool {
         !self.without.contains(&Some(rule))
@@ -63,8 +64,8 @@ impl<R: fmt::Debug> fmt::Debug for Rules<R> {
     }
 }
 
-/// Defines the enum of a machine's rules, and what its configuration says of them. With the crate's feature `model` that has a field
-/// `rules`; without it every rule is kept.
+/// Defines the enum of a machine's rules, and their part of its configuration. With the crate's feature `model` the
+/// configuration has a field `rules`; without it every rule is followed.
 #[macro_export]
 macro_rules! rules {
     ($(#[$about:meta])* pub enum $name:ident $(for $($config:ty),+)? { $($(#[$doc:meta])* $rule:ident,)* }) => {

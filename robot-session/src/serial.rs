@@ -11,8 +11,9 @@ use crate::{Received, Sent, Transport, Wait};
 
 /// A serial port, as `serialport::new(path, baud).open()` gives it, as a [`Transport`].
 ///
-/// A [`Waker`](crate::Waker) does not end its wait, which is for something else than a descriptor on some systems: a caller that needs one
-/// limits the turn. On Unix a write of more bytes than the driver has room for waits for the line: some 4000 bytes at most ports.
+/// A [`Waker`](crate::Waker) does not end the wait of this transport, which on some systems is not a wait for a descriptor: a
+/// caller that needs wakes limits the turn. On Unix a write of more bytes than the driver's buffer takes waits for the line:
+/// some 4000 bytes at most ports.
 #[allow(missing_debug_implementations, reason = "a port is not")]
 pub struct Serial(pub Box<dyn SerialPort>);
 
@@ -22,7 +23,8 @@ impl Serial {
         self.0.read(buffer)
     }
 
-    /// What is there, or the first byte that comes: drivers of virtual ports, and Wine, wait until as many bytes as are asked for are there.
+    /// Reads the bytes that have arrived, or waits for the first: drivers of virtual ports, and Wine, wait until the buffer
+    /// is full.
     #[cfg(windows)]
     fn read_some(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let waiting = self.0.bytes_to_read()?;
@@ -31,11 +33,11 @@ impl Serial {
     }
 }
 
-/// A wait without a limit is cut into pieces: no system waits for [`Duration::MAX`].
+/// The longest single wait; a wait without a limit is split, since no system waits for [`Duration::MAX`].
 const LONGEST: Duration = Duration::from_secs(1);
-/// A line that takes no more bytes is asked again so soon.
+/// The interval at which a line that takes no more bytes is tried again.
 const RETRY: Duration = Duration::from_millis(5);
-/// A timeout of 0 is an error at once on some systems.
+/// The shortest timeout of the port: 0 is an error at once on some systems.
 const SHORTEST: Duration = Duration::from_micros(100);
 
 impl Transport for Serial {

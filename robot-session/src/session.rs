@@ -13,7 +13,7 @@ use core::time::Duration;
 ///   saturates, and `Duration::MAX` is legal everywhere: as a setting or a deadline it means never.
 /// - **Connections.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
 ///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
-///   connection. No state of a connection carries over to the next, except what the machine keeps on purpose.
+///   connection. No state of a connection carries over to the next, except state that the machine keeps on purpose.
 /// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the sender.
 ///   When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
 /// - **Wakes.** Nothing busy-waits. Other inputs of a session, such as the queue that a robot fills,
@@ -23,65 +23,66 @@ use core::time::Duration;
 ///   unsolicited messages) can be: when the queue is full, the oldest is dropped and counted, see [`EventQueue`](crate::end::EventQueue).
 /// - **Statistics.** Counters, including one of inputs that the machine did not expect.
 pub trait Session {
-    /// What the session reports: small and owned, so that a handler may call the session.
+    /// An event of the session: small and owned, so that a handler may call the session.
     type Event: core::fmt::Debug;
 
-    /// Plain counters since the session was made.
+    /// The counters of the session, since it was made.
     type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
 
-    /// The name of its link, for records of `tracing`.
+    /// The name of the session's link, for records of `tracing`.
     const LINK: &'static str = "";
 
-    /// The name of its end of the link, for records of `tracing`.
+    /// The name of the session's end of the link, for records of `tracing`.
     const END: &'static str = "";
 
-    /// The maximum of bytes for one [`handle_input`](Self::handle_input): the length of a driver's buffer.
+    /// The maximum number of bytes for one [`handle_input`](Self::handle_input): the length of a driver's buffer.
     const MAX_INPUT: usize;
 
-    /// The maximum of bytes that one [`poll_transmit`](Self::poll_transmit) writes.
+    /// The maximum number of bytes that one [`poll_transmit`](Self::poll_transmit) writes.
     const MAX_TRANSMIT: usize;
 
-    /// A connection was made, or the port was opened.
+    /// Called when a connection was made, or the port was opened.
     fn handle_connected(&mut self, now: Duration);
 
-    /// The connection is lost or closed.
+    /// Called when the connection is lost or closed.
     fn handle_disconnected(&mut self, now: Duration);
 
-    /// Bytes have arrived, up to [`MAX_INPUT`](Self::MAX_INPUT) while [`wants_input`](Self::wants_input) is true: all of them are taken.
-    /// If there are more, a session that stops reading can lose some, and reports that. On a datagram transport they are one datagram.
+    /// Takes all bytes that have arrived, up to [`MAX_INPUT`](Self::MAX_INPUT) while [`wants_input`](Self::wants_input) is
+    /// true. A session that stops reading can lose some of a longer input, and reports that. On a datagram transport the
+    /// bytes are one datagram.
     fn handle_input(&mut self, now: Duration, bytes: &[u8]);
 
-    /// Time has passed, or what the session works with has changed.
+    /// Called when time has passed, or another input of the session has changed.
     fn handle_timeout(&mut self, now: Duration);
 
-    /// The last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Optional: only for drivers that know this
-    /// for certain.
+    /// Called when the last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Optional: only for
+    /// drivers that can determine this time exactly.
     fn handle_transmitted(&mut self, _now: Duration) {}
 
-    /// Whether bytes are to be read from the transport now. False while the session waits for its caller or for something to be sent
-    /// before it reads on.
+    /// Returns whether bytes are to be read from the transport now. False while the session waits for its caller, or until it
+    /// has sent a message, before it reads on.
     fn wants_input(&self) -> bool {
         true
     }
 
-    /// What has happened, oldest first.
+    /// Removes and returns the oldest event.
     fn poll_event(&mut self) -> Option<Self::Event>;
 
-    /// Writes what is to be sent; returns its length. A buffer that is too small changes nothing:
-    /// [`MAX_TRANSMIT`](Self::MAX_TRANSMIT) bytes are always enough.
+    /// Writes the bytes to be sent; returns their number. A buffer that is too short is not filled and has no effect on the
+    /// session: [`MAX_TRANSMIT`](Self::MAX_TRANSMIT) bytes are always enough.
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize>;
 
-    /// The latest time to call [`handle_timeout`](Self::handle_timeout) and [`poll_transmit`](Self::poll_transmit);
+    /// Returns the latest time to call [`handle_timeout`](Self::handle_timeout) and [`poll_transmit`](Self::poll_transmit);
     /// `None` if nothing happens without bytes, a call or a wake.
     fn poll_timeout(&self) -> Option<Duration>;
 
-    /// After this time a request that was sent has failed, and the peer must not receive it any more. Bytes that the peer has not
-    /// acknowledged by then are discarded, and the connection ends: the drivers set this limit on TCP connections. `None`: a late
-    /// delivery does no harm.
+    /// Returns the time after which a request that was sent has failed, and must not reach the peer any more. Bytes that the
+    /// peer has not acknowledged by then are discarded, and the connection ends: the drivers set this limit on TCP
+    /// connections. `None`: a late delivery does no harm.
     fn discards_after(&self) -> Option<Duration> {
         None
     }
 
-    /// The counters.
+    /// Returns the counters.
     fn statistics(&self) -> Self::Statistics;
 }

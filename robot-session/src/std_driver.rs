@@ -15,52 +15,53 @@ use crate::step::Step;
 use crate::trace::Span;
 use crate::wait::{Wait, Waker};
 
-/// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
+/// A transport of bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
 pub trait Transport {
-    /// The time that the session is given: [`now`], unless what carries the bytes has a clock of its own, as a simulated line has. One
-    /// that goes on with [`receive`](Self::receive) alone is for sessions that always [want input](Session::wants_input).
+    /// Returns the time for the session: [`now`], unless the transport has a clock of its own, as a simulated line has. A
+    /// clock that advances only in [`receive`](Self::receive) is for sessions that always [want input](Session::wants_input).
     fn now(&self) -> Duration {
         now()
     }
 
-    /// Reads what has arrived, or waits until something does, but no longer than `wait`: [`Wait::readable`] is that wait for all that
-    /// has a socket. A transport that waits for something else than a descriptor, and looks at [`Wait::limit`] alone, is not woken by
-    /// a [`Waker`]: what its driver is woken for is done when the wait has ended, and a caller that cannot wait this long limits the turn.
+    /// Reads the bytes that have arrived, or waits for some, but no longer than `wait`. Every transport with a socket can use
+    /// [`Wait::readable`] for this wait. A [`Waker`] does not end the wait of a transport that uses [`Wait::limit`] alone:
+    /// its driver handles the wake after that wait, and a caller that cannot wait this long limits the turn.
     ///
     /// # Errors
-    /// The transport's own. Nothing in time is no error: [`Received::Nothing`].
+    /// The errors of the transport. No bytes in time is not an error: [`Received::Nothing`].
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received>;
 
-    /// Sends as many of `bytes` as it can without a wait. One that always sends them all may wait for a line that takes every byte in
-    /// its time, and not for a peer that may not read.
+    /// Sends as many of `bytes` as it can without a wait. A transport that always sends them all may wait for a line that
+    /// takes every byte in its time, and not for a peer that may not read.
     ///
     /// # Errors
-    /// The transport's own; a connection that is lost in the middle is one.
+    /// The errors of the transport, such as a connection that is lost in the middle.
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
 
-    /// From now on, bytes that the peer has not acknowledged after this time are discarded, and the connection ends. Called once for each
-    /// connection, with [`Session::discards_after`]. Only a connection that keeps bytes for a peer that cannot be reached can do that.
+    /// Sets the time after which bytes that the peer has not acknowledged are discarded, and the connection ends. Called once
+    /// for each connection, with [`Session::discards_after`]. Only for a connection that buffers bytes for an unreachable
+    /// peer.
     ///
     /// # Errors
-    /// The transport's own.
+    /// The errors of the transport.
     fn discard_after(&mut self, _after: Duration) -> io::Result<()> {
         Ok(())
     }
 
-    /// Waits until it takes bytes again after [a part](Sent::Part), and reads none: [`Wait::writable`] is that wait for all that has a
-    /// socket. What has none is asked again after 5 ms.
+    /// Waits, without reading, until it takes bytes again after [a part](Sent::Part). Every transport with a socket can use
+    /// [`Wait::writable`] for this wait; by default, the driver tries again after 5 ms.
     ///
     /// # Errors
-    /// The transport's own.
+    /// The errors of the transport.
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
         wait.at_most(Duration::from_millis(5)).pause()
     }
 }
 
-/// What [`Transport::receive`] brought.
+/// The result of [`Transport::receive`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Received {
-    /// How many bytes.
+    /// This number of bytes was read.
     Bytes(usize),
     /// Nothing in time.
     Nothing,
@@ -68,10 +69,10 @@ pub enum Received {
     Closed,
 }
 
-/// Where the bytes are when [`Transport::send`] returns.
+/// The location of the bytes when [`Transport::send`] returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sent {
-    /// How many of them, perhaps none, are in a buffer of the system: there is no room for the others. They are given again.
+    /// This number of them, perhaps 0, are in a buffer of the system, which is full. The driver gives the others again.
     Part(usize),
     /// All of them are in a buffer of the system.
     Buffered,
@@ -79,8 +80,9 @@ pub enum Sent {
     Transmitted,
 }
 
-/// The time that [`drive`] gives to sessions: since the first call in this process, the same for every session. In a runtime of tokio whose
-/// clock is paused it is that clock's: a handle, its task and its session then stand in the same virtual time.
+/// Returns the time that [`drive`] gives to sessions: since the first call in this process, the same for every session. In a
+/// runtime of tokio whose clock is paused it is the time of that clock: a handle, its task and its session then have the same
+/// virtual time.
 pub fn now() -> Duration {
     #[cfg(feature = "tokio")]
     let now = ::tokio::time::Instant::now().into_std();
@@ -98,11 +100,12 @@ pub(crate) fn instant(at: Duration) -> Option<Instant> {
 }
 
 /// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,
-/// and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the one returned. An
-/// error of the transport is returned in its place; the events have said what became of what was in flight. A session with inputs other than bytes and time needs a [`Driver`], for its [waker](Driver::waker).
+/// and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the one
+/// returned. An error of the transport is returned in its place; the events have reported the outcomes of the requests in
+/// flight. A session with inputs other than bytes and time needs a [`Driver`], for its [waker](Driver::waker).
 ///
 /// # Errors
-/// The transport's.
+/// The errors of the transport.
 pub fn drive<S: Session, B>(
     session: &mut S,
     transport: impl Transport,
@@ -133,7 +136,7 @@ fn run<S: Session, B>(
     ended.map(|ended| ended.or(value))
 }
 
-/// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
+/// A transport and the buffers of its loop: for a caller that has other work between two turns.
 #[derive(Debug)]
 pub struct Driver<T> {
     transport: T,
@@ -155,25 +158,25 @@ impl<T: Transport> Driver<T> {
         Self { left: Left::with_stall(stall), ..self }
     }
 
-    /// A waker that ends the wait of the current turn, or of the next.
+    /// Returns a waker that ends the wait of the current turn, or of the next.
     ///
     /// # Errors
-    /// The system's, which has no descriptor or no loopback address.
+    /// The errors of the system, which has no descriptor or no loopback address.
     pub fn waker(&mut self) -> io::Result<Waker> {
         let waker = self.waker.take().map_or_else(Waker::new, Ok)?;
         Ok(self.waker.insert(waker).clone())
     }
 
-    /// One turn: events and what is to be sent, until there is neither or the transport has no room, then one wait for bytes or for
-    /// room, until the session's timeout at most and no longer than `wait`, then the events of that. When it returns, every event was
-    /// given to `handler`, unless that broke. While the session does not [want input](Session::wants_input), bytes stay in the
-    /// transport.
+    /// Runs one turn: events and bytes to be sent, until there is neither or the transport takes no more, then one wait for
+    /// bytes or until the transport takes more, until the session's timeout at most and no longer than `wait`, then the
+    /// events of that. When it returns, every event was given to `handler`, unless that broke. While the session does not
+    /// [want input](Session::wants_input), bytes stay in the transport.
     ///
-    /// After a turn that was [woken](Self::waker) the next one does not wait: between the two the caller hands over what it was
-    /// woken for.
+    /// After a turn that was [woken](Self::waker) the next one does not wait: between the two, the caller passes on the
+    /// change that has woken it.
     ///
     /// # Errors
-    /// The transport's.
+    /// The errors of the transport.
     pub fn turn<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -183,11 +186,12 @@ impl<T: Transport> Driver<T> {
         self.turn_keeping(session, wait, |_| Ok(()), handler)
     }
 
-    /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive the
-    /// program, such as how many jobs of an order were sent, so that the peer has nothing that was not kept.
+    /// As [`turn`](Self::turn), with a hook that is called before the session's bytes are sent: it stores the state that must
+    /// survive the program, such as the number of jobs of an order that were sent, so that the peer has received nothing that
+    /// was not stored.
     ///
     /// # Errors
-    /// The transport's; what `keep` returns, and then nothing is sent, and the connection is over.
+    /// The errors of the transport and of `keep`. After an error of `keep` nothing is sent, and the connection is over.
     pub fn turn_keeping<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -242,7 +246,7 @@ impl<T: Transport> Driver<T> {
         Ok(report(session, &mut handler).map_break(Ended::ByHandler))
     }
 
-    /// Events and what is to be sent, until there is neither, or there is no room for it.
+    /// Handles events and sends bytes, until there is neither, or the transport takes no more.
     fn settle<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -278,7 +282,8 @@ impl<T: Transport> Driver<T> {
         }
     }
 
-    /// The transport. After a reconnection it has no earlier bytes once the last turn has reported the end of the connection.
+    /// Returns the transport. After a reconnection it has no earlier bytes once the last turn has reported the end of the
+    /// connection.
     pub fn transport_mut(&mut self) -> &mut T {
         &mut self.transport
     }
@@ -338,25 +343,26 @@ impl Transport for TcpStream {
     }
 }
 
-/// Bytes that the peer of a TCP connection has not acknowledged after this time are discarded, also when the program has ended, and the
-/// connection ends with [`ErrorKind::TimedOut`]. Without this, the system sends a request again for many minutes: a robot executes it when
-/// its cable is back. On Linux and Android; other systems have no such limit in milliseconds, and there this does nothing.
+/// Discards the bytes of a TCP connection that its peer has not acknowledged after this time, even if the program has ended,
+/// and ends the connection with [`ErrorKind::TimedOut`]. Without this, the system sends a request again for many minutes: a
+/// robot executes it when its cable is back. On Linux and Android; other systems have no such limit in milliseconds, and
+/// there this does nothing.
 ///
 /// # Errors
-/// The system's.
+/// The errors of the system.
 #[cfg(any(target_os = "linux", target_os = "android"))]
 pub fn discard_unacknowledged(stream: impl std::os::fd::AsFd, after: Duration) -> io::Result<()> {
     let ms = u32::try_from(after.as_millis()).unwrap_or(u32::MAX).max(1); // 0 is the system's own limit
     Ok(rustix::net::sockopt::set_tcp_user_timeout(stream, ms)?)
 }
 
-/// As above.
+/// Does nothing: this system has no such limit in milliseconds.
 #[cfg(not(any(target_os = "linux", target_os = "android")))]
 pub fn discard_unacknowledged<T>(_stream: T, _after: Duration) -> io::Result<()> {
     Ok(())
 }
 
-/// Datagrams to and from the peer that the socket is connected to. A lost datagram and a missing peer are not errors.
+/// Exchanges datagrams with the peer that the socket is connected to. A lost datagram and a missing peer are not errors.
 impl Transport for UdpSocket {
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         if !wait.readable(&*self)? {
@@ -375,14 +381,15 @@ impl Transport for UdpSocket {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         match UdpSocket::send(self, bytes) {
-            // As good as lost on its way, apart from one that no socket sends.
+            // The datagram is as good as lost on its way, unless no socket can send it.
             Err(error) if error.kind() == ErrorKind::InvalidInput => Err(error),
             _ => Ok(Sent::Buffered),
         }
     }
 }
 
-/// What has arrived; a socket that blocks does not wait where it was called readable and is not, or another reader has the bytes.
+/// Reads the bytes that have arrived. A blocking socket does not wait, even if it was reported readable and is not, or
+/// another reader has read the bytes.
 #[cfg(unix)]
 fn receive_some(socket: &impl std::os::fd::AsFd, buffer: &mut [u8]) -> io::Result<usize> {
     use rustix::net::{RecvFlags, recv};
@@ -395,11 +402,11 @@ fn receive_some(stream: &mut TcpStream, buffer: &mut [u8]) -> io::Result<usize> 
     stream.read(buffer)
 }
 
-/// What there is room for; a socket that blocks does not wait for the rest.
+/// Sends the bytes that fit the system's buffer. A blocking socket does not wait for the rest.
 #[cfg(unix)]
 fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
     use rustix::net::{SendFlags, send};
-    // Where there is no such flag, the standard library has turned the signal off.
+    // Systems without this flag: the standard library has turned the signal off.
     #[cfg(not(target_vendor = "apple"))]
     const FLAGS: SendFlags = SendFlags::DONTWAIT.union(SendFlags::NOSIGNAL);
     #[cfg(target_vendor = "apple")]
@@ -416,8 +423,8 @@ fn send_some(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
     sent
 }
 
-/// Whether a read or a write has ended because nothing came in time, or because a signal came. A TCP connection whose peer has acknowledged
-/// nothing in time ends with the system's own [`ErrorKind::TimedOut`]: that is none.
+/// Returns whether a read or a write has ended because nothing came in time, or because a signal came. Returns false for the
+/// system's own [`ErrorKind::TimedOut`], which ends a TCP connection whose peer has acknowledged nothing in time.
 pub fn is_silence(error: &io::Error) -> bool {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::Interrupted => true,
@@ -426,8 +433,9 @@ pub fn is_silence(error: &io::Error) -> bool {
     }
 }
 
-/// What a UDP socket says of one datagram and not of itself: that it was not delivered, or was longer than any message. Systems have words of
-/// their own for that: Windows resets, and refuses to cut what is too long.
+/// Returns whether an error of a UDP socket is about one datagram and not about the socket: the datagram was not delivered,
+/// or was longer than any message. Windows has errors of its own for that: it reports a reset, and refuses to truncate a
+/// datagram that is too long.
 pub fn is_lost_datagram(error: &io::Error) -> bool {
     /// `WSAEMSGSIZE`, which has no kind.
     const TOO_LONG: i32 = 10040;

@@ -38,7 +38,7 @@ pub enum Step<'a, E> {
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Steps {
-    /// Bytes were just sent: further bytes come before the events of that.
+    /// Whether bytes were just sent: further bytes come before the events of that.
     is_sending: bool,
 }
 
@@ -46,7 +46,7 @@ impl Steps {
     /// The first step comes after an input.
     pub const NEW: Self = Self { is_sending: false };
 
-    /// The next step. Before the next call the caller has taken all bytes of a [`Step::Write`]. `buffer` has at least
+    /// Returns the next step. Before the next call the caller has taken all bytes of a [`Step::Write`]. `buffer` has at least
     /// [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
     #[inline]
     pub fn next<'a, S: Session>(
@@ -65,7 +65,7 @@ impl Steps {
             return Step::Write(buffer.get(..length).unwrap_or_default());
         }
         self.is_sending = false;
-        // Also where nothing is to be sent, something may have expired, or was read.
+        // Even if nothing is to be sent, a deadline may have expired, or a frame was read.
         match session.poll_event() {
             Some(event) => Step::Event(event),
             None => Step::Wait { until: session.poll_timeout(), reads: session.wants_input() },

@@ -11,11 +11,12 @@ use crate::ended::{Ended, report};
 use crate::left::Left;
 use crate::session::Session;
 
-/// What carries the bytes.
+/// The transport of a driver.
 pub(crate) trait Port {
     type Error;
 
-    /// Waits until bytes have come into `input`, if it is given, or until `out` has gone on. A dropped future has done neither.
+    /// Waits until bytes have come into `input`, if it is given, or until `out` has gone on. A dropped future has done
+    /// neither.
     fn pass(
         &mut self,
         input: Option<&mut [u8]>,
@@ -23,14 +24,14 @@ pub(crate) trait Port {
     ) -> impl Future<Output = Result<Passed, Self::Error>>;
 }
 
-/// What is to be written.
+/// The output of a driver.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Outgoing<'a> {
     /// Nothing.
     Nothing,
     /// Some of these bytes.
     Bytes(&'a [u8]),
-    /// What was taken goes out.
+    /// Flush the bytes that the port has taken.
     Flush,
 }
 
@@ -45,19 +46,19 @@ impl<'a> Outgoing<'a> {
     }
 }
 
-/// What a port has done.
+/// The progress of a port.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Passed {
-    /// How many bytes have come; none at the end.
+    /// The number of bytes read; 0 at the end of the stream, `None` while the read is pending.
     pub(crate) read: Option<usize>,
-    /// How many bytes were taken; none at the end, and of a flush.
+    /// The number of bytes taken; 0 at the end of the stream and for a flush, `None` while the write is pending.
     pub(crate) written: Option<usize>,
-    /// What was taken has left: no flush is needed.
+    /// Whether the bytes taken have left the port: no flush is needed.
     pub(crate) flushed: bool,
 }
 
 impl Passed {
-    /// Of both directions what is done. What has come is looked at before an error of writing, which comes again.
+    /// Combines the completed directions. Bytes that have come are handled before an error of writing, which occurs again.
     pub(crate) fn both<E>(
         read: Poll<Result<usize, E>>,
         written: Poll<Result<usize, E>>,
@@ -93,7 +94,7 @@ impl Passed {
 /// }
 /// ```
 pub trait Clock {
-    /// The time since an epoch of its choice.
+    /// Returns the time since an epoch of the clock's choice.
     fn now(&self) -> Duration;
 
     /// Waits until `at`; returns at once if that is past.
@@ -102,7 +103,7 @@ pub trait Clock {
 
 /// The clock of a turn, and its wait for a deadline.
 pub(crate) trait Time {
-    /// The time.
+    /// Returns the time.
     fn now(&self) -> Duration;
 
     /// Waits until `due`. With `None` and [`Duration::MAX`] it never ends.
@@ -125,7 +126,7 @@ impl<C: Clock> Time for &C {
 /// The type of a turn's hook that stores nothing.
 pub(crate) type NoKeep<S, E> = fn(&mut S) -> Ready<Result<(), E>>;
 
-/// What a turn works with. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
+/// The parts that a turn needs. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
 pub(crate) struct Turn<'a, P, T> {
     pub(crate) port: &'a mut P,
     pub(crate) time: T,
@@ -135,10 +136,11 @@ pub(crate) struct Turn<'a, P, T> {
 }
 
 impl<P: Port, T: Time> Turn<'_, P, T> {
-    /// Events and what is to be sent, until there is neither, then one wait for bytes, for the session's timeout or for `wake`, then the
-    /// events of that. What is to be sent is written in that wait: a peer that does not read holds up nothing else.
+    /// Handles events and bytes to be sent, until there is neither, then waits once for bytes, for the session's timeout or
+    /// for `wake`, then handles the events of that. The bytes to be sent are written in that wait: a peer that does not read
+    /// does not delay anything else.
     ///
-    /// `keep` is called when the session has written what is sent next, and again where its future was dropped.
+    /// `keep` is called when the session has written the bytes that are sent next, and again if its future was dropped.
     pub(crate) async fn run<S: Session, B>(
         mut self,
         session: &mut S,
@@ -157,7 +159,7 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
         mut keep: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> Result<ControlFlow<Ended<B>>, P::Error> {
-        // The clock is read once for what happens without a wait.
+        // The clock is read once for everything that happens without a wait.
         let mut now = self.time.now();
         loop {
             let Self { out, left, .. } = &mut *self;
@@ -188,7 +190,8 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
         }
     }
 
-    /// What the port has done until the time is over, or the driver is woken; and whether that took a wait.
+    /// Waits until the port has done something, the time is over, or the driver is woken. Returns whether that took a wait,
+    /// and the port's progress.
     async fn wait(
         &mut self,
         wants_input: bool,

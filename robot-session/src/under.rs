@@ -1,12 +1,12 @@
-//! What a variant of an event carries without a name, under one: `#[serde(serialize_with = "robot_session::under::message")]` before
-//! the variant.
+//! Serializes the unnamed value of an event's variant under a name:
+//! `#[serde(serialize_with = "robot_session::under::message")]` before the variant.
 
 use serde::ser::{Serialize, SerializeStruct as _, Serializer};
 
-/// Under a name.
+/// Serializes a value under `name`.
 ///
 /// # Errors
-/// Those of the serializer.
+/// The errors of the serializer.
 pub fn name<S: Serializer>(
     name: &'static str,
     value: &impl Serialize,
@@ -17,26 +17,26 @@ pub fn name<S: Serializer>(
     object.end()
 }
 
-/// Under `message`.
+/// Serializes a value under `message`.
 ///
 /// # Errors
-/// Those of the serializer.
+/// The errors of the serializer.
 pub fn message<S: Serializer>(value: &impl Serialize, serializer: S) -> Result<S::Ok, S::Error> {
     name("message", value, serializer)
 }
 
-/// Under `error`.
+/// Serializes a value under `error`.
 ///
 /// # Errors
-/// Those of the serializer.
+/// The errors of the serializer.
 pub fn error<S: Serializer>(value: &impl Serialize, serializer: S) -> Result<S::Ok, S::Error> {
     name("error", value, serializer)
 }
 
-/// Under `byte`.
+/// Serializes a byte under `byte`.
 ///
 /// # Errors
-/// Those of the serializer.
+/// The errors of the serializer.
 pub fn byte<S: Serializer>(value: &u8, serializer: S) -> Result<S::Ok, S::Error> {
     name("byte", value, serializer)
 }

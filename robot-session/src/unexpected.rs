@@ -1,6 +1,6 @@
 //! An input that a machine's state does not allow.
 
-/// An input that is not allowed in the state that a machine is in. Nothing has changed.
+/// An input that the machine's state does not allow. Nothing has changed.
 ///
 /// A session counts it in its statistics. Neither a caller that keeps the contract nor any peer can cause it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

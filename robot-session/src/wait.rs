@@ -1,4 +1,4 @@
-//! What ends the wait of a transport: something to read, a time, or a waker.
+//! The wait of a transport, which ends when bytes arrive, at a time, or by a waker.
 
 use core::net::Ipv4Addr;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -11,12 +11,12 @@ use std::thread;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::AsFd;
 
-/// How long a [`Transport`](crate::Transport) waits: no longer than `limit`, and until its driver is [woken](Waker).
+/// The wait of a [`Transport`](crate::Transport): no longer than `limit`, and until its driver is [woken](Waker).
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Wait<'a> {
-    /// No longer than this; `None` is without limit.
+    /// The longest time of the wait; `None` is without limit.
     pub limit: Option<Duration>,
-    /// Room for what is to be sent ends it as well: the driver has more of it.
+    /// Whether the wait also ends when the socket can take bytes: the driver has more to send.
     pub room: bool,
     waker: Option<&'a Waker>,
 }
@@ -26,45 +26,45 @@ impl<'a> Wait<'a> {
         Self { limit, waker, room }
     }
 
-    /// A wait that ends only at its limit.
+    /// Returns a wait that ends only at its limit.
     #[must_use]
     pub fn limited(limit: Duration) -> Self {
         Self::new(Some(limit), None, false)
     }
 
-    /// The same wait, no longer than `limit`.
+    /// Returns the same wait, no longer than `limit`.
     #[must_use]
     pub fn at_most(self, limit: Duration) -> Self {
         Self { limit: Some(self.limit.map_or(limit, |own| own.min(limit))), ..self }
     }
 
-    /// Waits until there is something to read, an end or an error, and says whether there is; while the driver has bytes to send, room
-    /// for them ends the wait too. The wait is exact, where a socket's own time limit is rounded up to 4 ms and more on many systems. A
-    /// signal may end it early.
+    /// Waits until there is something to read, an end or an error, and returns whether there is. While the driver has bytes
+    /// to send, the wait also ends when the socket can take them. The wait is exact, whereas a socket's own time limit is
+    /// rounded up to 4 ms and more on many systems. A signal may end it early.
     ///
     /// # Errors
-    /// The system's.
+    /// The errors of the system.
     pub fn readable(self, socket: impl AsFd) -> io::Result<bool> {
         let room = if self.room { PollFlags::OUT } else { PollFlags::empty() };
         Ok(!self.poll(socket, PollFlags::IN | room)?.difference(PollFlags::OUT).is_empty())
     }
 
-    /// Waits until there is room for something to send, or an error, and says whether there is.
+    /// Waits until the socket can take bytes, or has an error, and returns whether that is so.
     ///
     /// # Errors
-    /// The system's.
+    /// The errors of the system.
     pub fn writable(self, socket: impl AsFd) -> io::Result<bool> {
         Ok(!self.poll(socket, PollFlags::OUT)?.is_empty())
     }
 
-    /// What of it the socket is ready for.
+    /// Returns the `flags` that the socket is ready for.
     #[cfg(not(windows))]
     fn poll(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
         self.poll_once(socket, flags)
     }
 
-    /// What of it the socket is ready for. The system's own wait ends with a clock of up to 15.6 ms; a sleep ends when it should. So the
-    /// last of a wait is short sleeps, and a look at the socket after each.
+    /// Returns the `flags` that the socket is ready for. The system's own wait ends at a clock tick of up to 15.6 ms, a sleep
+    /// ends on time. So the last part of a wait consists of short sleeps, with a check of the socket after each.
     #[cfg(windows)]
     fn poll(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
         const CLOCK: Duration = Duration::from_millis(16);
@@ -87,7 +87,7 @@ impl<'a> Wait<'a> {
     }
 
     fn poll_once(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
-        // What no system can express is as good as no limit.
+        // A limit that the system cannot express is as good as none.
         let limit = self.limit.and_then(|limit| Timespec::try_from(limit).ok());
         let of = PollFd::from_borrowed_fd;
         let socket = of(socket.as_fd(), flags);
@@ -115,7 +115,7 @@ impl<'a> Wait<'a> {
     /// Waits without reading.
     ///
     /// # Errors
-    /// The system's.
+    /// The errors of the system.
     pub fn pause(self) -> io::Result<()> {
         match self.waker {
             Some(Waker(waker)) => Self::new(self.limit, None, false).readable(&waker.socket).map(drop),
@@ -134,9 +134,9 @@ pub struct Waker(Arc<Wakeup>);
 
 #[derive(Debug)]
 struct Wakeup {
-    /// Connected to itself: a descriptor that any system can wait for, and that no other socket can send to.
+    /// A socket connected to itself: a descriptor that any system can wait for, and that no other socket can send to.
     socket: UdpSocket,
-    /// A datagram is on its way.
+    /// Whether a datagram is on its way.
     pending: AtomicBool,
 }
 
@@ -151,16 +151,17 @@ impl Waker {
     /// Ends the wait of the driver, or its next one.
     pub fn wake(&self) {
         let Wakeup { socket, pending } = &*self.0;
-        // There is room for one: none is left of the time before. Should the system fail, the next call tries again.
+        // One datagram fits: the socket has none from before. If the system fails, the next call tries again.
         if !pending.swap(true, Ordering::AcqRel) && socket.send(&[]).is_err() {
             pending.store(false, Ordering::Release);
         }
     }
 
-    /// Whether it was woken since the last call.
+    /// Returns whether the driver was woken since the last call.
     pub(crate) fn take(&self) -> bool {
         let Wakeup { socket, pending } = &*self.0;
-        // Who wakes after the datagram was read sends another, or has done what he wakes for before this returns.
+        // A thread that wakes the driver after this read sends another datagram, or has made its change before `take`
+        // returns.
         pending.load(Ordering::Acquire)
             && socket.recv(&mut []).is_ok()
             && pending.swap(false, Ordering::AcqRel)

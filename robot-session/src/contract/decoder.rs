@@ -27,7 +27,7 @@ where
     decode_noting(decoder, pieces, |_, _| ())
 }
 
-/// The same; `note` gets how many bytes were pushed, and how many items they gave.
+/// As [`decode`]; `note` gets the number of bytes that were pushed, and the number of items that they gave.
 fn decode_noting<D>(decoder: &mut D, pieces: &[&[u8]], mut note: impl FnMut(usize, usize)) -> Vec<Item>
 where
     D: Decoder<Error: Debug>,
@@ -74,8 +74,8 @@ where
     decoder_where(name, new, frames, |_, _| spread);
 }
 
-/// The same, where it depends on the corrupt byte how many frames may be lost with it: `spread` gets the bytes from the corrupt
-/// frame on, and the place of the corrupt one among them.
+/// As [`decoder`](fn@decoder), if the number of frames that may be lost depends on the corrupt byte: `spread` gets the bytes
+/// from the corrupt frame on, and the index of the corrupt byte among them.
 pub fn decoder_where<D>(
     name: &str,
     new: impl Fn() -> D,
@@ -116,7 +116,7 @@ pub fn decoder_where<D>(
     }
 }
 
-/// Every byte is in exactly one item, and after the end nothing more comes.
+/// Checks that every byte is in exactly one item, and that nothing follows after the end.
 fn items_of<D>(name: &str, new: &impl Fn() -> D, stream: &[u8]) -> Vec<Item>
 where
     D: Decoder<Error: Debug>,
@@ -137,7 +137,7 @@ where
     items
 }
 
-/// In pieces of any size a stream gives the same items, each as soon as byte by byte.
+/// Checks that a stream gives the same items in pieces of any size, each as soon as byte by byte.
 fn pieces_change_nothing<D>(name: &str, new: &impl Fn() -> D, stream: &[u8], whole: &[Item], rng: &mut Rng)
 where
     D: Decoder<Error: Debug>,
@@ -156,7 +156,7 @@ where
     assert_eq!(items, whole, "{name}: in pieces of {size}: {stream:02X?}");
 }
 
-/// What was held when the decoder was cleared counts in the position, and does not change what follows.
+/// Checks that bytes held when the decoder is cleared count in the position, and do not change the following items.
 fn after_clear<D>(name: &str, new: &impl Fn() -> D, stream: &[u8], clean: &[Item], rng: &mut Rng)
 where
     D: Decoder<Error: Debug>,
@@ -175,7 +175,7 @@ where
     assert_eq!(found, expected, "{name}: after clear");
 }
 
-/// The frames that do not touch a corrupt byte are found, where they are.
+/// Checks that the frames without a corrupt byte are found at their offsets.
 fn costs_no_more(name: &str, clean: &[Item], corrupt: &[Item], at: u64, spread: usize) {
     let touched = clean.partition_point(|item| item.end <= at);
     for (number, item) in clean.iter().enumerate() {

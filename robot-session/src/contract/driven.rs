@@ -16,9 +16,9 @@ use crate::{Clock, Session, embedded_io as blocking, embedded_io_async as waitin
 /// The size of a driver's buffers.
 pub(super) const MOST: usize = 4096;
 
-/// What a port has, and what goes through a driver: in order.
+/// The bytes for a port, and the events and transmissions of a driver, in sequence.
 pub(super) struct Driven<E> {
-    /// What has come.
+    /// The bytes that have arrived and are not read yet.
     pub(super) received: Vec<u8>,
     pub(super) done: Vec<Done<E>>,
 }
@@ -35,14 +35,14 @@ pub(super) enum Done<E> {
 }
 
 impl<E> Driven<E> {
-    /// What a session does at a time, under the loop over `embedded-io`.
+    /// Does the work that the session has at `now`, under the loop over `embedded-io`.
     pub(super) fn poll(&mut self, session: &mut impl Session<Event = E>, now: Duration) {
         let shared = RefCell::new(self);
         let mut driver = blocking::Driver::<_, _, MOST, MOST>::new(Port(&shared), || now);
         let _ = driver.poll(session, |_, event| note(&shared, event)).unwrap();
     }
 
-    /// The same under the loop over `embedded-io-async`: woken, then until it waits.
+    /// As [`poll`](Self::poll), under the loop over `embedded-io-async`: woken, then until it waits.
     pub(super) fn turn(&mut self, session: &mut impl Session<Event = E>, now: Duration) {
         let shared = RefCell::new(self);
         let mut driver = waiting::Driver::<_, _, _, MOST, MOST>::new(Port(&shared), Port(&shared), Now(now));
@@ -62,7 +62,7 @@ fn note<E>(shared: &RefCell<&mut Driven<E>>, event: E) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// It has room for everything.
+/// A port that takes every byte.
 struct Port<'a, 'b, E>(&'a RefCell<&'b mut Driven<E>>);
 
 impl<E> ErrorType for Port<'_, '_, E> {

@@ -1,7 +1,9 @@
-//! Tests that hold any decoder and any session to what [`Decoder`](crate::Decoder) and [`Session`](crate::Session) promise.
+//! Tests that check any decoder and any session against the contracts of [`Decoder`](crate::Decoder) and
+//! [`Session`](crate::Session).
 //!
-//! [`decoder`](fn@decoder) takes valid frames of a link; [`session`](fn@session) takes a [`Subject`]: how a session is made, what its peer sends,
-//! and what its user calls. Each function panics at the first broken rule, with what led there.
+//! [`decoder`](fn@decoder) takes valid frames of a link; [`session`](fn@session) takes a [`Subject`]: the constructor of a
+//! session, the inputs of its peer, and the calls of its user. Each function panics at the first broken rule, with the steps
+//! that led there.
 //!
 //! ```
 //! # use std::time::Duration;

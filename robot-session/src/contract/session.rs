@@ -45,13 +45,13 @@ pub fn scripted<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>) {
     compare(subject, script, &[script.caller]);
 }
 
-/// How many are endless.
+/// The number of events or transmissions without an end.
 const MANY: usize = 10_000;
 
 /// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] means never.
 const LATEST: Duration = Duration::MAX.saturating_sub(Duration::from_nanos(1));
 
-/// Does the same in other ways, which must make no difference.
+/// Compares the run with those of other callers, which must make no difference.
 fn compare<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, callers: &[Caller]) {
     let once = run(subject, script, None);
     for caller in callers {
@@ -69,7 +69,7 @@ fn compare<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, callers:
     }
 }
 
-/// The calls by a caller; `None` is the plain one.
+/// Makes the calls as a caller does; `None` is the plain one.
 fn run<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, caller: Option<Caller>) -> Trace {
     let configuration = usize::from(script.configuration) % subject.configurations();
     let mut run = Run {
@@ -115,7 +115,7 @@ fn run<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, caller: Opti
     }
     let Run { mut session, all, .. } = run;
     let dropped = subject.dropped_notices(&session.statistics());
-    // Every deadline is due then, again and again: what is reported need not end, but nothing panics.
+    // Every deadline is due then, again and again: the reports need not end, but nothing panics.
     for _ in 0..10 {
         session.handle_timeout(Duration::MAX);
         let _ = session.poll_event();
@@ -124,11 +124,11 @@ fn run<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>, caller: Opti
     Trace { all, dropped }
 }
 
-/// What a session has done.
+/// The record of a session's behaviour.
 struct Trace {
-    /// Each event and each transmission, in order.
+    /// Each event and each transmission, in sequence.
     all: Vec<String>,
-    /// How many notices it has dropped, those that depend on how the input is cut among them.
+    /// The number of dropped notices, including those that depend on how the input is divided into reads.
     dropped: u64,
 }
 
@@ -142,7 +142,7 @@ struct Run<'a, U: Subject, W> {
     watch: W,
     connected: bool,
     all: Vec<String>,
-    /// What goes through a driver of a microcontroller.
+    /// The bytes, events and transmissions of a microcontroller's driver.
     driven: Driven<EventOf<U>>,
 }
 
@@ -166,7 +166,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
         }
     }
 
-    /// Bytes arrive, if they may.
+    /// Passes bytes that arrive to the session, if it accepts some.
     fn arrive(&mut self, now: Duration, mut bytes: Vec<u8>) {
         bytes.truncate(U::Session::MAX_INPUT.min(MOST));
         if !((self.connected && self.session.wants_input()) || self.is_careless) {
@@ -201,7 +201,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
         self.all.push(format!("{now:?} {bytes:02X?}"));
     }
 
-    /// Until the session has nothing to do: then its timeout lies ahead.
+    /// Polls until the session has nothing to do: then its timeout lies ahead.
     fn drain(&mut self, now: Duration) {
         let name = self.subject.name();
         for round in 0.. {
@@ -235,7 +235,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
         assert!(event.is_none(), "{name}: an event that nothing has caused: {event:?}");
     }
 
-    /// Events, then what is to be sent.
+    /// Polls the events, then the bytes to be sent.
     fn poll(&mut self, now: Duration) {
         let (begin, name) = (self.all.len(), self.subject.name());
         let mut out = vec![0; U::Session::MAX_TRANSMIT];

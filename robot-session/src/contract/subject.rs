@@ -1,4 +1,4 @@
-//! What is held to the contract of a session.
+//! The subject of the contract's tests: a session, its inputs and its calls.
 
 use core::fmt::Debug;
 use core::time::Duration;
@@ -10,7 +10,7 @@ use arbitrary::Arbitrary;
 
 use crate::Session;
 
-/// What a session does, or what is done with it.
+/// An observed act of a session, of its peer or of its user.
 #[derive(Debug)]
 pub enum Happened<'a, E> {
     /// A connection is made or lost.
@@ -25,18 +25,19 @@ pub enum Happened<'a, E> {
     Called(&'a str),
 }
 
-/// A session that is held to the contract: how it is made, what its peer may send, and what its user may call.
+/// A session that is checked against the contract: its constructor, the possible inputs of its peer, and the possible calls
+/// of its user.
 ///
 /// Inputs and calls are drawn at random, as values that `arbitrary` derives: equal values on equal sessions must do the same.
 pub trait Subject {
-    /// The session, with what its user keeps beside it.
+    /// The session, with the state that its user keeps beside it.
     type Session: Session<Event: Debug>;
     /// The choice of an input: a message, an index into a table, `()` if there is one input.
     type Input: for<'a> Arbitrary<'a> + Debug;
     /// The choice of a call; `()` if there is one call or none.
     type Call: for<'a> Arbitrary<'a> + Debug;
 
-    /// Its name in messages.
+    /// The name of the subject in messages.
     fn name(&self) -> &str {
         core::any::type_name::<Self::Session>()
     }
@@ -68,19 +69,19 @@ pub trait Subject {
         Some(format!("{event:?}"))
     }
 
-    /// Whether these bytes may arrive in several reads. False of datagrams.
+    /// Returns whether these bytes may arrive in several reads. Return false for datagrams.
     fn may_be_cut(&self, _configuration: usize, _bytes: &[u8]) -> bool {
         true
     }
 
-    /// The number of notices that a session has dropped. Which ones depends on how the input is divided into reads, so events are not
-    /// compared then.
+    /// The number of notices that a session has dropped. The choice of these depends on how the input is divided into reads,
+    /// so events are not compared then.
     fn dropped_notices(&self, _statistics: &<Self::Session as Session>::Statistics) -> u64 {
         0
     }
 
-    /// A check of one session's life, called with all that happens in order: for example that each request has one outcome. It panics
-    /// if something is wrong.
+    /// A check of one session's life, called with every act in sequence: for example that each request has one outcome. The
+    /// check panics if something is wrong.
     fn watch(&self) -> impl FnMut(Happened<'_, <Self::Session as Session>::Event>) {
         |_| ()
     }

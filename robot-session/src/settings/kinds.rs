@@ -134,7 +134,7 @@ impl Fields for Table<'_> {
             *field = match value {
                 Value::Null => None,
                 value if value == otherwise => None,
-                // `null` is none: the most is never.
+                // `null` means no value, so never is the largest number.
                 value if form == Form::Nanoseconds && *value == u64::MAX => Some(Duration::MAX),
                 value => Some(time(value, &range, form)?),
             };
@@ -191,7 +191,7 @@ impl Fields for Table<'_> {
             return;
         }
         self.group(name, |fields| part.configure(fields));
-        // In a list it is one field, of whose type there is a list of its own.
+        // A list in this form has the part as one field: its type has a list of its own.
         if self.form == Form::Nanoseconds && self.given.is_none() {
             let prefix = format!("{}{name}.", self.prefix);
             let inner = self.visited.split_off(first).into_iter();
@@ -231,7 +231,7 @@ impl Fields for Table<'_> {
 }
 
 impl Table<'_> {
-    /// A range with its unit, where that does not stand by itself.
+    /// Returns a range with its unit in [`Form::Text`], without it in [`Form::Nanoseconds`].
     fn with_unit(&self, range: String, unit: &str) -> String {
         match self.form {
             Form::Text => format!("{range} {unit}").trim_end().into(),
@@ -239,7 +239,7 @@ impl Table<'_> {
         }
     }
 
-    /// A range, or what happens otherwise.
+    /// Returns a range, with the behaviour without a value.
     fn or(&self, range: String, otherwise: &str) -> String {
         match self.form {
             Form::Text => format!("{range}, or {otherwise}"),
@@ -247,7 +247,7 @@ impl Table<'_> {
         }
     }
 
-    /// A time.
+    /// Returns a time in the table's form.
     fn shown_time(&self, time: Duration) -> Value {
         match self.form {
             Form::Text => show(time).into(),
@@ -255,7 +255,7 @@ impl Table<'_> {
         }
     }
 
-    /// No value.
+    /// Returns the absence of a value in the table's form.
     fn none(&self, otherwise: &str) -> Value {
         match self.form {
             Form::Text => otherwise.into(),
@@ -264,7 +264,7 @@ impl Table<'_> {
     }
 }
 
-/// A number, or a word.
+/// Returns a number as a number, anything else as text.
 fn shown(value: impl Display) -> Value {
     let text = value.to_string();
     serde_json::from_str(&text).ok().filter(Value::is_number).unwrap_or(text.into())
@@ -284,7 +284,7 @@ fn number<T: TryFrom<i64> + PartialOrd>(value: &Value, range: &RangeInclusive<T>
 
 fn within<T: Display>(range: &RangeInclusive<T>) -> String {
     let (least, most) = (range.start(), range.end().to_string());
-    // As good as no end.
+    // A limit of this size is as good as none.
     let open = [u64::from(u32::MAX), u64::MAX].iter().any(|end| end.to_string() == most);
     if open { format!("from {least}") } else { format!("{least} to {most}") }
 }

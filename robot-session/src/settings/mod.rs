@@ -1,7 +1,7 @@
 //! Configurations as files have them: times with a unit, such as `250ms` or `never`, and everything by the name of its field.
 //!
-//! A configuration visits its fields in [`Configure::configure`], each with its name, values, unit and a line of help. That one
-//! table reads the values that were given, refuses the others, and is what a program's `--help` prints: the defaults are those of the
+//! A configuration visits its fields in [`Configure::configure`], each with its name, values, unit and a line of help. That
+//! one table reads the given values, refuses the others, and provides a program's `--help`: the defaults are those of the
 //! configuration itself. [`deserialize!`](crate::deserialize) makes a configuration a part of a program's own:
 //!
 //! ```
@@ -49,34 +49,35 @@ use serde_json::{Map, Value};
 pub use crate::spec::{ANY_TIME, Configure, Fields, LINE, SOME_TIME};
 pub use kinds::BAUD_RATES;
 
-/// Where the source has nothing of a field.
+/// The source of a field that the link's source does not specify.
 const OURS: &str = "ours";
 
-/// How values are written.
+/// The form in which values are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// As a user writes them: times as text, such as `250ms` or `never`.
     Text,
-    /// As `reference/` has them: times in nanoseconds, never and none as `null`, a configuration inside another one as an object.
+    /// As `reference/` has them: times in nanoseconds, never and absent values as `null`, a configuration inside another one
+    /// as an object.
     Nanoseconds,
 }
 
 /// A setting as `--help` shows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Setting {
-    /// Its name; in a TOML file what is before a dot is a table.
+    /// The name of the setting; in a TOML file the part before a dot is a table.
     pub name: String,
-    /// The unit of a number; else `ns`, `bool`, `word`, `text`, `list`, `object`, or `code` where no value can be given.
+    /// The unit of a number; otherwise `ns`, `bool`, `word`, `text`, `list`, `object`, or `code` if no value can be given.
     pub unit: &'static str,
-    /// Which values it takes; as text with their unit.
+    /// The values that the setting accepts; in [`Form::Text`] with their unit.
     pub values: String,
-    /// Each of them, where it takes a few only: of a choice or a flag.
+    /// Each accepted value, if they are few: of a choice or a flag.
     pub choices: Vec<Value>,
-    /// Its value where none is given; an empty text where `values` says what happens instead.
+    /// The value if none is given; an empty text if `values` states the behaviour without a value.
     pub default: Value,
-    /// What it is for.
+    /// The purpose of the setting.
     pub about: &'static str,
-    /// The section of the link's source that has it, or `ours`.
+    /// The section of the link's source that specifies the setting, or `ours`.
     pub source: &'static str,
 }
 
@@ -87,12 +88,12 @@ impl Setting {
     }
 }
 
-/// A setting that is refused, and why.
+/// A refused setting, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refused {
-    /// Its name.
+    /// The name of the setting.
     pub name: String,
-    /// What is wrong, and what to give.
+    /// The error, and the values to give.
     pub text: String,
 }
 
@@ -109,27 +110,27 @@ impl core::error::Error for Refused {}
 pub struct Table<'a> {
     form: Form,
     prefix: String,
-    /// Of the next setting.
+    /// The source of the next setting.
     source: &'static str,
-    /// The names that are left out, and have not been met yet.
+    /// The names of omitted settings that have not been visited yet.
     omitted: Vec<&'static str>,
     visited: Vec<Setting>,
     given: Option<&'a Map<String, Value>>,
     refused: Option<Refused>,
 }
 
-/// A configuration with the values that were given. `what` is what it configures.
+/// Returns a configuration with the given values. `what` names the configured thing in errors.
 ///
 /// # Errors
-/// When a name is no setting of it, or a value is none of the setting's.
+/// When a name is not a setting of the configuration, or a value is not valid for its setting.
 pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C, Refused> {
     read_as(Form::Text, what, config, given)
 }
 
-/// The same, in this form.
+/// As [`read`], with values in `form`.
 ///
 /// # Errors
-/// When a name is no setting of it, or a value is none of the setting's.
+/// When a name is not a setting of the configuration, or a value is not valid for its setting.
 pub fn read_as<C: Configure>(
     form: Form,
     what: &str,
@@ -149,7 +150,8 @@ pub fn read_as<C: Configure>(
     refused.map_or(Ok(config), Err)
 }
 
-/// The error for a name that is not a setting: with the similar names, or with the first of all names if there is none.
+/// Returns the error for a name that is not a setting: with the similar names, or with the first of all names if none is
+/// similar.
 pub fn no_setting(what: &str, name: &str, names: &[impl AsRef<str>]) -> String {
     const LISTED: usize = 12;
     let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
@@ -169,7 +171,7 @@ pub fn no_setting(what: &str, name: &str, names: &[impl AsRef<str>]) -> String {
     format!("{what} has no setting `{name}`{has}")
 }
 
-/// The question after an unknown name, such as `` ; did you mean `baud`? ``, or nothing if none of the names is similar.
+/// Returns the question after an unknown name, such as `` ; did you mean `baud`? ``, or nothing if no name is similar.
 ///
 /// Names are similar by the measure that clap has for arguments. A name without a table is compared with the names in every table, and
 /// each name also with the tables.
@@ -197,15 +199,16 @@ pub fn did_you_mean(unknown: &str, names: &[&str]) -> String {
     if quoted.is_empty() { String::new() } else { format!("; did you mean {}?", quoted.join(" or ")) }
 }
 
-/// The table of a setting, empty if it has none, and its name in the table.
+/// Returns the table of a setting, empty if it is not in a table, and its name in the table.
 fn table_of(name: &str) -> (&str, &str) {
     name.rsplit_once('.').unwrap_or(("", name))
 }
 
-/// A configuration from what a user has written of it: what [`deserialize!`](crate::deserialize) does.
+/// Deserializes a configuration from the values that a user has given: the implementation of
+/// [`deserialize!`](crate::deserialize).
 ///
 /// # Errors
-/// As [`read`]; the deserializer's.
+/// As [`read`], and the errors of the deserializer.
 pub fn deserialize<'de, D: Deserializer<'de>, C: Configure>(
     deserializer: D,
     what: &str,
@@ -214,8 +217,8 @@ pub fn deserialize<'de, D: Deserializer<'de>, C: Configure>(
     read(what, config, &Map::deserialize(deserializer)?).map_err(D::Error::custom)
 }
 
-/// Implements `serde::Deserialize` for a configuration that implements [`Configure`]: of a field that is not given it has the value of the
-/// configuration after the comma. Needs the feature `settings`.
+/// Implements `serde::Deserialize` for a configuration that implements [`Configure`]: a field that is not given has the value
+/// of the configuration after the comma. Needs the feature `settings`.
 #[macro_export]
 macro_rules! deserialize {
     ($config:ty, $default:expr) => {
@@ -229,29 +232,30 @@ macro_rules! deserialize {
     };
 }
 
-/// The settings of a configuration, with its values as their defaults.
+/// Returns the settings of a configuration, with its values as their defaults.
 pub fn list(config: impl Configure) -> Vec<Setting> {
     list_as(Form::Text, config)
 }
 
-/// The same, in this form.
+/// As [`list`], with values in `form`.
 pub fn list_as(form: Form, mut config: impl Configure) -> Vec<Setting> {
     Table::visit_all(form, &mut config, None).visited
 }
 
-/// The fields of a configuration as `reference/` has them, after values in this form were given.
+/// Returns the fields of a configuration as `reference/` has them, after the values of `given`, in the same form, were
+/// applied.
 ///
 /// # Errors
-/// When a name is no field of it, or a value is none of the field's.
+/// When a name is not a field of the configuration, or a value is not valid for its field.
 pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>, Refused> {
     let config = read_as(Form::Nanoseconds, "the configuration", config, given)?;
     Ok(list_as(Form::Nanoseconds, config))
 }
 
-/// Puts a value at its name, in a table where the name has dots.
+/// Inserts a value at its name, in tables if the name has dots.
 ///
 /// # Errors
-/// When what is before a dot has a value that is no table.
+/// When the part before a dot has a value that is not a table.
 pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), Refused> {
     let Some((table, rest)) = name.split_once('.') else {
         return match (settings.get_mut(name), value) {
@@ -271,7 +275,7 @@ pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Re
     }
 }
 
-/// The parser of `--set`: a value that is valid JSON is read as JSON, any other as text.
+/// Parses the argument of `--set`: a value that is valid JSON is read as JSON, any other as text.
 ///
 /// # Errors
 /// When there is no `=`, or no name before it.
@@ -292,7 +296,7 @@ impl<'a> Table<'a> {
         table
     }
 
-    /// Visits a setting: `set` gets the value if one is given, and says what is wrong with it.
+    /// Visits a setting: `set` gets the value if one is given, and returns the reason to refuse it.
     fn visit(
         &mut self,
         name: &str,
@@ -316,7 +320,7 @@ impl<'a> Table<'a> {
         self.visited.push(Setting { name, unit, values, choices, default, about, source });
     }
 
-    /// Whether a setting is not left out.
+    /// Returns whether a setting is not omitted.
     fn is_visited(&mut self, name: &str) -> bool {
         let omitted = self.omitted.iter().position(|omitted| *omitted == name);
         omitted.map(|place| self.omitted.remove(place)).is_none()
@@ -327,7 +331,7 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The value of a name, in tables where it has dots.
+/// Returns the value of a name, in tables if the name has dots.
 fn find<'a>(given: &'a Map<String, Value>, name: &str) -> Option<&'a Value> {
     match name.split_once('.') {
         None => given.get(name),
@@ -335,7 +339,8 @@ fn find<'a>(given: &'a Map<String, Value>, name: &str) -> Option<&'a Value> {
     }
 }
 
-/// The first name that is none of `names`, nor in the table of one, or has a dot where a table has to be.
+/// Returns the first name that is not one of `names`, nor in the table of one, or that has a dot: a table has to be given
+/// instead.
 fn unknown(given: &Map<String, Value>, prefix: &str, names: &[&str]) -> Option<String> {
     given.iter().find_map(|(key, value)| {
         let name = format!("{prefix}{key}");
@@ -359,7 +364,7 @@ fn merge(before: &mut Map<String, Value>, after: Map<String, Value>) -> Result<(
     after.into_iter().try_for_each(|(name, value)| insert(before, &name, value))
 }
 
-/// A value as it is written after `--set NAME=`.
+/// Returns a value as it is written after `--set NAME=`.
 fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }

@@ -15,7 +15,7 @@ pub(super) fn time(
     form: Form,
 ) -> Result<Duration, &'static str> {
     let time = match (form, value) {
-        // Nothing is nothing in every unit.
+        // Zero needs no unit.
         (Form::Text, value) if *value == 0 => Duration::ZERO,
         (Form::Text, value) => value
             .as_str()
@@ -34,11 +34,11 @@ fn with_unit(text: &str) -> Option<Duration> {
     }
 }
 
-/// Which times there are.
+/// Returns the text of the accepted times.
 pub(super) fn times(range: &RangeInclusive<Duration>, form: Form) -> String {
     const INSTANT: Duration = Duration::from_nanos(1);
     let (least, most) = (*range.start(), *range.end());
-    // The least that is above a whole time.
+    // The excluded time, if `least` is 1 ns more than a whole number of microseconds.
     let above = least.checked_sub(INSTANT).filter(|above| above.subsec_nanos() % 1000 == 0).map(zero_or);
     match (form, above) {
         _ if most < Duration::MAX => format!("{} to {}", show(least), show(most)),
@@ -50,7 +50,7 @@ pub(super) fn times(range: &RangeInclusive<Duration>, form: Form) -> String {
     }
 }
 
-/// Nothing has no unit.
+/// Returns a time as text; zero without a unit.
 fn zero_or(time: Duration) -> String {
     if time.is_zero() { "0".into() } else { show(time) }
 }
@@ -62,7 +62,7 @@ pub(super) fn show(time: Duration) -> String {
     }
 }
 
-/// Never is the most.
+/// Returns a time in nanoseconds; never is the largest number.
 pub(super) fn nanoseconds(time: Duration) -> Value {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).into()
 }

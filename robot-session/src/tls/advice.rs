@@ -1,4 +1,4 @@
-//! Errors of a handshake and of certificates in words, with what to do.
+//! Texts for the errors of a handshake and of certificates, with the remedy.
 
 use std::format;
 use std::io;

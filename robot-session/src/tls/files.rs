@@ -40,7 +40,7 @@ impl core::error::Error for FileError {}
 /// A client that connects to servers of this authority. With `own` it shows its certificate to those that ask for one.
 ///
 /// # Errors
-/// A file cannot be read, or holds something else.
+/// A file cannot be read, or has other contents.
 pub fn client(authority: &Path, own: Option<Identity<'_>>) -> Result<Arc<ClientConfig>, FileError> {
     let builder = ClientConfig::builder().with_root_certificates(roots(authority)?);
     Ok(Arc::new(match own {
@@ -55,7 +55,7 @@ pub fn client(authority: &Path, own: Option<Identity<'_>>) -> Result<Arc<ClientC
 /// A server. With `clients` it accepts only clients that have a certificate of this authority.
 ///
 /// # Errors
-/// A file cannot be read, or holds something else.
+/// A file cannot be read, or has other contents.
 pub fn server(own: Identity<'_>, clients: Option<&Path>) -> Result<Arc<ServerConfig>, FileError> {
     let builder = match clients {
         None => ServerConfig::builder().with_no_client_auth(),

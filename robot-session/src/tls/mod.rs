@@ -43,8 +43,8 @@ pub(crate) fn late() -> io::Error {
     io::Error::new(ErrorKind::TimedOut, "the peer has not answered the TLS handshake: it may not speak TLS")
 }
 
-/// A secure connection over TCP, for the drivers of std. A handshake takes 10 s at most. Its errors say what is wrong with a certificate,
-/// and what to do.
+/// A secure connection over TCP, for the drivers of std. A handshake takes 10 s at most. The errors state the fault of a
+/// certificate, and the remedy.
 #[derive(Debug)]
 pub struct Secure {
     stream: TcpStream,
@@ -114,7 +114,8 @@ impl Secure {
         &self.tls.connection
     }
 
-    /// Ends TLS, so that the peer does not take the end for a lost connection, and the connection. A peer that reads nothing is not waited for.
+    /// Ends TLS, so that the peer does not take the end for a lost connection, then ends the connection. Does not wait for a
+    /// peer that reads nothing.
     pub fn close(&mut self) {
         self.tls.end(&mut Now(&mut self.stream));
         let _ = self.stream.shutdown(Shutdown::Both);
@@ -200,25 +201,25 @@ impl Layer {
         })
     }
 
-    /// Sends as many of `bytes` as there is room for; returns how many.
+    /// Sends as many of `bytes` as fit; returns how many.
     ///
     /// # Errors
-    /// [`ErrorKind::WouldBlock`] if there is no room; the stream's.
+    /// [`ErrorKind::WouldBlock`] if nothing fits; the errors of the stream.
     pub fn write(&mut self, stream: &mut impl io::Write, bytes: &[u8]) -> io::Result<usize> {
         self.flush(stream)?;
         if self.connection.wants_write() {
             return Err(ErrorKind::WouldBlock.into());
         }
         let taken = self.connection.writer().write(bytes)?;
-        // Bytes without room go out with the next call.
+        // Bytes that do not fit are sent by the next call.
         self.flush(stream)?;
         Ok(taken)
     }
 
-    /// Sends the bytes that TLS has for the peer, as far as there is room.
+    /// Sends the bytes that TLS has for the peer, as far as the stream takes them.
     ///
     /// # Errors
-    /// The stream's.
+    /// The errors of the stream.
     pub fn flush(&mut self, stream: &mut impl io::Write) -> io::Result<()> {
         while self.connection.wants_write() {
             match self.connection.write_tls(stream) {
@@ -229,7 +230,7 @@ impl Layer {
         Ok(())
     }
 
-    /// Ends TLS, so that the peer does not take the end for a lost connection. A peer that reads nothing is not waited for.
+    /// Ends TLS, so that the peer does not take the end for a lost connection. Does not wait for a peer that reads nothing.
     pub fn end(&mut self, stream: &mut impl io::Write) {
         self.connection.send_close_notify();
         let _ = self.flush(stream);
@@ -304,7 +305,7 @@ impl Transport for Secure {
     }
 }
 
-/// Closes it.
+/// Closes the connection.
 impl Drop for Secure {
     fn drop(&mut self) {
         self.close();

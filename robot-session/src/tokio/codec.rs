@@ -8,7 +8,7 @@ use crate::{Decoder, Encode};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
 ///
-/// A frame borrows the decoder: `own` makes of it what the stream is to give.
+/// A frame borrows the decoder: `own` converts it to the item of the stream.
 #[derive(Debug, Clone)]
 pub struct Codec<D, F> {
     decoder: D,
@@ -21,7 +21,7 @@ impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> Codec<D, F> {
         Self { decoder, own }
     }
 
-    /// The decoder, to ask it for the position of the frame or the error that came last.
+    /// Returns the decoder, for example for the position of the last frame or error.
     pub fn decoder(&self) -> &D {
         &self.decoder
     }

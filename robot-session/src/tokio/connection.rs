@@ -33,7 +33,7 @@ use crate::{Ended, Session as _, now};
 /// The longest time that a connection which is over waits for the state to be stored.
 const LAST_KEEP: Duration = Duration::from_secs(1);
 
-/// What carries the bytes of a connection.
+/// A transport of a connection's bytes.
 pub(super) trait Stream: AsyncRead + AsyncWrite + Unpin + Send {}
 
 impl<T: AsyncRead + AsyncWrite + Unpin + Send> Stream for T {}
@@ -49,18 +49,18 @@ pub(super) struct Connection<S: Service> {
     timer: Timer,
     clock: Clock,
     polls: Option<Polls>,
-    /// Bytes were sent.
+    /// Whether bytes were sent.
     pub(super) has_sent: bool,
-    /// Bytes were received.
+    /// Whether bytes were received.
     pub(super) has_received: bool,
-    /// The time that storing the state may take.
+    /// The longest time for storing the state.
     stall: Duration,
-    /// A caller has left this to the task.
+    /// The work that a caller has left to the task.
     handed_over: Option<HandedOver>,
     span: Span,
 }
 
-/// What the task waits for.
+/// The inputs that the task waits for.
 pub(super) struct Inputs<'a, 'w, S: Service, O> {
     /// The end of the task or of the connection.
     pub(super) over: Pin<&'a mut O>,
@@ -79,25 +79,25 @@ pub(super) enum Waited {
     HandedOver(HandedOver),
     /// The port has read or written, or the task was woken.
     Passed(Passed),
-    /// The time is over.
+    /// A deadline has passed.
     Time,
 }
 
-/// Why a connection is over.
+/// The reason that a connection is over.
 pub(super) enum Over {
     /// The task is to end.
     Stopped,
-    /// Another one replaces it.
+    /// Another connection replaces it.
     Replaced,
     /// The port has failed, or the state could not be stored.
     Lost(io::Error),
-    /// The service has ended it.
+    /// The service has ended the connection.
     Unusable(io::Error),
 }
 
 /// The work that a caller leaves to the task.
 pub(super) enum HandedOver {
-    /// The call is made; the rest would have to wait.
+    /// The call is made; the remaining work may have to wait.
     Rest,
     /// The connection is over.
     Over(Over),
@@ -113,7 +113,7 @@ struct Polls {
     waker: Polled,
 }
 
-/// The clock of a connection. It is read once for what happens at the same time.
+/// The clock of a connection. It is read once for everything that happens at the same time.
 struct Clock {
     now: Duration,
     is_used: bool,
@@ -298,7 +298,7 @@ impl<S: Service> Connection<S> {
     /// Makes a call, and sends the bytes for it. If more is to be done, the task is woken for it.
     ///
     /// # Errors
-    /// The session has no room: the call is given back.
+    /// The session cannot accept another call: the call is given back.
     pub(super) fn call(&mut self, call: S::Call) -> Result<(), S::Call> {
         if self.handed_over.is_some() || !self.served.has_room() {
             return Err(call);
@@ -385,7 +385,7 @@ impl Clock {
         (self.now, self.is_used) = (now(), false);
     }
 
-    /// Returns the time of what happens now: later than that of what happened before.
+    /// Returns the time of the current event: later than that of the previous one.
     fn next(&mut self) -> Duration {
         if core::mem::replace(&mut self.is_used, true) {
             self.now = now();

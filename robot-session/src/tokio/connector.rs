@@ -1,4 +1,4 @@
-//! How a [`Task`](super::Task) comes to a connection, and to the next one.
+//! The ways in which a [`Task`](super::Task) makes its connections.
 
 use core::fmt;
 use core::future::{Future, pending};
@@ -18,27 +18,29 @@ use socket2::{SockRef, TcpKeepalive};
 
 use crate::{discard_unacknowledged, is_lost_datagram};
 
-/// Makes one connection after the other. A closure that dials is one, as [`Dial`].
+/// Makes one connection after the other. A closure that dials is a connector, as [`Dial`].
 pub trait Connector: Send {
-    /// What carries the bytes.
+    /// The transport of the bytes.
     type Transport: AsyncRead + AsyncWrite + Unpin + Send + 'static;
 
-    /// Whether it dials: then a lost connection is followed by a pause. One that listens takes the next peer at once.
+    /// Whether the connector dials: then a lost connection is followed by a pause. A connector that listens accepts the next
+    /// peer at once.
     const DIALS: bool = true;
 
-    /// Makes a connection, or waits for one. A dropped future has made none.
+    /// Makes a connection, or waits for one. A dropped future has not made a connection.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Transport>> + Send;
 
-    /// Bytes that the peer has not acknowledged after this time are discarded, and the connection ends, of all connections from now
-    /// on: [`Session::discards_after`](crate::Session::discards_after).
+    /// Sets the time for all connections from now on after which bytes that the peer has not acknowledged are discarded, and
+    /// the connection ends: [`Session::discards_after`](crate::Session::discards_after).
     fn discard_after(&mut self, _after: Duration) {}
 
-    /// The peer of the last attempt, for records of `tracing`: an address or the name of a port. `None`: unknown.
+    /// Returns the peer of the last attempt, for records of `tracing`: an address or the name of a port. `None`: unknown.
     fn peer(&self) -> Option<String> {
         None
     }
 
-    /// Waits until the connection in use is to give way to another one, which [`connect`](Self::connect) then gives. Never returns if it dials.
+    /// Waits until another connection, which [`connect`](Self::connect) then returns, replaces the one in use. Never returns
+    /// if it dials.
     fn replaced(&mut self) -> impl Future<Output = ()> + Send {
         pending()
     }
@@ -70,18 +72,18 @@ pub struct Tcp {
 }
 
 impl Tcp {
-    /// `"192.168.0.10:502"` or `"robot.local:502"`. An attempt ends after 5 s.
+    /// Dials an address such as `"192.168.0.10:502"` or `"robot.local:502"`. An attempt ends after 5 s.
     pub fn new(address: impl Into<String>) -> Self {
         Self { address: address.into(), timeout: Duration::from_secs(5), discard_after: None }
     }
 
-    /// How long an attempt may take.
+    /// Sets the longest time of an attempt.
     #[must_use]
     pub fn timeout(self, timeout: Duration) -> Self {
         Self { timeout, ..self }
     }
 
-    /// An address that is none, as no attempt will show.
+    /// Adds the expected form to the error of an invalid address, which no attempt can reach.
     fn explain(&self, error: io::Error) -> io::Error {
         if error.kind() != io::ErrorKind::InvalidInput {
             return error;
@@ -111,8 +113,8 @@ impl Connector for Tcp {
     }
 }
 
-/// Accepts TCP peers, one at a time. A later one takes the place of an earlier one: a robot that was switched off and on is back before
-/// its first connection is known to be dead.
+/// Accepts TCP peers, one at a time. A later peer replaces an earlier one: a robot that was switched off and on is back
+/// before its first connection is known to be dead.
 #[derive(Debug)]
 pub struct Listen {
     address: String,
@@ -126,23 +128,23 @@ impl Listen {
     /// Listens at an address.
     ///
     /// # Errors
-    /// The system's: the address is in use, or not this machine's.
+    /// The errors of the system: the address is in use, or does not belong to this computer.
     pub async fn bind(address: impl ToSocketAddrs) -> io::Result<Self> {
         let listener = TcpListener::bind(address).await?;
         let address = listener.local_addr()?.to_string();
         Ok(Self { listener: Some(listener), ..Self::at(address) })
     }
 
-    /// Listens at an address, such as `"0.0.0.0:9105"`, from the first attempt to connect on. An address that cannot be listened at now,
-    /// such as one that is in use, is the reason of a failed connection, and tried again.
+    /// Listens at an address, such as `"0.0.0.0:9105"`, from the first attempt to connect on. While that is not possible, for
+    /// example because the address is in use, the attempts fail with this reason, and are repeated.
     pub fn at(address: impl Into<String>) -> Self {
         Self { address: address.into(), listener: None, next: None, peer: None, discard_after: None }
     }
 
-    /// Where it listens: of port 0 the one that the system has chosen.
+    /// Returns the address at which it listens: for port 0, with the port that the system has chosen.
     ///
     /// # Errors
-    /// The system's. It does not listen yet ([`at`](Self::at)).
+    /// The errors of the system. It does not listen yet ([`at`](Self::at)).
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.as_ref().ok_or(io::ErrorKind::NotConnected)?.local_addr()
     }
@@ -182,7 +184,7 @@ impl Connector for Listen {
         while self.next.is_none() {
             match listener.accept().await {
                 Ok((stream, _)) => self.next = Some(stream),
-                // Of descriptors there are none just now, or the peer has gone already.
+                // No descriptor is free at present, or the peer has already gone.
                 Err(_) => sleep(Duration::from_millis(100)).await,
             }
         }
@@ -194,7 +196,8 @@ fn listen<T>(address: &str, bound: io::Result<T>) -> io::Result<T> {
     bound.map_err(|error| io::Error::new(error.kind(), std::format!("cannot listen at {address}: {error}")))
 }
 
-/// What is small and late is useless; a peer without power says nothing.
+/// Sets the options of a connection: no delay, since small messages are useless if they are late; keepalive, since a peer
+/// without power is silent.
 pub(super) fn prepare(stream: &TcpStream, discard_after: Option<Duration>) -> io::Result<()> {
     stream.set_nodelay(true)?;
     if let Some(after) = discard_after {
@@ -213,7 +216,7 @@ pub struct Udp {
 }
 
 impl Udp {
-    /// From this address; port 0 is one that the system chooses.
+    /// Sends from the address `local`; the system chooses a port for 0.
     pub fn new(local: SocketAddr, peer: impl Into<String>) -> Self {
         Self { local, peer: peer.into() }
     }
@@ -235,8 +238,8 @@ impl Connector for Udp {
     }
 }
 
-/// Datagrams to and from a peer that sends first: the sender of the first datagram that is accepted, one peer at a time. What others send
-/// is not read until the connection has ended, such as by the silence of its peer.
+/// Datagrams to and from a peer that sends first: the sender of the first datagram that is accepted, one peer at a time. The
+/// datagrams of others are not read until the connection has ended, for example because its peer is silent.
 pub struct UdpListen<F> {
     address: String,
     accepts: F,
@@ -244,8 +247,8 @@ pub struct UdpListen<F> {
 }
 
 impl<F: FnMut(&[u8]) -> bool> UdpListen<F> {
-    /// At an address, such as `"0.0.0.0:9105"`; `accepts` returns whether a datagram can be the first one of a peer. An address that
-    /// cannot be listened at now is the reason of a failed connection, and tried again.
+    /// Listens at an address, such as `"0.0.0.0:9105"`; `accepts` returns whether a datagram can be the first one of a peer.
+    /// While that is not possible, the attempts to connect fail with this reason, and are repeated.
     pub fn at(address: impl Into<String>, accepts: F) -> Self {
         Self { address: address.into(), accepts, peer: None }
     }
@@ -288,31 +291,31 @@ impl<F> fmt::Debug for UdpListen<F> {
     }
 }
 
-/// The longest datagram.
+/// The length of the longest datagram, in bytes.
 const LONGEST: usize = 65536;
 
-/// A connected UDP socket as a transport: what is written at once is a datagram, and what is read is one. A lost one is no error,
-/// nor is an absent peer; an empty one is skipped.
+/// A connected UDP socket as a transport: the bytes of one write are a datagram, and so are those of one read. A lost
+/// datagram or an absent peer is not an error; an empty datagram is skipped.
 #[derive(Debug)]
 pub struct Datagrams {
     socket: UdpSocket,
-    /// The socket has been open for others: their datagrams may still be in it.
+    /// The peer whose datagrams are accepted, if the socket has been open for others: their datagrams may still be in it.
     only: Option<SocketAddr>,
-    /// The datagram that has made its sender the peer.
+    /// The datagram whose sender became the peer.
     first: Option<Vec<u8>>,
 }
 
 impl Datagrams {
-    /// The address that it sends from.
+    /// Returns the address that it sends from.
     ///
     /// # Errors
-    /// The system's.
+    /// The errors of the system.
     pub fn local_addr(&self) -> io::Result<SocketAddr> {
         self.socket.local_addr()
     }
 }
 
-/// Over a socket that is connected to its peer.
+/// Uses a socket that is connected to its peer.
 impl From<UdpSocket> for Datagrams {
     fn from(socket: UdpSocket) -> Self {
         Self { socket, only: None, first: None }
@@ -327,7 +330,7 @@ impl AsyncRead for Datagrams {
     ) -> Poll<io::Result<()>> {
         let Self { socket, only, first } = self.get_mut();
         if let Some(first) = first.take() {
-            // What does not fit is lost, as of any datagram.
+            // The bytes that do not fit are lost, as of any datagram.
             buffer.put_slice(first.get(..buffer.remaining()).unwrap_or(&first));
             return Poll::Ready(Ok(()));
         }
@@ -346,7 +349,7 @@ impl AsyncRead for Datagrams {
 impl AsyncWrite for Datagrams {
     fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         match ready!(self.socket.poll_send(context, bytes)) {
-            // As good as lost on its way, apart from one that no socket sends.
+            // The datagram is as good as lost on its way, unless no socket can send it.
             Err(error) if error.kind() == io::ErrorKind::InvalidInput => Poll::Ready(Err(error)),
             _ => Poll::Ready(Ok(bytes.len())),
         }
@@ -361,7 +364,8 @@ impl AsyncWrite for Datagrams {
     }
 }
 
-/// Opens a serial port by its path or name. One that vanishes, as an adapter that is pulled, is opened again when it is back.
+/// Opens a serial port by its path or name. A port that vanishes, such as an adapter that is pulled, is opened again when it
+/// is back.
 #[cfg(feature = "tokio-serial")]
 #[derive(Debug, Clone)]
 pub struct Serial(pub tokio_serial::SerialPortBuilder);

@@ -21,7 +21,7 @@ use crate::{Ended, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
 ///
-/// It owns what is not written yet, so that a dropped future loses nothing: [`turn`](Self::turn) may be one branch of a
+/// The driver owns the unsent bytes, so a dropped future loses nothing: [`turn`](Self::turn) may be one branch of a
 /// `select!`. It may go from task to task, and stays in the runtime of its first turn.
 ///
 /// A loop that owns its peer needs no [`Handle`](super::Handle): a call of the session, then turns until its outcome is reported.
@@ -32,12 +32,12 @@ pub struct Driver<T> {
     out: Vec<u8>,
     left: Left,
     timer: Timer,
-    /// Made when it is asked for: a driver without one does not look whether it is woken.
+    /// The waker, made when it is requested: a driver without one does not check for wakes.
     waker: OnceLock<Waker>,
 }
 
-/// Ends the wait of a [`Driver`], from any thread: the hook of a queue, or the caller's own event. It never blocks, and waking often
-/// before the driver has looked is as good as waking once.
+/// Ends the wait of a [`Driver`], from any thread: the hook of a queue, or the caller's own event. It never blocks, and many
+/// wakes before the driver has checked have the effect of one.
 #[derive(Debug, Clone, Default)]
 pub struct Waker(pub(super) Arc<Notify>);
 
@@ -47,7 +47,8 @@ impl Waker {
         self.0.notify_one();
     }
 
-    /// Waits until it is woken, or was since the last wait: what a driver does with its own, and a motion task with that of its queue.
+    /// Waits until the waker is used, or was used since the last wait. A driver waits so for its own waker, a motion task for
+    /// that of its queue.
     pub async fn woken(&self) {
         self.0.notified().await;
     }
@@ -67,7 +68,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Self { left: Left::with_stall(stall), ..self }
     }
 
-    /// A waker that ends the wait of the current turn, or of the next.
+    /// Returns a waker that ends the wait of the current turn, or of the next.
     pub fn waker(&self) -> Waker {
         self.waker.get_or_init(Waker::default).clone()
     }
@@ -77,14 +78,15 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         &mut self.port.transport
     }
 
-    /// One turn: events and what is to be sent, until there is neither, then one wait for bytes or for the session's timeout, then
-    /// the events of that. While the session does not [want input](Session::wants_input), bytes stay in the transport.
+    /// Runs one turn: events and bytes to be sent, until there is neither, then one wait for bytes or for the session's
+    /// timeout, then the events of that. While the session does not [want input](Session::wants_input), bytes stay in the
+    /// transport.
     ///
-    /// After a turn that was [woken](Self::waker) the next one does not wait: between the two the caller hands over what it was
-    /// woken for.
+    /// After a turn that was [woken](Self::waker) the next one does not wait: between the two, the caller passes on the
+    /// change that has woken it.
     ///
     /// # Errors
-    /// The transport's.
+    /// The errors of the transport.
     pub async fn turn<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -93,12 +95,12 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         self.pass(session, None::<NoKeep<S, io::Error>>, handler).await
     }
 
-    /// As [`turn`](Self::turn), with a hook that is called before what the session has written is sent: it keeps what has to survive the
-    /// program, such as how many jobs of an order were sent, so that the peer has nothing that was not kept. Where the future of this is
-    /// dropped, it is called again.
+    /// As [`turn`](Self::turn), with a hook that is called before the session's bytes are sent: it stores the state that must
+    /// survive the program, such as the number of jobs of an order that were sent, so that the peer has received nothing that
+    /// was not stored. If the future of this call is dropped, the hook is called again.
     ///
     /// # Errors
-    /// The transport's; what `keep` returns, and then nothing is sent, and the connection is over.
+    /// The errors of the transport and of `keep`. After an error of `keep` nothing is sent, and the connection is over.
     pub async fn turn_keeping<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -130,7 +132,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// disconnects the session, and `handler` gets the events of that.
     ///
     /// # Errors
-    /// The transport's.
+    /// The errors of the transport.
     pub async fn drive<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -139,7 +141,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Span::of([S::LINK, S::END], None).instrument(self.run(session, handler)).await
     }
 
-    /// [`drive`](Self::drive), in the span of the caller.
+    /// As [`drive`](Self::drive), in the span of the caller.
     pub(super) async fn run<S: Session, B>(
         &mut self,
         session: &mut S,
@@ -176,7 +178,7 @@ impl Time for Process<'_> {
 #[derive(Debug)]
 pub(super) struct Port<T> {
     transport: T,
-    /// Bytes were written since it was last read.
+    /// Whether bytes were written since the port was last read.
     has_written: bool,
 }
 
@@ -193,8 +195,8 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
         Self { transport, has_written: false }
     }
 
-    /// Bytes are written first: mostly the peer sends nothing before it has them. After that the port is read, so that a session that always
-    /// has something to send reads too. `unread` is called when the port was read and had nothing.
+    /// Writes bytes first: in most cases the peer sends nothing before it has them. Then reads the port, so that a session
+    /// that always has something to send reads too. `unread` is called when the port was read and had nothing.
     #[inline(always)]
     pub(super) fn poll(
         &mut self,

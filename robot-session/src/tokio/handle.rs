@@ -1,4 +1,4 @@
-//! What the user of a session has, while its task has the session.
+//! The handle of a session whose task owns the session.
 
 use core::fmt::{self, Debug};
 use core::future::Future;
@@ -26,13 +26,13 @@ impl<T: Debug> Reply<T> {
     /// Ends the call.
     ///
     /// # Errors
-    /// It is no longer awaited: the outcome is given back.
+    /// The call is no longer awaited: the outcome is given back.
     pub fn send(self, outcome: T) -> Result<(), T> {
         self.trace.ended(&outcome);
         self.outcome.send(outcome)
     }
 
-    /// It is no longer awaited.
+    /// Returns whether the call is no longer awaited.
     pub fn is_abandoned(&self) -> bool {
         self.outcome.is_closed()
     }
@@ -62,14 +62,13 @@ impl<T> Future for Outcome<T> {
 ///
 /// # Every call ends
 /// While its task runs, a call has an outcome in a bounded time, whatever the peer does:
-/// - While there is a connection, the session's own times hold: those of its configuration. Calls that have to wait for others wait for
-///   their outcomes. An order or a motion takes as long as the peer reports that it goes on.
+/// - While there is a connection, the session's own times hold: those of its configuration. Calls that have to wait for
+///   others wait for their outcomes. An order or a motion takes as long as the peer reports that it continues.
 /// - Without a connection, a call waits for the current attempt to connect, and fails with it.
 /// - When a connection is lost, the outcome of a call that was sent is unknown, unless its session can continue it on the next connection.
 ///   A call that was not sent waits for the next one.
-/// - No call waits longer than [`Task::give_up_after`](super::Task::give_up_after) for a usable connection. That of a peer which closes it
-///   at once is not usable, nor is one while the state cannot be stored.
-/// - With the task, all calls end: [`Closed`].
+/// - No call waits longer than [`Task::give_up_after`](super::Task::give_up_after) for a usable connection. A connection is
+///   not usable if its peer closes it at once, or while the state cannot be stored.
 ///
 /// # Dropped futures
 /// A call whose future is dropped while the call waits is withdrawn: nothing of it is sent. Once the session has accepted a call, it goes
@@ -84,8 +83,8 @@ pub struct Handle<S: Service> {
     pub(super) shared: Arc<Shared<S>>,
 }
 
-/// The task of the session has ended, or was told to: it was shut down, its future was dropped, or it has panicked. A call that ends so was
-/// not made, or its outcome is unknown.
+/// The task of the session has ended, or is ending: it was shut down, its future was dropped, or it has panicked. A call that
+/// ends so was not made, or its outcome is unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Closed;
 
@@ -131,18 +130,19 @@ impl<S: Service> Handle<S> {
         Ok(Outcome(outcome))
     }
 
-    /// Makes a call without awaiting its outcome, if there is room for it now; returns whether there is.
+    /// Makes a call without awaiting its outcome, if it fits the channel now; returns whether it does.
     pub fn try_call(&self, call: S::Call) -> bool {
         !self.shared.is_ending() && self.calls.try_send(call).is_ok()
     }
 
-    /// The events from now on. A slow reader loses the oldest ones, and gets their number.
+    /// Returns the events from now on. A slow reader loses the oldest ones, and gets their number.
     pub fn events(&self) -> broadcast::Receiver<S::Event> {
         self.events.resubscribe()
     }
 
-    /// The state of the connection, and every change of it: [`Link::Connecting`] until the first attempt has an outcome,
-    /// [`Link::Connected`], [`Link::Failed`] with the reason while further attempts follow, and [`Link::Ended`] with the task.
+    /// Returns the state of the connection, and every change of it: [`Link::Connecting`] until the first attempt has an
+    /// outcome, [`Link::Connected`], [`Link::Failed`] with the reason while further attempts follow, and [`Link::Ended`] with
+    /// the task.
     pub fn link(&self) -> watch::Receiver<Link> {
         self.link.clone()
     }
@@ -157,21 +157,24 @@ impl<S: Service> Handle<S> {
         Ok(())
     }
 
-    /// Gives up the connection, if there is one: the task makes another one after a pause, as for a lost connection. For a caller who knows
-    /// better than the session that the connection is of no use, such as that the peer has been silent for too long.
+    /// Gives up the connection, if there is one: the task makes another one after a pause, as for a lost connection. For a
+    /// caller that can detect, unlike the session, that the connection is of no use, for example because the peer has been
+    /// silent for too long.
     pub fn reconnect(&self, why: io::Error) {
         self.shared.give_up(why);
         self.waker.wake();
     }
 
-    /// Ends the connection and the task, and waits for that. Calls in progress have then ended, with the outcomes of a lost connection.
-    /// If the state is just being stored, the task waits for that for a second at most. A task that nobody runs yet ends when it is run.
+    /// Ends the connection and the task, and waits for that. Calls in progress have then ended, with the outcomes of a lost
+    /// connection. If the state is being stored, the task waits for that for a second at most. A task that does not run yet
+    /// ends when it is run.
     pub async fn shutdown(&self) {
         self.end_at(Duration::ZERO).await;
     }
 
-    /// Refuses new calls, waits until those in progress have ended, then ends as [`shutdown`](Self::shutdown) does: after `time` at the
-    /// latest, and then the outcomes are those of a lost connection. Dropping the future changes nothing of that.
+    /// Refuses new calls, waits until those in progress have ended, but no longer than `time`, then ends as
+    /// [`shutdown`](Self::shutdown) does. Calls that are still in progress then have the outcomes of a lost connection.
+    /// Dropping the future does not stop this.
     pub async fn shutdown_after(&self, time: Duration) {
         self.end_at(now().saturating_add(time)).await;
     }
@@ -184,8 +187,8 @@ impl<S: Service> Handle<S> {
         while link.changed().await.is_ok() {}
     }
 
-    /// Makes the session look at its inputs other than bytes and time, such as the queue between a robot's session and its motion
-    /// task.
+    /// Returns a waker, which makes the session check its inputs other than bytes and time, such as the queue between a
+    /// robot's session and its motion task.
     pub fn waker(&self) -> Waker {
         self.waker.clone()
     }

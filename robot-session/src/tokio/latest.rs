@@ -1,4 +1,4 @@
-//! The latest value of a link that brings one after the other.
+//! The latest value of a link that sends one value after the other.
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use ::tokio::sync::watch;
 use super::Closed;
 use crate::now;
 
-/// The latest value of a link, while it may be used. Every clone waits for itself.
+/// The latest value of a link, while it may be used. Each clone waits independently.
 #[derive(Debug, Clone)]
 pub struct Latest<T>(watch::Receiver<Option<(T, Duration)>>);
 
@@ -15,19 +15,19 @@ pub struct Latest<T>(watch::Receiver<Option<(T, Duration)>>);
 #[derive(Debug)]
 pub struct Source<T>(watch::Sender<Option<(T, Duration)>>);
 
-/// A value, which is none yet, and its source.
+/// Returns the sender and the receiver of a value, which is absent at first.
 pub fn latest<T>() -> (Source<T>, Latest<T>) {
     let (source, latest) = watch::channel(None);
     (Source(source), Latest(latest))
 }
 
 impl<T> Source<T> {
-    /// A new value, which may be used until then, with the clock of [`now`]; without a time until the next one.
+    /// Sets a new value. It may be used until `until`, by the clock of [`now`]; with `None`, until the next value.
     pub fn set(&self, value: T, until: Option<Duration>) {
         self.0.send_replace(Some((value, until.unwrap_or(Duration::MAX))));
     }
 
-    /// There is no value that may be used.
+    /// Removes the value.
     pub fn clear(&self) {
         self.0.send_if_modified(|value| value.take().is_some());
     }
@@ -40,13 +40,15 @@ impl<T> Drop for Source<T> {
 }
 
 impl<T: Clone> Latest<T> {
-    /// The latest value; `None` when there is none, or it is too old, even if the task of the link does nothing any more or has ended.
+    /// Returns the latest value; `None` if there is none or it is too old, even if the task of the link is stuck or has
+    /// ended.
     pub fn get(&self) -> Option<T> {
         let value = self.0.borrow();
         value.as_ref().filter(|(_, until)| now() < *until).map(|(value, _)| value.clone())
     }
 
-    /// Waits for the next value, or for its end: `None`. Of several the last. At the end of the task a value ends too.
+    /// Waits for the next value, or for the end of the value: `None`. Of several values, returns the last. A value also ends
+    /// with the task.
     ///
     /// # Errors
     /// The task of the link has ended.

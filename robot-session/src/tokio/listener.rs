@@ -18,13 +18,13 @@ use super::connector::prepare;
 use crate::Session;
 use crate::trace::Span;
 
-/// Accepts TCP connections, `most` at a time, and runs a session of its own over each: `session` makes it, `event` is given what it
-/// reports. Beyond `most` the system lets peers wait. A dropped future ends all connections.
+/// Accepts TCP connections, `most` at a time, and runs a session over each: `session` makes it, and `event` is called with
+/// its events. Further peers wait in the system's queue. A dropped future ends all connections.
 ///
-/// It goes on until the listener fails, which does not happen for a lost peer or a lack of descriptors.
+/// The listener's loop runs until the listener fails, which does not happen for a lost peer or a lack of descriptors.
 ///
 /// # Errors
-/// The listener's.
+/// The errors of the listener.
 pub async fn serve<S>(
     listener: TcpListener,
     most: usize,
@@ -37,7 +37,7 @@ where
     accept(listener, most, |stream, peer| run(stream, peer, session(peer), event.clone())).await
 }
 
-/// Accepts connections, `most` at a time, and spawns what `connection` makes of each.
+/// Accepts connections, `most` at a time, and spawns the future of `connection` for each.
 pub(super) async fn accept<F: Future<Output = ()> + Send + 'static>(
     listener: TcpListener,
     most: usize,
@@ -46,7 +46,7 @@ pub(super) async fn accept<F: Future<Output = ()> + Send + 'static>(
     let mut connections = JoinSet::new();
     loop {
         let has_room = connections.len() < most.max(1);
-        // Of a connection that ends its place is free.
+        // A connection that ends makes a free entry.
         let accepted = poll_fn(|context| {
             if connections.poll_join_next(context).map(|ended| ended.is_some()) == Poll::Ready(true) {
                 return Poll::Ready(None);
@@ -78,11 +78,11 @@ pub(super) async fn run<S: Session>(
         ControlFlow::<()>::Continue(())
     };
     let span = Span::of([S::LINK, S::END], Some(&peer.to_string()));
-    // A connection that is lost ends as one that is closed.
+    // A lost connection ends in the same way as a closed one.
     let _ = span.instrument(Driver::new(stream).run(&mut session, each)).await;
 }
 
-/// No later peer is accepted either.
+/// Returns whether the error ends the listener, so that no later peer is accepted either.
 fn is_of_the_listener(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::NotConnected)
 }

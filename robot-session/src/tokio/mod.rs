@@ -1,4 +1,4 @@
-//! For tokio: a session in a task of its own that reconnects automatically, with a [`Handle`] for those who use it; below that, the
+//! For tokio: a session in a task of its own that reconnects automatically, with a [`Handle`] for its users; below that, the
 //! loop of [`drive`](crate::drive) over any `AsyncRead + AsyncWrite`, and a decoder under `tokio_util`'s framed transports.
 
 #[cfg(feature = "tokio-codec")]
@@ -18,9 +18,9 @@ mod timer;
 #[cfg(feature = "tokio-tls")]
 pub mod tls;
 
-/// A value that changes, and who waits for it.
+/// A channel of a changing value, with waits for its changes.
 pub use ::tokio::sync::watch;
-/// Work that blocks its thread, such as writing a file, beside the task.
+/// Runs work that blocks its thread, such as writing a file, beside the task.
 pub use ::tokio::task::{JoinHandle, spawn_blocking};
 #[cfg(feature = "tokio-codec")]
 pub use codec::Codec;

@@ -13,13 +13,13 @@ use crate::{Session as _, now};
 
 /// A session, its service, and the channel of its events.
 pub(super) struct Served<S: Service> {
-    /// Boxed: what a task returns is moved whenever it is polled.
+    /// Boxed: the value that a task returns is moved whenever the task is polled.
     pub(super) session: Box<S::Session>,
     pub(super) service: S,
     pub(super) events: broadcast::Sender<S::Event>,
-    /// Why the connection is unusable.
+    /// The reason that the connection is unusable.
     pub(super) reconnect: Option<io::Error>,
-    /// The service has got events since its state was stored.
+    /// Whether the service has got events since its state was stored.
     pub(super) has_reported: bool,
 }
 
@@ -42,7 +42,7 @@ impl<S: Service> Served<S> {
         }
     }
 
-    /// Returns the time at which session or service are to be called at the latest.
+    /// Returns the latest time at which session or service are to be called.
     pub(super) fn due(&self, left: &Left, now: Duration) -> Option<Duration> {
         left.due(&*self.session, now).into_iter().chain(self.service.poll_timeout()).min()
     }
@@ -51,7 +51,7 @@ impl<S: Service> Served<S> {
         self.service.call(&mut self.session, now(), call);
     }
 
-    /// Reports every event, where there is no connection that it could end.
+    /// Reports every event, if there is no connection that the events could end.
     pub(super) fn report(&mut self) {
         let Self { session, service, events, reconnect, .. } = self;
         while let Some(event) = session.poll_event() {

@@ -22,7 +22,7 @@ pub trait Service: Send {
     /// The items of [`Handle::events`](super::Handle::events): all events except outcomes of awaited calls.
     type Event: Clone + Send;
 
-    /// Calls are made without a connection too: those of a robot are about itself.
+    /// Whether calls are also made without a connection: those of a robot concern the robot itself.
     const OFFLINE: bool = false;
 
     /// Whether the session accepts another call now: always, if not overridden. Other calls wait, the oldest first.
@@ -30,7 +30,7 @@ pub trait Service: Send {
         true
     }
 
-    /// Makes a call, unless its caller is gone: nothing has happened yet.
+    /// Makes a call, unless its caller is gone: then the call has no effect.
     fn call(&mut self, session: &mut Self::Session, now: Duration, call: Self::Call);
 
     /// Passes an event to its receiver. The outcome of a call that is no longer awaited is an event of the handle.
@@ -41,12 +41,13 @@ pub trait Service: Send {
         reports: &mut Reports<'_, Self::Event>,
     );
 
-    /// When [`handle_timeout`](Self::handle_timeout) is to be called at the latest, with the clock of [`now`](crate::now).
+    /// Returns the latest time at which [`handle_timeout`](Self::handle_timeout) is to be called, by the clock of
+    /// [`now`](crate::now).
     fn poll_timeout(&self) -> Option<Duration> {
         None
     }
 
-    /// Time has passed. The session sends what the service requests then.
+    /// Called when time has passed. The session then sends the requests of the service.
     fn handle_timeout(&mut self, _session: &mut Self::Session, _now: Duration) {}
 
     /// Stores the state that must survive the program: called before bytes of the session are sent, so that the peer has
@@ -87,7 +88,7 @@ impl<E: Clone> Reports<'_, E> {
         let _ = self.events.send(event);
     }
 
-    /// The connection is unusable: another one is made.
+    /// Reports that the connection is unusable: another one is made.
     pub fn reconnect(&mut self, why: io::Error) {
         self.reconnect.get_or_insert(why);
     }

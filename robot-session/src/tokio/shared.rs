@@ -18,11 +18,11 @@ use super::service::Service;
 /// While the task sleeps, its connection is here: a caller then makes its call and sends the bytes itself.
 pub(super) struct Shared<S: Service> {
     contents: Mutex<Contents<S>>,
-    /// New calls are refused: the task is to end.
+    /// Whether new calls are refused: the task is to end.
     is_ending: AtomicBool,
     /// Each [`Reply`](super::Reply) owns a clone.
     in_progress: Arc<()>,
-    /// The runtime of the task. A caller without one enters it for what it does in place of the task.
+    /// The runtime of the task. A caller without a runtime enters it for the work that it does in place of the task.
     runtime: OnceLock<runtime::Handle>,
 }
 
@@ -47,10 +47,10 @@ pub(super) struct Unrun<S: Service> {
 /// The state of a [`Handle`](super::Handle)'s connection.
 #[derive(Debug, Clone, Default)]
 pub enum Link {
-    /// The first one is being made.
+    /// The first connection is being made.
     #[default]
     Connecting,
-    /// There is one. It shows nothing of the device behind it: that it runs is shown by its first reply.
+    /// There is a connection. It does not show that the device runs: only the first reply of the device does.
     Connected,
     /// The last attempt has failed, or the last connection is lost, for this reason. Another attempt follows.
     Failed(Arc<io::Error>),
@@ -185,7 +185,7 @@ impl<S: Service> Borrowed<'_, S> {
     /// [`Connection::call`].
     pub(super) fn call(&mut self, call: S::Call) -> Result<(), S::Call> {
         let Some(connection) = &mut self.connection else { return Err(call) };
-        // Whether the caller is a task is known without a cost; to enter a runtime costs as much as the rest of this.
+        // Checking whether the caller is a task costs nothing; entering a runtime costs as much as the rest of this.
         let entered = self.shared.runtime.get().filter(|_| try_id().is_none());
         let _entered = entered.map(runtime::Handle::enter);
         connection.call(call)

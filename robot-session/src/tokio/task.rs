@@ -22,13 +22,13 @@ use crate::machine::is_due;
 use crate::trace::{self, Span};
 use crate::{STALL, Session, now};
 
-/// How many calls wait in the task for room in the session; further ones wait at the caller.
+/// The number of calls that wait in the task for the session; further ones wait at the caller.
 const CALLS: usize = 16;
-/// How many events are kept for who has not read them yet.
+/// The number of events that are buffered for slow readers.
 const EVENTS: usize = 256;
 /// The shortest time between two times at which calls fail.
 const AGAIN: Duration = Duration::from_millis(10);
-/// A session without a connection that is due is called as often as this at most.
+/// The shortest interval between two calls of a session that is due without a connection.
 const SHORTEST: Duration = Duration::from_millis(1);
 
 /// A handle, and the task that executes its calls: `tokio::spawn(task.run())`, or [`Task::thread`].
@@ -40,7 +40,7 @@ pub fn spawn<S: Service, C: Connector>(
     spawn_woken_by(Waker::default(), session, service, connector)
 }
 
-/// As [`spawn`], for a session with inputs other than bytes and time, whose hook was made with this waker.
+/// As [`spawn`], for a session with inputs other than bytes and time. The hook of these inputs was made with `waker`.
 pub fn spawn_woken_by<S: Service, C: Connector>(
     waker: Waker,
     session: S::Session,
@@ -76,8 +76,8 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
 /// The time without a usable connection after which calls that wait for one fail, unless a [`Task`] is given another: 20 s.
 pub const GIVE_UP_AFTER: Duration = Duration::from_secs(20);
 
-/// Owns a session and its connections, one after the other. It ends with [`Handle::shutdown`], and with the last handle. Nothing happens
-/// before it is run.
+/// Owns a session and its connections, one after the other. It ends with [`Handle::shutdown`], or with the last handle.
+/// Nothing happens before it is run.
 #[must_use = "calls wait until the task is run"]
 pub struct Task<S: Service, C> {
     served: Served<S>,
@@ -105,9 +105,9 @@ impl<S: Service> Drop for Ends<S> {
 /// sent nothing and the connection was [given up](Handle::reconnect) or unusable for the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reconnect {
-    /// After the first. 100 ms.
+    /// The delay after the first attempt. Default: 100 ms.
     pub first: Duration,
-    /// At most. 5 s.
+    /// The longest delay. Default: 5 s.
     pub longest: Duration,
 }
 
@@ -117,7 +117,7 @@ impl Default for Reconnect {
     }
 }
 
-/// A new connection, after the pause.
+/// Makes a new connection, and waits for the pause.
 async fn connect<C: Connector>(connector: &mut C, pause: Duration) -> io::Result<C::Transport> {
     let transport = connector.connect().await?;
     if !pause.is_zero() {
@@ -127,30 +127,32 @@ async fn connect<C: Connector>(connector: &mut C, pause: Duration) -> io::Result
 }
 
 impl<S: Service, C: Connector> Task<S, C> {
-    /// The delays before it reconnects.
+    /// Sets the delays before it reconnects.
     pub fn reconnect(self, reconnect: Reconnect) -> Self {
         Self { reconnect, ..self }
     }
 
-    /// The pause between each new connection and the first byte that is sent on it, for devices that lose bytes that arrive sooner. Zero.
-    /// Calls that are made in this time wait for its end.
+    /// Sets the pause between each new connection and the first byte that is sent on it, for devices that lose bytes that
+    /// arrive sooner. Default: zero. Calls that are made in this time wait for its end.
     pub fn connect_pause(self, pause: Duration) -> Self {
         Self { connect_pause: pause, ..self }
     }
 
-    /// The time for which the peer may read nothing, and storing the state may take, if not [`STALL`]. Then the connection ends.
+    /// Sets the time for which the peer may read nothing, and storing the state may take, in place of [`STALL`]. After this
+    /// time the connection ends.
     pub fn stall(self, stall: Duration) -> Self {
         Self { stall, ..self }
     }
 
-    /// The time without a usable connection after which calls that wait for one fail, if not [`GIVE_UP_AFTER`]; [`Duration::MAX`]:
-    /// never. A connection is usable if something was sent on it, unless the service then found the peer silent or wrong within that
-    /// time. The time begins when the task runs, when a usable connection is lost, and whenever calls have failed so.
+    /// Sets the time without a usable connection after which calls that wait for one fail, in place of [`GIVE_UP_AFTER`];
+    /// [`Duration::MAX`]: never. A connection is usable if something was sent on it, unless the service then found the peer
+    /// silent or wrong within that time. The time begins when the task runs, when a usable connection is lost, and whenever
+    /// calls have failed so.
     pub fn give_up_after(self, time: Duration) -> Self {
         Self { give_up_after: time, ..self }
     }
 
-    /// Runs it; gives the session back.
+    /// Runs the task; returns the session.
     pub async fn run(self) -> Box<S::Session> {
         let Self { served, unrun, mut connector, stop, waker, .. } = self;
         let Self { reconnect, connect_pause, stall, give_up_after, .. } = self;
@@ -233,7 +235,7 @@ impl<S: Service, C: Connector> Task<S, C> {
         session
     }
 
-    /// Runs it in a thread of its own: for programs without a runtime, whose calls any executor can wait for, such as
+    /// Runs the task in a thread of its own: for programs without a runtime, whose calls any executor can wait for, such as
     /// `pollster::block_on`.
     ///
     /// # Errors
@@ -329,7 +331,7 @@ impl Outage {
         Self { limit, until: now().saturating_add(limit), why: None }
     }
 
-    /// Returns the reason why waiting calls fail, if they do; then they have that time again.
+    /// Returns the reason that waiting calls fail, if they do; the next calls then have the full time.
     fn ends(&mut self) -> Option<Arc<io::Error>> {
         if !is_due(self.until, now()) {
             return None;
@@ -405,7 +407,7 @@ impl<S: Service> Served<S> {
     }
 }
 
-/// What has ended a wait without a connection.
+/// The event that has ended a wait without a connection.
 enum Awake<T, C> {
     Stopped,
     Value(T),
@@ -443,7 +445,7 @@ async fn first<T>(one: impl Future<Output = T>, other: impl Future<Output = T>) 
     .await
 }
 
-/// Waits for the time at which the task is to end, or until no handle is left.
+/// Waits for the time at which the task is to end, or until the last handle is dropped.
 async fn stopped(mut stop: watch::Receiver<Option<Duration>>) {
     loop {
         let at = *stop.borrow_and_update();

@@ -25,8 +25,8 @@ struct Armed {
 }
 
 impl Timer {
-    /// Returns whether the task is woken in time without another [`poll`](Self::poll). A wait that has ended while nothing was due wakes
-    /// nobody any more.
+    /// Returns whether the task is woken in time without another [`poll`](Self::poll). A wait that has ended while nothing
+    /// was due does not wake a task any more.
     pub(super) fn is_in_time(&self, due: Option<Duration>) -> bool {
         let Some(due) = due.filter(|due| *due < Duration::MAX) else { return true };
         self.0.as_ref().is_some_and(|armed| armed.at <= due && !armed.sleep.is_elapsed())
@@ -67,7 +67,7 @@ impl Timer {
 }
 
 impl Armed {
-    /// Sets it to `due`. Returns false if no clock reaches that time.
+    /// Sets the timer to `due`. Returns false if no clock reaches that time.
     fn set(&mut self, due: Duration) -> bool {
         let Some(end) = instant(due) else { return false };
         self.sleep.as_mut().reset(Instant::from_std(end));

@@ -49,7 +49,7 @@ enum Side {
 }
 
 impl<C: Connector<Transport = TcpStream>> Tls<C> {
-    /// As the client; the server's certificate has to be for `name`, a host name or an IP address.
+    /// Connects as the client; the server's certificate has to be for `name`, a host name or an IP address.
     ///
     /// # Errors
     /// `name` is neither.
@@ -58,12 +58,12 @@ impl<C: Connector<Transport = TcpStream>> Tls<C> {
         Ok(Self { tcp, side: Side::Client(TlsConnector::from(config), name) })
     }
 
-    /// The connector below it.
+    /// Returns the connector of the TCP connections.
     pub const fn tcp(&self) -> &C {
         &self.tcp
     }
 
-    /// As the server.
+    /// Connects as the server.
     pub fn accept(tcp: C, config: Arc<ServerConfig>) -> Self {
         Self { tcp, side: Side::Server(TlsAcceptor::from(config)) }
     }
@@ -113,7 +113,7 @@ async fn in_time<T>(handshake: impl Future<Output = io::Result<T>>) -> io::Resul
 /// reason why there is no connection; `None` ends the connection.
 ///
 /// # Errors
-/// The listener's.
+/// The errors of the listener.
 pub async fn serve<S>(
     listener: TcpListener,
     most: usize,
@@ -140,7 +140,7 @@ where
     .await
 }
 
-/// A secure connection. Its errors say what is wrong with a certificate, and what to do.
+/// A secure connection. Its errors state the fault of a certificate, and the remedy.
 #[derive(Debug)]
 pub struct Secure(TlsStream<TcpStream>);
 

@@ -1,4 +1,4 @@
-//! Spans and records of `tracing`; without that feature there are none, and they cost nothing.
+//! Spans and records of `tracing`; without that feature, functions that do nothing and cost nothing.
 
 #[cfg(not(feature = "tracing"))]
 mod off;

@@ -1,4 +1,4 @@
-//! Without the feature.
+//! The functions without the feature, which do nothing.
 
 #[cfg(feature = "tokio")]
 use core::future::Future;

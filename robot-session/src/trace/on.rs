@@ -1,4 +1,4 @@
-//! With the feature.
+//! The records and spans, with the feature.
 
 use core::fmt::Debug;
 #[cfg(feature = "tokio")]
@@ -7,7 +7,7 @@ use core::{fmt::Display, future::Future, time::Duration};
 #[cfg(feature = "tokio")]
 use crate::now;
 
-/// The target of all of them.
+/// The target of all records.
 const TARGET: &str = "robot_session";
 
 pub(crate) fn connected() {
@@ -18,12 +18,12 @@ pub(crate) fn disconnected() {
     tracing::info!(target: TARGET, "disconnected");
 }
 
-/// Bytes that a session was given.
+/// Records the bytes that a session has received.
 pub(crate) fn received(bytes: &[u8]) {
     tracing::trace!(target: TARGET, bytes = %format_args!("{bytes:02X?}"), "received");
 }
 
-/// Bytes that a session has written.
+/// Records the bytes that a session has written.
 pub(crate) fn written(bytes: &[u8]) {
     tracing::trace!(target: TARGET, bytes = %format_args!("{bytes:02X?}"), "written");
 }
@@ -32,13 +32,13 @@ pub(crate) fn event(event: &impl Debug) {
     tracing::debug!(target: TARGET, ?event);
 }
 
-/// A connection is lost, or could not be made.
+/// Records that a connection is lost, or could not be made.
 #[cfg(feature = "tokio")]
 pub(crate) fn failed(what: &str, reason: &impl Display) {
     tracing::warn!(target: TARGET, %reason, "{what}");
 }
 
-/// The span of a connection: its link and end, and its peer where that is known.
+/// The span of a connection: its link and end, and its peer if that is known.
 #[cfg(feature = "std")]
 #[derive(Debug, Clone)]
 pub(crate) struct Span(tracing::Span);

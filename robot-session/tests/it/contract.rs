@@ -11,7 +11,7 @@ use robot_session::contract::{self, Rng, Script, Subject};
 use robot_session::end::EventQueue;
 use robot_session::{Decoder, Session};
 
-/// What a broken decoder does wrong.
+/// The fault of a broken decoder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     None,
@@ -21,17 +21,17 @@ enum Fault {
     StandsStill,
     /// The end is not noticed.
     NeverFinishes,
-    /// What was held stays.
+    /// Held bytes stay.
     ClearsNothing,
-    /// The line after an error is one too.
+    /// The line after an error is an error too.
     TakesTwo,
     /// The line after one with a mark is an error. Marks are digits with a bit less.
     MindsMarks,
-    /// What came in a piece of several bytes is shown with the next one.
+    /// The lines of a piece with several bytes are shown with the next piece.
     IsLate,
-    /// Of several lines the first is shown, and the next one with the next piece.
+    /// Only the first of several lines is shown, and the next one with the next piece.
     ShowsOne,
-    /// A push of nothing takes the end back.
+    /// A push of no bytes undoes the end.
     ForgetsItsEnd,
 }
 
@@ -40,7 +40,7 @@ struct Broken {
     fault: Fault,
     errors: u64,
     failed: bool,
-    /// What waits is not shown.
+    /// Whether waiting lines are not shown.
     hides: bool,
     finished: bool,
 }
@@ -137,9 +137,9 @@ struct Sloppy<const FAULT: u8> {
     is_deaf: Cell<bool>,
 }
 
-/// What comes after a call of `poll_timeout` is lost: in a driver alone no event is asked for between the two.
+/// Input between a call of `poll_timeout` and the next `poll_event` is lost: only a driver polls no event before the input.
 const IS_DEAF_WHEN_IT_WAITS: u8 = 1;
-/// The fifth request and those after it are lost where the buffer is too small.
+/// The fifth request and those after it are lost if the buffer is too small.
 const TAKES_A_SMALL_BUFFER: u8 = 2;
 
 impl<const FAULT: u8> Session for Sloppy<FAULT> {
@@ -216,7 +216,7 @@ impl<const FAULT: u8> Subject for OfTheToy<FAULT> {
     }
 }
 
-/// What is wrong with a session.
+/// Returns the message of the rule that a session breaks, if it breaks one.
 fn fault(subject: &impl Subject) -> Option<String> {
     let panic = catch_unwind(AssertUnwindSafe(|| contract::session(subject, 60))).err()?;
     Some(*panic.downcast().expect("a text"))
@@ -229,7 +229,7 @@ fn each_broken_rule_of_a_session_is_found() {
     assert!(fault(&OfTheToy::<TAKES_A_SMALL_BUFFER>).is_some());
 }
 
-/// Whether scripts that are read from a fuzzer's bytes find a fault.
+/// Returns whether scripts that are read from a fuzzer's bytes find a fault.
 fn is_found_by_scripts<const FAULT: u8>() -> bool {
     (0..60).any(|seed| {
         let bytes = Rng::new(seed).bytes(800);
@@ -254,7 +254,7 @@ fn what_led_to_a_difference_is_shown_and_not_all_before_that() {
     assert!(from >= 2 * 4 + 1 - 6, "{text}");
 }
 
-/// Reports how much came in each read, drops what was not fetched before the next, and notes how it was called.
+/// Reports the number of bytes in each read, drops an event that is unread at the next read, and records how it was called.
 struct Reads<'a> {
     events: EventQueue<usize, 1>,
     timeouts: u32,
@@ -312,7 +312,7 @@ impl Session for Reads<'_> {
     }
 }
 
-/// Whether it says how many notices were dropped.
+/// The subject of `Reads`; `tells`: whether it reports the number of dropped notices.
 struct OfReads<'a> {
     tells: bool,
     log: &'a RefCell<Vec<How>>,
@@ -348,7 +348,7 @@ fn one_caller_of_six_asks_more_often_than_it_must_and_one_with_a_small_buffer() 
     let log = RefCell::default();
     contract::session(&OfReads { tells: true, log: &log }, 2);
     let log = log.into_inner();
-    // In the first string of calls bytes come without a connection as well: nobody cuts them.
+    // In the first string of calls bytes also arrive without a connection, so no caller divides them.
     assert_eq!(log.len(), 2 * (5 + 6));
     assert!(log.iter().all(|how| !(how.is_small && how.is_often)));
     let count = |is: fn(&How) -> bool| log.iter().filter(|how| is(how)).count();

@@ -43,7 +43,7 @@ fn a_datagram_comes_whole_and_a_peer_that_is_not_there_is_silent() {
     assert_eq!(seen, [Event::NoAnswer("one".into()), Event::Answer("two".into())]);
 }
 
-/// Windows calls it an error, other systems cut it.
+/// Windows reports a datagram that is too long as an error, other systems truncate it.
 #[test]
 fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
     let mut here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
@@ -61,7 +61,7 @@ fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
     assert_eq!(is_lost_datagram(&io::Error::from_raw_os_error(10040)), cfg!(windows), "its own number");
 }
 
-/// A socket whose every read is an error, because it is none for datagrams.
+/// A socket whose every read is an error, because it is not a datagram socket.
 #[cfg(unix)]
 fn no_datagrams() -> (UdpSocket, TcpStream) {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
@@ -105,7 +105,7 @@ mod with_tokio {
         let place = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let address = place.local_addr().unwrap();
         let mut listen = UdpListen::at(address.to_string(), |first: &[u8]| first.starts_with(b"robot"));
-        // Something else has the port.
+        // Another socket has the port.
         let error = listen.connect().await.unwrap_err();
         let why = format!("cannot listen at {address}: ");
         assert!(error.kind() == ErrorKind::AddrInUse && error.to_string().starts_with(&why), "{error}");
@@ -114,7 +114,7 @@ mod with_tokio {
         let robots = [(), ()].map(|()| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
         for robot in robots {
             let sent = [(&stranger, "noise"), (&robot, "robot 1"), (&stranger, "robot"), (&robot, "2")];
-            // It listens from its first poll on.
+            // The connector listens from its first poll on.
             let sends = async {
                 for (from, bytes) in sent {
                     from.send_to(bytes.as_bytes(), address).unwrap();

@@ -114,13 +114,13 @@ fn the_timeout_of_the_session_ends_a_wait() {
     assert_eq!(seen[1..3], [Event::NoAnswer("hush".into()), answer("two")]);
 }
 
-/// Whoever does not read holds up no deadline, and what he sends is read.
+/// A peer that does not read does not delay any deadline, and its bytes are read.
 #[test]
 fn a_peer_that_does_not_read_holds_up_nothing_else() {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let mut stream = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
     let mut peer = listener.accept().unwrap().0;
-    // As much as both systems hold for him.
+    // As many bytes as both systems buffer for the peer.
     let mut held = 0;
     stream.set_nonblocking(true).unwrap();
     loop {
@@ -142,7 +142,7 @@ fn a_peer_that_does_not_read_holds_up_nothing_else() {
     };
     assert_eq!(turn(&mut session), Event::NoAnswer("1234567".into()));
     assert!((Duration::from_millis(100)..Duration::from_secs(5)).contains(&(now() - begin)));
-    // What it sends is read meanwhile, and answered behind what was begun.
+    // The peer's bytes are read meanwhile, and answered after the message that was begun.
     let mut session = Echo::new(Duration::ZERO);
     session.handle_connected(now());
     peer.write_all(b"a").unwrap();
@@ -192,7 +192,7 @@ fn a_socket_says_how_much_it_took_and_that_its_peer_is_gone() {
     assert_eq!(stream.send(b"end").unwrap(), Sent::Buffered);
     let mut rest = [0; 4];
     assert_eq!((&peer).read(&mut rest).unwrap(), 3, "what was sent, and no more");
-    // Bytes that the peer never reads: its end is an error, here and there.
+    // Bytes that the peer never reads: its close is an error at both ends.
     assert_eq!(stream.send(b"unread").unwrap(), Sent::Buffered);
     Wait::limited(LONG).readable(&peer).unwrap();
     drop(peer);
@@ -228,7 +228,7 @@ fn bytes_that_a_peer_has_not_taken_in_time_are_discarded() {
     assert_eq!(error.kind(), ErrorKind::TimedOut);
 }
 
-/// What a connection did not take is not the beginning of the next one.
+/// The bytes that a connection did not take are not the beginning of the next one.
 #[test]
 fn a_connection_that_fails_leaves_nothing_for_the_next() {
     struct Deaf(Vec<u8>, usize);
@@ -311,7 +311,7 @@ fn bytes_and_an_end_are_there_to_be_read_and_silence_is_not() {
     assert!(Wait::default().readable(&another).unwrap());
 }
 
-/// Linux calls an urgent byte readable where the system's buffer is small, and nothing can be read.
+/// Linux reports an urgent byte as readable if the system's buffer is small, although nothing can be read.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_wait_that_ends_without_a_byte_is_silence() {
@@ -338,7 +338,7 @@ const SHORT: Duration = Duration::from_millis(20);
 fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
     let mut driver = Driver::new(TcpStream::connect(peer()).unwrap());
     let waker = driver.waker().unwrap();
-    // It has no deadline, and nothing to send.
+    // The session has no deadline, and nothing to send.
     let mut session = Asker::new(&[]);
     let mut turn = |wait| {
         let begin = now();

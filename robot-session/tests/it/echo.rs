@@ -1,11 +1,11 @@
-//! A line that returns what is sent is found out however its bytes arrive.
+//! The echo of a line is found however its bytes arrive.
 
 use robot_session::EchoError;
 use robot_session::end::Echo;
 
 const SENT: [u8; 6] = [1, 1, 2, 1, 1, 3];
 
-/// The bytes that are left, and the first error, of what comes in two pieces.
+/// Returns the remaining bytes, and the first error, of bytes that come in two pieces.
 fn receive(come: &[u8], cut: usize) -> (Vec<u8>, Option<EchoError>) {
     let mut echo = Echo::<8>::new(false);
     echo.sent(&SENT, true);
@@ -13,7 +13,7 @@ fn receive(come: &[u8], cut: usize) -> (Vec<u8>, Option<EchoError>) {
     let (first, error) = echo.receive(first);
     let (first, error) = (first.to_vec(), error);
     let (second, later) = echo.receive(second);
-    // What came before it was found out was passed on, as it could have been an answer.
+    // The bytes that came before the echo was found were passed on, as they could have been an answer.
     (
         if error.is_none() && later.is_some() { second.to_vec() } else { [&first, second].concat() },
         error.or(later),

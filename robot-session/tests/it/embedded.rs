@@ -179,18 +179,18 @@ async fn what_a_session_does_not_want_yet_stays_in_the_port() {
     assert!(turn.is_err(), "it is never due");
 }
 
-/// One end of it, which never waits.
+/// One end of the line, which never waits.
 struct Port<'a>(&'a RefCell<Line>);
 
-/// What has come, and what goes.
+/// The bytes to be read, and the bytes sent.
 #[derive(Default)]
 struct Line {
     received: VecDeque<u8>,
     sent: Vec<u8>,
-    /// How many bytes it takes.
+    /// The number of bytes that the line takes.
     room: usize,
     is_closed: bool,
-    /// It takes nothing any more, and says so.
+    /// Whether the line takes nothing any more, and reports that.
     is_full: bool,
 }
 
@@ -262,7 +262,7 @@ fn a_poll_goes_on_as_far_as_it_can_and_says_when_it_must_be_called_again() {
     now.set(Duration::from_secs(1));
     assert_eq!(poll(&mut session), Some(Duration::from_secs(3)));
     assert_eq!(line.borrow().sent, b"1234567\none\n");
-    // Nothing has come when its time is over.
+    // The time of the session is over before anything has come.
     now.set(Duration::from_secs(3));
     assert_eq!(poll(&mut session), None);
     assert_eq!(seen, [Event::Answer("1234567".into()), Event::NoAnswer("one".into())]);
@@ -270,7 +270,7 @@ fn a_poll_goes_on_as_far_as_it_can_and_says_when_it_must_be_called_again() {
 
 #[test]
 fn what_the_session_works_with_is_looked_at_in_every_poll() {
-    /// Counts how often it looks.
+    /// Counts the checks of its inputs.
     struct Looker(u32);
 
     impl Session for Looker {
@@ -331,7 +331,7 @@ fn a_poll_ends_with_the_handler_or_the_connection() {
         ControlFlow::Break(Ended::ByPeer),
         "it brings nothing"
     );
-    // What takes nothing is closed, and at once: nobody waits until it counts as stalled.
+    // A port that takes nothing is closed, and at once: there is no wait until it counts as stalled.
     *line.borrow_mut() = Line { is_full: true, ..Line::default() };
     let time = Cell::new(Duration::ZERO);
     let clock = || time.replace(time.get() + Duration::from_secs(1));

@@ -1,4 +1,4 @@
-//! The one loop of all ends.
+//! The loop that all ends share.
 
 use core::time::Duration;
 
@@ -6,7 +6,7 @@ use crate::common::echo::{Echo, EchoEvent, EchoMachine, EchoStatistics, Input};
 use robot_session::end::{End as _, Rules};
 use robot_session::{Session as _, Step, Steps, Unexpected};
 
-/// What it sends and reports until it is idle.
+/// Returns the bytes that the end sends and the events that it reports until it is idle.
 fn settled(echo: &mut Echo, now: Duration) -> (Vec<u8>, Vec<EchoEvent>) {
     let (mut sent, mut events) = (Vec::new(), Vec::new());
     let mut steps = Steps::NEW;

@@ -2,7 +2,7 @@
 
 use robot_session::end::EventQueue;
 
-/// What the queue is to do, in the plainest way.
+/// The queue's required behaviour, in the plainest form.
 #[derive(Default)]
 struct Plain {
     events: Vec<(u32, bool)>,

@@ -1,4 +1,4 @@
-//! A session in a task of its own: connections of every kind, and what becomes of calls.
+//! A session in a task of its own: connections of every kind, and the outcomes of calls.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
 
@@ -109,7 +109,7 @@ async fn a_later_peer_takes_the_place_of_an_earlier_one() {
     assert_eq!(ask(&handle, "two").await, Ok("two".into()));
 }
 
-/// Whoever is connected to does not wait before it takes the next peer: the pause is for who dials.
+/// A listening end does not wait before it takes the next peer: the pause is for ends that dial.
 #[tokio::test]
 async fn a_peer_that_is_back_at_once_is_taken_at_once() {
     let listen = Listen::bind(any()).await.unwrap();
@@ -148,7 +148,7 @@ async fn an_address_that_is_in_use_is_listened_at_when_it_is_free() {
     assert_eq!(ask(&handle, "one").await, Ok("one".into()));
 }
 
-/// Those beyond that wait in the order in which they came.
+/// Peers beyond the limit wait, and are served in the sequence in which they came.
 #[tokio::test]
 async fn a_listener_serves_so_many_peers_at_a_time() {
     async fn ask(peer: &mut TcpStream) {
@@ -180,7 +180,7 @@ async fn a_listener_serves_so_many_peers_at_a_time() {
     serving.abort();
 }
 
-/// The second one stands for a peer that was lost before it was accepted: whatever else the system says is no end.
+/// The second socket stands for a peer that was lost before it was accepted: no other error of the system ends the listener.
 #[cfg(unix)]
 #[tokio::test(start_paused = true)]
 async fn a_listener_goes_on_until_it_is_none_any_more() {
@@ -241,7 +241,7 @@ async fn datagrams_go_to_a_peer_that_comes_later() {
     drop(socket);
     let handle = run(Udp::new(any(), peer.to_string()));
     let mut events = handle.events();
-    // Nobody is there: that is no error of a datagram.
+    // The peer is absent: that is not an error of a datagram.
     let lost = tokio::spawn({
         let handle = handle.clone();
         async move { handle.call(|reply| Ask("lost", reply)).await }
@@ -299,7 +299,7 @@ async fn attempts_come_less_and_less_often_and_calls_fail_with_them() {
     assert_eq!(session.statistics(), 0);
 }
 
-/// How many connections there are in 100 s, when each ends after this time.
+/// Returns the number of connections in 100 s, when each ends after this time.
 async fn connections(life: Duration) -> usize {
     let attempts = Arc::new(AtomicUsize::new(0));
     let counted = Arc::clone(&attempts);
@@ -379,7 +379,7 @@ async fn a_peer_that_makes_no_sense_is_connected_again() {
     assert_eq!(connections.load(Ordering::SeqCst), 2);
 }
 
-/// Every caller is served in its turn, and a peer that does not read ends nobody's wait but with its connection.
+/// Calls are made in the sequence in which they came. Calls to a peer that does not read wait until the connection ends.
 #[tokio::test]
 async fn calls_are_made_in_the_order_in_which_they_came() {
     let (near, far) = tokio::io::duplex(4);
@@ -500,7 +500,7 @@ async fn a_handle_and_its_task_show_what_they_are_about() {
     assert_eq!(closed.to_string(), "the task of the session has ended");
 }
 
-/// It is only polled, and never waits for a runtime of its caller.
+/// The call is only polled, and never waits for a runtime of its caller.
 #[test]
 fn a_thread_ends_with_the_last_handle() {
     let (handle, task) = spawn(Asker::new(&[]), Asking::default(), Tcp::new("127.0.0.1:1"));

@@ -1,4 +1,4 @@
-//! The end of a task, and what becomes of its calls.
+//! The end of a task, and the outcomes of its calls.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have pipes")]
 
@@ -83,7 +83,7 @@ fn echoing() -> impl Connector<Transport = DuplexStream> + 'static {
     })
 }
 
-/// A call that a sleeping task leaves to its caller panics in the task all the same.
+/// A call that a sleeping task leaves to its caller panics in the task too.
 #[tokio::test(start_paused = true)]
 async fn a_panic_of_the_service_ends_the_task_and_not_its_caller() {
     let (handle, task) = asking(echoing());
@@ -97,7 +97,7 @@ async fn a_panic_of_the_service_ends_the_task_and_not_its_caller() {
     assert_eq!(ask(&handle, "two").await, Err(Closed));
 }
 
-/// Without the task: it is not polled between the call and the look at the peer's end.
+/// The task is not polled between the call and the read at the peer's end.
 #[tokio::test(start_paused = true)]
 async fn a_caller_sends_its_request_itself_while_the_task_sleeps() {
     let (near, mut far) = tokio::io::duplex(64);
@@ -118,7 +118,7 @@ async fn a_caller_sends_its_request_itself_while_the_task_sleeps() {
 }
 
 trait NowOrNever: Future {
-    /// What a future is ready with at once.
+    /// Returns the value of a future that is ready at once.
     fn now_or_never<T>(self) -> Option<T>
     where
         Self: Future<Output = io::Result<T>> + Sized,
@@ -133,7 +133,7 @@ trait NowOrNever: Future {
 
 impl<F: Future> NowOrNever for F {}
 
-/// Its state says so, no connection is waited for, and no call.
+/// Checks that the state is `Ended`, and that waits for a connection and calls return at once with `Closed`.
 async fn assert_ended(handle: &Handle<Asking>) {
     assert!(matches!(&*handle.link().borrow(), Link::Ended), "{handle:?}");
     assert_eq!(timeout(LONG, handle.connected()).await, Ok(Err(Closed)));
@@ -219,7 +219,7 @@ async fn a_connection_that_its_caller_gives_up_is_replaced_with_delay_if_the_pee
     // A pause of 120 ms on average, after 20 ms.
     let silent = given_up(false).await;
     assert!((650..=760).contains(&silent), "{silent}");
-    // Of 7.5 ms, where the timer counts whole ones.
+    // A pause of 7.5 ms, but the timer counts whole milliseconds.
     let speaking = given_up(true).await;
     assert!((3200..=3800).contains(&speaking), "{speaking}");
 }

@@ -78,7 +78,7 @@ impl Session for Slow {
     fn statistics(&self) {}
 }
 
-/// Where the state is stored.
+/// The behaviour of the storage of the state.
 #[derive(Clone, Copy)]
 enum Disk {
     Works,
@@ -133,7 +133,7 @@ impl Service for Calls {
     }
 }
 
-/// A peer, by what it does with a connection.
+/// The behaviour of a peer on a connection.
 #[derive(Clone, Copy, PartialEq)]
 enum Peer {
     /// Answers each byte after this time.
@@ -264,7 +264,7 @@ async fn without_a_limit_a_call_waits() {
     assert!(timeout(100 * S, handle.call(|reply| reply)).await.is_err());
 }
 
-/// It does not keep its processor busy with that.
+/// The task does not keep its processor busy.
 #[tokio::test(start_paused = true)]
 async fn with_a_limit_of_zero_a_call_fails_soon() {
     let (handle, task, _) = cell(Disk::Works, [Peer::Absent]);
@@ -279,7 +279,7 @@ async fn with_a_limit_of_zero_a_call_fails_soon() {
     assert!(parked < 300, "the task was woken {parked} times");
 }
 
-/// Of a peer that closes each connection after its answer, twenty calls take longer than the limit.
+/// With a peer that closes each connection after its answer, twenty calls take longer than the limit.
 #[tokio::test(start_paused = true)]
 async fn a_connection_on_which_something_was_sent_gives_calls_their_time_again() {
     let (handle, task, _) = cell(Disk::Works, [Peer::AnswersOnce]);
@@ -396,7 +396,7 @@ async fn a_task_without_calls_ends_at_once() {
     assert_eq!(call.await.unwrap(), Ok(Ok(false)));
 }
 
-/// It makes the call itself while the task sleeps, and storing the state needs the runtime of the task.
+/// The caller makes the call itself while the task sleeps, and storing the state needs the runtime of the task.
 #[test]
 fn a_caller_may_be_without_a_runtime() {
     let (handle, task, received) = cell(Disk::Takes(MS), [Peer::Answers(MS)]);

@@ -1,4 +1,4 @@
-//! Serial ports: a pseudo-terminal, and a driver that does what it is told to.
+//! Serial ports: a pseudo-terminal, and a driver with prescribed results.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -9,7 +9,7 @@ use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBit
 
 const SHORT: Duration = Duration::from_millis(20);
 
-/// What its reads and writes bring, one after the other.
+/// The results of its reads and writes, one after the other.
 struct Told(VecDeque<Result<usize, ErrorKind>>);
 
 impl Told {

@@ -1,4 +1,4 @@
-//! TLS: a call over it, and what is said of each connection that cannot be secure.
+//! TLS: a call over it, and the error of each connection that cannot be secure.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
 
@@ -171,7 +171,7 @@ async fn a_connection_that_cannot_be_secure_says_why() {
     }
 }
 
-/// A peer that speaks something else, and one that says nothing, on either side.
+/// A peer with another protocol, and a silent one, on either side.
 #[tokio::test(start_paused = true)]
 async fn a_peer_without_tls_is_named() {
     let authority = Authority::new("cell");
@@ -263,7 +263,7 @@ fn exchange(end: &mut Secure) {
             read.extend_from_slice(&buffer[..length]);
         }
     }
-    // Bytes that TLS still has go out with a wait.
+    // Bytes that TLS still has to send are written during a wait.
     for _ in 0..100 {
         assert_eq!(
             end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap_or(Received::Nothing),

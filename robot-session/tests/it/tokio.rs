@@ -107,7 +107,7 @@ async fn a_driver_goes_on_in_another_task() {
     assert!((2 * SHORT..3 * SHORT).contains(&(now() - begin)));
 }
 
-/// What is kept may take long: the session has the time of after it.
+/// The hook may take long: the session then gets the time after it.
 #[tokio::test(start_paused = true)]
 async fn a_deadline_that_passes_while_the_state_is_kept_is_seen_in_the_same_turn() {
     let (near, _far) = tokio::io::duplex(64);
@@ -146,7 +146,7 @@ async fn a_dropped_turn_loses_nothing() {
     assert!(dropped > 3, "{dropped}");
 }
 
-/// Whoever does not read holds up no deadline, and his bytes are read.
+/// A peer that does not read does not delay any deadline, and its bytes are read.
 #[tokio::test]
 async fn a_peer_that_does_not_read_holds_up_nothing_else() {
     let (near, mut far) = tokio::io::duplex(4);
@@ -159,7 +159,7 @@ async fn a_peer_that_does_not_read_holds_up_nothing_else() {
     let turn = tokio::time::timeout(LONG, driver.turn(&mut session, end)).await.unwrap().unwrap();
     assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("1234567".into()))));
     assert!(now() - begin >= SHORT);
-    // Its answer comes while most of the next request is not written.
+    // The answer comes while most of the next request is not written.
     let mut session = Asker::new(&["second"]);
     let mut arrived = Vec::new();
     far.write_all(b"sec").await.unwrap();
@@ -209,7 +209,7 @@ async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
     assert_eq!(peer.await.unwrap().0, requests);
 }
 
-/// What was in flight is reported, and the next connection begins with nothing of this one.
+/// Requests in flight are reported, and the next connection begins without any state of this one.
 #[tokio::test]
 async fn a_dropped_drive_ends_its_connection() {
     let (near, mut far) = tokio::io::duplex(4);
@@ -237,7 +237,7 @@ const SHORT: Duration = Duration::from_millis(20);
 #[tokio::test]
 async fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
     let (near, _far) = tokio::io::duplex(64);
-    // It has no deadline, and nothing to send.
+    // The session has no deadline, and nothing to send.
     let (mut driver, mut session) = (Driver::new(near), Asker::new(&[]));
     let waker = driver.waker();
     for wakes in 1..4 {
@@ -345,7 +345,7 @@ async fn a_latest_value_is_there_until_its_time_is_over_or_it_is_cleared() {
     assert_eq!(latest.next().await, Ok(None));
     source.clear();
     assert!(tokio::time::timeout(SHORT, latest.next()).await.is_err(), "nothing has changed");
-    // Without a source it is not the latest any more.
+    // Without a source there is no latest value any more.
     source.set(3, None);
     assert_eq!(latest.next().await, Ok(Some(3)));
     drop(source);

@@ -7,13 +7,13 @@ use robot_session::end::{
 };
 use robot_session::{Decoder as _, Unexpected};
 
-/// What the end is doing.
+/// The state of the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum EchoMachine {
     Disconnected,
-    /// A request is read when it comes.
+    /// Waits for a request.
     Idle,
-    /// The answer is to be sent.
+    /// Is to send the answer.
     Answering {
         byte: u8,
         from: Duration,
@@ -44,7 +44,7 @@ impl Machine for EchoMachine {
     type Input = Input;
     type Action = Action;
     type Transmit = u8;
-    /// How long an answer takes.
+    /// The delay of an answer.
     type Config = Duration;
 
     fn on(&mut self, now: Duration, input: Input, delay: &Duration) -> Result<Action, Unexpected> {

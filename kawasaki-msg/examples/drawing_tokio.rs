@@ -18,7 +18,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let mut order = match last {
         LastOrder::None => robot.start(50, jobs).await?,
         LastOrder::Active(kept) => robot.resume(kept, jobs).await?,
-        // It was interrupted: a new order has the rest.
+        // The order was interrupted: a new one has the rest.
         LastOrder::Stopped(kept) => robot.go_on(51, kept, jobs).await?,
         LastOrder::Complete(kept) => {
             println!("{} executed by an earlier run: another journal begins again", kept.done());

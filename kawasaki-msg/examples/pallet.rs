@@ -7,11 +7,11 @@ use kawasaki_msg::{Fields, Text, Unfit, Work};
 /// Move to these joint values with this tool, at this speed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct PalletMove {
-    /// Thousandths of a degree.
+    /// In thousandths of a degree.
     pub(crate) joints: [i32; 6],
-    /// What the gripper is to be.
+    /// The tool of the gripper.
     pub(crate) tool: Text<8>,
-    /// Per cent.
+    /// In per cent.
     pub(crate) speed: u8,
 }
 

@@ -38,8 +38,8 @@ impl Message<'_> {
 }
 
 impl Dialect {
-    /// A message of this table other than a job, with values in their ranges; some of those that may be missing are. Written by
-    /// [`write`](Self::write), it is read again as the same.
+    /// Returns a message of this table other than a job, with values in their ranges; optional values may be missing. Written
+    /// by [`write`](Self::write), it is read again as the same.
     ///
     /// # Errors
     /// The errors of `u`.

@@ -1,10 +1,10 @@
-//! What messages mean to the machines: facts, no bytes and no work of a job.
+//! The meaning of messages for the machines: facts, without bytes and without the work of a job.
 
 use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 
-/// What the PC sends.
+/// A message of the PC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum FromPc {
@@ -16,17 +16,17 @@ pub enum FromPc {
     End { order: u16 },
     /// The order ends after the job that is being executed.
     Interrupt { order: u16 },
-    /// A job. `good`: all its values are there and within bounds.
+    /// A job. `good`: all its values are present and within bounds.
     Job { order: u16, number: u16, good: bool },
     /// Nothing to report, or a command that the application acts on.
     Filler,
-    /// A message of the robot's: it is reported and not used.
+    /// A message that only a robot sends: it is reported and not used.
     WrongSide,
-    /// A whole message that is none of the table, or lacks values: it may have been a job.
+    /// A whole message that is not in the table, or lacks values: it may have been a job.
     Unusable,
 }
 
-/// What the robot sends.
+/// A message of the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum FromRobot {
@@ -36,7 +36,7 @@ pub enum FromRobot {
     OrderAck { active: u16 },
     /// An order is over; up to this job all were executed.
     EndAck { ended: u16, active: u16, executed: Option<u16> },
-    /// Where the robot is.
+    /// The status of the robot.
     Status(Status),
     /// No jobs for now.
     Pause { order: u16, queued: Option<u16> },
@@ -44,9 +44,9 @@ pub enum FromRobot {
     Request { order: u16, number: u16 },
     /// Nothing to report.
     Filler,
-    /// A message of the PC's: it is reported and not used.
+    /// A message that only a PC sends: it is reported and not used.
     WrongSide,
-    /// A whole message that is none of the table, or lacks values: it may have been an acknowledgement.
+    /// A whole message that is not in the table, or lacks values: it may have been an acknowledgement.
     Unusable,
 }
 
@@ -55,7 +55,7 @@ pub enum FromRobot {
 pub struct Status {
     /// The active order; 0 for none.
     pub order: u16,
-    /// How far it is.
+    /// The phase of the order.
     pub phase: Phase,
     /// The job that was queued last.
     pub queued: Option<u16>,
@@ -93,7 +93,7 @@ fn of(order: u16) -> Params {
 }
 
 impl FromPc {
-    /// The meaning of a message's values; a job's own fields are not read here.
+    /// Returns the meaning of a message's values; a job's own fields are not read here.
     pub fn read(role: Role, params: &Params) -> Self {
         let (order, number) = (params.or_zero(Field::Order), params.or_zero(Field::Number));
         match role {
@@ -109,7 +109,7 @@ impl FromPc {
         }
     }
 
-    /// The message's role and values. A status and a job have more of them than the machine knows.
+    /// Returns the message's role and values. A status and a job have more values than the machine knows.
     pub(crate) fn write(self) -> (Role, Params) {
         match self {
             FromPc::Status { order } => (Role::Status, of(order)),

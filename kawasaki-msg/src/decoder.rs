@@ -1,4 +1,4 @@
-//! A stream of bytes in, messages out, whatever the reads and the string elements cut.
+//! A stream of bytes in, messages out, wherever reads and string elements split the bytes.
 
 use robot_session::end::StreamBuffer;
 
@@ -10,9 +10,9 @@ use crate::value::Charset;
 
 /// Finds the messages in a stream of bytes.
 ///
-/// Its verbs are those of [`robot_session::Decoder`]. A message may be cut anywhere and by any number of reads. An error costs the
-/// bytes up to the next `<`, and nothing before or after them; it is returned when that `<` has come. Holds one message of
-/// `MESSAGE` bytes and never more: a longer one is [`DecodeError::TooLong`].
+/// The methods are those of [`robot_session::Decoder`]. A message may be split anywhere and by any number of reads. An error
+/// costs the bytes up to the next `<`, and nothing before or after them; it is returned when that `<` has come. The decoder
+/// buffers one message of at most `MESSAGE` bytes: a longer one is [`DecodeError::TooLong`].
 ///
 /// ```
 /// use kawasaki_msg::robot_session::Decoder as _;
@@ -29,11 +29,11 @@ use crate::value::Charset;
 pub struct Decoder<const MESSAGE: usize = { Message::MAX_LEN }> {
     buffer: StreamBuffer<MESSAGE>,
     charset: Charset,
-    /// How far the message is known that the buffer begins with.
+    /// The progress in the message that the buffer begins with.
     progress: Progress,
-    /// How many bytes before the buffer are in nothing that was returned.
+    /// The number of bytes before the buffer that no returned item covers.
     skipped: u64,
-    /// Why they are skipped; without it they are garbage.
+    /// The reason that they are skipped; `None`: they are garbage.
     corruption: Option<DecodeError>,
     finished: bool,
 }
@@ -52,12 +52,12 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         Self { buffer, charset, progress: Progress::NONE, skipped: 0, corruption: None, finished: false }
     }
 
-    /// Whether the bytes so far end inside a message that may still become whole.
+    /// Returns whether the bytes so far end inside a message that may still become whole.
     pub fn is_inside_message(&self) -> bool {
         !self.buffer.is_empty()
     }
 
-    /// The next message or error, whatever has come of it.
+    /// Returns the next message or error.
     #[inline(never)]
     fn next_item(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
         if self.skipped == 0 && self.buffer.bytes().first() == Some(&START) {
@@ -77,7 +77,7 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         Message::of(frame, self.buffer.take(frame.len()))
     }
 
-    /// The bytes do not begin with a message: the first one is skipped.
+    /// Skips the first byte, since the bytes do not begin with a message.
     #[cold]
     fn corrupt(&mut self, error: Option<DecodeError>) {
         let error = error.unwrap_or(DecodeError::Incomplete { offset: 0, found: self.buffer.len() });
@@ -85,7 +85,7 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         self.skip(1);
     }
 
-    /// Goes to the next `<`, and gives the error that covers what was skipped; `None` where it has not come.
+    /// Goes to the next `<`, and returns the error that covers the skipped bytes; `None` if it has not come.
     #[inline(never)]
     fn find_start(&mut self) -> Option<DecodeError> {
         let bytes = self.buffer.bytes();
@@ -132,7 +132,7 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
     }
 
     fn finish(&mut self) {
-        // What is held is looked at once more, as the last that came.
+        // Examine the held bytes once more, as the last of the stream.
         (self.progress, self.finished) = (Progress::NONE, true);
     }
 
@@ -146,7 +146,7 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
     }
 }
 
-/// What an error has as its offset.
+/// Returns the offset of an error.
 #[expect(clippy::cast_possible_truncation, reason = "the offset of an error wraps")]
 const fn offset(position: u64) -> usize {
     position as usize

@@ -1,7 +1,7 @@
 //! The messages of a plant as data: their names and fields.
 //!
-//! The source gives two names, `TilausAlkaa` and `TilausKuittaus`, and says of the others only that they exist. All other
-//! names and the order of their fields are ours; a plant that has its own replaces the table.
+//! The source gives two names, `TilausAlkaa` and `TilausKuittaus`, and mentions the others only as existing. All other names
+//! and the order of their fields are this project's; a plant with its own names replaces the table.
 
 use crate::error::{ConfigError, EncodeError, MessageError};
 use crate::job::{self, Job, Work};
@@ -12,7 +12,7 @@ use crate::text::Name;
 use crate::value::{Charset, Value, Values};
 use crate::writer::Writer;
 
-/// The table of messages of one plant. One that is read from a file is leaked, since it lasts as long as the program.
+/// The table of messages of one plant. A table that is read from a file is leaked, since it lasts as long as the program.
 ///
 /// ```
 /// use kawasaki_msg::{Dialect, Role};
@@ -36,13 +36,14 @@ pub struct Dialect {
 /// One message of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
-    /// What it means to the sessions.
+    /// The meaning of the message for the sessions.
     pub role: Role,
-    /// What it is called on the wire.
+    /// The name of the message on the wire.
     pub name: &'static str,
-    /// What is between the name and the length, in order. Empty: nothing is written, and what is read there is not looked at.
+    /// The values between the name and the length, in sequence. Empty: none are written, and values that are read there are
+    /// not checked.
     pub header: &'static [Field],
-    /// What its fields are, in order.
+    /// The fields of the message, in sequence.
     pub fields: &'static [Field],
 }
 
@@ -66,7 +67,7 @@ const DEFAULT_TABLE: &[Entry] = {
     ]
 };
 
-/// Whether a table may lack a message (`None`) or a field of it, for a guarantee: see the crate's page.
+/// Returns whether a table may lack a message (`None`) or a field of it, for a guarantee: see the crate's page.
 fn is_optional(role: Role, field: Option<Field>) -> bool {
     use Field::{Ended, Number, Order, Phase, Queued};
     use Role::{EndAck, Job, JobAck, JobRequest, OrderEnd, OrderInterrupt, OrderStart, Pause, Status};
@@ -86,17 +87,17 @@ impl Dialect {
     /// The greatest job number that any table allows: AS has no index of five digits (thesis, section 11.1.1).
     pub const MAX_NUMBER: u16 = 9999;
 
-    /// The most fields that a message of a table can have, all of a job's own counted as one.
+    /// The maximum number of fields of a message of a table; all of a job's own fields count as one.
     pub const MAX_FIELDS: usize = 16;
 
-    /// The source's two names, and ours for the rest. See the table in the crate's README.
+    /// The source's two names, and this project's for the rest. See the table in the crate's README.
     pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
 
-    /// A table of the caller's, in ASCII. It may lack some roles and fields: see the crate's page.
+    /// A table of the caller, in ASCII. It may lack some roles and fields: see the crate's page.
     ///
     /// # Errors
-    /// When a role that no session can do without is missing or any occurs twice, a name is empty or occurs twice, a message lacks a
-    /// field that no session can do without, has one twice, has one that is nothing in it, or has more than 16.
+    /// When a role that every session needs is missing or any occurs twice, a name is empty or occurs twice, a message lacks
+    /// a field that every session needs, has one twice, has one without a meaning in it, or has more than 16.
     pub fn new(entries: &'static [Entry]) -> Result<Self, ConfigError> {
         let count = |role| entries.iter().filter(|entry| entry.role == role).count();
         for needed in DEFAULT_TABLE {
@@ -126,7 +127,8 @@ impl Dialect {
         self
     }
 
-    /// Whether a session can number its jobs up to this one, has these roles, and knows the order of late messages.
+    /// Checks that a session can number its jobs up to this one, has these roles, and can determine the order of late
+    /// messages.
     pub(crate) fn check(
         &self,
         max_number: u16,
@@ -177,8 +179,8 @@ impl Dialect {
         })
     }
 
-    /// Returns what a message means, and its values. The number of fields and each value are checked, but not a job's own fields: see
-    /// [`read_job`](Self::read_job).
+    /// Returns the meaning of a message, and its values. The number of fields and each value are checked, but not a job's own
+    /// fields: see [`read_job`](Self::read_job).
     ///
     /// # Errors
     /// See [`MessageError`].
@@ -254,11 +256,11 @@ impl Dialect {
         own.unwrap_or(Values::NONE).iter()
     }
 
-    /// Writes the message with this role and these values, and returns its length. A value that is not there is written empty; a role
-    /// that the table does not have is written as filler.
+    /// Writes the message with this role and these values, and returns its length. An absent value is written empty; a role
+    /// that the table lacks is written as filler.
     ///
     /// # Errors
-    /// See [`EncodeError`]; nothing of use is in `out` then.
+    /// See [`EncodeError`]; the contents of `out` are then undefined.
     pub fn write(&self, role: Role, params: &Params, out: &mut [u8]) -> Result<usize, EncodeError> {
         let entry = self.entry(role).or_else(|| self.entry(Role::Filler)).ok_or(EncodeError::NoName)?;
         self.write_entry(entry, params, out, |writer| writer.empty())
@@ -267,7 +269,7 @@ impl Dialect {
     /// Writes a job, and returns the length of its message.
     ///
     /// # Errors
-    /// The first field that does not fit; nothing of use is in `out` then.
+    /// The first field that does not fit; the contents of `out` are then undefined.
     pub fn write_job<W: Work>(
         &self,
         job: &Job<W>,
@@ -373,15 +375,15 @@ impl Entry {
         if values.is_empty() { Ok(()) } else { Err(MessageError::Header { value }) }
     }
 
-    /// The error of a field with this many after it, if it is one.
+    /// Returns the error of the field that is followed by `after` others, if it is an error.
     #[cold]
     #[inline(never)]
     fn wrong(&self, message: &Message<'_>, after: usize, misfit: Misfit) -> Result<(), MessageError> {
         let (expected, found) = (self.fields.len(), message.fields.count());
         let is_job = self.fields.contains(&Field::Work);
-        // That a job has too few fields comes first.
+        // Report first that a job has too few fields.
         if misfit == Misfit::Missing || is_job && found + 1 < expected {
-            // A single empty value is no value on the wire.
+            // A single empty value is the same on the wire as no value.
             let may_be_absent =
                 |field: &Field| *field == Field::Unused || field.row().is_some_and(|row| row.may_be_empty);
             let is_empty = matches!(self.fields, [field] if may_be_absent(field));

@@ -6,7 +6,7 @@ use crate::text::Name;
 
 /// Corruption in the bytes from the peer. The decoder goes on at the next `<`.
 ///
-/// Every `offset` counts from the first byte that was ever pushed (or of the slice, where a slice is decoded).
+/// Every `offset` counts from the first byte that was ever pushed, or from the beginning of a slice that is decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -25,7 +25,7 @@ pub enum DecodeError {
     /// The length does not equal the bytes between the two `#` (thesis, sections 7.1 and 10.3).
     #[error("the header says {expected} bytes, the data part has {found} (at byte {offset})")]
     Length { offset: usize, expected: usize, found: usize },
-    /// One of `<`, `>`, `#` where it cannot stand. A `<` begins the next message: this one was cut off.
+    /// One of `<`, `>`, `#` at an invalid position. A `<` begins the next message: this one was truncated.
     #[error("a '{}' inside the message (at byte {offset})", *found as char)]
     Mark { offset: usize, found: u8 },
     /// The data part is not followed by `>`.
@@ -34,7 +34,7 @@ pub enum DecodeError {
     /// A byte above 127 where only ASCII is allowed.
     #[error("byte {found:#04x} is not ASCII (at byte {offset})")]
     NotAscii { offset: usize, found: u8 },
-    /// The message is, or says that it is, longer than the longest packet, or than the decoder can hold.
+    /// The message is, or by its length is, longer than the longest packet, or than the decoder can hold.
     #[error("the message is longer than {limit} bytes (at byte {offset})")]
     TooLong { offset: usize, limit: usize },
     /// The input or the datagram ends inside a message.
@@ -76,13 +76,13 @@ pub enum MessageError {
     /// A field, counted from 0, is not a whole number.
     #[error("field {field} is not a whole number")]
     NotANumber { field: usize },
-    /// A field, counted from 0, is out of range: a coordinate, for the most part.
+    /// A field, counted from 0, is out of range: in most cases a coordinate.
     #[error("field {field} is {found}, not from {min} to {max}")]
     OutOfRange { field: usize, found: i32, min: i32, max: i32 },
-    /// A field that is not the constant which the dialect has in its place, counted from 0.
+    /// A field, counted from 0, differs from the constant of the dialect.
     #[error("field {field} is not the constant of the table")]
     NotTheConstant { field: usize },
-    /// The header, which is not looked at where the dialect has none, is not the dialect's.
+    /// The header is not the dialect's. A header is not checked if the dialect has no header.
     #[error("the header differs from the table: value {value}")]
     Header { value: usize },
     /// A job's own fields are longer than those of any job.
@@ -91,19 +91,19 @@ pub enum MessageError {
     /// A field of a job's own is missing or does not fit.
     #[error("{0}")]
     Field(FieldError),
-    /// The message is about an order that is not active; 0 is none.
+    /// The message is about an order that is not active; 0: no order.
     #[error("order {found} is not active, order {active} is")]
     WrongOrder { active: u16, found: u16 },
-    /// A job that is in the queue or executed already: dropped without harm.
+    /// A job that is already in the queue or executed: dropped without harm.
     #[error("job {found} came again, job {expected} is the next")]
     Repeated { expected: u16, found: u16 },
-    /// A job that leaves others out: it and the rest of the packet are discarded, and asked for again.
+    /// A job with others missing before it: it and the rest of the packet are discarded, and requested again.
     #[error("job {found} came out of order, job {expected} is the next")]
     OutOfOrder { expected: u16, found: u16 },
-    /// The queue has no room for this job: it and the rest of the packet are discarded, and asked for later.
+    /// The queue has no free slot for this job: it and the rest of the packet are discarded, and requested later.
     #[error("the queue is full, job {number} does not fit")]
     QueueFull { number: u16 },
-    /// An order's end, though jobs before it are missing: they are asked for again.
+    /// An order's end, though jobs before it are missing: they are requested again.
     #[error("the end of order {order} came before job {expected}")]
     JobsMissing { order: u16, expected: u16 },
     /// A message that the other end never sends, or not now.
@@ -117,32 +117,32 @@ pub enum MessageError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[error("field '{field}' {fault}")]
 pub struct FieldError {
-    /// What the job's type calls it.
+    /// The name of the field in the job's type.
     pub field: Name,
-    /// What is wrong.
+    /// The fault of the field.
     pub fault: FieldFault,
 }
 
-/// What is wrong with a field of a job. The ranges include both ends.
+/// A fault in a field of a job. The ranges include both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "see the error's message")]
 pub enum FieldFault {
-    /// The message ends before it.
+    /// The message ends before the field.
     #[error("is missing")]
     Missing,
-    /// It is no number, or has more digits than any.
+    /// The value is not a number, or has too many digits.
     #[error("is not a number from {min} to {max}")]
     NotANumber { min: Decimal, max: Decimal },
-    /// It is out of range.
+    /// The value is out of range.
     #[error("is {found}, not from {min} to {max}")]
     OutOfRange { found: Decimal, min: Decimal, max: Decimal },
-    /// It would have to be rounded.
+    /// The value would have to be rounded.
     #[error("has more than {places} decimals")]
     TooPrecise { places: u8 },
-    /// It is in range, and none of the values that there are.
+    /// The value is in range, but has no meaning.
     #[error("is {found}, which has no meaning")]
     Value { found: i32 },
     /// The text is too long or too short.
@@ -175,7 +175,7 @@ pub enum EncodeError {
     /// A field of the job's own does not fit.
     #[error("{0}")]
     Field(FieldError),
-    /// The message is longer than the longest packet: no later cycle will take it.
+    /// The message is longer than the longest packet: it cannot be sent in a later cycle either.
     #[error("the message has {length} bytes, the maximum of a packet is {limit}")]
     TooLong { length: usize, limit: usize },
     /// The buffer is too small.
@@ -190,13 +190,13 @@ pub enum EncodeError {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the error's message names the fields")]
 pub enum ConfigError {
-    /// A role that no session can do without is missing in the dialect's table, or a role is there twice.
+    /// A role that every session needs is missing in the dialect's table, or a role is there twice.
     #[error("the table must have the role {role:?} once")]
     Role { role: Role },
-    /// A message of the dialect's table lacks a field that no session can do without.
+    /// A message of the dialect's table lacks a field that every session needs.
     #[error("the message of the role {role:?} lacks the field {field:?}")]
     MissingField { role: Role, field: Field },
-    /// A message of the dialect's table has a field twice, or one that is nothing in such a message.
+    /// A message of the dialect's table has a field twice, or one without a meaning in such a message.
     #[error("the message of the role {role:?} has a duplicate or invalid field")]
     Fields { role: Role },
     /// A message of the dialect's table has too many fields.
@@ -223,7 +223,7 @@ pub enum ConfigError {
     /// No value is in the range of a job's field: the least is above the greatest.
     #[error("the range of the job's field '{field}' is empty")]
     EmptyRange { field: Name },
-    /// A job with the longest values is longer than any can be.
+    /// A job with the longest values is longer than a message allows.
     #[error("the job's own fields can have {found} bytes, the maximum is {limit}")]
     JobTooLong { found: usize, limit: usize },
     /// The type of the session can hold no message that is as long as the table's longest one with the longest values: see
@@ -253,33 +253,34 @@ pub enum SessionError {
     /// There is an order already.
     #[error("order {active} is active")]
     OrderActive { active: u16 },
-    /// There is no order that this could be about.
+    /// There is no order for this call.
     #[error("no order is active")]
     NoOrder,
     /// An order's number is from 1.
     #[error("the order number must be 1 or more")]
     OrderZero,
-    /// No order can be so far: fewer jobs were sent than are executed, or more are in flight than job numbers can tell apart.
+    /// Impossible progress of an order: fewer jobs were sent than are executed, or more are in flight than job numbers can
+    /// tell apart.
     #[error("an order cannot have {sent} jobs sent and {executed} executed")]
     NotInFlight { executed: u32, sent: u32 },
-    /// The source has fewer jobs than were sent: it is not the list with which the order was begun.
+    /// The source has fewer jobs than were sent: it is not the list with which the order began.
     #[error(
         "the list of jobs ends before job {sent}, which was sent: give the list with which the order was begun"
     )]
     FewerJobs { sent: u32 },
-    /// No job of this number is in the queue: it was never queued, or is reported again.
+    /// No job of this number is in the queue: it was never queued, or it is reported again.
     #[error("job {number} is not in the queue")]
     NotQueued { number: u16 },
     /// The dialect has no such command.
     #[error("the table has no command {id}")]
     UnknownCommand { id: u8 },
-    /// The dialect has no message to ask it with.
+    /// The dialect has no message for this request.
     #[error("the table lacks the role {role:?}")]
     Lacks { role: Role },
-    /// Events wait, and there is no room for the outcome of what is to begin: poll them.
+    /// The event queue has no free entry for the outcomes of this call: poll the events.
     #[error("event queue full")]
     TooManyEvents,
-    /// Commands wait for their turn and no more find room.
+    /// The command queue is full of commands that wait for their turn.
     #[error("the command queue is full with {waiting} commands")]
     TooManyCommands { waiting: usize },
 }

@@ -45,8 +45,8 @@ impl Progress {
 }
 
 impl Frame {
-    /// The message that begins with the first byte if it is whole, has nothing between name and length, and is not corrupt: as
-    /// most are. Each byte is looked at once.
+    /// Returns the message that begins with the first byte if it is whole, has no values between name and length, and is not
+    /// corrupt, as most messages. Examines each byte once.
     #[inline(always)]
     pub(crate) fn whole(bytes: &[u8], charset: Charset, limit: usize) -> Option<Self> {
         let [START, after_start @ ..] = bytes else { return None };
@@ -59,7 +59,8 @@ impl Frame {
         (name > 1 && frame.len() <= limit && charset.is_text(text)).then_some(frame)
     }
 
-    /// Reads the message that begins with the first byte, a `<`; it has `limit` bytes at most. `None`: more bytes are needed.
+    /// Reads the message that begins with the first byte, a `<`, and has at most `limit` bytes. `None`: more bytes are
+    /// needed.
     ///
     /// # Errors
     /// The first corruption, with its offset in `bytes`.
@@ -88,8 +89,8 @@ impl Frame {
         }
     }
 
-    /// Reads `< name $ header $ length`, which ends at this offset: the last value is the length, the values before it are kept (thesis,
-    /// section 10.1).
+    /// Reads `< name $ header $ length`, which ends at this offset: the last value is the length, the values before it are
+    /// stored (thesis, section 10.1).
     fn header(bytes: &[u8], end: usize, charset: Charset) -> Result<Self, DecodeError> {
         if bytes.get(end) != Some(&DATA) {
             return Err(wrong(bytes, end, charset));

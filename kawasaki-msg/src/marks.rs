@@ -9,7 +9,7 @@ pub const SEPARATOR: u8 = b'$';
 /// The mark before and after the data part.
 pub const DATA: u8 = b'#';
 
-/// Whether no name and no field may hold this byte.
+/// Returns whether names and fields must not contain this byte.
 pub(crate) const fn is_mark(byte: u8) -> bool {
     matches!(byte, START | END | SEPARATOR | DATA)
 }

@@ -6,7 +6,7 @@ use crate::marks::START;
 use crate::value::{Charset, Value, Values};
 use crate::writer::Writer;
 
-/// One message as it stands on the wire; a [`Writer`] makes the bytes of another.
+/// One message as it is on the wire; a [`Writer`] makes the bytes of another.
 ///
 /// ```
 /// use kawasaki_msg::{Charset, Message};
@@ -24,25 +24,24 @@ use crate::writer::Writer;
 pub struct Message<'a> {
     /// The name; not empty.
     pub name: Value<'a>,
-    /// The values between the name and the length. The source shows none and allows them; they are kept.
+    /// The values between the name and the length. The source shows none and allows them; they are stored.
     pub header: Values<'a>,
     /// The values of the data part. No value and one empty value are the same bytes, which are read as no value.
     pub fields: Values<'a>,
 }
 
 impl<'a> Message<'a> {
-    /// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
+    /// The maximum number of bytes of a message: those of the longest packet (thesis, section 9.5).
     pub const MAX_LEN: usize = MAX_LEN;
 
-    /// Reads the message that begins with the first byte, and says how many bytes it took. `None` means that more bytes
-    /// are needed; [`Self::MAX_LEN`] bytes are always enough.
+    /// Reads the message that begins with the first byte; returns it, and the number of its bytes. `None`: more bytes are
+    /// needed; [`Self::MAX_LEN`] bytes are always enough.
     ///
-    /// The length counts the bytes between the two `#`, `$` included (thesis, sections 10.1 and 10.3). Blanks around it
-    /// are allowed. None of the marks may stand in a value, also where the length would cover it: such a message has
-    /// swallowed its neighbour.
+    /// The length counts the bytes between the two `#`, `$` included (thesis, sections 10.1 and 10.3). Blanks around it are
+    /// allowed. A value must not contain a mark, even if the length covers it: such a message has swallowed its neighbour.
     ///
     /// # Errors
-    /// The first corruption, with its place in `bytes`. Look for the next `<` after the first byte.
+    /// The first corruption, with its offset in `bytes`. Look for the next `<` after the first byte.
     pub fn decode(bytes: &'a [u8], charset: Charset) -> Result<Option<(Self, usize)>, DecodeError> {
         let bytes = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
         match bytes.first() {
@@ -76,7 +75,7 @@ impl<'a> Message<'a> {
     /// Appends the message to a growing buffer, as [`encode`](robot_session::Encode::encode) writes it.
     ///
     /// # Errors
-    /// The buffer cannot grow as far; it is as it was then.
+    /// The buffer cannot grow as far; it is then unchanged.
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let mut wire = [0; Self::MAX_LEN];
@@ -89,7 +88,7 @@ impl<'a> Message<'a> {
     }
 }
 
-/// Its length is written without blanks.
+/// Writes the length without blanks.
 impl robot_session::Encode for Message<'_> {
     type Error = EncodeError;
 

@@ -1,4 +1,4 @@
-//! The queue between a robot's session and its motion task, and the way back: which jobs are executed.
+//! The queue between a robot's session and its motion task, and the reports of executed jobs in the other direction.
 
 use core::ops::Deref;
 
@@ -42,7 +42,7 @@ impl<W, const N: usize> JobQueue<W, N> {
         Ok(Self { jobs: WorkQueue::new(max_number)?, executed: WorkQueue::new(max_number)? })
     }
 
-    /// As [`new`](Self::new), for a `static`: what [`new`](Self::new) would refuse does not compile.
+    /// As [`new`](Self::new), for a `static`: invalid parameters do not compile.
     #[must_use]
     pub const fn numbered<const MAX_NUMBER: u16>() -> Self {
         Self { jobs: WorkQueue::numbered::<MAX_NUMBER>(), executed: WorkQueue::numbered::<MAX_NUMBER>() }
@@ -105,10 +105,10 @@ fn ends<'q, W, M: Wake, S: Wake>(
 /// The two ends of a queue.
 pub type Ends<'q, W, M = NoWake, S = NoWake> = (Jobs<'q, W, M>, Motion<'q, W, S>);
 
-/// The end of the [`Robot`](crate::Robot): it queues the jobs that the PC sends, and learns which are executed.
+/// The end of the [`Robot`](crate::Robot): it queues the jobs that the PC sends, and receives the reports of executed jobs.
 ///
-/// A [`Writer`] alone is one as well, for a motion task that reports executed jobs in another way, as from another processor: each report
-/// is handed over with [`Robot::job_done`](crate::Robot::job_done).
+/// A [`Writer`] alone is such an end too, for a motion task that reports executed jobs in another way, for example from
+/// another processor: each report is passed to [`Robot::job_done`](crate::Robot::job_done).
 #[derive(Debug)]
 pub struct Jobs<'q, W, M: Wake = NoWake> {
     pub(crate) writer: Writer<'q, Job<W>, M>,
@@ -122,19 +122,19 @@ impl<'q, W, M: Wake> From<Writer<'q, Job<W>, M>> for Jobs<'q, W, M> {
 }
 
 impl<W, M: Wake> Jobs<'_, W, M> {
-    /// Takes the number of the next job that is executed and that the session does not know of.
+    /// Removes and returns the number of the next executed job that the session has not recorded yet.
     pub(crate) fn next_executed(&mut self) -> Option<u16> {
         self.executed.as_mut()?.take().map(Taken::complete)
     }
 }
 
-/// The end of the motion task: takes jobs, executes them, completes them. Nothing here ever waits for the session.
+/// The end of the motion task: takes jobs, executes them, completes them. No call here waits for the session.
 ///
-/// Call [`take`](Self::take) whenever it is woken: that also sweeps a cleared queue.
+/// Call [`take`](Self::take) whenever the motion task is woken: that also sweeps a cleared queue.
 #[derive(Debug)]
 pub struct Motion<'q, W, S: Wake = NoWake> {
     jobs: Reader<'q, Job<W>, S>,
-    /// The session empties this before it queues another job: there is a place for each job that is queued.
+    /// The reports. The session empties this queue before it queues another job: there is a free entry for each queued job.
     report: Writer<'q, u16>,
 }
 
@@ -156,22 +156,22 @@ impl<W, S: Wake> Motion<'_, W, S> {
         Iter::map(self.jobs.iter(), |(_, job)| job)
     }
 
-    /// How many jobs wait.
+    /// Returns the number of waiting jobs.
     pub fn len(&self) -> usize {
         self.jobs.len()
     }
 
-    /// Whether no job waits.
+    /// Returns whether no job waits.
     pub fn is_empty(&self) -> bool {
         self.jobs.is_empty()
     }
 
-    /// How many jobs the queue holds at most.
+    /// Returns the capacity of the queue in jobs.
     pub fn capacity(&self) -> usize {
         self.jobs.capacity()
     }
 
-    /// Whether the session is gone. If [`take`](Self::take) returns `None` *after* this was true, it always will.
+    /// Returns whether the session is gone. If [`take`](Self::take) returns `None` *after* this was true, it always will.
     pub fn is_abandoned(&self) -> bool {
         self.jobs.is_abandoned()
     }
@@ -185,7 +185,8 @@ fn executing<'m, W, S: Wake>(
     Some(Executing { job, report })
 }
 
-/// A job that is being executed, in its slot: no reset takes it away. Dropped without [`complete`](Self::complete), it waits again.
+/// A job that is being executed, in its slot: a reset does not remove it. Dropped without [`complete`](Self::complete), it
+/// waits again.
 #[derive(Debug)]
 #[must_use = "a job that is not completed waits again"]
 pub struct Executing<'m, W, S: Wake = NoWake> {
@@ -194,9 +195,9 @@ pub struct Executing<'m, W, S: Wake = NoWake> {
 }
 
 impl<W: Work, S: Wake> Executing<'_, W, S> {
-    /// The job is executed: says so to the session, which never asks for it again, and frees its slot.
+    /// Reports the job as executed to the session, which never requests it again, and frees its slot.
     pub fn complete(self) -> Job<W> {
-        // In this order: a session that finds the slot free knows of the job.
+        // In this sequence: a session that finds the slot free has the report of the job.
         self.report.push(self.job.number);
         self.job.complete()
     }

@@ -6,9 +6,9 @@ use core::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Decimal {
-    /// In units of the last decimal.
+    /// The number, in units of the last decimal.
     pub units: i32,
-    /// How many decimals: 0 to 9.
+    /// The number of decimals: 0 to 9.
     pub places: u8,
 }
 
@@ -16,8 +16,8 @@ impl Decimal {
     /// The most decimals that a number can have.
     pub const MAX_PLACES: u8 = 9;
 
-    /// The nearest number with this many decimals; halves are rounded away from zero. `None` of NaN and infinities, of what is beyond an
-    /// `i32` of units, and of more places than 9.
+    /// Returns the nearest number with this many decimals; halves are rounded away from zero. `None` for NaN, infinities,
+    /// numbers beyond an `i32` of units, and more than 9 places.
     ///
     /// ```
     /// use kawasaki_msg::Decimal;
@@ -57,18 +57,19 @@ impl serde::Serialize for Decimal {
     }
 }
 
-/// Why there is no number.
+/// The reason that a text is not a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
     /// There is no text.
     Missing,
-    /// It is anything else, or does not fit.
+    /// The text is not a number, or does not fit.
     NotANumber,
-    /// It would have to be rounded.
+    /// The number would have to be rounded.
     TooPrecise,
 }
 
-/// The number that a text begins with, and what is after it, if it is digits alone: at most nine, with none or all of the decimals.
+/// Returns the number that a text begins with, and the rest, if it is digits alone: at most nine, with none or all of the
+/// decimals.
 #[inline(always)]
 pub(crate) fn plain(text: &[u8], places: u8) -> Option<(i32, &[u8])> {
     let (negative, text) = text.strip_prefix(b"-").map_or((false, text), |rest| (true, rest));
@@ -86,7 +87,8 @@ pub(crate) fn plain(text: &[u8], places: u8) -> Option<(i32, &[u8])> {
     (1..=9).contains(&length).then_some((number, rest))
 }
 
-/// A number with the digits that a text begins with appended, and what is after them. It wraps: the caller counts the digits.
+/// Appends the digits that a text begins with to a number; returns it with the rest. The number wraps: the caller counts the
+/// digits.
 #[inline(always)]
 fn digits(mut text: &[u8], mut number: u32) -> (u32, &[u8]) {
     while let [byte, rest @ ..] = text
@@ -123,7 +125,7 @@ pub(crate) fn parse(text: &[u8], places: u8) -> Result<i32, Fault> {
     units.and_then(|units| if negative { Some(units) } else { units.checked_neg() }).ok_or(Fault::NotANumber)
 }
 
-/// How many bytes a number is.
+/// Returns the number of bytes of a number.
 #[inline]
 pub(crate) fn len(number: i32, places: u8) -> usize {
     let (sign, number) = (usize::from(number < 0), number.unsigned_abs());
@@ -132,7 +134,7 @@ pub(crate) fn len(number: i32, places: u8) -> usize {
     sign + digits
 }
 
-/// Writes a number into a place of its length.
+/// Writes a number into a slice of its length.
 #[inline]
 pub(crate) fn write(number: i32, places: u8, place: &mut [u8]) {
     let (mut rest, mut whole) = (number.unsigned_abs(), place);
@@ -152,7 +154,7 @@ pub(crate) fn write(number: i32, places: u8, place: &mut [u8]) {
     }
 }
 
-/// Fills a place with the last digits of a number, and gives those before them.
+/// Fills a slice with the last digits of a number, and returns the digits before them.
 #[inline]
 fn fill(mut number: u32, place: &mut [u8]) -> u32 {
     for byte in place.iter_mut().rev() {

@@ -1,7 +1,7 @@
-//! Job numbers on the wire against the count of jobs in the order.
+//! Conversion between job numbers on the wire and the count of jobs in the order.
 
-/// Numbers run from 1 to `max`, then from 1 again (thesis, section 11.1.1); the sessions count on. A number means the one count
-/// in a window shorter than `max` that has it.
+/// The numbering of jobs: from 1 to `max`, then from 1 again (thesis, section 11.1.1), while the sessions count on. In a
+/// window shorter than `max`, a number stands for exactly one count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Numbering {
     max: u16,
@@ -18,7 +18,7 @@ impl Numbering {
         self.max
     }
 
-    /// Whether this is a number at all.
+    /// Returns whether this is a valid number.
     pub const fn contains(self, number: u16) -> bool {
         1 <= number && number <= self.max
     }
@@ -34,7 +34,7 @@ impl Numbering {
         self.number(count + 1).unwrap_or(1)
     }
 
-    /// How far a number is ahead of the job that is the `count`-th: `0..max`.
+    /// Returns how many jobs a number is ahead of the `count`-th job: `0..max`.
     pub fn ahead(self, count: u32, number: u16) -> u32 {
         let (max, last) = (u32::from(self.max), count % u32::from(self.max));
         (u32::from(number) + max - last) % max
@@ -54,12 +54,12 @@ impl Ahead {
     /// The number of jobs after the count that can be told apart: the longest queue in which jobs overtake one another.
     pub const MAX: u32 = 1024;
 
-    /// Whether the set has the job that follows the count after this many others.
+    /// Returns whether the set has the job that follows the count after this many others.
     pub fn contains(&self, after: u32) -> bool {
         self.len > 0 && self.bits.get(after as usize / 64).is_some_and(|word| word >> (after % 64) & 1 == 1)
     }
 
-    /// Whether no job is in the set.
+    /// Returns whether the set is empty.
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }

@@ -27,8 +27,9 @@ impl Limits {
 }
 
 impl Limits {
-    /// Whether every message of a table can be written and fits, into a session that can hold this many bytes of one too, however great
-    /// its numbers are; the fields of a job's own have this many bytes at most, a separator for each counted.
+    /// Checks that every message of a table can be written and fits a packet, and a session that can hold this many bytes of
+    /// one message, for any values of its numbers; a job's own fields have at most this many bytes, with a separator for
+    /// each.
     pub(crate) fn check(&self, dialect: &Dialect, work: usize, held: usize) -> Result<(), ConfigError> {
         let charset = dialect.charset();
         let mut longest = 0;
@@ -37,7 +38,7 @@ impl Limits {
             if entry.name.chars().any(|c| charset.byte(c).is_err()) {
                 return Err(ConfigError::Name { role });
             }
-            // The most bytes of fields, a separator for each.
+            // The maximum number of bytes of fields, with a separator for each.
             let part = |fields: &[Field]| {
                 let mut length = 0;
                 for field in fields {
@@ -76,20 +77,20 @@ impl Default for Limits {
     }
 }
 
-/// Whether a message found room.
+/// Whether a message fitted into the packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use = "a message without room has to wait for the next cycle"]
 pub enum Room {
-    /// It is in the packet.
+    /// The message is in the packet.
     Added,
     /// The packet is full: try again in the next cycle (the source's `-100`).
     Full,
 }
 
-/// Builds a packet in a buffer of the caller's.
+/// Builds a packet in a buffer of the caller.
 ///
-/// The messages are one after the other, and the strings of the AS program are views of the bytes: each but the last is
-/// full, none is empty, and a message goes on in the next string where one ends.
+/// The messages are one after the other, and the strings of the AS program are views of the bytes: each but the last is full,
+/// none is empty, and a message continues in the next string.
 ///
 /// The total is checked for every message. The source's own program checks it only when a string overflows, so that its
 /// packets can reach 4334 of 4096 bytes (thesis, figure 3).

@@ -5,24 +5,24 @@ use crate::role::{Field, Row};
 use crate::value::Values;
 use crate::writer::Writer;
 
-/// The values of a message by what they are, in whatever sequence the table puts them.
+/// The values of a message by their fields, in any sequence of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Params {
-    /// 0 for each that is not there.
+    /// The value of each field; 0 for an absent one.
     values: [i32; Field::VALUES],
-    /// A bit for each that is there.
+    /// A bit for each field that is present.
     there: u8,
 }
 
 impl Params {
-    /// The value of a field; `None` when the message has none or has it empty.
+    /// Returns the value of a field; `None` if it is absent or empty.
     #[inline]
     pub fn get(&self, field: Field) -> Option<i32> {
         let index = field.row()?.index;
         self.values.get(index).copied().filter(|_| self.there >> index & 1 == 1)
     }
 
-    /// Sets the value of a field; a field that the sessions do not use has none.
+    /// Sets the value of a field; ignores a field that the sessions do not use.
     #[inline]
     pub fn set(&mut self, field: Field, value: i32) {
         if let Some(row) = field.row() {
@@ -38,7 +38,7 @@ impl Params {
         }
     }
 
-    /// These values and one more.
+    /// Returns these values and one more.
     #[must_use]
     pub fn with(mut self, field: Field, value: impl Into<Option<u16>>) -> Self {
         if let Some(value) = value.into() {
@@ -47,24 +47,24 @@ impl Params {
         self
     }
 
-    /// The value of a field that counts something; `None` also when it is no `u16`.
+    /// Returns the value of a field that counts something; `None` if it is absent or not a `u16`.
     pub fn number(&self, field: Field) -> Option<u16> {
         self.get(field).and_then(|value| u16::try_from(value).ok())
     }
 
-    /// The value of a field that counts something; 0 if the message has none.
+    /// Returns the value of a field that counts something; 0 if it is absent.
     pub(crate) fn or_zero(&self, field: Field) -> u16 {
         self.number(field).unwrap_or(0)
     }
 
-    /// Sets the value of a field that has none.
+    /// Sets the value of a field that is absent.
     pub(crate) fn add(&mut self, field: Field, value: u16) {
         if self.get(field).is_none() {
             self.set(field, value.into());
         }
     }
 
-    /// Stores the next value, which is that of a field.
+    /// Stores the next value as that of a field.
     #[inline(always)]
     pub(crate) fn read(&mut self, field: &Field, values: &mut Values<'_>) -> Result<(), Misfit> {
         let Some(row) = field.row() else { return Self::skip(field, values) };
@@ -83,7 +83,7 @@ impl Params {
         Ok(())
     }
 
-    /// Reads a value that the sessions do not use.
+    /// Skips a value that the sessions do not use.
     fn skip(field: &Field, values: &mut Values<'_>) -> Result<(), Misfit> {
         let value = values.text().ok_or(Misfit::Missing)?;
         match field {
@@ -92,7 +92,7 @@ impl Params {
         }
     }
 
-    /// Writes the value of a field, which is empty without one.
+    /// Writes the value of a field, or an empty value if it is absent.
     #[inline]
     pub(crate) fn write(&self, field: Field, writer: &mut Writer<'_>) {
         match (field, self.get(field)) {
@@ -103,7 +103,7 @@ impl Params {
     }
 }
 
-/// Why a value is not that of its field.
+/// The reason that a value does not fit its field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Misfit {
     Missing,

@@ -1,7 +1,7 @@
-//! How far an order is, as both ends put it in their status.
+//! The phase of an order, as both ends report it in their status.
 
-/// How far an order is. The codes on the wire are ours: the source only says that the status message names the phase
-/// (thesis, section 11.2).
+/// The phase of an order. The codes on the wire are this project's: the source only states that the status message names the
+/// phase (thesis, section 11.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -18,7 +18,7 @@ pub enum Phase {
     Interrupted,
     /// 5: the recovery has failed; the motion program must act (thesis, section 6.3).
     Alarm,
-    /// A code that this version does not know. No session is ever in it.
+    /// A code that this version does not know. No session ever has this phase.
     Other(u8),
 }
 

@@ -1,6 +1,6 @@
-//! What messages and their fields mean to the sessions.
+//! The meanings of messages and fields for the sessions.
 
-/// What a message means to the sessions.
+/// The meaning of a message for the sessions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -12,27 +12,27 @@ pub enum Role {
     JobAck,
     /// Robot: send the jobs from this number on, be it for the first time or again.
     JobRequest,
-    /// Robot: the queue is full, or something is wrong: send no job before the next request.
+    /// Robot: the queue is full, or there is an error: send no job before the next request.
     Pause,
     /// PC: an order begins with this job number.
     OrderStart,
-    /// Robot: the order that is active now; 0 when none is.
+    /// Robot: the order that is active now; 0 if no order is.
     OrderAck,
     /// PC: no job follows; the order ends when those in the queue are executed.
     OrderEnd,
     /// PC: the order ends after the job that is being executed; the queue is cleared.
     OrderInterrupt,
-    /// Robot: an order is over, and which one is active now: 0.
+    /// Robot: an order is over, and the active order: 0.
     EndAck,
     /// Both: order, phase and progress.
     Status,
-    /// Both: nothing to say. It keeps the connection alive (thesis, section 10.4).
+    /// Both: no content. It keeps the connection alive (thesis, section 10.4).
     Filler,
-    /// PC: a command of the application's own past the queue, such as a speed or a delay (thesis, section 11.1).
+    /// PC: a command of the application that bypasses the queue, such as a speed or a delay (thesis, section 11.1).
     Command(u8),
 }
 
-/// What a field holds. What the sessions use are whole numbers.
+/// The contents of a field. The values that the sessions use are whole numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -54,27 +54,27 @@ pub enum Field {
     Value,
     /// All fields of a job's own, one after the other: see [`Work`](crate::Work).
     Work,
-    /// What a plant adds, always the same: a message without it is not for us.
+    /// A constant that a plant adds: a message without it is not for this end.
     Constant(&'static str),
-    /// A field that the sessions do not need: written empty, not looked at when read.
+    /// A field that the sessions do not need: written empty, not checked when read.
     Unused,
 }
 
-/// A field that the sessions use: its place among the stored values, and its range.
+/// A field that the sessions use: its index among the stored values, and its range.
 #[derive(Debug)]
 pub(crate) struct Row {
     /// The index among the values of a message.
     pub(crate) index: usize,
     /// The least value and the greatest.
     pub(crate) range: (i32, i32),
-    /// It may be empty, for none.
+    /// Whether the field may be empty, for none.
     pub(crate) may_be_empty: bool,
 }
 
 impl Field {
     pub(crate) const VALUES: usize = 7;
 
-    /// The row of a field; `None` of one that the sessions do not use.
+    /// Returns the row of a field; `None` for a field that the sessions do not use.
     #[inline]
     pub(crate) const fn row(&self) -> Option<&'static Row> {
         const ORDERS: (i32, i32) = (0, u16::MAX as i32);

@@ -9,15 +9,15 @@ use core::time::Duration;
 pub struct Times {
     rounds: [Duration; Self::ROUNDS],
     count: u64,
-    /// When the round that is being measured began.
+    /// The time at which the current round began.
     since: Option<Duration>,
 }
 
 impl Times {
-    /// Over how many rounds the mean goes.
+    /// The number of rounds in the mean.
     pub const ROUNDS: usize = 20;
 
-    /// Takes in one more round.
+    /// Records one more round.
     pub fn record(&mut self, time: Duration) {
         let place = usize::try_from(self.count % Self::ROUNDS as u64).unwrap_or(0);
         if let Some(round) = self.rounds.get_mut(place) {
@@ -26,19 +26,19 @@ impl Times {
         self.count += 1;
     }
 
-    /// A round begins.
+    /// Begins a round.
     pub(crate) fn begin(&mut self, now: Duration) {
         self.since = Some(now);
     }
 
-    /// The round that began is over.
+    /// Ends the current round, and records it.
     pub(crate) fn end(&mut self, now: Duration) {
         if let Some(since) = self.since.take() {
             self.record(now.saturating_sub(since));
         }
     }
 
-    /// The round that began does not count.
+    /// Discards the current round.
     pub(crate) fn cancel(&mut self) {
         self.since = None;
     }
@@ -57,14 +57,14 @@ impl Times {
         sum.checked_div(rounds)
     }
 
-    /// How many rounds there were.
+    /// Returns the number of rounds.
     pub fn count(&self) -> u64 {
         self.count
     }
 }
 
 robot_session::counters! {
-    /// What a robot session has measured and counted since it was made.
+    /// The measurements and counters of a robot session since it was made.
     pub struct RobotStatistics {
         /// From sending a packet to having received its answer.
         pub exchange: Times,
@@ -80,7 +80,8 @@ robot_session::counters! {
         pub executed: u64,
         /// Jobs that came again and were dropped.
         pub repeated: u64,
-        /// Messages that were destroyed because one before them in the packet failed, or refused: jobs are asked for again.
+        /// Messages that were destroyed because one before them in the packet failed, or was refused: jobs are requested
+        /// again.
         pub discarded: u64,
         /// Runs of corrupt bytes.
         pub corrupt: u64,
@@ -90,7 +91,7 @@ robot_session::counters! {
 }
 
 robot_session::counters! {
-    /// What a PC session has counted since it was made.
+    /// The counters of a PC session since it was made.
     pub struct PcStatistics {
         /// Packets sent.
         pub packets: u64,

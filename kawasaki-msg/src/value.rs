@@ -6,7 +6,7 @@ use crate::error::EncodeError;
 use crate::marks::{DATA, END, SEPARATOR, START, is_mark};
 use crate::number;
 
-/// The characters that may occur in names and fields. The length counts bytes in either.
+/// The characters that may occur in names and fields. In each set the length counts bytes.
 ///
 /// The source says "ASCII 0–255" in its glossary and shows no letter above 127.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -45,7 +45,7 @@ impl Charset {
         bytes.iter().position(|byte| self.ends_text(*byte))
     }
 
-    /// Whether no byte ends the text: of a long one without a branch for each.
+    /// Returns whether no byte ends the text, without a branch for each byte of a long text.
     #[inline(always)]
     pub(crate) fn is_text(self, bytes: &[u8]) -> bool {
         if bytes.len() < 16 {
@@ -54,7 +54,7 @@ impl Charset {
         !bytes.iter().fold(false, |ends, byte| ends | self.ends_text(*byte))
     }
 
-    /// The byte that a character is on the wire.
+    /// Returns the byte of a character on the wire.
     pub(crate) fn byte(self, found: char) -> Result<u8, EncodeError> {
         let byte = u8::try_from(found).map_err(|_| EncodeError::Character { found })?;
         if !self.has(byte) {
@@ -115,7 +115,7 @@ impl defmt::Format for Value<'_> {
 impl serde::Serialize for Value<'_> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match core::str::from_utf8(self.0) {
-            // A whole text costs a tenth of one that goes character by character.
+            // A text written as a whole costs a tenth of one written character by character.
             Ok(text) if text.is_ascii() => serializer.serialize_str(text),
             _ => serializer.collect_str(self),
         }

@@ -23,7 +23,7 @@ use crate::value::Charset;
 #[derive(Debug)]
 pub struct Writer<'o> {
     out: &'o mut [u8],
-    /// The number of bytes so far, those counted that the buffer has no space for.
+    /// The number of bytes so far, including those that do not fit the buffer.
     length: usize,
     /// The mark before the next value.
     mark: u8,
@@ -88,7 +88,7 @@ impl<'o> Writer<'o> {
     /// Ends the message; returns its length.
     ///
     /// # Errors
-    /// See [`EncodeError`]; nothing of use is in the buffer then.
+    /// See [`EncodeError`]; the contents of the buffer are then undefined.
     #[inline]
     pub fn finish(mut self) -> Result<usize, EncodeError> {
         self.end();
@@ -146,7 +146,7 @@ impl<'o> Writer<'o> {
         }
     }
 
-    /// The message cannot be written, if not for an earlier reason.
+    /// Records an error of the message, unless there is an earlier one.
     pub(crate) fn refuse(&mut self, error: EncodeError) {
         self.error.get_or_insert(error);
     }

@@ -73,7 +73,7 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
             }
         }
         robot.handle_input(Duration::ZERO, packet.as_bytes());
-        // The general way too: damage, an unknown name, blanks, the queue's end.
+        // The general way too: corrupt bytes, an unknown name, blanks, the queue's end.
         robot.handle_input(Duration::ZERO, b"roskaa<Tyo$3#50#><X$0##><Tyo$ 16# 50$1$1$0$0$0$0 #>");
         while robot.poll_event().is_some() {}
     });

@@ -31,7 +31,8 @@ pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> R
     Ok(())
 }
 
-/// Has the jobs executed as order 50; how many were. Nothing is stored: a program that is started again begins with the first job.
+/// Has the jobs executed as order 50; returns the number of executed jobs. Nothing is stored: a program that is started again
+/// begins with the first job.
 pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u32, Box<dyn Error>> {
     let mut pc = Pc::new(PcConfig::tcp())?;
     pc.start(50, jobs)?;
@@ -57,7 +58,7 @@ pub(crate) fn pc_udp<S: JobSource>(socket: UdpSocket, jobs: S) -> Result<u32, Bo
     }
 }
 
-/// Until the order has an outcome, or the connection is to be closed.
+/// Breaks the loop when the order has an outcome, or the connection is to be closed.
 fn until_over(event: &PcEvent) -> ControlFlow<Option<Result<u32, String>>> {
     ControlFlow::Break(match *event {
         PcEvent::Disconnect => None,
@@ -72,7 +73,7 @@ fn until_over(event: &PcEvent) -> ControlFlow<Option<Result<u32, String>>> {
     })
 }
 
-/// Executes one order; its jobs in the order of their execution.
+/// Executes one order; returns its jobs in the sequence of their execution.
 pub(crate) fn robot<W: Work + Send + 'static>(
     config: RobotConfig,
     connect: impl Fn() -> io::Result<Box<dyn Transport>>,
@@ -80,7 +81,7 @@ pub(crate) fn robot<W: Work + Send + 'static>(
     let (jobs, mut motion) = motion::boxed(64, config.max_number)?;
     let (mut robot, mut executed, mut is_over) = (Robot::new(config, jobs)?, Vec::new(), false);
     loop {
-        // The session says when: at once, and some time after a connection was lost.
+        // Wait for the session's event: it comes at once, and some time after a connection was lost.
         while robot.poll_event() != Some(RobotEvent::Connect) {
             std::thread::sleep(robot.poll_timeout().unwrap_or_default().saturating_sub(now()));
             robot.handle_timeout(now());
@@ -152,7 +153,7 @@ impl Transport for Udp {
                 self.peer = Some(peer);
                 Ok(Received::Bytes(length))
             }
-            // Nobody listens there yet, or nothing came in time.
+            // The peer does not listen yet, or nothing came in time.
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(Received::Nothing),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 Ok(Received::Nothing)

@@ -10,13 +10,13 @@ use crate::error::FieldFault;
 pub struct Line {
     /// With the pen on the board, or off it.
     pub kind: JobKind,
-    /// Where the line begins.
+    /// The beginning of the line.
     pub start: Point,
-    /// Where the line ends.
+    /// The end of the line.
     pub end: Point,
 }
 
-/// The layout of the source's application; the unit and the codes are ours.
+/// The layout of the source's application; the unit and the codes are this project's.
 impl Work for Line {
     type Ranges = Bounds;
 
@@ -29,8 +29,8 @@ impl Work for Line {
     }
 }
 
-/// Whether the pen is on the board (thesis, section 11). The codes on the wire are ours: 1 and 2, because AS reads an empty
-/// string as 0.
+/// Whether the pen is on the board (thesis, section 11). The codes on the wire are this project's: 1 and 2, because AS reads
+/// an empty string as 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -62,7 +62,8 @@ impl TryFrom<i32> for JobKind {
     }
 }
 
-/// A point on the board, in hundredths of a millimetre. The unit is ours: whole numbers need no separator on the wire.
+/// A point on the board, in hundredths of a millimetre. The unit is this project's: whole numbers need no separator on the
+/// wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -95,7 +96,7 @@ impl Bounds {
     pub const WIDEST: Self =
         Self { min: Point::new(-9_999_999, -9_999_999), max: Point::new(9_999_999, 9_999_999) };
 
-    /// Whether a point is within.
+    /// Returns whether a point is within the bounds.
     pub const fn contains(&self, point: Point) -> bool {
         self.min.x <= point.x && point.x <= self.max.x && self.min.y <= point.y && point.y <= self.max.y
     }

@@ -1,4 +1,4 @@
-//! The fields of a job without a job: whether they can have values, and how long they can get.
+//! The fields of a job without a job: whether they can have values, and their maximum length.
 
 use core::ops::RangeInclusive;
 
@@ -7,13 +7,14 @@ use crate::error::{ConfigError, FieldError};
 use crate::number::{self, Decimal};
 use crate::text::{Name, Text};
 
-/// How many bytes the own fields of a message may have that is read, with the mark before each and two after them.
+/// The maximum number of bytes of a job's own fields when read, with the mark before each field and two marks after them.
 pub(crate) const LONGEST: usize = 1024;
 
-/// Whether each field of a job can have a value; the most bytes of all of them, with a separator for each.
+/// Checks that each field of a job can have a value; returns the maximum number of bytes of all fields, with a separator for
+/// each.
 pub(crate) fn check<W: Work>(ranges: &W::Ranges) -> Result<usize, ConfigError> {
     let Layout { longest: found, empty, .. } = Layout::of::<W>(ranges);
-    // Blanks and zeros may be around them.
+    // Blanks and zeros may surround them.
     let limit = LONGEST - 64;
     match empty {
         Some(field) => Err(ConfigError::EmptyRange { field }),
@@ -22,7 +23,7 @@ pub(crate) fn check<W: Work>(ranges: &W::Ranges) -> Result<usize, ConfigError> {
     }
 }
 
-/// How many fields a job has.
+/// Returns the number of fields of a job.
 pub(super) fn count<W: Work>(ranges: &W::Ranges) -> usize {
     Layout::of::<W>(ranges).count
 }
@@ -40,7 +41,7 @@ struct Layout {
 impl Layout {
     fn of<W: Work>(ranges: &W::Ranges) -> Self {
         let mut layout = Self::default();
-        // It refuses nothing.
+        // The layout refuses nothing.
         let _ = W::default().fields(ranges, &mut layout);
         layout
     }
@@ -71,7 +72,7 @@ impl Fields for Layout {
         Unfit(())
     }
 
-    /// The default of an enum or a number is no code to check.
+    /// The default of an enum or a number is not a code to check.
     fn whole<T: Copy + Into<i32> + TryFrom<i32>>(
         &mut self,
         name: &str,

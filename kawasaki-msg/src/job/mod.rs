@@ -1,4 +1,4 @@
-//! Jobs: the user's own type, its fields, and how they are read and written.
+//! Jobs: the user's own type, its fields, and their reader and writer.
 
 mod drawing;
 mod layout;
@@ -12,15 +12,15 @@ pub(crate) use reader::{Unread, read};
 pub use work::{Fields, Fit, Unfit, Work};
 pub(crate) use writer::write;
 
-/// What a queue holds: one job of an order.
+/// One job of an order, as a queue stores it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Job<W> {
-    /// The number of its order, from 1.
+    /// The number of the job's order, from 1.
     pub order: u16,
     /// The job's number in the order: from 1 to the highest that both ends agreed on, then 1 again.
     pub number: u16,
-    /// What to do.
+    /// The work to do.
     pub work: W,
 }

@@ -9,7 +9,7 @@ use crate::number::{Decimal, Fault};
 use crate::text::{Name, Text};
 use crate::value::Values;
 
-/// Why values are not a job.
+/// The reason that values are not a job.
 pub(crate) enum Unread {
     /// The first field that does not fit.
     Field(FieldError),
@@ -29,7 +29,7 @@ pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges, work: &mut W
     }
 }
 
-/// Reads one field after the other, and stores why one does not fit.
+/// Reads one field after the other, and stores the fault of one that does not fit.
 struct Reader<'v> {
     values: Values<'v>,
     error: Option<FieldError>,

@@ -4,7 +4,8 @@ use core::ops::RangeInclusive;
 use crate::error::{FieldError, FieldFault};
 use crate::text::{Name, Text};
 
-/// What the jobs of an application are: its fields, named once, are read, written, checked and listed from that one place.
+/// The job type of an application. It names its fields once, and they are read, written, checked and listed from that one
+/// place.
 ///
 /// ```
 /// use kawasaki_msg::{Fields, Fit, Text, Work};
@@ -30,44 +31,45 @@ use crate::text::{Name, Text};
 /// }
 /// ```
 pub trait Work: Copy + Default {
-    /// The parts of the fields' ranges that are known only at run time; `()` if there are none.
+    /// The parts of the fields' ranges that are known only at run time; `()` if all ranges are constant.
     type Ranges: Clone + Default + fmt::Debug;
 
-    /// Visits every field in the order of the wire. The fields after a value may depend on it: a job of one kind may have others
-    /// than a job of another kind.
+    /// Visits every field in the order of the wire. The fields after a value may depend on it: jobs of different kinds may
+    /// have different fields.
     ///
     /// # Errors
-    /// What a visit returns, at once.
+    /// The error of a visit, returned at once.
     fn fields<F: Fields>(&mut self, ranges: &Self::Ranges, fields: &mut F) -> Fit;
 }
 
-/// Whether a field fits.
+/// The result of a visit: whether the field fits.
 pub type Fit = Result<(), Unfit>;
 
-/// What visits the fields of a [`Work`]: it reads each from a message, writes it into one, or lists it. The ranges include both ends
-/// and are checked in both directions.
+/// A visitor of the fields of a [`Work`]: it reads each field from a message, writes it into one, or lists it. The ranges
+/// include both ends and are checked in both directions.
 pub trait Fields {
-    /// A number with up to `places` decimals, 0 to 9, as whole units of the last one: 1500 with 3 places is `1.5`.
+    /// Visits a number with up to `places` decimals, 0 to 9, in whole units of the last decimal: 1500 with 3 places is `1.5`.
     ///
-    /// Written with exactly this many decimals, `1.500`, and without a point where `places` is 0. Read as well: `1.5`, `1.50`,
-    /// `1.5000`, `-.5`, `2.`, `2`, with zeros and blanks before it and blanks after it. An error is `1e3`, `+1`, and a digit other
-    /// than 0 after the last place: nothing is rounded. Where `places` is 0, so is any point.
+    /// Written with exactly this many decimals, `1.500`, and without a point if `places` is 0. Other forms can be read:
+    /// `1.5`, `1.50`, `1.5000`, `-.5`, `2.`, `2`, with zeros and blanks before the number and blanks after it. Errors are
+    /// `1e3`, `+1`, and a digit other than 0 after the last place: nothing is rounded. If `places` is 0, any point is an
+    /// error too.
     ///
     /// # Errors
     /// When the field is missing or does not fit.
     fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit;
 
-    /// Text of this many characters, as it is, blanks too. The four marks and what the dialect's character set does not have cannot
-    /// be in it.
+    /// Visits a text of this many characters, which is not changed; blanks are part of it. The four marks and characters
+    /// outside the dialect's character set are not allowed.
     ///
     /// # Errors
     /// When the field is missing or does not fit.
     fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit;
 
-    /// A field is refused for a reason that the caller has found.
+    /// Refuses a field for a reason that the caller has found.
     fn refuse(&mut self, error: FieldError) -> Unfit;
 
-    /// A whole number, or an enum with a code: whatever is an `i32` on the wire.
+    /// Visits a whole number, or an enum with a code: any type that is an `i32` on the wire.
     ///
     /// # Errors
     /// When the field is missing or does not fit.
@@ -94,7 +96,7 @@ fn no_value(name: &str, found: i32) -> FieldError {
     FieldError { field: Name::of(name), fault: FieldFault::Value { found } }
 }
 
-/// A field does not fit: the visitor knows which, and why. Made by [`Fields::refuse`].
+/// The error of a field that does not fit: the visitor has its name and the reason. Made by [`Fields::refuse`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a field of the job does not fit")]
 pub struct Unfit(pub(crate) ());

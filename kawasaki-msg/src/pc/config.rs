@@ -16,23 +16,23 @@ pub struct PcConfig {
     pub dialect: Dialect,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
-    /// Every input is a datagram: messages do not continue in the next one, and it may come late. False by default.
+    /// Whether every input is a datagram: messages do not continue in the next one, and it may come late. False by default.
     pub datagrams: bool,
-    /// The highest job number, 2 to 9999, which both ends have agreed on; above the capacity of the robot's queue. 9999 by default.
-    /// At most one job fewer is in flight, over datagrams half as many, and where jobs may overtake one another 1024. If it covers the whole order, a mistake at the wrap is
-    /// impossible (thesis, section 11.1.1).
+    /// The highest job number, 2 to 9999, on which both ends have agreed; above the capacity of the robot's queue. 9999 by
+    /// default. At most one job fewer is in flight, over datagrams half as many, and 1024 if jobs may overtake one another.
+    /// If it covers the whole order, a mistake at the wrap is impossible (thesis, section 11.1.1).
     pub max_number: u16,
-    /// Whether an acknowledgement covers all earlier jobs; false where jobs may overtake one another. True by default.
+    /// Whether an acknowledgement covers all earlier jobs; false if jobs may overtake one another. True by default.
     pub cumulative_acks: bool,
-    /// How long after the last byte from the robot the answer is sent; 2 ms by default.
+    /// The time between the last byte from the robot and the answer; 2 ms by default.
     pub reply_delay: Duration,
     /// The timeout without a message, or without an answer to a start, after which the connection is dropped; 10 s by default.
     pub silence: Duration,
-    /// What to do when the robot refuses a start because another order is active; by default it is interrupted.
+    /// The reaction when the robot refuses a start because another order is active; by default that order is interrupted.
     pub takeover: Takeover,
-    /// How often a start is retried that the robot refuses without an active order; 10 by default.
+    /// The number of retries of a start that the robot refuses without an active order; 10 by default.
     pub start_retries: u16,
-    /// End the order when all its jobs are executed. True by default.
+    /// Whether to end the order when all its jobs are executed. True by default.
     pub end_when_done: bool,
     #[cfg(feature = "model")]
     #[doc(hidden)]
@@ -43,13 +43,13 @@ robot_session::rules! {
     /// The rules against false reports of a PC; the model shows that each is needed.
     #[doc(hidden)]
     pub enum Rule for PcConfig {
-        /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
-        /// also where it has no jobs: some may be executed ahead.
+        /// No start before the robot's status on this connection; an order of our number whose start we have not sent is not
+        /// ours, even if it has no jobs: some may be executed ahead.
         LearnIdentity,
-        /// An interruption waits for the answer to the start: an end of our number before that is that of the order before.
+        /// An interruption waits for the answer to the start: an end of our number before that belongs to the previous order.
         CancelWaits,
-        /// A start is sent once on a connection; one that is not answered in time ends the connection, and with it what is still in
-        /// flight.
+        /// A start is sent once on a connection; a start that is not answered in time ends the connection, and with it
+        /// everything in flight.
         StartOnce,
         /// With individual acknowledgements, an end after corrupt or lost bytes leaves other jobs unknown.
         DoubtCorrupt,
@@ -84,7 +84,7 @@ impl PcConfig {
         Self { limits: Limits::UDP, datagrams: true, ..Self::tcp() }
     }
 
-    /// A job's own fields have `work` bytes at most; a session can hold a message of `held` bytes.
+    /// Checks the configuration. A job's own fields have at most `work` bytes; a session can hold a message of `held` bytes.
     pub(crate) fn check(&self, work: usize, held: usize) -> Result<(), ConfigError> {
         let job_ack = (!self.cumulative_acks).then_some(Role::JobAck);
         let interrupt = (self.takeover == Takeover::Interrupt).then_some(Role::OrderInterrupt);
@@ -97,8 +97,8 @@ impl PcConfig {
         Numbering::new(self.max_number)
     }
 
-    /// The maximum of jobs in flight: with all numbers in use one job could be executed twice, and a late datagram may
-    /// bring an old number back: half the numbers are kept apart for it.
+    /// The maximum number of jobs in flight: with all numbers in use one job could be executed twice. A late datagram may
+    /// bring an old number back: half the numbers are reserved for that.
     pub(super) fn window(&self) -> u32 {
         let max = u32::from(self.max_number);
         let window = match self.datagrams {
@@ -121,7 +121,7 @@ impl Default for PcConfig {
 pub enum Takeover {
     /// Not at all: the start is given up.
     Never,
-    /// Its queued jobs are executed first.
+    /// After the queued jobs of that order.
     End,
     /// After the job that is being executed.
     Interrupt,

@@ -4,10 +4,11 @@ use crate::error::{DecodeError, FieldError, MessageError};
 use crate::pc::state::CommandOutcome;
 use crate::phase::Phase;
 
-/// What a PC session reports. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
+/// An event of a PC session. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
 ///
-/// Outcomes, which are never dropped: `OrderRefused` that is given up, `JobUnfit`, `OrderOver`, `OutcomeUnknown` and `Command`. `Disconnect`
-/// waits until it is taken or the connection has ended. Of `Progress` the last state is reported. The others are notices.
+/// Outcomes, which are never dropped: an `OrderRefused` that is given up, `JobUnfit`, `OrderOver`, `OutcomeUnknown` and
+/// `Command`. `Disconnect` waits until it is polled or the connection has ended. Of several `Progress` only the last is
+/// reported. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -20,13 +21,13 @@ pub enum PcEvent {
     OrderStarted { order: u16 },
     /// The robot has refused the order because of the active one; 0 for none. `given_up`: it will not be retried.
     OrderRefused { order: u16, active: u16, given_up: bool },
-    /// How many jobs are executed, from the first on, and how many the robot has queued.
+    /// The number of executed jobs, from the first on, and the number of jobs that the robot has queued.
     Progress { executed: u32, queued: u32 },
-    /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too;
-    /// [`Pc::is_executed`](crate::Pc::is_executed) has all of them.
+    /// This job, counted from 0, was executed ahead of others. `Progress` covers it when these are executed too;
+    /// [`Pc::is_executed`](crate::Pc::is_executed) covers all jobs.
     ExecutedAhead { index: u32 },
-    /// This job, counted from 0, cannot be sent: a field of it does not fit. The order ends after the jobs that the robot has
-    /// queued.
+    /// This job, counted from 0, cannot be sent, because a field of it does not fit. The order ends after the jobs that the
+    /// robot has queued.
     JobUnfit { order: u16, index: u32, error: FieldError },
     /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed ahead.
     OrderOver { order: u16, executed: u32, complete: bool },

@@ -1,4 +1,4 @@
-//! What a PC does: `on` for what has happened, and what is sent.
+//! The machine of a PC: its reaction to each input, and its answers.
 
 use core::time::Duration;
 
@@ -56,7 +56,7 @@ impl robot_session::end::Machine for Machine {
         Ok(Reaction { commands: commands.unwrap_or((0, CommandOutcome::Unknown)), action })
     }
 
-    /// What has come since it was due is in it.
+    /// Returns the answer that is due. It covers inputs that came after it was due.
     fn transmit(&self, now: Duration, config: &PcConfig) -> Option<Answer> {
         let Link::Connected { reply: Reply::Due { at, contents }, .. } = self.link else { return None };
         if !is_due(at, now) {
@@ -65,7 +65,7 @@ impl robot_session::end::Machine for Machine {
         let Count { executed, sent, .. } = self.count;
         let numbering = config.numbering();
         let is_active = matches!(self.order, Order::Running { stage: Stage::Active, .. });
-        // What was executed since it was requested is never sent again.
+        // Jobs that were executed since they were requested are never sent again.
         let jobs = contents.jobs_from.map(|from| (from.max(executed), executed + config.window()));
         Some(Answer {
             last: (is_active && config.end_when_done && executed == sent).then_some(sent),
@@ -108,7 +108,7 @@ impl robot_session::end::Machine for Machine {
         }
     }
 
-    /// That of the order, or of the connection where there is no order.
+    /// Returns the name of the order's state, or of the connection's if there is no order.
     fn name(&self) -> &'static str {
         match (&self.order, &self.link) {
             (Order::Idle, Link::Listening) => "Listening",
@@ -128,7 +128,7 @@ impl robot_session::end::Machine for Machine {
 }
 
 impl Machine {
-    /// What is to be reported of the state; `None` when it all was.
+    /// Returns the change that is to be reported to the caller; `None` if all were.
     pub const fn report(&self) -> Option<Report> {
         match self.link {
             Link::Connected { close: true, .. } => Some(Report::Disconnect),
@@ -145,7 +145,7 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// When a start that was sent is to be answered, or cannot arrive any more.
+    /// Returns the time by which a start that was sent must be answered, or cannot arrive any more.
     const fn answer_by(&self) -> Duration {
         match self.order {
             Order::Starting { start: Start::Sent { answer_by }, .. } => answer_by,
@@ -153,7 +153,7 @@ impl Machine {
         }
     }
 
-    /// How far the order is, as the status reports it.
+    /// Returns the phase of the order, as the status reports it.
     pub const fn phase(&self) -> Phase {
         match self.order {
             Order::Idle => Phase::Idle,
@@ -164,7 +164,7 @@ impl Machine {
         }
     }
 
-    /// There is a connection.
+    /// Returns whether there is a connection.
     pub const fn is_connected(&self) -> bool {
         matches!(self.link, Link::Connected { .. })
     }
@@ -213,7 +213,7 @@ impl Machine {
         Some(self.on_report(now, message, config))
     }
 
-    /// An acknowledgement may be lost in them.
+    /// Handles corrupt bytes, in which an acknowledgement may be lost.
     fn on_corrupt(&mut self, config: &PcConfig) -> Option<Action> {
         if !self.is_connected() {
             return None;
@@ -228,7 +228,7 @@ impl Machine {
         }
     }
 
-    /// The whole of what has come is read before it is answered (thesis, section 11.3).
+    /// Handles the end of a read: all bytes that have come are read before they are answered (thesis, section 11.3).
     fn on_read_end(&mut self, now: Duration, whole: bool, config: &PcConfig) -> Option<Action> {
         let Link::Connected { reply, .. } = &mut self.link else { return None };
         *reply = match *reply {
@@ -246,7 +246,7 @@ impl Machine {
             return None;
         }
         let start = match self.link {
-            // It is not ours, also where it has no jobs: some may be executed ahead.
+            // The order is not ours, even if it has no jobs: some may be executed ahead.
             Link::Connected { robot: Known::In { order: active }, .. }
                 if active == order && config.keeps(Rule::LearnIdentity) =>
             {
@@ -259,7 +259,8 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// The state of a PC whose connection was lost after its last packet: the robot's status shows what became of the order.
+    /// Resumes in the state of a PC whose connection was lost after its last packet: the robot's status shows the outcome of
+    /// the order.
     fn on_resume(
         &mut self,
         order: u16,
@@ -273,13 +274,13 @@ impl Machine {
             return None;
         }
         self.order = Order::Running { number: order, stage: Stage::Active, left_at: Duration::MAX };
-        // Nobody has kept whether corrupt bytes came.
+        // It was not stored whether corrupt bytes came.
         let is_unsure = !config.cumulative_acks && config.keeps(Rule::DoubtCorrupt);
         self.count = Count { executed, queued: executed, sent, total, is_unsure, ..Count::default() };
         Some(Action::Nothing)
     }
 
-    /// Only where jobs are acknowledged individually.
+    /// Handles a job executed ahead, only if jobs are acknowledged individually.
     fn on_ahead(&mut self, index: u32, config: &PcConfig) -> Option<Action> {
         let Order::Running { stage: Stage::Active, .. } = self.order else { return None };
         let Count { executed, sent, .. } = self.count;
@@ -313,7 +314,7 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// The caller has interrupted a start that the robot does not have.
+    /// Handles the caller's interruption of a start that the robot does not have.
     pub(super) fn not_begun(&mut self) -> Action {
         let order = core::mem::replace(&mut self.order, Order::Idle).number();
         Action::Outcome { order, outcome: Outcome::Over { executed: 0, complete: false } }
@@ -328,10 +329,11 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// What the order asks of the robot, in every answer until the robot has acknowledged it: received twice, it does no harm.
+    /// Returns the order's request to the robot. It is in every answer until the robot has acknowledged it: received twice,
+    /// it does no harm.
     ///
-    /// But for a start: one that is still in flight when the robot has taken the first and been reset begins the order again. Over
-    /// a stream it is sent once on a connection.
+    /// A start is an exception: if one is still in flight when the robot has accepted the first and was then reset, it begins
+    /// the order again. Over a stream it is sent once per connection.
     fn request(&self, config: &PcConfig) -> Option<FromPc> {
         let Link::Connected { robot, .. } = self.link else { return None };
         match self.order {
@@ -370,7 +372,7 @@ impl Machine {
             if config.datagrams || !config.keeps(Rule::StartOnce) { Duration::MAX } else { config.silence };
         match &mut self.order {
             Order::Starting { start: Start::Sent { answer_by }, cancelled: true, .. } if config.datagrams => {
-                // The start may be lost. From then on a report is newer than the latest that it can arrive.
+                // The start may be lost. From this time on, a report is newer than the latest possible arrival of the start.
                 *answer_by =
                     (*answer_by).min(now.saturating_add(LATEST_DATAGRAM).saturating_add(LATEST_DATAGRAM));
             }

@@ -1,4 +1,4 @@
-//! What the robot reports, and what it means for the order.
+//! The reports of the robot, and their effect on the order.
 
 use core::time::Duration;
 
@@ -33,7 +33,7 @@ impl Machine {
         }
     }
 
-    /// Whether the order runs, which it does where the robot names it.
+    /// Returns whether the order runs: it does if the robot names it.
     fn is_running(&mut self, order: u16) -> bool {
         match &mut self.order {
             Order::Running { number, left_at, .. } if *number == order => {
@@ -77,7 +77,7 @@ impl Machine {
         let from = self.count.executed + (numbering.ahead(self.count.executed, number) + max - 1) % max;
         if !numbering.contains(number) || from > self.count.sent {
             if self.count.sent == 0 {
-                // It has jobs of an order of the same number that is not this one.
+                // The robot has jobs of another order with the same number.
                 self.order =
                     Order::Starting { number: order, start: Start::Unsent, refusals: 0, cancelled: false };
                 return self.refused(order, config);
@@ -94,7 +94,7 @@ impl Machine {
         Action::Nothing
     }
 
-    /// Our own number is acceptance only of a start that was sent on this connection.
+    /// Handles the acknowledgement of a start. Our own number is acceptance only of a start that was sent on this connection.
     fn on_order_ack(&mut self, active: u16, config: &PcConfig) -> Action {
         let Order::Starting { number, start, .. } = self.order else { return Action::Nothing };
         let sent = match start {
@@ -115,7 +115,7 @@ impl Machine {
         Action::Started
     }
 
-    /// The robot is in another order, or cannot take any: 0.
+    /// Handles a refusal: the robot is in another order, or cannot accept any (0).
     fn refused(&mut self, active: u16, config: &PcConfig) -> Action {
         let Order::Starting { number, start, refusals, cancelled } = &mut self.order else {
             return Action::Nothing;
@@ -164,7 +164,7 @@ impl Machine {
         }
     }
 
-    /// How far the robot came; `None` if it cannot be.
+    /// Records the jobs that were executed at the end of the order; `None` if the number is impossible.
     fn executed_at_end(&mut self, executed: Option<u16>, config: &PcConfig) -> Option<()> {
         let numbering = config.numbering();
         if let Some(number) = executed {
@@ -174,11 +174,11 @@ impl Machine {
         Some(())
     }
 
-    /// The robot has reported that our order is over, and how far it came.
+    /// Handles the robot's report that our order is over, with its last executed job.
     fn over(&mut self, config: &PcConfig) -> Action {
         let order = core::mem::replace(&mut self.order, Order::Idle).number();
         let Count { executed, sent, total, is_unsure, .. } = self.count;
-        // That a job was executed ahead of others only its own acknowledgement reports, and that may be lost.
+        // Only its own acknowledgement reports that a job was executed ahead of others, and that may be lost.
         let late = config.datagrams && !config.cumulative_acks && config.keeps(Rule::DoubtCorrupt);
         if (is_unsure || late) && executed < sent {
             return Action::Outcome { order, outcome: Outcome::Unknown { executed, sent } };
@@ -229,7 +229,7 @@ impl Machine {
             Order::Running { number, left_at, .. } => {
                 let number = *number;
                 if config.datagrams && config.keeps(Rule::LateReports) {
-                    // It may be an old one that was overtaken.
+                    // The report may be an old one that was overtaken.
                     *left_at = (*left_at).min(now.saturating_add(LATEST_DATAGRAM));
                     if now < *left_at {
                         return Action::Nothing;
@@ -254,13 +254,13 @@ fn is_active(status: Status) -> bool {
 }
 
 impl Count {
-    /// The count that a number of the robot's means: from the last that is known to be executed up to the last sent.
+    /// Returns the count for a number of the robot: from the last job known to be executed up to the last sent.
     fn of(&self, numbering: Numbering, number: u16) -> Option<u32> {
         let count = self.executed + numbering.ahead(self.executed, number);
         (numbering.contains(number) && count <= self.sent).then_some(count)
     }
 
-    /// All jobs up to a count are executed, and those that were executed ahead and follow it.
+    /// Records that all jobs up to a count are executed, and those that were executed ahead and follow it.
     fn execute(&mut self, count: u32) {
         while self.executed < count || self.executed < self.sent && self.ahead.contains(0) {
             self.ahead.pass();

@@ -24,24 +24,25 @@ use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::PcStatistics;
 
-/// The session of a PC: it listens, and sends only what the robot waits for. Drive it as [`Session`](robot_session::Session)
-/// describes, each packet in one write: a connection that was accepted is
-/// [`handle_connected`](robot_session::Session::handle_connected), its end
-/// [`handle_disconnected`](robot_session::Session::handle_disconnected). The order goes on with the next one.
+/// The session of a PC: it listens, and sends only when the robot waits for an answer. Drive it as
+/// [`Session`](robot_session::Session) describes, each packet in one write: call
+/// [`handle_connected`](robot_session::Session::handle_connected) when a connection was accepted,
+/// [`handle_disconnected`](robot_session::Session::handle_disconnected) when it has ended. The order continues on the next
+/// one.
 ///
-/// Nothing is sent unless the robot has sent something first: it cannot flush what it does not expect (thesis, section 10.4).
-/// The whole of what has come is read before it is answered, and the answer is made from the state of then: nothing of an earlier
-/// answer is left to be sent twice (thesis, sections 11.3 and 12.2). It holds the messages for which a reply is defined, or
-/// filler.
+/// Nothing is sent unless the robot has sent something first: it cannot flush unexpected bytes (thesis, section 10.4). All
+/// bytes that have come are read before they are answered, and the answer is made from the state at that time: no part of an
+/// earlier answer is left to be sent twice (thesis, sections 11.3 and 12.2). It contains the messages for which a reply is
+/// defined, or filler.
 ///
 /// **Corrupt bytes** cost the message that they touch and are reported as an event; the bytes always advance. All bytes of an
-/// input are taken. **Events** that are not fetched: see [`PcEvent`].
+/// input are taken. **Events** that are not polled: see [`PcEvent`].
 ///
-/// **Orders** may have a number that was used before, also at once (over UDP not: give every order a new number there). An order
-/// that the robot is in when it connects is not ours unless we have sent its start, whatever its number is.
+/// **Orders** may have a number that was used before, even at once (except over UDP: give every order a new number there). An
+/// order that is active in the robot when it connects is not ours unless we have sent its start, whatever its number is.
 ///
-/// It can hold a message of `MESSAGE` bytes. A table that needs more is a [`ConfigError`]: `Pc::<_, 512>::with_ranges`, or a
-/// [`LargePc`].
+/// The session can hold a message of `MESSAGE` bytes. A table that needs more is a [`ConfigError`]:
+/// `Pc::<_, 512>::with_ranges`, or a [`LargePc`].
 #[derive(Debug)]
 pub struct Pc<S: JobSource, const MESSAGE: usize = 256> {
     core: CoreOf<Self>,
@@ -70,7 +71,7 @@ impl<S: JobSource> Pc<S> {
 }
 
 impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
-    /// As [`new`](Pc::new), of the size that its type says, with other ranges of a job's fields: those of the robot.
+    /// As [`new`](Pc::new), of the size of its type, with other ranges of a job's fields: those of the robot.
     ///
     /// # Errors
     /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
@@ -101,15 +102,15 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         Ok(())
     }
 
-    /// Goes on with an order that an earlier PC has begun: a process that was killed, and that had kept how far it was. The robot
+    /// Continues an order that an earlier PC has begun: a process that was killed, and had stored the progress. The robot
     /// receives nothing twice, whether it is still in the order, has ended it, or was restarted meanwhile
     /// ([`PcEvent::OutcomeUnknown`]).
     ///
-    /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others; these only
-    /// count where jobs are acknowledged individually ([`PcConfig::cumulative_acks`]). From
-    /// `sent` on none was sent: this number has to be kept safely **before** the packet is sent. [`sent`](Self::sent) has it when
-    /// [`poll_transmit`](robot_session::Session::poll_transmit) returns. The source has to give the same jobs at the same places,
-    /// and the highest job number has to be the same.
+    /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others;
+    /// these count only if jobs are acknowledged individually ([`PcConfig::cumulative_acks`]). The jobs from `sent` on were
+    /// not sent: this number has to be stored safely **before** the packet is sent. [`sent`](Self::sent) returns it when
+    /// [`poll_transmit`](robot_session::Session::poll_transmit) has returned. The source has to return the same jobs at the
+    /// same indices, and the highest job number has to be the same.
     ///
     /// # Errors
     /// When there is an order already, `order` is 0, the event queue is full, the source has fewer jobs than were sent, or more jobs are in
@@ -132,12 +133,12 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
             0 => SessionError::NotInFlight { executed, sent },
             active => SessionError::OrderActive { active },
         };
-        // The robot may report the end before it asks for a job.
+        // The robot may report the end before it requests a job.
         let total = matches!(source.job(sent), Supply::End).then_some(sent);
         let before = self.core.machine.clone();
         self.ask(Duration::ZERO, Input::Resume { order, executed, sent, total }).map_err(|_| error)?;
         if sent.checked_sub(1).is_some_and(|last| matches!(source.job(last), Supply::End)) {
-            // Its order would be complete at the end of a list that is another one.
+            // The order would be complete at the end of a different list.
             self.core.machine = before;
             return Err(SessionError::FewerJobs { sent });
         }
@@ -156,7 +157,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         self.ask(Duration::ZERO, Input::End).map_err(|_| SessionError::NoOrder)
     }
 
-    /// Ends the order when the job that is being executed is done. It cannot go on after that (thesis, section 11.1).
+    /// Ends the order when the job that is being executed is done. It cannot continue after that (thesis, section 11.1).
     ///
     /// # Errors
     /// When there is no order, or the dialect has no such message.
@@ -190,8 +191,8 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         Ok(())
     }
 
-    /// Forgets order and commands, as a program that is restarted does. Returns whether the robot may know of the order: it is to be
-    /// [resumed](Self::resume) then. Call it without a connection.
+    /// Discards order and commands, as a restart of the program does. Returns whether the robot may have received the order:
+    /// it is to be [resumed](Self::resume) then. Call it without a connection.
     #[cfg(feature = "tokio")]
     pub(crate) fn forget(&mut self) -> bool {
         let is_unsent = matches!(
@@ -203,39 +204,39 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         !is_unsent
     }
 
-    /// Whether a job of the order, or of the last one, counted from 0, is known to be executed.
+    /// Returns whether a job of the order, or of the last one, counted from 0, is known to be executed.
     pub fn is_executed(&self, index: u32) -> bool {
         let count = &self.core.machine.count;
         index < count.executed || index < count.sent && count.ahead.contains(index - count.executed)
     }
 
-    /// How far the order is.
+    /// Returns the phase of the order.
     pub const fn phase(&self) -> Phase {
         self.core.machine.phase()
     }
 
-    /// This session's order, if any.
+    /// Returns this session's order, if any.
     pub fn order(&self) -> Option<u16> {
         let number = self.core.machine.order.number();
         (number != 0).then_some(number)
     }
 
-    /// Up to which count the jobs of the order, or of the last one, are executed.
+    /// Returns the count up to which the jobs of the order, or of the last one, are executed.
     pub const fn executed(&self) -> u32 {
         self.core.machine.count.executed
     }
 
-    /// How many jobs of the order, or of the last one, the robot has queued, as far as it has reported.
+    /// Returns the number of jobs of the order, or of the last one, that the robot has queued, as far as it has reported.
     pub const fn queued(&self) -> u32 {
         self.core.machine.count.queued
     }
 
-    /// How many jobs of the order, or of the last one, were ever sent.
+    /// Returns the number of jobs of the order, or of the last one, that were ever sent.
     pub const fn sent(&self) -> u32 {
         self.core.machine.count.sent
     }
 
-    /// The first commands have an outcome.
+    /// Reports the outcome of the first commands.
     fn commands_end(&mut self, count: u8, outcome: CommandOutcome) {
         for (id, value) in self.commands.into_iter().take(count.into()) {
             self.core.push_outcome(PcEvent::Command { id, value, outcome });
@@ -243,7 +244,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         self.commands.rotate_left(count.into());
     }
 
-    /// As many of these jobs as there is room for.
+    /// Writes as many of these jobs as fit.
     fn write_jobs(
         &mut self,
         order: u16,
@@ -303,12 +304,12 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<PcEvent, 32>;
     type Statistics = PcStatistics;
-    /// The message, or why it cannot be used.
+    /// The message, or the reason that it cannot be used.
     type Payload = Result<(Role, Params), MessageError>;
 
-    /// A datagram that is longer than any message is seen to be.
     const LINK: &'static str = "kawasaki-msg";
     const END: &'static str = "pc";
+    /// Longer than any message, so that a datagram that is too long is noticed.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     const ROOM: Room = Room::NONE;
@@ -329,7 +330,7 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
 
     fn end_input(&mut self, now: Duration) {
         if self.core.config.datagrams {
-            // No message goes on after the end of a datagram.
+            // A message does not continue after the end of a datagram.
             self.finish(now);
         }
         let whole = !self.core.decoder.is_inside_message();

@@ -1,24 +1,24 @@
 use crate::job::Work;
 
-/// Where a PC session gets the jobs of an order: by their place in it, also again, so that the session itself holds none.
+/// The source of the jobs of an order, by their index in it, and repeatedly, so that the session itself stores no jobs.
 ///
-/// A slice is one, and so is a closure `FnMut(u32) -> Supply<W>`.
+/// A slice is a source, and so is a closure `FnMut(u32) -> Supply<W>`.
 pub trait JobSource {
-    /// What a job is.
+    /// The type of a job.
     type Work: Work;
 
-    /// The job of a place, counted from 0. The same place always gives the same job, until the order is over.
+    /// Returns the job at an index, counted from 0. The same index always gives the same job, until the order is over.
     fn job(&mut self, index: u32) -> Supply<Self::Work>;
 }
 
-/// What a [`JobSource`] has at a place.
+/// The result of a [`JobSource`] for an index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Supply<W> {
-    /// This job.
+    /// The job at the index.
     Job(W),
-    /// Nothing yet: jobs that are still being worked out (thesis, section 13.1).
+    /// No job yet: jobs that are still being computed (thesis, section 13.1).
     Later,
-    /// Nothing, ever: the order has as many jobs as the place says.
+    /// No job, ever: the index is the number of jobs of the order.
     End,
 }
 

@@ -1,4 +1,4 @@
-//! The state of a PC: everything that decides what it does next.
+//! The state of a PC: everything that decides its next step.
 
 use core::fmt;
 use core::time::Duration;
@@ -7,7 +7,8 @@ use crate::content::{FromPc, FromRobot, Status};
 use crate::numbering::Ahead;
 use crate::phase::Phase;
 
-/// A PC's machine, which listens without an order at first. Bytes, the lines of the jobs, the values of commands, events and statistics are the session's.
+/// A PC's machine, which listens without an order at first. The session has the bytes, the lines of the jobs, the values of
+/// commands, the events and the statistics.
 ///
 #[doc = include_str!("../../diagrams/pc.md")]
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
@@ -16,7 +17,7 @@ pub struct Machine {
     pub link: Link,
     /// The order; it outlives the connection.
     pub order: Order,
-    /// How far the order, or the last one, is.
+    /// The progress of the order, or of the last one.
     pub count: Count,
     /// The commands that have no outcome yet.
     pub commands: Commands,
@@ -34,7 +35,7 @@ pub enum Link {
     Connected { silent_at: Duration, reply: Reply, robot: Known, close: bool },
 }
 
-/// Nothing is sent that the robot does not wait for.
+/// The reply to the robot: nothing is sent that it does not wait for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
@@ -43,11 +44,11 @@ pub enum Reply {
     Nothing,
     /// A message has come, and half of another is there.
     Receiving { contents: Contents },
-    /// The answer is sent at a time.
+    /// The answer is due at `at`.
     Due { at: Duration, contents: Contents },
 }
 
-/// What an answer has to hold.
+/// The contents that an answer must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Contents {
@@ -61,9 +62,9 @@ pub struct Contents {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Known {
-    /// Nothing was reported.
+    /// The robot has reported no order.
     Nothing,
-    /// This order was; 0 for none.
+    /// The robot has reported this order; 0: no order.
     In { order: u16 },
 }
 
@@ -74,80 +75,80 @@ pub enum Order {
     /// No order.
     #[default]
     Idle,
-    /// The robot is to take it. `refusals`: how often the robot has refused it without being in another order. `cancelled`: the caller
-    /// has interrupted it; the outcome of the start that was sent is still waited for.
+    /// The robot is to accept the order. `refusals`: the number of times that the robot has refused it without being in
+    /// another order. `cancelled`: the caller has interrupted it; the outcome of the start that was sent is still awaited.
     Starting { number: u16, start: Start, refusals: u16, cancelled: bool },
-    /// The robot is in it. `left_at`: over datagrams, when the robot is taken to have left the order, since its reports of another one
-    /// may be late; [`Duration::MAX`] without such a report.
+    /// The robot is in the order. `left_at`: over datagrams, the time at which the robot is considered to have left the
+    /// order, since its reports of another one may be late; [`Duration::MAX`] without such a report.
     Running { number: u16, stage: Stage, left_at: Duration },
 }
 
-/// How far a start is.
+/// The progress of a start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Start {
-    /// It has to be sent.
+    /// The start has to be sent.
     Unsent,
-    /// The connection on which it was sent is lost: the robot's status shows what became of it.
+    /// The connection on which the start was sent is lost: the robot's status shows the outcome.
     Lost,
-    /// It was sent on this connection, and is answered by then, or the connection is given up. Over datagrams it is sent again, and
-    /// once it is cancelled, it cannot arrive any more by then.
+    /// The start was sent on this connection, and is answered by `answer_by`, or the connection is given up. Over datagrams
+    /// it is sent again; once it is cancelled, it cannot arrive after that time.
     Sent { answer_by: Duration },
     /// This order, another one or an old one of the same number, has to end first.
     Foreign { order: u16 },
 }
 
-/// How far an order is.
+/// The stage of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// Jobs are sent.
     Active,
     /// No job follows.
     Ending,
-    /// The robot is to end it after the job that is being executed.
+    /// The robot is to end the order after the job that is being executed.
     Interrupted,
 }
 
 /// Counts of jobs: `executed <= queued <= sent`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Count {
-    /// Up to which count all are executed.
+    /// The count up to which all jobs are executed.
     pub executed: u32,
-    /// How many the robot has queued, as far as it has reported.
+    /// The number of jobs that the robot has queued, as far as it has reported.
     pub queued: u32,
-    /// How many were ever sent.
+    /// The number of jobs that were ever sent.
     pub sent: u32,
-    /// How many there are, once the source has shown it.
+    /// The number of jobs of the order; `None` until the source has shown it.
     pub total: Option<u32>,
     /// The jobs after `executed` that were executed ahead of others.
     pub ahead: Ahead,
-    /// Corrupt bytes came: an acknowledgement may be lost.
+    /// Whether corrupt bytes came: an acknowledgement may be lost.
     pub is_unsure: bool,
-    /// What is executed or queued is not reported yet.
+    /// Whether a change of `executed` or `queued` is not reported yet.
     pub is_news: bool,
 }
 
 /// The commands that have no outcome yet, oldest first: those in flight, then those that wait.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Commands {
-    /// Sent since the robot's last packet.
+    /// The number of commands sent since the robot's last packet.
     pub in_flight: u8,
-    /// Not sent.
+    /// The number of commands not sent yet.
     pub waiting: u8,
 }
 
 impl Commands {
-    /// How many there can be.
+    /// The maximum number of commands without an outcome.
     pub const MAX: u8 = 4;
 }
 
-/// Messages that the session has understood, and requests of its caller. Jobs are counted from 0.
+/// Messages that the session has decoded, and requests of its caller. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
     /// A connection was accepted.
     Connected,
-    /// It is closed.
+    /// The connection is closed.
     Disconnected,
     /// Time has passed.
     Timeout,
@@ -155,28 +156,28 @@ pub enum Input {
     Message(FromRobot),
     /// Bytes that are not a message.
     Corrupt,
-    /// All bytes read are understood. `whole`: they do not end inside a message.
+    /// All bytes read are decoded. `whole`: they do not end inside a message.
     ReadEnd { whole: bool },
     /// The caller begins an order.
     Start { order: u16 },
-    /// The caller goes on with an order that an earlier PC has begun, as that has kept it: the first `executed` jobs are known to be
-    /// executed, those up to `sent` may have been sent; `total`: how many there are, if that is known.
+    /// The caller continues an order that an earlier PC has begun and stored: the first `executed` jobs are known to be
+    /// executed, those up to `sent` may have been sent; `total`: the number of jobs, if that is known.
     Resume { order: u16, executed: u32, sent: u32, total: Option<u32> },
-    /// The caller ends it after what is queued.
+    /// The caller ends the order after the queued jobs.
     End,
-    /// The caller ends it after the job that is being executed.
+    /// The caller ends the order after the job that is being executed.
     Interrupt,
     /// The caller sends a command.
     Command,
-    /// A job of an order that goes on was executed ahead of others.
+    /// A job of an order that continues was executed ahead of others.
     Ahead { index: u32 },
     /// The answer that was due is sent.
     Sent(Sent),
-    /// What is to be reported of the state is.
+    /// The change of the state has been reported.
     Reported,
 }
 
-/// What an answer has to hold: as much of it as finds room, in this order. What nothing is of is filler.
+/// The contents of an answer: as many of them as fit, in this sequence. An answer without contents is a filler.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
     /// The index of a job: if the source does not have it, the order is done, and the answer is [`at_end`](Self::at_end).
@@ -185,11 +186,11 @@ pub struct Answer {
     pub order: u16,
     /// The status: the last job sent as the queued one, and the last one known to be executed.
     pub status: Option<Status>,
-    /// What the order asks of the robot.
+    /// The order's request to the robot.
     pub request: Option<FromPc>,
-    /// How many commands, those that wait.
+    /// The number of waiting commands.
     pub commands: u8,
-    /// The jobs of these places, as many as there are.
+    /// The first job index and the end of the range; as many of these jobs as exist.
     pub jobs: Option<(u32, u32)>,
 }
 
@@ -202,28 +203,28 @@ impl Answer {
     }
 }
 
-/// What was in an answer.
+/// The contents of an answer that was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Sent {
-    /// What the order asks of the robot.
+    /// Whether the order's request to the robot was in it.
     pub request: bool,
-    /// How many commands.
+    /// The number of commands.
     pub commands: u8,
-    /// How many jobs.
+    /// The number of jobs.
     pub jobs: u32,
-    /// Why no more of them.
+    /// The reason that no more jobs were in it.
     pub rest: Rest,
 }
 
-/// What became of the jobs that were due and are not in an answer.
+/// The fate of the jobs that were due and are not in an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Rest {
-    /// They have no room there, or are not worked out yet.
+    /// The jobs do not fit, or are not computed yet.
     #[default]
     Later,
-    /// There are none: the order ends before them.
+    /// No such jobs exist: the order ends before them.
     End,
-    /// The first cannot be written: no later one is ever asked for.
+    /// The first job cannot be written: no later one is ever requested.
     Unfit,
 }
 
@@ -246,7 +247,7 @@ pub enum Action {
     Rejected(Rejection),
     /// The robot has accepted the order.
     Started,
-    /// It has not, because of the active order, 0 for none. It is tried again.
+    /// The robot has not accepted the order, because of the active one, 0 for none. The start is sent again.
     Refused { active: u16 },
     /// The robot does not accept jobs for now.
     Paused,
@@ -258,7 +259,7 @@ pub enum Action {
     Sent,
 }
 
-/// What the caller learns of the state: where it has changed again before that, as it is then.
+/// A change to report to the caller. The event has the state at the time of the poll, not of the change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Report {
     /// The connection is to be closed.
@@ -272,33 +273,35 @@ pub enum Report {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum CommandOutcome {
-    /// It was sent, and the robot has sent a packet since. No reply is defined for a command: whether it was executed is unknown.
+    /// The command was sent, and the robot has sent a packet since. No reply is defined for a command: whether it was
+    /// executed is unknown.
     Transmitted,
-    /// It was sent, and the connection has ended before the robot's next packet.
+    /// The command was sent, and the connection has ended before the robot's next packet.
     Unknown,
 }
 
-/// How an order has ended.
+/// The outcome of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Outcome {
-    /// The jobs before `executed` and those ahead are executed, no others will be. `complete`: they are all jobs of the order.
+    /// The jobs before `executed` and those ahead are executed, no others will be. `complete`: these are all jobs of the
+    /// order.
     Over { executed: u32, complete: bool },
     /// The jobs before `executed` and those ahead are executed, the others up to `sent` are unknown.
     Unknown { executed: u32, sent: u32 },
-    /// The robot has not taken the order, because of the active one, 0 for none, and it is not tried again.
+    /// The robot has not accepted the order, because of the active one, 0 for none, and the start is not sent again.
     GivenUp { active: u16 },
 }
 
-/// Why a message is not used.
+/// The reason that a message is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Rejection {
-    /// It is of another order.
+    /// The message is about another order.
     WrongOrder,
-    /// No job that this could mean was sent.
+    /// No job with this number was sent.
     OutOfOrder,
-    /// It is not expected at this end.
+    /// The message is not expected at this end.
     NotExpected,
 }
 
@@ -313,7 +316,7 @@ impl fmt::Debug for Reaction {
 }
 
 impl Order {
-    /// Its number; 0 for none.
+    /// Returns the number of the order; 0 for none.
     pub const fn number(&self) -> u16 {
         match self {
             Order::Idle => 0,

@@ -18,25 +18,25 @@ pub struct RobotConfig {
     pub dialect: Dialect,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
-    /// Every input is a datagram: messages do not continue in the next one, and it may come late. The start of an order that has ended
-    /// is refused, and none is looked at for [`LATEST_DATAGRAM`](timing::LATEST_DATAGRAM) after the first connection. False by
-    /// default.
+    /// Whether every input is a datagram: messages do not continue in the next one, and it may come late. The start of an
+    /// order that has ended is refused, and no start is considered for [`LATEST_DATAGRAM`](timing::LATEST_DATAGRAM) after the
+    /// first connection. False by default.
     pub datagrams: bool,
-    /// The highest job number, 2 to 9999, which both ends have agreed on; the queue's too. 9999 by default.
+    /// The highest job number, 2 to 9999, on which both ends have agreed, and that of the queue. 9999 by default.
     pub max_number: u16,
-    /// How executed jobs are acknowledged, as configured at the PC too. Every job by default.
+    /// The way in which executed jobs are acknowledged, as configured at the PC too. Every job by default.
     pub acks: Acks,
-    /// After the queue was full, jobs are requested when at most this many are left in it; half the queue by default.
+    /// After the queue was full, jobs are requested when at most this many remain in it; half the queue by default.
     pub low_water: Option<usize>,
-    /// How often each step of the recovery is taken; 3 resends, 3 pauses and 1 clear by default.
+    /// The number of times that each step of the recovery is taken; 3 resends, 3 pauses and 1 clear by default.
     pub recovery: RecoveryLimits,
-    /// How long the next job may be missing, with nothing left to execute, before a recovery step is taken: 1 s by
-    /// default, which an order whose jobs take longer to work out must raise. See [`alarm_bound`](Self::alarm_bound).
+    /// The time for which the next job may be missing, with nothing more to execute, before a recovery step is taken: 1 s by
+    /// default, which an order whose jobs take longer to compute must raise. See [`alarm_bound`](Self::alarm_bound).
     pub patience: Duration,
-    /// How long the recovery pauses; 500 ms by default.
+    /// The duration of a recovery pause; 500 ms by default.
     pub pause: Duration,
-    /// How long a cycle waits for an answer, and for the rest of a partial one, before it starts again; 1 s by default. On a
-    /// serial line longer than both packets take: 4096 bytes at 115200 baud take 356 ms.
+    /// The time for which a cycle waits for an answer, and for the rest of a partial one, before it starts again; 1 s by
+    /// default. On a serial line, set it longer than both packets take: 4096 bytes at 115200 baud take 356 ms.
     pub reply_timeout: Duration,
     /// The shortest time between packets; by default the 32 ms of the source's controller.
     pub exchange: Duration,
@@ -46,11 +46,12 @@ pub struct RobotConfig {
     pub reconnect_delay: Duration,
     /// The longest time between two status messages; 1 s by default.
     pub status_period: Duration,
-    /// Answer 0 to the start of the order that is active already and has jobs: without it the source's answer, the order's own
-    /// number, looks like acceptance. The start of an order without jobs is accepted again in any case. True by default.
+    /// Whether to answer 0 to the start of the order that is already active and has jobs: otherwise the source's answer, the
+    /// order's own number, looks like acceptance. The start of an order without jobs is accepted again in any case. True by
+    /// default.
     pub refuse_repeated_start: bool,
-    /// End the active order when the PC's status names another one or none. The source calls it less safe than waiting for the
-    /// PC to end it (thesis, section 11.2). False by default.
+    /// Whether to end the active order when the PC's status names another one or none. The source calls it less safe than
+    /// waiting for the PC to end it (thesis, section 11.2). False by default.
     pub end_foreign_order: bool,
     #[cfg(feature = "model")]
     #[doc(hidden)]
@@ -61,19 +62,19 @@ robot_session::rules! {
     /// The rules against wrong execution and deadlock; the model shows that each is needed.
     #[doc(hidden)]
     pub enum Rule for RobotConfig {
-        /// Messages after a failed one are dropped, also the order's end; corrupt bytes are a failed message.
+        /// Messages after a failed one are dropped, including the order's end; corrupt bytes are a failed message.
         DestroyRest,
-        /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
+        /// An end does not count until the missing jobs have come, or must come twice, each time after a request.
         EndFillsGap,
         /// An end that may answer a packet before those requests, because packets were not answered in time, does not count.
         CountUnanswered,
         /// After a new connection jobs are missing, too, and an end has no effect while the list is cleared.
         GapAtConnection,
-        /// Steps of recovery by the clock, while nothing is left to execute.
+        /// Recovery steps are taken by the clock, while nothing more is to be executed.
         StepsByClock,
-        /// A connection that ends while nothing is left to execute is a step, too.
+        /// A connection that ends while nothing more is to be executed is a step, too.
         ClosingIsStep,
-        /// A cleared queue is looked at twice, and what was executed until then is reported between.
+        /// A cleared queue is checked twice, and the jobs executed until then are reported in between.
         SettledTwice,
         /// Over datagrams, the start of an order that is over is refused.
         NewStarts,
@@ -114,18 +115,20 @@ impl RobotConfig {
         Self { limits: Limits::UDP, datagrams: true, ..Self::tcp() }
     }
 
-    /// How long an order can make no progress before the alarm, whatever the PC does while it is connected: from when nothing is
-    /// left to execute. Connections that are being opened do not count, nor a motion task that does not look at its queue. With
-    /// the defaults 17.5 s at the most; 10 s if the PC answers every packet at once.
+    /// Returns the longest time without progress of an order before the alarm, whatever the PC does while it is connected:
+    /// from the time at which nothing more is to be executed. Time in which a connection is being opened does not count, nor
+    /// does that in which the motion task does not check its queue. With the defaults 17.5 s at most; 10 s if the PC answers
+    /// every packet at once.
     pub fn alarm_bound(&self) -> Duration {
         let RecoveryLimits { resends, pauses, clears } = self.recovery;
         let steps = u32::from(resends) + u32::from(pauses) + u32::from(clears) + 1;
-        // The time of a step begins with a packet, and that comes with the next cycle.
+        // The time of a step begins with a packet, which is sent in the next cycle.
         let each = self.reply_timeout.max(self.exchange).saturating_add(self.patience);
         each.saturating_mul(steps).saturating_add(self.pause.saturating_mul(u32::from(pauses)))
     }
 
-    /// A job's own fields have `work` bytes at most; a session can hold a message of `held` bytes, and its queue so many jobs.
+    /// Checks the configuration. A job's own fields have at most `work` bytes; a session can hold a message of `held` bytes,
+    /// and its queue `capacity` jobs.
     pub(crate) fn check(&self, work: usize, held: usize, capacity: usize) -> Result<(), ConfigError> {
         let individual = self.acks == Acks::Individual;
         self.dialect.check(self.max_number, self.datagrams, [individual.then_some(Role::JobAck), None])?;
@@ -160,25 +163,26 @@ impl Default for RobotConfig {
     }
 }
 
-/// How executed jobs are acknowledged (thesis, section 11.2).
+/// The way in which executed jobs are acknowledged (thesis, section 11.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Acks {
-    /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every k-th,
-    /// and what is left when there is nothing else to send or to execute.
+    /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every
+    /// k-th, and the rest when there is nothing else to send or to execute.
     #[allow(missing_docs, reason = "see above")]
     Cumulative { every: NonZeroU16 },
     /// Jobs may overtake one another: each is acknowledged individually. The queue has at most 1024 jobs.
     Individual,
 }
 
-/// How often each step of the recovery is taken before the next. The source names the steps; the counts are this project's.
+/// The number of times that each step of the recovery is taken before the next. The source names the steps; the counts are
+/// this project's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RecoveryLimits {
-    /// How often jobs are requested again.
+    /// The number of times that jobs are requested again.
     pub resends: u16,
-    /// How often the PC is asked to pause.
+    /// The number of times that the PC is requested to pause.
     pub pauses: u16,
-    /// How often the queue is cleared.
+    /// The number of times that the queue is cleared.
     pub clears: u16,
 }
 

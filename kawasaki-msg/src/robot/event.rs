@@ -4,10 +4,10 @@ use crate::error::{DecodeError, MessageError};
 use crate::phase::Phase;
 use crate::robot::state::RecoveryStep;
 
-/// What a robot session reports.
+/// An event of a robot session.
 ///
-/// Outcomes, which are never dropped: the four of an order, `Alarm` and `Command`. `Connect` and `Disconnect` wait until they are taken
-/// or out of date. The others are notices.
+/// Outcomes, which are never dropped: the four of an order, `Alarm` and `Command`. `Connect` and `Disconnect` wait until they
+/// are polled or out of date. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -36,9 +36,9 @@ pub enum RobotEvent {
     QueueFull { last: Option<u16> },
     /// The queue has drained: jobs from this one on are requested.
     QueueDrained { next: u16 },
-    /// Nothing is left to execute, and the next job is overdue; the recovery step.
+    /// Nothing more is to be executed, and the next job is overdue; the recovery step.
     Recovery { step: RecoveryStep, next: u16 },
-    /// For the motion program: stop and raise an alarm. `clear_queue` or `reset_order` leads out of it.
+    /// For the motion program: stop and raise an alarm. `clear_queue` or `reset_order` ends the alarm.
     Alarm { order: u16, next: u16 },
     /// The queue was cleared; jobs are sent again from this one on.
     QueueCleared { next: u16 },

@@ -1,4 +1,4 @@
-//! What a robot does with orders and jobs.
+//! The handling of orders and jobs by a robot.
 
 use core::time::Duration;
 
@@ -33,7 +33,7 @@ impl Machine {
             return self.failed(Rejection::Bad, config);
         }
         if number == next {
-            // Executed ahead of the others before the list was cleared.
+            // The job was executed ahead of the others before the list was cleared.
             let is_executed = self.ahead.contains(self.queued - self.executed);
             let can_ack = config.acks != Acks::Individual || self.queued - self.acked < Ahead::MAX;
             if !(is_executed || room && can_ack) {
@@ -56,11 +56,11 @@ impl Machine {
         if (2..=u32::from(numbering.max()) / 2).contains(&ahead) {
             return self.failed(Rejection::OutOfOrder, config);
         }
-        // Sent twice: harmless, and what follows it may be new.
+        // The job was sent twice: harmless, and the next one may be new.
         Action::Rejected(Rejection::Repeated)
     }
 
-    /// A message that should have been a job was none: jobs are missing from here on.
+    /// Handles an unusable message in place of a job: jobs are missing from here on.
     pub(super) fn failed(&mut self, why: Rejection, config: &RobotConfig) -> Action {
         if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order {
             let before = core::mem::replace(gap, Gap::Rest);
@@ -73,8 +73,8 @@ impl Machine {
 
     /// "If the order went through, its number is returned, otherwise 0 or the number of the active order" (thesis, section 10.1).
     ///
-    /// A late datagram may name an order that is over: one of a number that has just ended is refused. A robot that has just been
-    /// started knows none of them, and looks at no start for as long as such a datagram may still come.
+    /// A late datagram may name an order that is over: a start with a number that has just ended is refused. A robot that has
+    /// just been started knows no such numbers, and ignores all starts for as long as such a datagram may still come.
     pub(super) fn on_start(
         &mut self,
         now: Duration,
@@ -104,15 +104,15 @@ impl Machine {
             self.replies.start = Some(order);
             return Action::Started;
         };
-        // The active order, of which nothing has come: the answer was lost. Nothing begins again, the recovery neither.
+        // The active order, of which nothing has come: the answer was lost. Nothing begins again, not even the recovery.
         let again = number == order && self.queued == 0 && first == 1;
         let refused = config.refuse_repeated_start && number == order && !again;
         self.replies.start = Some(if refused { 0 } else { number });
         if again { Action::Nothing } else { Action::Refused }
     }
 
-    /// Whether a start may still be a late datagram. Where nobody has called for a while, one that came in time is read when the time
-    /// is over: from the first start on that is read then, it is one exchange longer.
+    /// Returns whether a start may still be a late datagram. If the session was not called for a while, a start that came in
+    /// time is read after that time: so the first start that is read then extends the time by one exchange.
     pub(super) fn ignores_starts(&mut self, now: Duration, config: &RobotConfig) -> bool {
         let Starts::New { ignored_until, drained, .. } = &mut self.starts else { return false };
         if now >= *ignored_until && !*drained {
@@ -178,8 +178,8 @@ impl Machine {
         Action::Nothing
     }
 
-    /// The end of an order that is not active is acknowledged again if it was the last one. How far another came is not known
-    /// here: the status reports which orders are.
+    /// Acknowledges the end of an order that is not active again if it was the last one. The progress of another order is not
+    /// known here: the status reports the known orders.
     fn repeat_end(&mut self, order: u16) {
         if self.ended.is_some_and(|ended| ended.order == order) {
             self.replies.end = true;

@@ -1,4 +1,4 @@
-//! What a robot does: `on` for what has happened, with everything but jobs and orders in this file.
+//! The machine of a robot: its reaction to each input. This file has everything but jobs and orders.
 
 use core::time::Duration;
 
@@ -104,7 +104,7 @@ impl robot_session::end::Machine for Machine {
         }
     }
 
-    /// That of the order, or of the connection where there is no order.
+    /// Returns the name of the order's state, or of the connection's if there is no order.
     fn name(&self) -> &'static str {
         match (&self.order, &self.link) {
             (Order::Active { stage: Stage::Intake { gap: Gap::Closed, .. }, .. }, _) => "Active",
@@ -121,7 +121,7 @@ impl robot_session::end::Machine for Machine {
 }
 
 impl Machine {
-    /// A robot that wants to connect at once.
+    /// A robot that requests a connection at once.
     pub fn new(config: &RobotConfig) -> Self {
         let starts = if config.datagrams {
             Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }
@@ -142,7 +142,7 @@ impl Machine {
         }
     }
 
-    /// When [`Input::Timeout`] has something to do.
+    /// Returns the time at which [`Input::Timeout`] is due.
     fn expires_at(&self) -> Duration {
         let mut order = Duration::MAX;
         match self.order {
@@ -167,7 +167,7 @@ impl Machine {
         }
     }
 
-    /// What is to be reported of the state; `None` when it was.
+    /// Returns the change that is to be reported to the caller; `None` if it was.
     pub const fn report(&self) -> Option<Report> {
         match self.link {
             Link::Connecting { reported: false } => Some(Report::Connect),
@@ -186,7 +186,7 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// How far the order is, as the status reports it.
+    /// Returns the phase of the order, as the status reports it.
     pub const fn phase(&self) -> Phase {
         match self.order {
             Order::Idle => Phase::Idle,
@@ -199,7 +199,7 @@ impl Machine {
         }
     }
 
-    /// There is a connection.
+    /// Returns whether there is a connection.
     pub const fn is_connected(&self) -> bool {
         matches!(self.link, Link::Connected { .. })
     }
@@ -223,7 +223,7 @@ impl Machine {
         // The status covers the jobs that are executed in order; those executed ahead may not have arrived.
         (self.acked, self.acked_ahead) = (self.executed, Ahead::default());
         if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
-            // No time runs out without a connection: a pause may be over since.
+            // No time passes without a connection: a pause may be over since.
             flow.end_pause(now);
             if config.keeps(Rule::GapAtConnection) {
                 *gap = Gap::Rest;
@@ -233,7 +233,7 @@ impl Machine {
 
     fn on_disconnected(&mut self, now: Duration, config: &RobotConfig) -> Action {
         let connected = match self.link {
-            // It is closed already.
+            // The connection is closed already.
             Link::Disconnected { .. } => return Action::Nothing,
             Link::Connecting { .. } => false,
             Link::Connected { .. } => true,
@@ -247,7 +247,7 @@ impl Machine {
         if is_step { self.step(now, config) } else { Action::Nothing }
     }
 
-    /// One thing that is due. A step of recovery comes first: the next cycle would restart its time.
+    /// Handles one due deadline. A step of recovery comes first: the next cycle would restart its time.
     fn on_timeout(&mut self, now: Duration, config: &RobotConfig) -> Action {
         if let Link::Disconnected { connect_at } = self.link
             && is_due(connect_at, now)
@@ -285,7 +285,7 @@ impl Machine {
         }
     }
 
-    /// A step of recovery (thesis, section 6.3).
+    /// Takes a step of recovery (thesis, section 6.3).
     fn step(&mut self, now: Duration, config: &RobotConfig) -> Action {
         let Order::Active { stage, .. } = &mut self.order else { return Action::Nothing };
         let Stage::Intake { flow, recovery, .. } = stage else { return Action::Nothing };
@@ -339,7 +339,7 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// Something has come; `None` without a connection.
+    /// Records that something has come; `None` without a connection.
     fn answered(&mut self) -> Option<()> {
         let Link::Connected { cycle, .. } = &mut self.link else { return None };
         if let Cycle::Waiting { answered, .. } = cycle {
@@ -348,8 +348,9 @@ impl Machine {
         Some(())
     }
 
-    /// An answer is whole when a message has come, none is left half read, and nothing follows for a cycle of the processor. So what a slow
-    /// line brings in pieces is one answer, and is read before the next packet asks for more.
+    /// Handles the end of a read. An answer is whole when a message has come, no half message remains, and nothing follows
+    /// for a cycle of the processor. So an answer that a slow line delivers in pieces is one answer, and is read completely
+    /// before the next packet requests more.
     fn on_read_end(&mut self, now: Duration, whole: bool) -> Action {
         let Link::Connected { cycle, silent, synced, .. } = &mut self.link else { return Action::Nothing };
         let silent_at = now.saturating_add(timing::CPU_CYCLE);
@@ -398,7 +399,7 @@ impl Machine {
             self.ahead.pass();
             self.executed += 1;
         }
-        // Also past what was queued again after the list was cleared.
+        // Even past the jobs that were queued again after the list was cleared.
         self.queued = self.queued.max(self.executed);
         match stage {
             Stage::Intake { recovery, .. } => *recovery = Recovery::Resting { failures: 0 },
@@ -408,8 +409,8 @@ impl Machine {
         Some(Action::Nothing)
     }
 
-    /// The motion task reports a job before it completes it: what was executed before the queue has settled is reported soon after.
-    /// Nothing is queued meanwhile.
+    /// Handles a settled queue. The motion task reports a job before it completes it: jobs executed before the queue has
+    /// settled are reported soon after. Nothing is queued meanwhile.
     fn on_settled(&mut self, now: Duration, config: &RobotConfig) -> Action {
         match &mut self.order {
             Order::Active {
@@ -443,7 +444,7 @@ impl Machine {
         self.order = Order::Idle;
         self.queued = self.executed;
         if config.acks != Acks::Individual {
-            // The end reports it.
+            // The end of the order reports it.
             self.acked = self.executed;
         }
         if let Starts::New { ended, .. } = &mut self.starts {

@@ -11,14 +11,14 @@ use crate::job::Work;
 use crate::role::{Field, Role};
 
 impl<W: Work, const MESSAGE: usize, R: Wake> Robot<'_, W, MESSAGE, R> {
-    /// Whether there is space for what a message brings; reports what does not concern the machine.
+    /// Returns whether there is space for the results of a message; reports messages that do not concern the machine.
     #[inline(always)]
     pub(super) fn accepts(&mut self, message: FromPc) -> bool {
         let events = &mut self.core.events;
         let received = &self.received;
         match (message, received.role) {
             (FromPc::Job { .. }, _) => self.jobs.writer.free() > 0,
-            // An order is begun only with space for all that it can report, and a motion task.
+            // An order begins only with free entries for all its outcomes, and with a motion task.
             (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.jobs.writer.is_abandoned(),
             (FromPc::Status { .. }, _) => {
                 let Status { order, phase, queued: sent, executed, .. } = Status::read(&received.params);

@@ -13,7 +13,7 @@ pub(super) struct Received<W> {
     pub(super) params: Params,
     /// A job's own fields.
     work: W,
-    /// Why the last message that cannot be used, or the job in it, cannot be.
+    /// The reason that the last unusable message, or the job in it, cannot be used.
     pub(super) error: Option<MessageError>,
 }
 

@@ -22,30 +22,31 @@ use crate::statistics::RobotStatistics;
 
 /// The session of a robot: it opens the connection, speaks first in every cycle, and queues the jobs that the PC sends.
 ///
-/// Drive it as [`Session`](robot_session::Session) describes, each packet in one write. The [`Wake`] of its queue tells it when to look
-/// at it: if that hook is the waker of a driver, the loop needs no other turns. On [`RobotEvent::Connect`] open a connection
-/// and call [`handle_connected`](robot_session::Session::handle_connected), or
+/// Drive it as [`Session`](robot_session::Session) describes, each packet in one write. The [`Wake`] of its queue signals
+/// that the session is to check the queue: if that hook is the waker of a driver, the loop needs no other turns. On
+/// [`RobotEvent::Connect`] open a connection and call [`handle_connected`](robot_session::Session::handle_connected), or
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected) if it fails.
 ///
-/// One cycle is: send at least one message, filler if there is none; wait for the answer, but not longer than
+/// One cycle: send at least one message, a filler if nothing else is due; wait for the answer, but not longer than
 /// [`RobotConfig::reply_timeout`]; start again.
 ///
-/// **The motion task** has the other end of the queue, [`Motion`](crate::motion::Motion): it takes a job, executes it, and completes it,
-/// and with that the session knows of it. A motion task that says so by another way reports every number
+/// **The motion task** has the other end of the queue, [`Motion`](crate::motion::Motion): it takes a job, executes it, and
+/// completes it, which reports it to the session. A motion task with another way of reporting passes every number
 /// ([`Job::number`](crate::Job)) to [`job_done`](Self::job_done) before it completes the job.
 ///
-/// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
-/// (thesis, sections 7.2 and 12), and asked for again. The bytes always advance. All bytes of an input are taken. **Events** that
-/// are not fetched: see [`RobotEvent`]; while there is no room for outcomes, no order begins.
+/// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost the rest of the packet: it is destroyed
+/// (thesis, sections 7.2 and 12), and requested again. The bytes always advance. All bytes of an input are taken. **Events**
+/// that are not polled: see [`RobotEvent`]; while the event queue lacks free entries for outcomes, no order begins.
 ///
-/// **No progress**: while nothing is left to execute and the next job does not come, a step of recovery is taken after each
-/// [`RobotConfig::patience`], up to the alarm, which comes within [`RobotConfig::alarm_bound`]. A job that takes long is progress.
+/// **No progress**: while nothing more is to be executed and the next job does not come, a step of recovery is taken after
+/// each [`RobotConfig::patience`], up to the alarm, which comes within [`RobotConfig::alarm_bound`]. A job that takes long is
+/// progress.
 ///
-/// An order outlives its connection. After a new one both ends report by status what is queued and executed, and the
-/// robot asks for the job after the last that it has queued.
+/// An order outlives its connection. After a new one both ends report by status the queued and the executed jobs, and the
+/// robot requests the job after the last queued one.
 ///
-/// It can hold a message of `MESSAGE` bytes, and sends packets of as many at most. A table that needs more is a [`ConfigError`]:
-/// `Robot::<_, 512>::with_ranges`, or a [`LargeRobot`].
+/// The session can hold a message of `MESSAGE` bytes, and sends packets of at most as many. A table that needs more is a
+/// [`ConfigError`]: `Robot::<_, 512>::with_ranges`, or a [`LargeRobot`].
 #[derive(Debug)]
 pub struct Robot<'q, W: Work, const MESSAGE: usize = 256, R: Wake = NoWake> {
     pub(super) core: CoreOf<Self>,
@@ -59,8 +60,8 @@ pub struct Robot<'q, W: Work, const MESSAGE: usize = 256, R: Wake = NoWake> {
 pub type LargeRobot<'q, W, R = NoWake> = Robot<'q, W, { Message::MAX_LEN }, R>;
 
 impl<'q, W: Work, R: Wake> Robot<'q, W, 256, R> {
-    /// A session that wants to connect at once. `jobs` is its end of a queue, whose highest job number is the one that both ends have
-    /// agreed on. The ranges of a job's fields are the default ones.
+    /// A session that requests a connection at once. `jobs` is its end of a queue, whose highest job number is the one on
+    /// which both ends have agreed. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
@@ -70,7 +71,7 @@ impl<'q, W: Work, R: Wake> Robot<'q, W, 256, R> {
 }
 
 impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
-    /// As [`new`](Robot::new), of the size that its type says, with other ranges of a job's fields: what the robot can reach.
+    /// As [`new`](Robot::new), of the size of its type, with other ranges of a job's fields: those that the robot can reach.
     ///
     /// # Errors
     /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
@@ -94,8 +95,8 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         })
     }
 
-    /// The motion task has executed a job, where that is not said by [`Motion`](crate::motion::Motion). Hand over every report before
-    /// the next [`handle_timeout`](robot_session::Session::handle_timeout).
+    /// Records that the motion task has executed a job, if [`Motion`](crate::motion::Motion) does not report that. Pass every
+    /// report before the next [`handle_timeout`](robot_session::Session::handle_timeout).
     ///
     /// # Errors
     /// When no job of this number is in the queue, or it was reported before.
@@ -103,8 +104,8 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         self.executed_one(now, number).map_err(|_| SessionError::NotQueued { number })
     }
 
-    /// The first reset: clears the queue of all jobs but the one that is being executed; those not executed come again. Leads out
-    /// of an alarm.
+    /// The first reset: clears the queue of all jobs but the one that is being executed; those not executed come again. Ends
+    /// an alarm.
     ///
     /// # Errors
     /// When no order is active, or it is ending or being cleared; when the event queue is full.
@@ -115,7 +116,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         self.ask(Duration::ZERO, Input::ClearQueue).map_err(|_| SessionError::NoOrder)
     }
 
-    /// The second reset: clears the queue and forgets the order, as an interruption by the PC does.
+    /// The second reset: clears the queue and discards the order, as an interruption by the PC does.
     ///
     /// # Errors
     /// When no order is active, or it is interrupted already.
@@ -123,38 +124,39 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         self.ask(Duration::ZERO, Input::ResetOrder).map_err(|_| SessionError::NoOrder)
     }
 
-    /// Keeps a time that the caller has measured: unpacking one packet and queueing its jobs.
+    /// Records a time that the caller has measured: unpacking one packet and queueing its jobs.
     pub fn record_unpack(&mut self, time: Duration) {
         self.core.statistics.unpack.record(time);
     }
 
-    /// How far the order is.
+    /// Returns the phase of the order.
     pub const fn phase(&self) -> Phase {
         self.core.machine.phase()
     }
 
-    /// The active order; `None` when the robot is idle.
+    /// Returns the active order; `None` when the robot is idle.
     pub fn order(&self) -> Option<u16> {
         let number = self.core.machine.order.number();
         (number != 0).then_some(number)
     }
 
-    /// How many jobs of the active order, or of the last one, were queued.
+    /// Returns the number of jobs of the active order, or of the last one, that were queued.
     pub const fn queued(&self) -> u32 {
         self.core.machine.queued
     }
 
-    /// Up to which count the jobs of the active order, or of the last one, are executed.
+    /// Returns the count up to which the jobs of the active order, or of the last one, are executed.
     pub const fn executed(&self) -> u32 {
         self.core.machine.executed
     }
 
-    /// Whether the motion task has dropped its end of the queue.
+    /// Returns whether the motion task has dropped its end of the queue.
     pub fn is_abandoned(&self) -> bool {
         self.jobs.writer.is_abandoned()
     }
 
-    /// The jobs that the motion task has executed. Only one that has overtaken others where none may is not expected.
+    /// Records the jobs that the motion task has executed. A job is unexpected only if it has overtaken others although none
+    /// may.
     fn take_reports(&mut self, now: Duration) {
         while let Some(number) = self.jobs.next_executed() {
             if let Err(unexpected) = self.executed_one(now, number) {
@@ -171,7 +173,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         Ok(())
     }
 
-    /// The number of the job that is queued next.
+    /// Returns the number of the job that is queued next.
     pub(super) fn next(&self) -> u16 {
         self.core.config.numbering().next(self.core.machine.queued)
     }
@@ -185,9 +187,9 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
     /// The message is `received`.
     type Payload = ();
 
-    /// A datagram that is longer than any message is seen to be.
     const LINK: &'static str = "kawasaki-msg";
     const END: &'static str = "robot";
+    /// Longer than any message, so that a datagram that is too long is noticed.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = MESSAGE;
     const ROOM: Room = Room::NONE;
@@ -204,7 +206,7 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
 
     fn end_input(&mut self, now: Duration) {
         if self.core.config.datagrams {
-            // No message goes on after the end of a datagram.
+            // A message does not continue after the end of a datagram.
             self.finish(now);
         }
         let whole = !self.core.decoder.is_inside_message();
@@ -212,7 +214,7 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
     }
 
     fn look(&mut self, now: Duration) {
-        // Seen before the reports are taken: what was executed until then is known first.
+        // Checked before the reports are taken: so the jobs executed until then are recorded first.
         let is_settled = self.jobs.writer.is_settled() || self.jobs.writer.is_abandoned();
         let is_drained = self.jobs.writer.drained(self.low_water);
         self.take_reports(now);

@@ -1,11 +1,11 @@
-//! The state of a robot: everything that decides what it does next.
+//! The state of a robot: everything that decides its next step.
 
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot};
 use crate::numbering::Ahead;
 
-/// A robot's machine. Bytes, job lines, the queue itself, events and statistics are the session's.
+/// A robot's machine. The session has the bytes, the job lines, the queue itself, the events and the statistics.
 ///
 #[doc = include_str!("../../diagrams/robot.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -14,21 +14,21 @@ pub struct Machine {
     pub link: Link,
     /// The order; it outlives the connection.
     pub order: Order,
-    /// How many jobs of the order, or of the last one, were queued.
+    /// The number of jobs of the order, or of the last one, that were queued.
     pub queued: u32,
-    /// Up to which count they are executed.
+    /// The count up to which all jobs are executed.
     pub executed: u32,
-    /// The jobs after `executed` that are executed, where jobs overtake one another.
+    /// The jobs after `executed` that are executed, if jobs overtake one another.
     pub ahead: Ahead,
-    /// Up to which count all are acknowledged.
+    /// The count up to which all jobs are acknowledged.
     pub acked: u32,
     /// The jobs after `acked` that are acknowledged.
     pub acked_ahead: Ahead,
     /// The order that ended last.
     pub ended: Option<Ended>,
-    /// What the next packet has to hold.
+    /// The messages that the next packet must contain.
     pub replies: Replies,
-    /// Which orders may begin.
+    /// The orders that may begin.
     pub starts: Starts,
 }
 
@@ -38,20 +38,22 @@ pub struct Machine {
 pub enum Link {
     /// No connection; one is opened at a time.
     Disconnected { connect_at: Duration },
-    /// A connection is being opened; `reported` once the caller knows of it.
+    /// A connection is being opened; `reported` once the caller has received the event.
     Connecting { reported: bool },
-    /// Bytes can flow. The status is due at `status_at` without any other reason; `synced` after an answer: both ends know where the
-    /// other one is. `silent`: cycles without an answer in a row. `unanswered`: packets of the connection that were not answered in
-    /// time, less the ends that came late for them; at most [`silent_cycles`](crate::RobotConfig::silent_cycles) if that is not 0.
-    /// `close`: the connection is to be closed, which is not reported yet.
+    /// Bytes can flow. The status is due at `status_at` without any other reason; `synced` after an answer: each end has the
+    /// progress of the other. `silent`: cycles without an answer in a row. `unanswered`: packets of the connection that were
+    /// not answered in time, less the ends that came late for them; at most
+    /// [`silent_cycles`](crate::RobotConfig::silent_cycles) if that is not 0. `close`: the connection is to be closed, which
+    /// is not reported yet.
     Connected { cycle: Cycle, silent: u16, unanswered: u16, synced: bool, status_at: Duration, close: bool },
 }
 
-/// Whose turn it is to send.
+/// The end whose turn it is to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Cycle {
-    /// A packet is sent at a time; until `overdue_at` it waits for the rest of the answer, which a slow line brings in pieces.
+    /// A packet is sent at `at`; until `overdue_at` it waits for the rest of the answer, which a slow line delivers in
+    /// pieces.
     Ready { at: Duration, overdue_at: Duration },
     /// A packet was sent, and its answer is awaited until `overdue_at`; the next packet is not sent before `not_before`. `answered`: a
     /// message has come, but half of another may be there.
@@ -68,115 +70,116 @@ pub enum Order {
     Active { number: u16, stage: Stage },
 }
 
-/// How far an order is.
+/// The stage of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Stage {
-    /// Jobs are asked for and queued.
+    /// Jobs are requested and queued.
     Intake { flow: Flow, gap: Gap, recovery: Recovery },
-    /// The list is being cleared; the jobs in it are asked for again. The queue has settled, and the jobs executed until then are
-    /// reported by `reported_at`; [`Duration::MAX`] before. `failures`: the steps of recovery that were taken.
+    /// The list is being cleared; the jobs in it are requested again. The queue has settled, and the jobs executed until then
+    /// are reported by `reported_at`; [`Duration::MAX`] before. `failures`: the number of recovery steps taken.
     Clearing { failures: u32, reported_at: Duration },
     /// No job follows; those in the queue are executed.
     Ending,
-    /// The list is being cleared, the order is over then; `reported_at` as in [`Stage::Clearing`].
+    /// The list is being cleared, and the order is then over; `reported_at` as in [`Stage::Clearing`].
     Interrupted { reported_at: Duration },
-    /// The recovery has come to its end; the motion program has to help.
+    /// The last recovery step has failed; the motion program has to help.
     Alarm,
 }
 
-/// Whether jobs are asked for.
+/// Whether jobs are requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Flow {
-    /// In every packet.
+    /// Jobs are requested in every packet.
     Asking,
-    /// Not before the queue has drained.
+    /// Jobs are not requested before the queue has drained.
     Full,
-    /// Not before a time.
+    /// Jobs are not requested before a time.
     Held { until: Duration },
 }
 
 /// A message failed: jobs are missing from here on, and the order's end does not count before they have come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Gap {
-    /// None is missing.
+    /// No job is missing.
     Closed,
-    /// The packet in which it failed: the rest of it is destroyed, also in a later segment.
+    /// The packet of the failed message: the rest of the packet is destroyed, even in a later segment.
     Rest,
-    /// Jobs were asked for again.
+    /// Jobs were requested again.
     Asked,
     /// An end came, and no job before it: the rest of the packet in another segment, or the PC has no more jobs.
     EndOnce,
-    /// Jobs were asked for once more. Another end is obeyed.
+    /// Jobs were requested once more. Another end is accepted.
     AskedAgain,
 }
 
-/// Steps of recovery: taken by the clock while nothing is left to execute, forgotten with an executed job. `failures` were taken.
+/// The steps of recovery, which are taken by the clock while nothing more is to be executed, and start again after an
+/// executed job. `failures`: the number of steps taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Recovery {
-    /// A job is being executed, or none was asked for yet.
+    /// A job is being executed, or none was requested yet.
     Resting { failures: u32 },
-    /// All queued jobs are executed, and the next one was asked for: a step is taken unless it has come by then.
+    /// All queued jobs are executed, and the next one was requested: a step is taken unless it has come by `until`.
     Waiting { failures: u32, until: Duration },
 }
 
 /// An order that is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ended {
-    /// Its number.
+    /// The number of the order.
     pub order: u16,
-    /// The last job of it that was executed; `None` if none was.
+    /// The last executed job of the order; `None` if none was executed.
     pub executed: Option<u16>,
 }
 
-/// What the next packet has to hold.
+/// The messages that the next packet must contain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Replies {
-    /// The status.
+    /// Whether the status is due.
     pub status: bool,
-    /// That no jobs are to come for now.
+    /// Whether a pause is due: no jobs are to come for now.
     pub pause: bool,
-    /// To a start: the order number that answers it.
+    /// The order number that answers a start.
     pub start: Option<u16>,
-    /// The end of [`Machine::ended`].
+    /// Whether the end of [`Machine::ended`] is due.
     pub end: bool,
 }
 
-/// Which orders may begin.
+/// The orders that may begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Starts {
-    /// Any: a stream brings nothing late.
+    /// Any: over a stream nothing comes late.
     Any,
-    /// Over datagrams, those that no late datagram can name: not the `ended` ones before, 0 for none. No start is looked at before
-    /// `ignored_until`, [`Duration::MAX`] before the first connection. `drained`: a start was read after that time, which is one
-    /// exchange longer since: it may have waited to be read.
+    /// Over datagrams, orders that no late datagram can name: not the previous ones in `ended`, 0 for none. Starts are
+    /// ignored before `ignored_until`, which is [`Duration::MAX`] before the first connection. `drained`: a start was read
+    /// after that time, which was then extended by one exchange: the start may have waited to be read.
     New { ignored_until: Duration, drained: bool, ended: [u16; 16] },
 }
 
-/// What the session has understood.
+/// An input, as decoded by the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
     /// A connection is open.
     Connected,
-    /// It is closed, or could not be opened.
+    /// The connection is closed, or could not be opened.
     Disconnected,
     /// Time has passed.
     Timeout,
-    /// A message. `room`: the queue can take it: a slot is free for a job, and for an order there is a motion task.
+    /// A message. `room`: whether the queue can accept it: a slot is free for a job, or there is a motion task for an order.
     Message { message: FromPc, room: bool },
     /// Bytes that are not a message.
     Corrupt,
-    /// All bytes read are understood. `whole`: they do not end inside a message.
+    /// All bytes read are decoded. `whole`: they do not end inside a message.
     ReadEnd { whole: bool },
     /// The job of this number is executed.
     Executed { number: u16 },
-    /// Whatever was cleared is gone from the queue and not being executed, or there is no motion task any more.
+    /// All cleared jobs are gone from the queue and none is being executed, or there is no motion task any more.
     Settled,
-    /// At most the low-water mark is left in the queue.
+    /// At most the low-water mark remains in the queue.
     Drained,
     /// The first reset of the motion program: the list.
     ClearQueue,
@@ -184,46 +187,46 @@ pub enum Input {
     ResetOrder,
     /// The packet that was due is sent.
     Sent(Sent),
-    /// What is to be reported of the state is.
+    /// The change of the state has been reported.
     Reported,
 }
 
-/// The packet that is due: acknowledgements, and these messages in this sequence; a filler if there is none. A message without space
-/// waits for the next cycle.
+/// The packet that is due: acknowledgements, and these messages in this sequence; a filler if nothing is due. A message
+/// without space waits for the next cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Due {
     /// Executed jobs are acknowledged even if they are not a k-th one.
     pub all_acks: bool,
     /// The answer to a start.
     pub start: Option<FromRobot>,
-    /// The end of an order. It waits until all jobs are acknowledged, where each one is.
+    /// The end of an order. It waits until all jobs are acknowledged, if each job is.
     pub end: Option<FromRobot>,
-    /// The status. It waits as the end does.
+    /// The status. It waits in the same way as the end.
     pub status: Option<FromRobot>,
-    /// No jobs are to come for now.
+    /// The pause: no jobs are to come for now.
     pub pause: Option<FromRobot>,
     /// The request for jobs.
     pub request: Option<FromRobot>,
 }
 
-/// What was in a packet.
+/// The contents of a packet that was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Sent {
-    /// Cumulative: by how many jobs more than before are acknowledged; individual: this many acknowledgements.
+    /// Cumulative: the increase of the number of acknowledged jobs; individual: the number of acknowledgements.
     pub acked: u32,
-    /// The answer to a start.
+    /// Whether the answer to a start was in it.
     pub start: bool,
-    /// The end of an order.
+    /// Whether the end of an order was in it.
     pub end: bool,
-    /// The status.
+    /// Whether the status was in it.
     pub status: bool,
-    /// That no jobs are to come for now.
+    /// Whether the pause was in it.
     pub pause: bool,
-    /// The request for jobs.
+    /// Whether the request for jobs was in it.
     pub request: bool,
 }
 
-/// What the session is to do.
+/// An action for the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
@@ -234,9 +237,9 @@ pub enum Action {
     Queue,
     /// Clear the queue but for the job that is being executed.
     Clear,
-    /// The same, for the order is over after it.
+    /// The same as `Clear`: the order is over after it.
     Interrupt,
-    /// The order has begun: the queue's numbers too.
+    /// The order begins, and the queue's numbers with it.
     Started,
     /// The start is refused.
     Refused,
@@ -246,7 +249,7 @@ pub enum Action {
     Over,
     /// The list is cleared.
     Cleared,
-    /// The queue has drained; jobs are asked for again.
+    /// The queue has drained; jobs are requested again.
     Drained,
     /// A cycle has ended without an answer.
     NoReply,
@@ -254,72 +257,72 @@ pub enum Action {
     Step(RecoveryStep),
     /// The message is not used.
     Rejected(Rejection),
-    /// It is not used because it follows a message that failed.
+    /// The message is not used because it follows a failed message.
     Discarded,
     /// A packet was sent.
     Sent,
-    /// Its answer is read.
+    /// The answer to the packet is read.
     Answered,
     /// A job was executed before the list was cleared: it counts as queued.
     QueuedBefore,
 }
 
-/// What the caller learns of the state.
+/// A change to report to the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Report {
     /// A connection is to be opened.
     Connect,
-    /// It is to be closed.
+    /// The connection is to be closed.
     Disconnect,
 }
 
-/// Why a message is not used.
+/// The reason that a message is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Rejection {
-    /// It is of another order.
+    /// The message is about another order.
     WrongOrder,
     /// A job that is queued already.
     Repeated,
-    /// A job is missing before it.
+    /// A job before this one is missing.
     OutOfOrder,
     /// No job has this number.
     OutOfRange,
     /// A value is missing or out of bounds.
     Bad,
-    /// There is no slot for it.
+    /// There is no free slot for the job.
     QueueFull,
     /// An order that does not begin with job 1.
     NotFromFirst,
-    /// It is not expected now, or at this end.
+    /// The message is not expected now, or at this end.
     NotExpected,
     /// The end of an order of which jobs are missing.
     JobsMissing,
 }
 
-/// What is done when no job is executed (thesis, section 6.3).
+/// A step of recovery, taken when no job is executed (thesis, section 6.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum RecoveryStep {
-    /// The same jobs are asked for again.
+    /// The same jobs are requested again.
     Resend,
-    /// The PC is asked to pause, and nothing is asked for until the pause is over.
+    /// The PC is requested to pause, and no jobs are requested until the pause is over.
     Pause,
-    /// The queue is cleared, and all that is not executed is asked for.
+    /// The queue is cleared, and all jobs that are not executed are requested.
     Clear,
     /// The motion program stops and raises an alarm.
     Alarm,
 }
 
 impl Order {
-    /// Its number; 0 for none.
+    /// Returns the number of the order; 0 for none.
     pub const fn number(&self) -> u16 {
         if let Order::Active { number, .. } = self { *number } else { 0 }
     }
 }
 
 impl Flow {
-    /// Jobs are asked for again if the pause is over.
+    /// Requests jobs again if the pause is over.
     pub(super) fn end_pause(&mut self, now: Duration) {
         if matches!(self, Flow::Held { until } if now >= *until) {
             *self = Flow::Asking;
@@ -328,7 +331,7 @@ impl Flow {
 }
 
 impl Recovery {
-    /// The steps taken.
+    /// Returns the number of steps taken.
     pub const fn failures(self) -> u32 {
         let (Recovery::Resting { failures } | Recovery::Waiting { failures, .. }) = self;
         failures
@@ -336,7 +339,7 @@ impl Recovery {
 }
 
 impl Gap {
-    /// A request was sent.
+    /// Returns the state after a request was sent.
     pub(super) const fn asked(self) -> Self {
         match self {
             Gap::Closed => Gap::Closed,

@@ -62,12 +62,12 @@ impl Machine {
         all.filter_map(move |(count, last)| Some((count, ack(numbering.number(last)?)?)))
     }
 
-    /// The counts of the jobs that are executed and not acknowledged, the lowest number first.
+    /// Returns the counts of the executed jobs that are not acknowledged, the lowest number first.
     fn unacked(&self, config: &RobotConfig) -> impl Iterator<Item = u32> {
         let max = u32::from(config.max_number);
         let last = if self.ahead.is_empty() { self.executed } else { self.executed + Ahead::MAX };
         let last = last.min(self.acked + max);
-        // Numbers begin again after it.
+        // The numbers begin again after this count.
         let wrap = (self.acked - self.acked % max + max).min(last);
         let is_executed =
             |count: u32| count <= self.executed || self.ahead.contains(count - self.executed - 1);

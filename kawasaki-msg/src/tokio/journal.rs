@@ -1,4 +1,4 @@
-//! What a killed program has to know about its order when it restarts.
+//! The journal of an order, from which a killed program resumes the order when it restarts.
 
 use core::fmt::{self, Write as _};
 use core::future::Future;
@@ -14,71 +14,74 @@ use std::vec::Vec;
 use fs4::FileExt;
 use robot_session::tokio::{JoinHandle, spawn_blocking};
 
-/// The last order of a program, as it was kept: how the program goes on when it starts again.
+/// The last order of a program, as it was stored: the program continues from it when it starts again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LastOrder {
     /// No job of an order was sent.
     None,
-    /// The program ended before the order: [`Pc::resume`](super::Pc::resume) goes on with it, and no job is executed twice.
+    /// The program ended before the order: [`Pc::resume`](super::Pc::resume) continues it, and no job is executed twice.
     Active(Kept),
     /// The order has ended before its last job: it was interrupted, or a job did not fit. Its first `executed` jobs are executed, and no
     /// others: [`Pc::go_on`](super::Pc::go_on) begins an order with the rest.
     Stopped(Kept),
-    /// All its jobs are executed. Started again, they are executed again.
+    /// All jobs of the order are executed. If the order is started again, they are executed again.
     Complete(Kept),
     /// The outcome of the jobs from `executed` to `sent` is unknown
-    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece: [`Pc::go_on`](super::Pc::go_on) goes on after the
-    /// last job that is seen to be executed.
+    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece: [`Pc::go_on`](super::Pc::go_on)
+    /// continues after the last job that was evidently executed.
     Unknown(Kept),
 }
 
 /// The progress of an order, or its last progress once it has ended.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Kept {
-    /// Its number, from 1.
+    /// The number of the order, from 1.
     pub order: u16,
-    /// The place of its first job in the list of jobs: 0, unless it goes on after an order that was stopped. The counts below begin there.
+    /// The index of the order's first job in the list of jobs: 0, unless it continues an order that was stopped. The counts
+    /// below begin there.
     pub first: u32,
-    /// How many of its jobs are known to be executed, all of them from the first on.
+    /// The number of jobs of the order that are known to be executed, all of them from the first on.
     pub executed: u32,
     /// The first job that was not sent.
     pub sent: u32,
-    /// Those that are known to be executed ahead of others, counted from 0.
+    /// The jobs that are known to be executed ahead of others, counted from 0.
     pub ahead: Vec<u32>,
 }
 
 impl Kept {
-    /// How many jobs of the list are known to be executed, all of them from its first on: by this order and the stopped ones before it.
+    /// Returns the number of jobs of the list that are known to be executed, all of them from its first on: by this order and
+    /// the stopped ones before it.
     pub const fn done(&self) -> u32 {
         self.first.saturating_add(self.executed)
     }
 }
 
-/// Keeps how far an order is, before the robot can know of it.
+/// Stores the progress of an order, before the robot can receive it.
 pub trait Keep: Send + 'static {
-    /// Stores it durably: even across a loss of power, if the program is to survive that. It is never [`LastOrder::None`].
+    /// Stores the progress durably: even across a loss of power, if the program is to survive that. `last` is never
+    /// [`LastOrder::None`].
     ///
     /// # Errors
-    /// It could not be kept: the packet is not sent, and the connection ends.
+    /// The progress could not be stored: the packet is not sent, and the connection ends.
     fn keep(&mut self, last: &LastOrder) -> impl Future<Output = io::Result<()>> + Send;
 }
 
-/// Keeps nothing: an order ends with the program.
+/// Stores nothing: an order ends with the program.
 impl Keep for () {
     async fn keep(&mut self, _last: &LastOrder) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// A file that keeps it: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for every change, of which the
-/// last counts. The checksum is the CRC-32 of the line before it, in hex.
+/// A file that stores the progress: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for
+/// every change, of which the last counts. The checksum is the CRC-32 of the line before it, in hex.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
 #[derive(Debug)]
 pub struct Journal {
-    /// Not while it writes.
+    /// `None` while a change is being written.
     writer: Option<Writer>,
-    /// The change that is being written. It goes on if the future that has begun it is dropped.
+    /// The change that is being written. The write continues if its future is dropped.
     writing: Option<(Writing, LastOrder)>,
 }
 
@@ -91,7 +94,7 @@ struct Writer {
     length: u64,
 }
 
-/// The time that the last write of a journal which was dropped may take.
+/// The longest time for the last write of a journal that was dropped.
 const LAST_WRITE: Duration = Duration::from_secs(1);
 /// The interval at which the lock of a journal is tried again.
 const RETRY: Duration = Duration::from_millis(10);
@@ -99,12 +102,12 @@ const RETRY: Duration = Duration::from_millis(10);
 const LONGEST: u64 = 1 << 20;
 
 impl Journal {
-    /// Opens a journal, or begins one; with it, the last order. One program has it at a time.
+    /// Opens a journal, or creates one; returns it with the last order. One program has it at a time.
     ///
     /// # Errors
-    /// The file system's; another program has the journal, also after a second; it holds something else, or a line of it is damaged
-    /// ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known: check the workpiece, remove
-    /// the file, and [go on](super::Pc::go_on) after the last executed job.
+    /// The errors of the file system; another program has the journal, even after a second; the file has other contents, or a
+    /// damaged line ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known:
+    /// check the workpiece, remove the file, and [go on](super::Pc::go_on) after the last executed job.
     #[allow(clippy::disallowed_methods, reason = "the lock of a file can only be tried again")]
     pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, LastOrder)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
@@ -118,7 +121,7 @@ impl Journal {
         }
         let mut text = String::new();
         file.read_to_string(&mut text)?;
-        // What has no end was not kept.
+        // A last line without a line feed was not written completely: drop it.
         let whole = text.rfind('\n').map_or("", |end| text.get(..=end).unwrap_or_default());
         let last = whole.lines().last().map(|line| match line.rsplit_once(" *") {
             Some((text, sum)) if u32::from_str_radix(sum, 16) == Ok(crc32fast::hash(text.as_bytes())) => {
@@ -134,7 +137,7 @@ impl Journal {
         Ok((Self { writer: Some(writer), writing: None }, last))
     }
 
-    /// Waits for the change that is being written. Returns the change and how it went.
+    /// Waits for the change that is being written. Returns the change and the result.
     async fn written(&mut self) -> Option<(LastOrder, io::Result<()>)> {
         let (writing, _) = self.writing.as_mut()?;
         let joined = writing.await;
@@ -151,7 +154,7 @@ impl Writer {
     fn store(&mut self, last: &LastOrder) -> io::Result<()> {
         let written = self.write(last);
         if written.is_err() {
-            // What was not kept whole is written over.
+            // Overwrite a line that was not written completely.
             self.file.set_len(self.length)?;
             self.file.seek(SeekFrom::Start(self.length))?;
         }
@@ -172,7 +175,8 @@ impl Writer {
         Ok(())
     }
 
-    /// The last line in front of all others, then alone: at any moment the last whole line is this one.
+    /// Writes the last line at the beginning of the file, then truncates the file after it: at any moment the last whole line
+    /// is this one.
     fn begin_anew(&mut self) -> io::Result<()> {
         let length = self.line.len() as u64;
         self.file.seek(SeekFrom::Start(0))?;
@@ -205,7 +209,7 @@ impl Keep for Journal {
     }
 }
 
-/// The words of a line of the journal.
+/// Writes the words of a line of the journal.
 impl fmt::Display for LastOrder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Kept { order, first, executed, sent, ahead }, end) = match self {

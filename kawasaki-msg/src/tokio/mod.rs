@@ -1,5 +1,5 @@
-//! Both ends in a task of their own that reconnects automatically: a [`Pc`] gives orders by `.await` and keeps how far they are, a
-//! [`Robot`] has its jobs executed by a [`Motion`].
+//! Both ends in a task of their own that reconnects automatically: a [`Pc`] gives orders by `.await` and stores their
+//! progress, a [`Robot`] has its jobs executed by a [`Motion`].
 //!
 //! ```no_run
 //! use kawasaki_msg::robot_session::tokio::Listen;
@@ -62,7 +62,7 @@ pub struct Pc<W: Job, K: Keep> {
     handle: Handle<Orders<W, K>>,
 }
 
-/// A PC, and the task that it works through. Nothing is sent before `keep` has stored it.
+/// A PC, and its task. Nothing is sent before `keep` has stored it.
 ///
 /// # Errors
 /// As [`LargePc::new`].
@@ -95,8 +95,8 @@ where
     Ok((Pc { handle }, task))
 }
 
-/// The connector of a [`pc`] over UDP, whose robot sends first: its peer is the sender of the first datagram that is a message of this
-/// dialect. What others send is not answered.
+/// The connector of a [`pc`] over UDP, whose robot sends first: its peer is the sender of the first datagram that is a
+/// message of this dialect. Datagrams of others are not answered.
 pub fn udp(address: impl Into<String>, dialect: Dialect) -> UdpListen<impl FnMut(&[u8]) -> bool + Send> {
     UdpListen::at(address, move |datagram| {
         let message = Message::decode(datagram, dialect.charset());
@@ -104,19 +104,20 @@ pub fn udp(address: impl Into<String>, dialect: Dialect) -> UdpListen<impl FnMut
     })
 }
 
-/// A handle, and the task that it works through.
+/// A handle, and its task.
 pub type Spawned<W, K, C> = (Pc<W, K>, Task<Orders<W, K>, C>);
 
-/// How far an order is.
+/// The progress of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Progress {
-    /// How many of its jobs are executed, all of them from the first on.
+    /// The number of jobs of the order that are executed, all of them from the first on.
     pub executed: u32,
-    /// How many the robot has queued.
+    /// The number of jobs that the robot has queued.
     pub queued: u32,
 }
 
-/// An order that has begun: a future of its outcome, which is always an event too. What happens when it is [dropped](Handle#dropped-futures).
+/// An order that has begun: a future of its outcome, which is always an event too. For a dropped future, see [dropped
+/// futures](Handle#dropped-futures).
 #[derive(Debug)]
 #[must_use = "without its future, the outcome of the order is an event alone"]
 pub struct Order {
@@ -127,25 +128,26 @@ pub struct Order {
 /// An order that is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Over {
-    /// How many of its jobs were executed, from the first on.
+    /// The number of jobs of the order that were executed, from the first on.
     pub executed: u32,
-    /// All jobs were executed.
+    /// Whether all jobs were executed.
     pub complete: bool,
-    /// The job that could not be sent, counted from 0, and why.
+    /// The job that could not be sent, counted from 0, and the reason.
     pub unfit: Option<(u32, FieldError)>,
 }
 
-/// Why an order has failed.
+/// The reason that an order has failed.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The caller's fault; nothing was sent.
     #[error(transparent)]
     Call(#[from] SessionError),
-    /// There is no connection, or none on which it could be sent; nothing was sent.
+    /// There is no connection, or none on which the order could be sent; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
-    /// For [`Task::give_up_after`] there was no connection on which the order could go on. The robot may still execute jobs.
+    /// For [`Task::give_up_after`] there was no connection on which the order could continue. The robot may still execute
+    /// jobs.
     #[error("no connection for order {}: {why}; it can be resumed", kept.order)]
     GivenUp {
         /// The progress of the order, for [`Pc::resume`].
@@ -162,7 +164,7 @@ pub enum Error {
     /// See [`PcEvent::OutcomeUnknown`](crate::PcEvent::OutcomeUnknown).
     #[error("of {sent} jobs sent, {executed} are executed, the others are unknown")]
     OutcomeUnknown {
-        /// How many are executed, from the first on.
+        /// The number of executed jobs, from the first on.
         executed: u32,
         /// The first job that was not sent.
         sent: u32,
@@ -173,7 +175,7 @@ pub enum Error {
 }
 
 impl<W: Job, K: Keep> Pc<W, K> {
-    /// Begins an order. Where it cannot begin, that is its outcome.
+    /// Begins an order. If it cannot begin, that is its outcome.
     ///
     /// # Errors
     /// The task has ended.
@@ -181,7 +183,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.start_from(order, all_of(jobs.into(), 0)).await
     }
 
-    /// Begins an order whose jobs come from a function: as [`JobSource`](crate::JobSource) says.
+    /// Begins an order whose jobs come from a function: see [`JobSource`](crate::JobSource).
     ///
     /// # Errors
     /// The task has ended.
@@ -193,7 +195,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.begin(Kept { order, ..Kept::default() }, None, Box::new(source)).await
     }
 
-    /// Goes on with an order that an earlier PC has begun, with the same list of jobs: as [`Pc::resume`](crate::Pc::resume).
+    /// Continues an order that an earlier PC has begun, with the same list of jobs: as [`Pc::resume`](crate::Pc::resume).
     ///
     /// # Errors
     /// The task has ended.
@@ -202,8 +204,8 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.begin(begun, Some(ahead), Box::new(jobs)).await
     }
 
-    /// Begins an order with the jobs that an earlier one, which was stopped, has left of the same list: those after the first
-    /// [`done`](Kept::done).
+    /// Begins an order with the remaining jobs of an earlier order that was stopped, from the same list: those after the
+    /// first [`done`](Kept::done).
     ///
     /// # Errors
     /// The task has ended.
@@ -237,7 +239,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.handle.call(Call::Interrupt).await?
     }
 
-    /// Sends a command past the queue, once.
+    /// Sends a command that bypasses the queue, once.
     ///
     /// # Errors
     /// See [`Error`].
@@ -270,7 +272,7 @@ impl<W: Job, K: Keep> Clone for Pc<W, K> {
     }
 }
 
-/// The jobs of a list from this place on.
+/// Returns the jobs of a list from this index on.
 fn all_of<W: Work>(jobs: Vec<W>, first: u32) -> impl FnMut(u32) -> Supply<W> {
     move |index| {
         let place = first.checked_add(index).and_then(|place| usize::try_from(place).ok());
@@ -280,7 +282,7 @@ fn all_of<W: Work>(jobs: Vec<W>, first: u32) -> impl FnMut(u32) -> Supply<W> {
 }
 
 impl Order {
-    /// The next progress; of several the last. `None` when the order has an outcome.
+    /// Waits for the next progress; of several, returns the last. `None` when the order has an outcome.
     pub async fn progress(&mut self) -> Option<Progress> {
         self.progress.changed().await.ok()?;
         Some(*self.progress.borrow_and_update())

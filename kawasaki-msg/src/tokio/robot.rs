@@ -24,13 +24,13 @@ pub struct Robot<W: Job> {
     handle: Handle<Queueing<W>>,
 }
 
-/// What a job of a task has to be.
+/// The requirements on a job of a task.
 pub trait Job: Work<Ranges: Send> + core::fmt::Debug + Send + 'static {}
 
 impl<W: Work<Ranges: Send> + core::fmt::Debug + Send + 'static> Job for W {}
 
-/// A robot, the end of its motion task, and the task that the robot works through. It queues at most `capacity` jobs, whose fields are
-/// in `ranges`: what it can reach.
+/// Returns a robot, the end of its motion task, and the task of the robot. It queues at most `capacity` jobs, whose fields
+/// are in `ranges`: those that it can reach.
 ///
 /// # Errors
 /// As [`LargeRobot::with_ranges`]; when no queue has this capacity and the configuration's numbers.
@@ -49,11 +49,11 @@ pub fn robot<W: Job, C: Connector>(
     Ok((Robot { handle }, Motion { motion, queued }, task))
 }
 
-/// A handle, its motion task's end, and the task that it works through.
+/// A handle, its motion task's end, and its task.
 pub type SpawnedRobot<W, C> = (Robot<W>, Motion<W>, Task<Queueing<W>, C>);
 
 impl<W: Job> Robot<W> {
-    /// Clears the queue of all jobs but the one that is being executed; those not executed come again. Leads out of an alarm.
+    /// Clears the queue of all jobs but the one that is being executed; those not executed come again. Ends an alarm.
     ///
     /// # Errors
     /// When no order is active, or it is ending or being cleared; when the task has ended.
@@ -61,7 +61,7 @@ impl<W: Job> Robot<W> {
         self.handle.call(Call::ClearQueue).await?
     }
 
-    /// Clears the queue and forgets the order, as an interruption by the PC does.
+    /// Clears the queue and discards the order, as an interruption by the PC does.
     ///
     /// # Errors
     /// When no order is active, or it is interrupted already; when the task has ended.
@@ -81,7 +81,7 @@ impl<W: Job> Clone for Robot<W> {
     }
 }
 
-/// The end of the motion task: what [`motion::Motion`] is, and a wait for jobs.
+/// The end of the motion task: a [`motion::Motion`] with a wait for jobs.
 ///
 /// ```no_run
 /// # use kawasaki_msg::{Line, tokio::Motion};
@@ -102,12 +102,12 @@ pub struct Motion<W> {
 }
 
 impl<W> Motion<W> {
-    /// Waits for a job: `false` when the robot's task has ended, the session that it returned is dropped, and no job is unread. A dropped
-    /// future loses nothing.
+    /// Waits for a job; returns `false` when the robot's task has ended, the session that it returned is dropped, and no job
+    /// is unread. A dropped future loses nothing.
     pub async fn wait(&mut self) -> bool {
         loop {
             let is_abandoned = self.motion.is_abandoned();
-            // Dropped at once it waits again; and a queue that was cleared is swept.
+            // Dropped at once, the job waits again; and a queue that was cleared is swept.
             if self.motion.take().is_some() {
                 return true;
             }
@@ -133,7 +133,7 @@ impl<W> DerefMut for Motion<W> {
     }
 }
 
-/// What each end of the queue wakes the other with.
+/// The hook with which each end of the queue wakes the other.
 #[derive(Debug)]
 pub struct Hook(Waker);
 
@@ -143,7 +143,7 @@ impl Wake for Hook {
     }
 }
 
-/// What the task of a [`Robot`] does.
+/// The service of a [`Robot`].
 pub struct Queueing<W>(core::marker::PhantomData<fn() -> W>);
 
 /// A call of a [`Robot`].
@@ -155,7 +155,7 @@ pub enum Call {
     ResetOrder(Reply<Result<(), RobotError>>),
 }
 
-/// Why a call of a [`Robot`] has done nothing.
+/// The reason that a call of a [`Robot`] had no effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {

@@ -1,4 +1,4 @@
-//! What the task does: orders in, outcomes to whom they belong.
+//! The service of the PC's task: it passes on orders, and gives outcomes to their callers.
 
 use core::fmt;
 use core::time::Duration;
@@ -16,7 +16,7 @@ use crate::error::FieldError;
 use crate::job::Work;
 use crate::pc::{CommandOutcome, JobSource, LargePc, PcEvent, Supply};
 
-/// Where the task gets the jobs of an order.
+/// The task's source of the jobs of an order.
 pub struct Source<W>(pub(super) Box<dyn FnMut(u32) -> Supply<W> + Send>);
 
 impl<W: Work> JobSource for Source<W> {
@@ -33,22 +33,22 @@ impl<W> fmt::Debug for Source<W> {
     }
 }
 
-/// The order that the session has, its commands, and where it keeps how far it is.
+/// The order that the session has, its commands, and the store of the progress.
 #[derive(Debug)]
 pub struct Orders<W, K> {
     keep: K,
-    /// The order that was kept, and how many of its jobs were sent then.
+    /// The order that was stored, and the number of its jobs that were sent then.
     kept: (u16, u32),
-    /// The place of the order's first job in the caller's list.
+    /// The index of the order's first job in the caller's list.
     first: u32,
     active: Option<Active>,
-    /// The order that has ended. `None` if nothing of it was sent: the journal stays as it is.
+    /// The order that has ended. `None` if no part of it was sent: the journal stays as it is.
     ended: Option<LastOrder>,
     commands: VecDeque<Reply<Result<CommandOutcome, Error>>>,
     jobs: core::marker::PhantomData<fn() -> W>,
 }
 
-/// Who waits for the order.
+/// The caller that waits for the order.
 #[derive(Debug)]
 struct Active {
     known: watch::Sender<Progress>,
@@ -59,13 +59,13 @@ struct Active {
 /// A call of a [`Pc`](super::Pc).
 #[derive(Debug)]
 pub enum Call<W> {
-    /// Begin an order, or go on with one.
+    /// Begins an order, or continues one.
     Start(Begun<W>),
-    /// End it when the queue is empty.
+    /// Ends the order when the queue is empty.
     End(Reply<Result<(), Error>>),
-    /// End it now.
+    /// Ends the order now.
     Interrupt(Reply<Result<(), Error>>),
-    /// Past the queue.
+    /// Sends a command that bypasses the queue.
     Command { id: u8, value: i32, reply: Reply<Result<CommandOutcome, Error>> },
 }
 
@@ -73,7 +73,7 @@ pub enum Call<W> {
 #[derive(Debug)]
 pub struct Begun<W> {
     pub(super) kept: Kept,
-    /// It has begun before, and these jobs were executed ahead of others.
+    /// The jobs that were executed ahead of others, if the order has begun before.
     pub(super) resumed: Option<Vec<u32>>,
     pub(super) source: Source<W>,
     pub(super) known: watch::Sender<Progress>,
@@ -88,7 +88,7 @@ impl<W, K> Orders<W, K> {
         Self { keep, kept: (0, 0), first: 0, active, ended, commands, jobs: core::marker::PhantomData }
     }
 
-    /// The progress of the order of a session, or its last progress once it has ended.
+    /// Returns the progress of the order of a session, or its last progress once it has ended.
     fn progress(&self, session: &Session<W>) -> Kept
     where
         W: Work,
@@ -103,7 +103,7 @@ impl<W, K> Orders<W, K> {
         }
     }
 
-    /// The order has an outcome. If it is not awaited, it is an event.
+    /// Ends the order with an outcome. If the outcome is not awaited, it is an event.
     fn end(&mut self, outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<Over, Error>) {
         if let Some(Active { reply, unfit, .. }) = self.active.take() {
             let _ = reply.send(outcome(unfit));
@@ -179,7 +179,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
         reports.event(event);
     }
 
-    /// What is executed the robot says itself: it is kept with what is sent.
+    /// Stores the progress when jobs are sent. The executed jobs are stored with it, since the robot itself reports them.
     async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
         let now = (session.order().unwrap_or(0), session.sent());
         let last = match session.order() {

@@ -37,7 +37,7 @@ fn any_bytes_are_a_message_that_decodes() {
 #[test]
 fn a_message_of_many_bytes_fits_a_packet() {
     for length in [4095, 4096, 4097, 9000] {
-        // Whatever is chosen by the first ones and the last ones: each part is as long as it can be.
+        // Whichever parts the first and the last bytes choose: each part is as long as it can be.
         for byte in 0..=255 {
             let bytes = [&[byte; 8][..], &vec![b'7'; length], &[byte; 24]].concat();
             decoded(&Message::arbitrary(&mut Unstructured::new(&bytes)).unwrap(), Charset::Ascii);
@@ -64,7 +64,7 @@ fn any_bytes_are_a_message_of_the_table_that_is_read_as_itself() {
         let is_there = |field| params.get(field).is_some();
         kinds.insert((role, [Field::Queued, Field::Executed, Field::Ended].map(is_there)));
     }
-    // Of a status three values may be missing, of a pause and an acknowledgement two.
+    // Three values of a status may be missing, one of a pause, and two of the acknowledgement of an end.
     let roles = 12 - 1;
     assert_eq!(kinds.len(), roles - 3 + 8 + 2 + 4, "{kinds:?}");
 }

@@ -1,4 +1,4 @@
-//! A table of messages: what it reads in the fields, and what is wrong with them.
+//! A table of messages: the values that it reads from the fields, and the errors.
 
 use core::time::Duration;
 
@@ -8,7 +8,7 @@ use kawasaki_msg::{
     RobotConfig, RobotEvent, Role, Supply,
 };
 
-/// What a table makes of a message with this data part.
+/// Returns the result of a table for a message with this data part.
 fn read(dialect: &Dialect, name: &str, data: &str) -> Result<(Role, Params), MessageError> {
     let wire = format!("<{name}${}#{data}#>", data.len());
     let (message, _) = Message::decode(wire.as_bytes(), dialect.charset()).unwrap().unwrap();
@@ -23,7 +23,7 @@ fn with_command(fields: &'static [Field]) -> Dialect {
     Dialect::new(table.leak()).unwrap()
 }
 
-/// Empty is only what may be unknown: what was queued, what was executed, which order has ended.
+/// Only values that may be unknown can be empty: the queued job, the executed job, the order that has ended.
 #[test]
 fn a_value_may_be_empty_only_where_there_may_be_none() {
     let read = |name, data| read(&Dialect::DEFAULT, name, data).map(|(role, _)| role);
@@ -95,7 +95,7 @@ fn with_name(role: Role, name: &'static str) -> Dialect {
     Dialect::new(table.leak()).unwrap()
 }
 
-/// The thesis is Finnish: its letters are one byte each on the wire, whatever they are in the program.
+/// The thesis is Finnish: its letters are one byte each on the wire, whatever their encoding in the program.
 #[test]
 fn a_name_is_compared_by_its_characters() {
     let dialect = with_name(Role::Filler, "Hölynpöly").with_charset(Charset::Latin1);
@@ -104,7 +104,7 @@ fn a_name_is_compared_by_its_characters() {
     assert_eq!(&wire[..length], b"<H\xf6lynp\xf6ly$0##>");
     let (message, _) = Message::decode(&wire[..length], Charset::Latin1).unwrap().unwrap();
     assert_eq!(dialect.read(&message), Ok((Role::Filler, Params::default())));
-    // The bytes that the name is in the program are other characters.
+    // The bytes of the name in the program are other characters.
     let (message, _) = Message::decode("<Hölynpöly$0##>".as_bytes(), Charset::Latin1).unwrap().unwrap();
     assert!(matches!(dialect.read(&message), Err(MessageError::UnknownName { .. })));
 }
@@ -126,7 +126,7 @@ fn so_is_the_name_of_a_job() {
     assert_eq!(name.to_string(), "Ty\u{c3}\u{b6}");
 }
 
-/// Else the session could only be silent about it.
+/// Otherwise the session could only be silent about the error.
 #[test]
 fn a_session_is_not_made_with_a_name_that_it_could_not_write() {
     for (name, charset, writable) in [

@@ -1,4 +1,4 @@
-//! The borders: tables and configurations that cannot work, values that compare, what is shown of a name.
+//! The borders: tables and configurations that cannot work, comparisons of values, the display of a name.
 
 use bytes::BytesMut;
 use kawasaki_msg::robot_session::Decoder as _;
@@ -11,7 +11,7 @@ use kawasaki_msg::{
 
 use super::{decoded, wire};
 
-/// What is wrong with the default table, changed.
+/// Returns the error of the default table after a change.
 fn table(change: impl FnOnce(&mut Vec<Entry>)) -> Option<ConfigError> {
     let mut entries = Dialect::DEFAULT.entries().to_vec();
     change(&mut entries);
@@ -142,7 +142,7 @@ fn bytes_that_begin_no_message_are_told_by_the_message_itself() {
     assert_eq!(decode(&long[..4095]), Ok(()), "the next byte may still be a mark");
 }
 
-/// Wherever it was cut off: the next one begins there, and is not lost.
+/// Wherever a message was truncated: the next one begins there, and is not lost.
 #[test]
 fn a_message_that_the_next_one_cuts_off_says_where() {
     for (bytes, offset) in [("<<", 1), ("<Til<", 4), ("<Tila$2<", 7), ("<Tila$2#5<", 9), ("<Tila$2#50#<", 11)]
@@ -158,7 +158,7 @@ fn a_message_has_at_most_4096_bytes() {
     let written = |data: usize| wire(Charset::Ascii, "X", &[], &[&text[..data]]).map(|wire| wire.len());
     assert_eq!(written(4086), Ok(4096));
     assert_eq!(written(4087), Err(EncodeError::TooLong { length: 4097, limit: 4096 }));
-    // A length that cannot be kept is told before the data comes, at the name.
+    // A length that is too large is reported before the data comes, at the name.
     assert_eq!(Message::decode(b"<X$4086#", Charset::Ascii), Ok(None));
     let too_long = DecodeError::TooLong { offset: 1, limit: 4096 };
     assert_eq!(Message::decode(b"<X$4087#", Charset::Ascii), Err(too_long));
@@ -178,7 +178,7 @@ fn a_decoder_holds_the_longest_message_and_not_a_byte_more() {
     assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Garbage { offset: 0, length: 8192 })));
 }
 
-/// Whatever the reads cut, nothing but the end of the buffer ends it.
+/// However reads split the message, only the end of the buffer ends it.
 #[test]
 fn a_message_without_an_end_is_given_up_when_the_buffer_is_full() {
     let mut decoder = Decoder::new(Charset::Ascii);
@@ -209,7 +209,7 @@ fn bounds_hold_both_of_their_ends() {
     );
 }
 
-/// What a plant leaves out makes some configurations impossible.
+/// Roles that a plant omits make some configurations impossible.
 #[test]
 fn a_configuration_needs_what_the_table_lacks() {
     let without = |role| {

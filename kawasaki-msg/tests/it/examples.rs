@@ -1,4 +1,4 @@
-//! Both examples over real sockets: what the PC has in its order is what the robot executes.
+//! Both examples over real sockets: the robot executes the jobs of the PC's order.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, clippy::duplicate_mod, dead_code)]
 

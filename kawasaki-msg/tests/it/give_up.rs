@@ -105,7 +105,7 @@ async fn an_order_whose_robot_is_gone_is_given_up_and_can_be_resumed() {
     let stored = std::fs::read_to_string(&path).unwrap();
     assert!(stored.lines().last().unwrap().starts_with("50 "), "{stored}");
 
-    // The robot has executed two more meanwhile, and is in an order of which the PC knows nothing.
+    // The robot has executed two more meanwhile, and is in an order that the PC does not know.
     *is_there.lock().unwrap() = true;
     pc.handle().connected().await.unwrap();
     let mut robot = robots.lock().unwrap().pop().unwrap();
@@ -119,7 +119,7 @@ async fn an_order_whose_robot_is_gone_is_given_up_and_can_be_resumed() {
     assert_eq!(timed(order).await.0.unwrap(), Over { executed: 5, complete: true, unfit: None });
 }
 
-/// On the same handle, as soon as the order is given up: the session has forgotten it.
+/// On the same handle, as soon as the order is given up: the session has discarded it.
 #[tokio::test(start_paused = true)]
 async fn after_an_order_that_was_given_up_another_one_may_begin() {
     let pc = a_pc((), |robot| {
@@ -132,7 +132,7 @@ async fn after_an_order_that_was_given_up_another_one_may_begin() {
     }
 }
 
-/// It asks for the order in each connection, gets it, and says nothing more.
+/// The robot requests the order on each connection, gets it, and is then silent.
 #[tokio::test(start_paused = true)]
 async fn a_robot_that_takes_no_order_costs_it() {
     let pc = a_pc((), |mut robot| {
@@ -152,7 +152,7 @@ async fn a_robot_that_takes_no_order_costs_it() {
     assert!(time < GIVE_UP_AFTER + 2 * PcConfig::tcp().silence, "{time:?}");
 }
 
-/// What a disk does with the state.
+/// The behaviour of a disk when the state is stored.
 #[derive(Debug, Clone, Copy)]
 enum Disk {
     Fails,

@@ -30,7 +30,7 @@ fn jobs(count: i32) -> Vec<Line> {
         .collect()
 }
 
-/// A PC that listens, and where.
+/// Returns a PC that listens, and its address.
 async fn listening<K: Keep>(at: SocketAddr, keep: K) -> (Pc<Line, K>, SocketAddr, JoinHandle<()>) {
     let listen = Listen::bind(at).await.unwrap();
     let address = listen.address().unwrap();
@@ -60,7 +60,7 @@ fn robot(address: SocketAddr) -> thread::JoinHandle<Vec<Job<Line>>> {
     robot_until(address, Arc::new(AtomicBool::new(true)))
 }
 
-/// The same, which looks for its PC until it is told that the PC knows of the end.
+/// The same robot, which dials its PC until the test reports that the PC has received the end.
 fn robot_until(address: SocketAddr, is_over: Arc<AtomicBool>) -> thread::JoinHandle<Vec<Job<Line>>> {
     let address = address.to_string();
     let connect = move || loop {
@@ -94,7 +94,7 @@ async fn an_order_has_progress_and_an_end() {
     assert_eq!(executed(robot), jobs(300));
 }
 
-/// The program is killed wherever it is, and another one goes on with its journal.
+/// The program is killed at any point, and another one continues with its journal.
 #[tokio::test]
 async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     let folder = tempfile::tempdir().unwrap();
@@ -118,7 +118,7 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
             Ok(over) => {
                 pc.handle().shutdown().await;
                 match over.unwrap() {
-                    // Killed before the robot had begun: nothing is left to go on with.
+                    // Killed before the robot had begun: there is nothing to continue.
                     Over { executed: 0, complete: false, .. } => {}
                     over => break over,
                 }
@@ -137,7 +137,7 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(over));
 }
 
-/// What is not kept, because the disk is full or does not answer, does not reach the robot.
+/// State that is not stored, because the disk is full or does not answer, does not reach the robot.
 #[tokio::test]
 async fn nothing_is_sent_that_was_not_kept() {
     #[derive(Debug, Clone)]
@@ -260,7 +260,7 @@ fn a_journal_says_how_its_last_order_has_ended() {
     );
 }
 
-/// A digit of the last line that is another one would be believed: jobs would be lost or repeated.
+/// A wrong digit in the last line must be detected: otherwise jobs would be lost or repeated.
 #[test]
 fn a_changed_digit_in_a_journal_is_damage() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Jobs: what is wrong with them, what is done about it, flow control, acknowledgements. The PC here says exactly what a test
-//! wants it to say.
+//! Jobs: their errors, the reactions to these, flow control, acknowledgements. The PC here sends exactly the answers of the
+//! test.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::num::NonZeroU16;
@@ -43,7 +43,7 @@ impl Bench {
         bench
     }
 
-    /// Tells what the robot sends in this cycle, and answers it.
+    /// Returns the bytes that the robot sends in this cycle, and answers them.
     fn cycle(&mut self, answer: &[u8]) -> String {
         self.now += Duration::from_secs(1);
         self.robot.handle_timeout(self.now);
@@ -216,7 +216,7 @@ fn blanks_around_numbers_are_no_error() {
     assert_eq!(bench.reader.take().unwrap().work.start, Point::new(0, -5));
 }
 
-/// §7.2, §12: what follows a failed message in a packet is destroyed, the order's end too.
+/// §7.2, §12: the messages after a failed message in a packet are destroyed, including the order's end.
 #[test]
 fn what_follows_a_failed_message_is_destroyed() {
     let wrong_length = b"<Tyo$15#50$9$1$0$0$0$0#>".as_slice();
@@ -278,7 +278,7 @@ fn an_end_in_place_of_missing_jobs_has_to_come_twice() {
 #[test]
 fn a_late_end_does_not_count_as_an_answer_to_the_request_for_missing_jobs() {
     let end = b"<TilausLoppuu$2#50#>";
-    // At most as many as silent cycles, where they have a limit.
+    // At most as many as silent cycles, if these have a limit.
     for (silent_cycles, overdue, late) in [(5, 0, 0), (5, 2, 2), (5, 7, 5), (0, 7, 7), (1, 3, 1)] {
         let mut bench = Bench::new(RobotConfig { silent_cycles, ..PATIENT }, 8, 9999);
         for _ in 0..overdue {
@@ -294,7 +294,7 @@ fn a_late_end_does_not_count_as_an_answer_to_the_request_for_missing_jobs() {
     }
 }
 
-/// What was skipped is reported when the next message begins: in a read of its own, and that may be a job.
+/// The skipped bytes are reported when the next message begins: in a read of its own, and that may be a job.
 #[test]
 fn garbage_before_a_job_is_reported_when_the_job_comes_and_costs_it() {
     let mut bench = Bench::new(PATIENT, 8, 9999);
@@ -308,7 +308,7 @@ fn garbage_before_a_job_is_reported_when_the_job_comes_and_costs_it() {
     assert_eq!(bench.queued_numbers(), [1]);
 }
 
-/// What was read on the last connection is where the job is read to.
+/// The job is read into a place that still has the values from the last connection.
 #[test]
 fn a_job_that_is_cut_off_is_not_made_whole_by_what_was_read_before() {
     let mut bench = Bench::new(PATIENT, 8, 9999);
@@ -345,7 +345,7 @@ fn the_recovery_ends_in_an_alarm() {
     let config = RobotConfig { recovery, pause: MS * 2500, ..RobotConfig::tcp() };
     let bound = config.alarm_bound();
     assert_eq!(bound, Duration::from_millis(5 * 2000 + 2500));
-    // Whatever the PC does but send the job, there is no standstill.
+    // The recovery does not stall, whatever the PC does except sending the job.
     let bad = [job_to(3, 99_999_999), job(4)].concat();
     for answer in [bad.as_bytes(), &jobs([1]), &jobs([9]), b"<Huuhaa$0##>", b"<<<", b""] {
         let mut bench = Bench::new(RobotConfig { silent_cycles: 0, ..config }, 8, 9999);
@@ -357,7 +357,7 @@ fn the_recovery_ends_in_an_alarm() {
         while bench.robot.phase() != Phase::Alarm {
             assert!(bench.now < begin + bound, "{steps:?}");
             packets.push(bench.cycle(answer));
-            // An idle motion task looks at its queue: that sweeps it.
+            // An idle motion task checks its queue: that sweeps it.
             let _ = bench.reader.is_empty();
             for event in bench.events() {
                 match event {
@@ -377,7 +377,7 @@ fn the_recovery_ends_in_an_alarm() {
         assert_eq!(steps, [Resend, Resend, Pause, Clear, Alarm]);
         let pauses = packets.iter().filter(|packet| packet.contains("TyoTauko")).count();
         assert_eq!(pauses, 1, "{packets:#?}");
-        // In alarm nothing is asked for; the status has it: phase 5.
+        // In alarm no jobs are requested; the status has it: phase 5.
         let packet = bench.cycle(&jobs([3]));
         assert!(packet.contains("<Tila$9#50$5$2$2$#>") && !packet.contains("TyoPyynto"), "{packet}");
         assert!(bench.queued_numbers().is_empty());
@@ -459,7 +459,7 @@ fn jobs_that_overtake_are_acknowledged_one_by_one() {
     job.complete();
     assert_eq!(bench.robot.executed(), 0, "1 and 2 are not");
     assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$3#><Tila$8#50$2$4$$#>"));
-    // After a new connection it is told again: the first telling may be lost.
+    // After a new connection the job is acknowledged again: the first acknowledgement may be lost.
     bench.robot.handle_disconnected(bench.now);
     bench.now += Duration::from_secs(2);
     bench.robot.handle_timeout(bench.now);
@@ -481,7 +481,7 @@ fn a_job_is_done_once_and_only_if_it_was_queued() {
     assert_eq!(bench.robot.statistics().executed, 1);
 }
 
-/// Where numbers begin again, the lowest number is not that of the oldest job.
+/// After the wrap, the lowest number is not that of the oldest job.
 #[test]
 fn jobs_that_overtake_are_acknowledged_across_the_wrap() {
     let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 4, 5);
@@ -515,7 +515,7 @@ fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
     assert!(are_full && packets.iter().all(|p| p.len() <= 256), "as many as a message of its size: {acks:?}");
 }
 
-/// What the motion task has reported as executed it completes a moment later.
+/// The motion task completes a job a moment after it has reported it as executed.
 #[test]
 fn a_queue_is_cleared_when_no_job_of_it_is_left() {
     let recovery = RecoveryLimits { resends: 0, pauses: 0, clears: 1 };

@@ -1,4 +1,4 @@
-//! Jobs of any layout: what each form of a field is read as, what is wrong with others, what both ends do about it.
+//! Jobs of any layout: the values read from each form of a field, the errors of other forms, and the reactions of both ends.
 
 use core::time::Duration;
 
@@ -46,7 +46,7 @@ fn wire(fields: &str) -> Vec<u8> {
     format!("<Tyo${}#{data}#>", data.len()).into_bytes()
 }
 
-/// The job that a robot queues, and what it reports otherwise.
+/// Returns the job that a robot queues, or the error that it reports.
 fn queued(dialect: Dialect, wire: &[u8]) -> Result<Job<Mixed>, MessageError> {
     queued_within(dialect, (), wire)
 }
@@ -166,8 +166,8 @@ fn a_job_has_all_its_fields_and_no_more() {
     assert_eq!(read(&long), Err(MessageError::JobTooLong { found: 1118, limit: 1024 }));
 }
 
-/// Jobs 1 to 3, the second one wrong: what a robot reports of it. Nothing of it is queued, what is before it is not lost, and what
-/// follows it comes again.
+/// Returns the event that a robot reports for jobs 1 to 3, the second one wrong. The wrong job is not queued, the previous
+/// one is not lost, and the next one comes again.
 fn report_of(bad: &[u8]) -> RobotEvent {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
     let mut robot = Robot::<Mixed>::new(RobotConfig::tcp(), writer).unwrap();
@@ -222,12 +222,12 @@ fn a_job_that_is_wrong_is_reported_and_costs_nothing_else() {
         (with(3, ""), of_field("tool", FieldFault::Length { found: 0, min: 1, max: 8 })),
         ("-5$1.500$7$grip".into(), of_field("kind", FieldFault::Missing)),
         (GOOD.join("$") + "$1", RobotEvent::Rejected(MessageError::FieldCount { expected: 7, found: 8 })),
-        // A separator in a text makes two fields of it: the next one is no number.
+        // A separator in a text makes two fields of it: the next one is not a number.
         (with(3, "gr$ip"), of_field("kind", FieldFault::NotANumber { min: number(1, 0), max: number(2, 0) })),
     ] {
         assert_eq!(report_of(&job(&fields)), report, "{fields}");
     }
-    // Other marks, and what is no character: no message is whole.
+    // Other marks, and a byte that is not a character: no message is whole.
     for (text, is_it) in [
         (&b"gr<ip"[..], |error| matches!(error, DecodeError::Mark { found: b'<', .. })),
         (b"gr>ip", |error| matches!(error, DecodeError::Mark { found: b'>', .. })),
@@ -324,13 +324,13 @@ fn a_layout_is_checked() {
     assert_eq!(pc.err(), Some(ConfigError::JobTooLong { found: 1024, limit: 960 }));
 }
 
-/// Too long to be compared at once.
+/// A name that is too long to be compared at once.
 const LONG_NAME: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
 
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// What is expected is read in one pass, what has a long name the general way.
+    /// An expected name is read in one pass, a long name in the general way.
     #[test]
     fn both_ways_of_reading_are_one(
         whole: i32,
@@ -386,7 +386,7 @@ proptest! {
         prop_assert_eq!(short, long);
     }
 
-    /// Of every width, into a buffer with more room than that and with less.
+    /// Numbers of every width, into a buffer with more space than that and with less.
     #[test]
     fn a_job_is_written_as_it_is_printed(
         order in 1u16..=u16::MAX,
@@ -429,7 +429,7 @@ impl Work for Numbers {
     }
 }
 
-/// Text of every length, and a number with as many decimals as the range says.
+/// Text of every length, and a number with as many decimals as the range states.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Any([Text<255>; 2], i32);
 
@@ -443,7 +443,7 @@ impl Work for Any {
     }
 }
 
-/// With the length in front of them that it takes: of one digit, two or three.
+/// Data parts of every length, with a length field of one digit, two or three.
 #[test]
 fn jobs_of_any_length_and_number_are_read_as_they_are_written() {
     let text = |length| Text::new(&"x".repeat(length)).unwrap();

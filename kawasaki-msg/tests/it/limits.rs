@@ -1,4 +1,4 @@
-//! Where the layout of a job, a text and a number end.
+//! The limits of the layout of a job, of a text and of a number.
 
 use kawasaki_msg::robot_session::Session;
 use kawasaki_msg::{
@@ -7,7 +7,7 @@ use kawasaki_msg::{
     Text, Unfit, Work, Writer,
 };
 
-/// Two texts, of lengths that its ranges say.
+/// Two texts, of the lengths in its ranges.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Texts {
     first: [Text<255>; 3],
@@ -46,7 +46,7 @@ fn a_range_of_one_length_is_not_empty_and_the_longest_job_has_960_bytes() {
     assert_eq!(refused(255, 0, 192), Some(ConfigError::JobTooLong { found: 961, limit: 960 }));
 }
 
-/// Its length is a byte.
+/// The length of a text is a byte.
 #[test]
 fn a_text_has_255_characters_at_most() {
     let ranges = Lengths { first: 0, least: 0, most: 300 };
@@ -80,7 +80,7 @@ fn a_decimal_has_nine_places_at_most_and_zero_has_no_sign() {
     assert_eq!(shown, ["0.000", "-0.001", "0.001"]);
 }
 
-/// One without a byte in the charset is counted as one.
+/// A character without a byte in the charset counts as one byte.
 #[test]
 fn every_character_of_a_message_is_a_byte() {
     let mut out = [b'!'; 9];
@@ -99,7 +99,7 @@ fn the_documented_values_of_the_configurations() {
         (Limits::UDP, true, Limits::UDP, true)
     );
     assert_eq!(PcConfig { limits: Limits::TCP, datagrams: false, ..pc }, PcConfig::tcp());
-    // A datagram that is longer than any message is seen to be.
+    // A datagram that is longer than any message is noticed.
     assert_eq!(<Pc<&[Line]> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);
     assert_eq!(<Robot<'_, Line> as Session>::MAX_INPUT, 2 * Message::MAX_LEN);
 }

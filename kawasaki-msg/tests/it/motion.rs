@@ -1,4 +1,4 @@
-//! What the motion task completes, the session knows of, whatever comes between.
+//! The session records every job that the motion task completes, whatever happens in between.
 
 use core::cell::RefCell;
 use core::fmt::Write as _;
@@ -36,7 +36,7 @@ fn events<R: Wake>(robot: &mut Robot<'_, Line, 256, R>) -> Vec<RobotEvent> {
     core::iter::from_fn(|| robot.poll_event()).collect()
 }
 
-/// Nobody has looked at the session between: neither a turn nor a timeout.
+/// The session was not called in between: neither a turn nor a timeout.
 #[test]
 fn what_was_executed_before_a_reset_is_executed() {
     let (jobs, mut motion) = boxed(64, 9999).unwrap();

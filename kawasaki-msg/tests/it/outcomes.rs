@@ -1,4 +1,4 @@
-//! What becomes of commands, and what counts as a work cycle.
+//! The outcomes of commands, and the definition of a work cycle.
 
 use core::time::Duration;
 
@@ -39,7 +39,7 @@ impl Bench {
         Self { now: Duration::ZERO, pc }
     }
 
-    /// A packet of the robot, and what the PC answers.
+    /// Passes a packet of the robot, and returns the PC's answer.
     fn cycle(&mut self, packet: &[u8]) -> String {
         self.now += SECOND;
         self.pc.handle_input(self.now, packet);
@@ -189,7 +189,7 @@ fn both_ends_count_packets_corrupt_bytes_and_what_they_discard() {
     robot.handle_input(SECOND, b"Nopeus$3#0$1#>");
     assert_eq!((robot.statistics().corrupt, robot.statistics().discarded), (2, 0));
     while robot.poll_event().is_some() {}
-    // Nobody takes their outcomes: the last have no room.
+    // The outcomes are not polled: the last do not fit.
     (0..40).for_each(|_| robot.handle_input(SECOND, b"<Nopeus$3#0$1#>"));
     let events = core::iter::from_fn(|| robot.poll_event());
     let taken = events.filter(|event| matches!(event, RobotEvent::Command { .. })).count();

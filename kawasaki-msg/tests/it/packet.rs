@@ -36,7 +36,7 @@ impl Figure3 {
     }
 }
 
-/// The longest packet that messages of these lengths make in the figure, and in ours.
+/// Returns the longest packet that messages of these lengths make in the figure, and in this crate.
 fn longest(limits: Limits, first: usize, then: &[usize]) -> (usize, usize) {
     let mut theirs = Figure3::new(limits.packet);
     let mut buffer = [0; 5000];

@@ -1,4 +1,4 @@
-//! What holds for every message, every stream and every packet.
+//! Properties of every message, every stream and every packet.
 
 #![allow(clippy::cast_possible_truncation)]
 
@@ -111,7 +111,7 @@ fn message(latin1: bool) -> impl Strategy<Value = Owned> {
     })
 }
 
-/// Messages and errors with the offset behind each.
+/// Returns the messages and errors with the offset after each.
 fn decode(charset: Charset, chunks: &[&[u8]]) -> Vec<(Result<String, DecodeError>, u64)> {
     let mut decoder = Decoder::new(charset);
     let mut said = Vec::new();
@@ -264,7 +264,7 @@ proptest! {
     }
 }
 
-/// The one reading of a 4096-byte packet and of every way to cut it in two, and its strings of 255.
+/// Reads a 4096-byte packet whole, split in two at every byte, and as its strings of 255.
 #[test]
 fn every_split_point_of_a_full_packet_gives_the_same_messages() {
     let (mut bytes, mut number) = (Vec::new(), 0);
@@ -288,7 +288,7 @@ fn every_split_point_of_a_full_packet_gives_the_same_messages() {
     for at in 1..bytes.len() {
         let (head, tail) = bytes.split_at(at);
         gives(&expected, &[head, tail]);
-        // Behind another message the packet no longer fits the buffer as it stands.
+        // After another message the packet no longer fits the buffer as it is.
         gives(&[&[Vec::new()], &expected[..]].concat(), &[b"<Huuhaa$0##>", head, tail]);
     }
     gives(&expected, &bytes.chunks(255).collect::<Vec<_>>());
@@ -317,10 +317,10 @@ fn gives(expected: &[Vec<u8>], pieces: &[&[u8]]) {
     assert!(decoder.next_frame().is_none() && found == expected.len());
 }
 
-/// Too long to be compared at once.
+/// A name that is too long to be compared at once.
 const LONG_NAME: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
 
-/// A robot in order 50 whose table calls a job this; what it makes of an answer.
+/// Returns the jobs and events of an answer for a robot in order 50 whose table has this name for a job.
 fn queue_of(name: &str, answer: &str) -> (Vec<Job<Line>>, Vec<kawasaki_msg::RobotEvent>) {
     use core::time::Duration;
     use kawasaki_msg::{Bounds, Dialect, Point, Robot, RobotConfig, Role};
@@ -346,7 +346,7 @@ fn queue_of(name: &str, answer: &str) -> (Vec<Job<Line>>, Vec<kawasaki_msg::Robo
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// A long name is read the general way, a short one in one pass.
+    /// A long name is read in the general way, a short one in one pass.
     #[test]
     fn both_ways_of_reading_jobs_queue_the_same(
         jobs in prop::collection::vec((
@@ -370,7 +370,7 @@ proptest! {
     }
 }
 
-/// A transport of tokio's gives the same messages and the same errors, and writes what was read.
+/// A framed transport of tokio gives the same messages and the same errors, and writes the messages that were read.
 #[test]
 fn the_codec_reads_and_writes_the_stream() {
     use kawasaki_msg::robot_session::tokio::Codec;

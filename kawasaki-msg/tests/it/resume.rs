@@ -1,4 +1,4 @@
-//! A PC that was killed in the middle of an order, and another process that goes on with it.
+//! A PC that was killed in the middle of an order, and another process that continues it.
 
 use core::time::Duration;
 
@@ -18,7 +18,7 @@ fn picture(jobs: i32) -> Vec<Line> {
     (0..jobs).map(line).collect()
 }
 
-/// A robot, what it has drawn, and its connection to one PC after the other.
+/// A robot, its drawing, and its connection to one PC after the other.
 struct Cell {
     now: Duration,
     robot: Robot<'static, Line>,
@@ -73,7 +73,7 @@ impl Cell {
         }
     }
 
-    /// Until the order has an outcome.
+    /// Runs until the order has an outcome.
     fn finish(&mut self, pc: &mut PcEnd<'_>) -> PcEvent {
         for _ in 0..1000 {
             self.cycle(pc, 2, false);
@@ -87,7 +87,7 @@ impl Cell {
     }
 }
 
-/// A PC in the middle of an order; how many jobs are executed and sent as it knows.
+/// Returns the numbers of executed and sent jobs, as a PC in the middle of an order knows them.
 fn begun<'a>(cell: &mut Cell, picture: &'a [Line], cut: bool) -> (u32, u32) {
     let mut pc: PcEnd<'a> = Pc::new(PcConfig::tcp()).unwrap();
     pc.start(50, picture).unwrap();
@@ -99,7 +99,7 @@ fn begun<'a>(cell: &mut Cell, picture: &'a [Line], cut: bool) -> (u32, u32) {
     let kept = (pc.executed(), pc.sent());
     assert!(kept.0 < kept.1 && (kept.1 as usize) < picture.len());
     cell.disconnect();
-    // The robot works on while nobody listens.
+    // The robot works on without a PC.
     cell.work(3);
     kept
 }
@@ -113,7 +113,7 @@ fn next<'a>(picture: &'a [Line], (executed, sent): (u32, u32)) -> PcEnd<'a> {
 #[test]
 fn the_order_goes_on_and_each_job_is_executed_once() {
     for cut in [false, true] {
-        // What was kept may be old: more is executed. Or the packet was never sent: less was.
+        // The stored state may be old: more is executed. Or the packet was never sent: less was.
         for (less, more) in [(0, 0), (3, 0), (0, 5), (2, 40)] {
             let (picture, mut cell) = (picture(300), Cell::new());
             let (executed, sent) = begun(&mut cell, &picture, cut);
@@ -150,7 +150,7 @@ fn a_robot_that_has_ended_the_order_says_how_far_it_came() {
     assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: drawn, complete: false });
 }
 
-/// It was killed before it had kept the end.
+/// The PC was killed before it had stored the end.
 #[test]
 fn an_order_of_which_all_is_executed_is_complete() {
     for (executed, complete) in [(290, true), (300, true), (290, false)] {
@@ -184,7 +184,7 @@ fn what_no_order_can_be_is_refused() {
     assert_eq!(pc.start(51, endless), Err(SessionError::OrderActive { active: 50 }));
 }
 
-/// The machine is as that of a PC whose connection was lost: the model has explored all that follows.
+/// The machine is the same as that of a PC whose connection was lost: the model has explored everything that follows.
 #[test]
 fn the_state_is_that_after_a_lost_connection() {
     use kawasaki_msg::robot_session::end::Machine as _;
@@ -205,7 +205,7 @@ fn the_state_is_that_after_a_lost_connection() {
         for input in [Input::Message(report), Input::ReadEnd { whole: true }] {
             lost.on(now, input, &config).unwrap();
         }
-        // As many jobs as are asked for, up to four.
+        // As many jobs as are requested, up to four.
         let answer = lost.transmit(2 * now, &config).expect("an answer is due");
         let jobs = answer.jobs.map_or(0, |(from, _)| 4 - from);
         let sent = Sent { request: answer.request.is_some(), jobs, ..Sent::default() };

@@ -40,7 +40,7 @@ fn a_robot(address: SocketAddr) -> (Robot<Line>, Motion<Line>) {
     (robot, motion)
 }
 
-/// A motion task that takes a while for each job; what it has executed when its robot is gone.
+/// Starts a motion task that takes this time for each job; returns the executed jobs when its robot is gone.
 fn working(mut motion: Motion<Line>, time: Duration) -> JoinHandle<Vec<Line>> {
     tokio::spawn(async move {
         let mut executed = Vec::new();

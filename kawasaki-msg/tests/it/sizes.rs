@@ -1,4 +1,4 @@
-//! What a session of a certain size holds, and that it is the same session as a larger one.
+//! The messages that a session of a certain size holds, and its equality with a larger one.
 
 use core::time::Duration;
 
@@ -27,7 +27,7 @@ fn robot<const MESSAGE: usize>(
 
 #[test]
 fn a_table_with_a_message_that_is_too_long_is_refused_at_once() {
-    // "<Huuhaa$…#", the constant with a separator, and what is counted for a length of four digits.
+    // "<Huuhaa$…#", the constant with a separator, and the bytes counted for a length of four digits.
     let (fits, long) = ("x".repeat(256 - 14), "x".repeat(256 - 13));
     for (constant, refused) in [(&fits, false), (&long, true)] {
         let dialect = Dialect::new(table(constant)).unwrap();
@@ -70,7 +70,7 @@ fn a_message_that_is_too_long_costs_nothing_after_it() {
     assert_eq!(found, [too_long(1), huuhaa.clone(), too_long(63), huuhaa]);
 }
 
-/// What a robot queues of a packet that comes in two pieces, and what it reports.
+/// Returns the jobs that a robot queues of a packet that comes in two pieces, and its events.
 fn queued<const MESSAGE: usize>(packet: &[u8], cut: usize) -> (Vec<Job<Line>>, Vec<RobotEvent>) {
     let (writer, reader) = robot_work_queue::boxed(256, 9999).unwrap();
     let mut robot =

@@ -41,14 +41,14 @@ impl Peer {
         String::from_utf8(packet[..length].to_vec()).unwrap()
     }
 
-    /// What is answered.
+    /// Sends a packet, and returns the answer.
     async fn exchange(&mut self, packet: &str) -> String {
         self.0.write_all(packet.as_bytes()).await.unwrap();
         self.receive().await
     }
 }
 
-/// Connects once: when it is given its end.
+/// Connects once: when it receives its end of the pipe.
 type Gate = oneshot::Sender<DuplexStream>;
 
 fn open(gate: Gate) -> Peer {
@@ -89,7 +89,7 @@ async fn outcome(order: Order) -> Result<Over, Error> {
     timeout(LONG, order).await.expect("an outcome")
 }
 
-/// Where jobs overtake one another the journal has each that is executed.
+/// If jobs overtake one another, the journal has each executed job.
 #[tokio::test]
 async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     let folder = tempfile::tempdir().unwrap();
@@ -154,7 +154,7 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     drop(journal);
     let (mut journal, last) = Journal::open(&path).unwrap();
     assert_eq!(last, LastOrder::Active(kept.clone()));
-    // One that was opened again knows how long the file is.
+    // A journal that was opened again has the length of the file.
     kept.executed = 4;
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     kept.executed = 5;
@@ -166,7 +166,7 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     assert_eq!(Journal::open(&path).unwrap().1, last);
 }
 
-/// A write goes on when its future is dropped: the next one waits for it, and does not write the same again.
+/// A write continues when its future is dropped: the next one waits for it, and does not write the same again.
 #[tokio::test]
 async fn a_change_whose_future_was_dropped_is_written_once() {
     let folder = tempfile::tempdir().unwrap();
@@ -282,7 +282,7 @@ async fn a_command_has_its_outcome_when_the_robot_has_sent_its_next_packet() {
     assert_eq!(outcome.unwrap(), CommandOutcome::Transmitted);
 }
 
-/// There was no connection until then, so nothing of it was done.
+/// There was no connection until then, so no part of it was done.
 #[tokio::test]
 async fn a_call_that_is_awaited_no_longer_is_not_made() {
     let (pc, gate, task) = a_pc(with_command(), ());
@@ -357,7 +357,7 @@ async fn both_resets_of_a_robot_reach_its_order() {
     assert_eq!(robot.reset_order().await, no_order);
 }
 
-/// Its journal has the place in the list, also when the order with the rest is stopped and its program is killed.
+/// The journal has the index in the list, even if the order with the rest is stopped and its program is killed.
 #[tokio::test]
 async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! A robot behind a UART: bytes come in pieces, one after the other, and a packet takes longer than an exchange.
+//! A robot with a UART: bytes come in pieces, one after the other, and a packet takes longer than an exchange.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -8,7 +8,7 @@ use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
 
 const JOBS: u16 = 500;
-/// At 115200 baud.
+/// The time of a byte at 115200 baud.
 const BYTE: Duration = Duration::from_micros(87);
 const MOTION: Duration = Duration::from_millis(10);
 
@@ -37,7 +37,8 @@ impl Wire {
     }
 }
 
-/// An order over a line on which a byte takes this long, to a robot that reads this many at once: the most bytes that were on their way to it.
+/// Runs an order over a line on which a byte takes `byte`, to a robot that reads `piece` bytes at once; returns the maximum
+/// number of bytes on their way to it.
 fn run(byte: Duration, piece: usize, config: RobotConfig) -> usize {
     let (jobs, mut motion) = boxed::<Line>(64, 9999).unwrap();
     let mut robot = Robot::new(config, jobs).unwrap();
@@ -88,7 +89,8 @@ fn run(byte: Duration, piece: usize, config: RobotConfig) -> usize {
     most
 }
 
-/// Whoever answers in the middle of a packet asks for more than the line carries, and for jobs that are on their way: no order would end.
+/// An answer in the middle of a packet would request more than the line carries, and jobs that are on their way: no order
+/// would end.
 #[test]
 fn a_packet_that_comes_in_pieces_is_one_answer() {
     for piece in [1, 16, 128] {
@@ -99,7 +101,7 @@ fn a_packet_that_comes_in_pieces_is_one_answer() {
     assert!(run(12 * BYTE, 1, config) <= 4096, "one packet at a time");
 }
 
-/// A peer that never falls silent keeps nobody from speaking.
+/// A peer that is never silent does not prevent the robot from sending.
 #[test]
 fn an_answer_without_an_end_is_waited_for_as_long_as_for_none() {
     let (writer, _motion) = boxed::<Line>(64, 9999).unwrap();

@@ -1,4 +1,4 @@
-//! A robot under the driver of std whose motion task is a thread: neither looks for what the other has done.
+//! A robot under the driver of std whose motion task is a thread: neither polls for changes of the other.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program has the socket")]
 
@@ -17,10 +17,11 @@ use kawasaki_msg::robot_session::{Driver, Session as _, now};
 use kawasaki_msg::{JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, timing};
 
 const HOUR: Duration = Duration::from_secs(3600);
-/// What does not come for this long does not come.
+/// The time after which an event that has not come is assumed not to come.
 const NEVER: Duration = Duration::from_secs(20);
 
-/// Gives the robot an order of one job; once it `holds` an answer, that waits for the channel. How many jobs are executed at the end.
+/// Gives the robot an order of one job; while `holds` is set, the next answer waits for the channel. Returns the number of
+/// executed jobs at the end.
 fn pc(mut stream: TcpStream, holds: &AtomicBool, answer: &Receiver<()>) -> u32 {
     let jobs = [Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) }];
     let mut pc = Pc::new(PcConfig::tcp()).unwrap();
@@ -106,7 +107,7 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     while robot.queued() == 0 {
         assert_eq!(turn(&mut robot), (None, go_on));
     }
-    // A job that nobody has taken would be discarded.
+    // A job that is not taken would be discarded.
     has_begun.recv().unwrap();
     // The order is over when the job is executed. The packet that says so has no answer: there is nothing else to do for an hour.
     robot.reset_order().unwrap();

@@ -1,4 +1,4 @@
-//! Polls ten registers, and prints what the connection does as `RUST_LOG` asks, `info` at first:
+//! Polls ten registers, and prints the events of the connection that `RUST_LOG` selects, `info` at first:
 //! `RUST_LOG=robot_session=debug cargo run -p fanuc-hmi-modbus --features tokio --example traced_tokio -- 192.168.0.10:502`
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program sets the pace")]
 
@@ -17,7 +17,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let (robot, task) = client(ClientConfig::tcp(), Tcp::new(address))?;
     tokio::spawn(task.run());
     loop {
-        // The records have every other outcome.
+        // The records have all other outcomes.
         if let Err(Error::Closed(closed)) = robot.read_holding_registers(0..10).await {
             return Err(closed.into());
         }

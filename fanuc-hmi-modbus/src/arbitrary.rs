@@ -1,4 +1,4 @@
-//! Requests and replies that the specification allows. Their data is borrowed from the bytes that they are made of.
+//! Requests and replies that the specification allows. Their data is borrowed from the fuzzer's bytes.
 
 use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
@@ -63,7 +63,7 @@ impl<'a> Arbitrary<'a> for Request<'a> {
     }
 }
 
-/// Bits fill their last byte: a reply does not show how many of them were asked for.
+/// Makes a reply. Bits fill the last byte: a reply does not show how many of them were requested.
 impl<'a> Arbitrary<'a> for Reply<'a> {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
         if u.int_in_range(0..=11u8)? == 0 {
@@ -113,7 +113,7 @@ impl<'a> Arbitrary<'a> for Reply<'a> {
     }
 }
 
-/// One of the codes that the specification names, or any.
+/// Makes one of the codes that the specification names, or any.
 impl<'a> Arbitrary<'a> for Exception {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
         let code: u8 = if u.arbitrary()? { u.int_in_range(1..=11)? } else { u.arbitrary()? };

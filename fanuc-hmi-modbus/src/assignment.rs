@@ -1,4 +1,4 @@
-//! What the holding registers hold: the assignments of `$SNPX_ASG`, as data.
+//! The contents of the holding registers: the assignments of `$SNPX_ASG`, as data.
 //!
 //! A controller has 80 slots. Each puts a variable into a run of holding registers; where two overlap, the one with the lower
 //! number hides the other. The factory's first slot covers 1 to 10000 with `R[1]@1.1`, so any further one below 10000 has no
@@ -10,11 +10,11 @@ use core::fmt;
 pub use crate::error::{AssignmentError, ListingError};
 use crate::typed::Multiply;
 
-/// How many slots a controller has.
+/// The number of slots of a controller.
 pub const SLOTS: usize = 80;
 /// The last holding register that can be assigned, counted from 1.
 pub const LAST_ADDRESS: u16 = 16_384;
-/// The longest name of a variable.
+/// The length of the longest name of a variable, in characters.
 pub const MAX_NAME: usize = 37;
 
 /// One slot of `$SNPX_ASG`.
@@ -34,7 +34,7 @@ pub const MAX_NAME: usize = 37;
 pub struct Assignment<'a> {
     /// `$ADDRESS`: the first holding register, counted from 1.
     pub address: u16,
-    /// `$SIZE`: how many registers, 1 to 16384.
+    /// `$SIZE`: the number of registers, 1 to 16384.
     pub size: u16,
     /// `$VAR_NAME`: the first variable, at most 37 characters. `R[1]` takes two registers a variable, `R[1]@1.1` one.
     pub var_name: &'a str,
@@ -43,7 +43,7 @@ pub struct Assignment<'a> {
 }
 
 impl Assignment<'static> {
-    /// What the factory puts into the first slot: R\[n\] as one signed 16-bit register at PDU address n − 1.
+    /// The factory's assignment of the first slot: R\[n\] as one signed 16-bit register at PDU address n − 1.
     pub const FACTORY: Self =
         Self { address: 1, size: 10_000, var_name: "R[1]@1.1", multiply: Multiply::Scale(1.0) };
 
@@ -57,7 +57,7 @@ impl Assignment<'static> {
 }
 
 impl Assignment<'_> {
-    /// The PDU addresses that it takes.
+    /// Returns the PDU addresses of the assignment.
     pub const fn pdu_range(&self) -> core::ops::Range<u32> {
         let start = (self.address as u32).saturating_sub(1);
         start..start + self.size as u32
@@ -66,7 +66,7 @@ impl Assignment<'_> {
     /// Checks every field separately.
     ///
     /// # Errors
-    /// The first one outside its range.
+    /// The first field outside its range.
     pub fn check(&self) -> Result<(), AssignmentError> {
         let Self { address, size, var_name, .. } = *self;
         if !(1..=LAST_ADDRESS).contains(&address) {
@@ -123,7 +123,7 @@ pub fn check(assignments: &[Assignment<'_>]) -> Result<(), AssignmentError> {
 pub struct Setting<'a> {
     /// The slot, 1 to 80.
     pub slot: u8,
-    /// What it sets.
+    /// The field and its value.
     pub field: Field<'a>,
 }
 
@@ -147,7 +147,7 @@ impl<'a> Setting<'a> {
     /// `Uninitialized`.
     ///
     /// # Errors
-    /// When the slot, the field or the value is none that a controller has.
+    /// When the slot, the field or the value does not exist on a controller.
     pub fn parse(line: &'a str) -> Result<Option<Self>, AssignmentError> {
         let Some((_, rest)) = line.split_once("$SNPX_ASG[") else { return Ok(None) };
         let Some((slot, rest)) = rest.split_once("].$") else { return Ok(None) };
@@ -186,7 +186,7 @@ pub struct Slots<'a> {
 }
 
 impl<'a> Slots<'a> {
-    /// Reads a listing; lines about other variables are passed over.
+    /// Reads a listing; lines about other variables are skipped.
     ///
     /// # Errors
     /// The first line about `$SNPX_ASG` that cannot be read.

@@ -1,4 +1,5 @@
-//! The telemetry block: what the background task of the source writes to `R[1]` to `R[19]`, in 37 registers (Table 2).
+//! The telemetry block: the values that the background task of the source writes to `R[1]` to `R[19]`, in 37 registers (Table
+//! 2).
 
 use crate::message::{Request, Words};
 use crate::typed::{Kind, WordOrder};
@@ -30,12 +31,12 @@ pub struct TelemetryBlock {
 }
 
 impl TelemetryBlock {
-    /// The PDU address of its first holding register.
+    /// The PDU address of the block's first holding register.
     pub const ADDRESS: u16 = 0;
-    /// How many registers it takes: one request reads them all.
+    /// The number of registers of the block: one request reads them all.
     pub const QUANTITY: u16 = 37;
 
-    /// What its registers hold, in their order: every row of Table 2.
+    /// The contents of the block's registers, in their order: every row of Table 2.
     pub const FIELDS: [Field; 19] = [
         Field { name: "Life counter", register: 1, address: 0, kind: Kind::Int32 },
         Field { name: "Override", register: 2, address: 2, kind: Kind::Int16 },
@@ -58,17 +59,17 @@ impl TelemetryBlock {
         Field { name: "SPD_Q4", register: 19, address: 35, kind: Kind::Float32 },
     ];
 
-    /// The one request that reads it.
+    /// Returns the one request that reads the block.
     pub const fn request() -> Request<'static> {
         Request::ReadHoldingRegisters { address: Self::ADDRESS, quantity: Self::QUANTITY }
     }
 
-    /// The block in the reply to [`request`](Self::request); `None` when there are fewer than 37 registers.
+    /// Returns the block in the reply to [`request`](Self::request); `None` if there are fewer than 37 registers.
     pub fn from_words(words: &Words<'_>, order: WordOrder) -> Option<Self> {
         Some(Self::from_registers(&words.first_chunk()?, order))
     }
 
-    /// The block in these registers.
+    /// Returns the block in these registers.
     pub fn from_registers(registers: &[u16; 37], order: WordOrder) -> Self {
         let mut reals = [0f32; 17];
         let (head, tail) = registers.split_at(3);
@@ -88,7 +89,7 @@ impl TelemetryBlock {
         }
     }
 
-    /// The registers that hold the block.
+    /// Returns the registers of the block.
     pub fn to_registers(&self, order: WordOrder) -> [u16; 37] {
         let mut registers = [0u16; 37];
         let (head, tail) = registers.split_at_mut(3);
@@ -106,13 +107,13 @@ impl TelemetryBlock {
 /// A row of Table 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Field {
-    /// The source's name.
+    /// The source's name of the value.
     pub name: &'static str,
-    /// Its numeric register R\[n\].
+    /// The numeric register R\[n\] of the value.
     pub register: u16,
-    /// The PDU address of its first holding register.
+    /// The PDU address of the value's first holding register.
     pub address: u16,
-    /// Its form there.
+    /// The form of the value in these registers.
     pub kind: Kind,
 }
 

@@ -1,6 +1,6 @@
 //! CRC-16 of RTU frames: polynomial A001 (reflected 8005), start FFFF, low byte first on the wire.
 
-/// The CRC of these bytes.
+/// Returns the CRC of these bytes.
 ///
 /// ```
 /// assert_eq!(fanuc_hmi_modbus::crc::crc16(b"123456789"), 0x4B37);

@@ -1,4 +1,4 @@
-//! What can be wrong: with the bytes of the peer, with a message of the caller, with a reply to a request.
+//! The errors: in the bytes of the peer, in a message of the caller, in a reply to a request.
 
 use crate::message::Exception;
 
@@ -39,9 +39,9 @@ pub enum DecodeError {
     /// The checksum of an RTU frame does not fit its bytes.
     #[error("CRC is {found:#06x}, the {length} bytes of the frame make {expected:#06x}")]
     Crc {
-        /// Made from the bytes.
+        /// The checksum of the bytes.
         expected: u16,
-        /// In the last two bytes, low byte first.
+        /// The checksum in the last two bytes, low byte first.
         found: u16,
         /// The bytes of the frame, with the CRC.
         length: usize,
@@ -49,21 +49,21 @@ pub enum DecodeError {
     /// The stream ended, or the line fell silent, within a frame.
     #[error("the input ends after {found} of at least {expected} bytes")]
     Cut {
-        /// What the frame needs, as far as its beginning shows.
+        /// The number of bytes of the frame, as far as its beginning shows.
         expected: usize,
-        /// What there is.
+        /// The number of bytes that have come.
         found: usize,
     },
     /// An RTU frame would be longer than 256 bytes.
     #[error("a frame of {found} bytes is longer than 256")]
     TooLong {
-        /// The bytes that it has, or that its length field gives.
+        /// The number of bytes that the frame has, or that its length field gives.
         found: usize,
     },
     /// More bytes without a frame than one error covers: they belong to the corruption before them.
     #[error("{length} more bytes without a frame")]
     Noise {
-        /// How many.
+        /// The number of bytes.
         length: usize,
     },
     /// A PDU without a function code.
@@ -80,9 +80,9 @@ pub enum DecodeError {
     PduLength {
         /// The function code.
         function: u8,
-        /// The bytes that it must have, the function code counted.
+        /// The required number of bytes, including the function code.
         expected: usize,
-        /// The bytes that it has.
+        /// The number of bytes of the PDU.
         found: usize,
     },
     /// A quantity of coils or registers outside the limits of the specification.
@@ -92,7 +92,7 @@ pub enum DecodeError {
         function: u8,
         /// The quantity.
         found: u16,
-        /// The most that the function allows.
+        /// The maximum that the function allows.
         max: u16,
     },
     /// The byte count contradicts the quantity after or before it.
@@ -100,12 +100,12 @@ pub enum DecodeError {
     ByteCount {
         /// The function code.
         function: u8,
-        /// What the quantity needs.
+        /// The byte count that the quantity requires.
         expected: u16,
         /// The byte count.
         found: u16,
     },
-    /// The byte count of a reply, or of a group in it, is 0, odd where registers follow, or above what the function allows.
+    /// The byte count of a reply, or of a group in it, is 0, odd before registers, or above the maximum of the function.
     #[error("byte count {found} is invalid in a reply of function {function}")]
     ReplyByteCount {
         /// The function code.
@@ -135,7 +135,7 @@ pub enum DecodeError {
     },
 }
 
-/// The caller's fault: a message that the specification does not allow, or no room for it.
+/// The caller's fault: a message that the specification does not allow, or that does not fit the buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -144,9 +144,9 @@ pub enum EncodeError {
     /// The buffer is too small.
     #[error("{needed} bytes are needed, the buffer has {available}")]
     Space {
-        /// The bytes of the whole frame or PDU.
+        /// The number of bytes of the whole frame or PDU.
         needed: usize,
-        /// The bytes of the buffer.
+        /// The number of bytes of the buffer.
         available: usize,
     },
     /// A quantity outside the limits of the specification.
@@ -156,7 +156,7 @@ pub enum EncodeError {
         function: u8,
         /// The quantity.
         found: usize,
-        /// The most that the function allows.
+        /// The maximum that the function allows.
         max: u16,
     },
     /// The last coil or register would lie beyond PDU address 65535.
@@ -164,10 +164,10 @@ pub enum EncodeError {
     Address {
         /// The first PDU address.
         address: u16,
-        /// How many.
+        /// The number of coils or registers.
         quantity: u16,
     },
-    /// `Other` carries a code that is 0, above 127, or one of those that have a type of their own.
+    /// `Other` has a code that is 0, above 127, or one of those that have a type of their own.
     #[error("function code {found} cannot be sent as a raw PDU")]
     Function {
         /// The code.
@@ -176,12 +176,12 @@ pub enum EncodeError {
     /// A PDU of 0 or more than 253 bytes.
     #[error("a PDU of {found} bytes is not within 1 to 253")]
     PduLength {
-        /// Its bytes.
+        /// The number of bytes of the PDU.
         found: usize,
     },
 }
 
-/// Why a well-formed reply does not answer the request that it seems to belong to.
+/// The reason that a well-formed reply does not answer the request that it seems to belong to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -190,9 +190,9 @@ pub enum Mismatch {
     /// Another unit answers. Some gateways do: see [`ClientConfig::any_unit`](crate::ClientConfig::any_unit).
     #[error("unit {found} answers a request to unit {expected}")]
     Unit {
-        /// Whom the request went to.
+        /// The unit that the request was sent to.
         expected: u8,
-        /// Who answers.
+        /// The unit that answers.
         found: u8,
     },
     /// Another function code.
@@ -203,29 +203,29 @@ pub enum Mismatch {
         /// The code of the reply, without the bit that marks an exception.
         found: u8,
     },
-    /// Another number of data bytes than was asked for.
+    /// The number of data bytes differs from the requested one.
     #[error("{found} data bytes answer a request for {expected}")]
     Quantity {
-        /// What the request asked for.
+        /// The number of data bytes that the request requires.
         expected: usize,
-        /// What the reply has.
+        /// The number of data bytes of the reply.
         found: usize,
     },
-    /// The reply to a write repeats other values than were written.
+    /// The reply to a write does not repeat the written values.
     #[error("the reply does not repeat what was written")]
     Echo,
 }
 
-/// The caller's fault: a request that a [`Client`](crate::Client) does not take.
+/// The caller's fault: a request that a [`Client`](crate::Client) does not accept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum SessionError {
-    /// Every place for a request is taken: wait for an event.
+    /// Every request slot is occupied: wait for an event.
     #[error("all {places} request slots are in use")]
     Full {
-        /// How many requests the session holds.
+        /// The number of request slots.
         places: usize,
     },
     /// A broadcast has no reply, so it cannot read.
@@ -246,21 +246,21 @@ pub enum SessionError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// Requests in flight at once.
+    /// The number of requests in flight at once is invalid.
     #[error("{found} requests in flight at once are not within 1 to {most}")]
     InFlight {
-        /// How many.
+        /// The configured number.
         found: usize,
-        /// The places of the client; 1 where frames have no transaction.
+        /// The number of request slots of the client; 1 if frames have no transaction.
         most: usize,
     },
-    /// No adapter for two wires is within a TCP connection.
+    /// `echo` is set over TCP: a TCP connection does not return bytes as an adapter for two wires does.
     #[error("over TCP the line returns nothing: echo is for RTU frames")]
     Echo,
-    /// Every request would time out as it is sent.
+    /// The timeout is zero: every request would time out as it is sent.
     #[error("the timeout is zero")]
     Timeout,
-    /// Unit 0 is the broadcast in this configuration.
+    /// The unit is invalid for a server: unit 0 is the broadcast in this configuration.
     #[error("unit {found} is invalid for a server")]
     Unit {
         /// The unit.
@@ -275,13 +275,13 @@ pub enum ConfigError {
 #[error("line {line}: {error}")]
 #[non_exhaustive]
 pub struct ListingError {
-    /// Its number, counted from 1.
+    /// The number of the line, counted from 1.
     pub line: usize,
-    /// Why.
+    /// The error in the line.
     pub error: AssignmentError,
 }
 
-/// Why an assignment is invalid.
+/// The reason that an assignment is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -290,25 +290,25 @@ pub enum AssignmentError {
     /// More assignments than slots.
     #[error("{found} assignments exceed the 80 slots")]
     Slots {
-        /// How many.
+        /// The number of assignments.
         found: usize,
     },
-    /// The number of the slot.
+    /// The number of the slot is invalid.
     #[error("the slot is not within 1 to 80")]
     Slot,
-    /// A field that a slot does not have, or a value that is no number where one must stand.
+    /// A field that a slot does not have, or a value that is not a number where a number is required.
     #[error("slot {slot} has no such field, or the value is invalid")]
     Value {
         /// The slot.
         slot: u8,
     },
-    /// `$ADDRESS`.
+    /// `$ADDRESS` is invalid.
     #[error("address {found} is not within 1 to 16384")]
     Address {
         /// The address, counted from 1.
         found: u16,
     },
-    /// `$SIZE`.
+    /// `$SIZE` is invalid.
     #[error("{found} registers from {address} do not lie within 1 to 16384")]
     Size {
         /// The address, counted from 1.
@@ -316,13 +316,13 @@ pub enum AssignmentError {
         /// The size.
         found: u16,
     },
-    /// `$VAR_NAME`.
+    /// `$VAR_NAME` is invalid.
     #[error("a variable's name has 1 to 37 printable characters, this has {length}")]
     Name {
-        /// Its length in bytes.
+        /// The length of the name in bytes.
         length: usize,
     },
-    /// `$MULTIPLY`.
+    /// `$MULTIPLY` is invalid.
     #[error("multiply {found} is neither 0, -1 nor within 0.0001 to 10000")]
     Multiply {
         /// The value.
@@ -331,11 +331,11 @@ pub enum AssignmentError {
     /// Two assignments share registers: the one with the lower number hides the other.
     #[error("assignment {first} hides assignment {second} at register {address}")]
     Overlap {
-        /// The one that is seen, counted from 1.
+        /// The visible assignment, counted from 1.
         first: usize,
-        /// The one that is hidden, counted from 1.
+        /// The hidden assignment, counted from 1.
         second: usize,
-        /// The first register that both have, counted from 1.
+        /// The first register that both assignments share, counted from 1.
         address: u16,
     },
 }
@@ -346,18 +346,18 @@ pub enum AssignmentError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum TextError {
-    /// It is too long.
+    /// The string is too long.
     #[error("a string of {found} bytes does not fit registers for {most}")]
     Length {
-        /// Its bytes.
+        /// The number of bytes of the string.
         found: usize,
-        /// Two a register.
+        /// The maximum, two bytes per register.
         most: usize,
     },
-    /// It would end there.
+    /// The string contains a NUL, at which it would end.
     #[error("a string cannot hold a NUL (at byte {offset})")]
     Nul {
-        /// Where it is, from 0.
+        /// The offset of the NUL, from 0.
         offset: usize,
     },
 }

@@ -8,7 +8,7 @@ use crate::message::function::{self, Length, Row};
 use crate::message::{Pdu, PduBuf, Reply, Request, limit};
 use crate::registers::{Registers, serve};
 
-/// A frame ("ADU"): which unit, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
+/// A frame ("ADU"): a unit, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
 ///
 /// ```
 /// use fanuc_hmi_modbus::robot_session::Encode as _;
@@ -28,13 +28,13 @@ use crate::registers::{Registers, serve};
 pub struct Frame<P> {
     /// The transaction identifier of a TCP frame, which its reply repeats. `None` makes an RTU frame.
     pub transaction: Option<u16>,
-    /// The unit identifier ("slave address"): 1 to 247, 0 for a broadcast; 255 where TCP needs none.
+    /// The unit identifier ("slave address"): 1 to 247, 0 for a broadcast; 255 if TCP needs none.
     pub unit: u8,
-    /// What is asked or answered.
+    /// The request or the reply.
     pub pdu: P,
 }
 
-/// Which end sends the bytes: requests and replies of one function differ in shape, and on a serial line in length.
+/// The end that sends the bytes: requests and replies of one function differ in shape, and on a serial line in length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Side {
     /// The client ("master") sends requests.
@@ -56,8 +56,9 @@ impl Frame<&[u8]> {
 }
 
 impl<'a> Frame<&'a [u8]> {
-    /// The TCP frame at the beginning of these bytes, and how many bytes it takes; `None` when more are needed. Its length is that of
-    /// its header; a [`Decoder`](crate::Decoder) of what a server sends also accepts an exception with a wrong one.
+    /// Decodes the TCP frame at the beginning of these bytes; returns it with the number of its bytes, or `None` if more are
+    /// needed. Its length is that of its header; a [`Decoder`](crate::Decoder) of a server's frames also accepts an exception
+    /// with a wrong length.
     ///
     /// # Errors
     /// When the header is not one of Modbus TCP.
@@ -70,7 +71,7 @@ impl<'a> Frame<&'a [u8]> {
         Ok(bytes.get(..len).and_then(Self::from_tcp_parts).map(|frame| (frame, len)))
     }
 
-    /// How long the TCP frame is that begins with these bytes.
+    /// Returns the length of the TCP frame that begins with these bytes.
     #[inline]
     pub(crate) fn tcp_len(header: &[u8; 6]) -> Result<usize, DecodeError> {
         let [_, _, p0, p1, l0, l1] = *header;
@@ -88,9 +89,9 @@ impl<'a> Frame<&'a [u8]> {
         Some(Self { transaction: Some(u16::from_be_bytes([t0, t1])), unit, pdu })
     }
 
-    /// The RTU frame of `side` at the beginning of these bytes, and how many bytes it takes; `None` when more are needed.
-    /// A function that has no type of its own ends with the silence alone: then this is `None` up to 256 bytes, and
-    /// [`decode_rtu_whole`](Self::decode_rtu_whole) reads it.
+    /// Decodes the RTU frame of `side` at the beginning of these bytes; returns it with the number of its bytes, or `None` if
+    /// more are needed. A function that has no type of its own ends with the silence alone: then this is `None` up to
+    /// 256 bytes, and [`decode_rtu_whole`](Self::decode_rtu_whole) decodes it.
     ///
     /// # Errors
     /// When the CRC is wrong or the frame would be longer than 256 bytes.
@@ -102,7 +103,7 @@ impl<'a> Frame<&'a [u8]> {
                 None => Ok(None),
             },
             RtuLen::Silence if bytes.len() > Self::MAX_RTU_LEN => {
-                // However many there are: how the stream was cut must not show.
+                // However many there are: the division into reads must have no effect.
                 Err(DecodeError::TooLong { found: Self::MAX_RTU_LEN + 1 })
             }
             RtuLen::Silence | RtuLen::AtLeast(_) => Ok(None),
@@ -137,13 +138,13 @@ impl<'a> Frame<&'a [u8]> {
         Some(Self { transaction: None, unit: *unit, pdu })
     }
 
-    /// Its function code; 0 if it is empty, which none from a decoder is.
+    /// Returns the function code; 0 if the PDU is empty, which that of a decoder never is.
     #[inline]
     pub(crate) fn function(&self) -> u8 {
         self.pdu.first().copied().unwrap_or_default()
     }
 
-    /// The same frame with its request.
+    /// Returns the same frame with its request.
     ///
     /// # Errors
     /// As [`Request::decode`].
@@ -152,7 +153,7 @@ impl<'a> Frame<&'a [u8]> {
         Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: Request::decode(self.pdu)? })
     }
 
-    /// The same frame with its reply.
+    /// Returns the same frame with its reply.
     ///
     /// # Errors
     /// As [`Reply::decode`].
@@ -161,8 +162,8 @@ impl<'a> Frame<&'a [u8]> {
         Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: Reply::decode(self.pdu)? })
     }
 
-    /// Carries the request in this frame out, and writes the frame that answers it to the beginning of `out`; returns its length, or
-    /// `None` when `out` has no room for the longest frame: then nothing is done. See [`serve`](crate::serve).
+    /// Executes the request in this frame, and writes the frame that answers it to the beginning of `out`; returns its
+    /// length, or `None` if the longest frame does not fit `out`: then nothing is done. See [`serve`](crate::serve).
     #[inline(always)] // with `serve`
     pub fn serve<R: Registers + ?Sized>(&self, registers: &mut R, out: &mut [u8]) -> Option<usize> {
         let Some(transaction) = self.transaction else { return self.serve_rtu(registers, out) };
@@ -180,7 +181,7 @@ impl<'a> Frame<&'a [u8]> {
         seal(out, 1 + len)
     }
 
-    /// A copy that borrows nothing.
+    /// Returns a copy that borrows nothing.
     ///
     /// # Errors
     /// When the PDU is empty or longer than 253 bytes, which a decoded one never is.
@@ -190,7 +191,7 @@ impl<'a> Frame<&'a [u8]> {
 }
 
 impl Frame<PduBuf> {
-    /// The frame as a borrow.
+    /// Returns the frame as a borrow.
     pub fn as_ref(&self) -> Frame<&[u8]> {
         Frame { transaction: self.transaction, unit: self.unit, pdu: self.pdu.as_bytes() }
     }
@@ -258,7 +259,7 @@ fn bad_header(&[_, _, p0, p1, l0, l1]: &[u8; 6]) -> DecodeError {
     }
 }
 
-/// The error of a PDU as that of its frame, which takes `around` bytes more.
+/// Returns the error of a PDU as that of its frame, which takes `around` bytes more.
 #[cold]
 fn in_frame(error: EncodeError, around: usize, available: usize) -> EncodeError {
     match error {
@@ -278,7 +279,7 @@ fn put_mbap(head: &mut [u8; MBAP], transaction: u16, unit: u8, pdu: usize) {
     *to_unit = unit;
 }
 
-/// Puts the CRC after the first `len` bytes, and returns how many there are then; `None` without room for it.
+/// Puts the CRC after the first `len` bytes, and returns the number of bytes with it; `None` if it does not fit.
 #[inline]
 fn seal(out: &mut [u8], len: usize) -> Option<usize> {
     let (body, rest) = out.split_at_mut_checked(len)?;
@@ -286,14 +287,14 @@ fn seal(out: &mut [u8], len: usize) -> Option<usize> {
     Some(len + 2)
 }
 
-/// How long an RTU frame is, as its first bytes show.
+/// The length of an RTU frame, as its first bytes show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RtuLen {
-    /// How many bytes.
+    /// The number of bytes.
     Known(usize),
-    /// Its byte count has not arrived.
+    /// The byte count of the frame has not arrived: the number of bytes that show it.
     AtLeast(usize),
-    /// Only the silence after it shows that.
+    /// Only the silence after the frame shows its length.
     Silence,
 }
 
@@ -315,7 +316,7 @@ impl RtuLen {
     }
 }
 
-/// The length of a PDU with this function code.
+/// Returns the length of a PDU with this function code.
 #[inline]
 pub(crate) const fn pdu_length(code: u8, side: Side) -> Length {
     match side {

@@ -1,7 +1,7 @@
 use core::time::Duration;
 
-/// How frames follow one another on the transport. A build without the feature `rtu` or `tcp` has none of its variants, and links none of
-/// its code.
+/// The separation of frames on the transport. A build without the feature `rtu` or `tcp` has none of its variants, and links
+/// none of its code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Framing {
     /// Modbus TCP: MBAP headers.
@@ -10,8 +10,8 @@ pub enum Framing {
     /// RTU on a serial line: unit and CRC, and a silence between frames.
     #[cfg(feature = "rtu")]
     Rtu {
-        /// How long the line is silent between two frames: see [`timing::silence`](crate::timing::silence). Add what the driver delivers
-        /// late: a USB adapter up to 16 ms.
+        /// The silence of the line between two frames: see [`timing::silence`](crate::timing::silence). Add the delay of the
+        /// driver: a USB adapter up to 16 ms.
         silence: Duration,
     },
     /// RTU frames through a TCP connection ("RTU over TCP"), where a gap shows nothing of the line beyond it.
@@ -31,7 +31,7 @@ impl Framing {
     #[cfg(feature = "rtu")]
     pub const RTU_OVER_TCP: Self = Self::RtuOverTcp { stall: Duration::from_millis(500) };
 
-    /// How long nothing must arrive for a frame to count as ended; TCP frames have their length.
+    /// Returns the time without bytes after which a frame counts as ended; TCP frames have their length.
     pub const fn silence(self) -> Option<Duration> {
         match self {
             #[cfg(feature = "tcp")]
@@ -43,7 +43,7 @@ impl Framing {
         }
     }
 
-    /// True for a serial line, on which a silence separates frames.
+    /// Returns true for a serial line, on which a silence separates frames.
     pub(crate) const fn is_serial(self) -> bool {
         match self {
             #[cfg(feature = "tcp")]
@@ -55,7 +55,7 @@ impl Framing {
         }
     }
 
-    /// True where frames carry a transaction identifier.
+    /// Returns true if frames have a transaction identifier.
     pub(crate) const fn has_transactions(self) -> bool {
         match self {
             #[cfg(feature = "tcp")]

@@ -11,33 +11,33 @@ use crate::framing::Framing;
 pub enum Line {
     /// Nothing has arrived for the silence of the framing. On TCP always: frames have their length.
     Silent,
-    /// Bytes have arrived; nothing more until then is a silence.
+    /// Bytes have arrived; if nothing more comes until `silent_at`, that is a silence.
     Busy {
-        /// When the line counts as silent.
+        /// The time at which the line counts as silent.
         silent_at: Duration,
     },
     /// The bytes that have arrived may be the beginning of a frame. Between the line and the program, a UART or an adapter delays
     /// bytes: a silence in their arrival does not end the frame.
     Partial {
-        /// When the rest of the frame is given up.
+        /// The time at which the rest of the frame is given up.
         until: Duration,
     },
 }
 
 impl Line {
-    /// Bytes have arrived, or are read again.
+    /// Records that bytes have arrived, or are read again.
     pub(crate) fn receive(&mut self, now: Duration, framing: Framing) {
         if let Some(silence) = framing.silence() {
             *self = Self::Busy { silent_at: now.saturating_add(silence) };
         }
     }
 
-    /// The bytes that have arrived may be the beginning of a frame, whose rest is waited for, and at least for the silence.
+    /// Waits for the rest of a frame, whose beginning may have arrived, and at least for the silence.
     pub(crate) fn wait_for_rest(&mut self, until: Duration) {
         *self = Self::Partial { until: self.ends_at().map_or(until, |silent_at| silent_at.max(until)) };
     }
 
-    /// When the bytes that have arrived count as ended.
+    /// Returns the time at which the bytes that have arrived count as ended.
     pub(crate) const fn ends_at(self) -> Option<Duration> {
         match self {
             Self::Silent => None,
@@ -45,7 +45,7 @@ impl Line {
         }
     }
 
-    /// The same, to be changed.
+    /// As `ends_at`, for a change.
     pub(crate) const fn ends_at_mut(&mut self) -> Option<&mut Duration> {
         match self {
             Self::Silent => None,
@@ -53,17 +53,17 @@ impl Line {
         }
     }
 
-    /// Whether a frame may be sent: on a serial line after a silence only.
+    /// Returns whether a frame may be sent: on a serial line after a silence only.
     pub(crate) fn may_send(self, framing: Framing) -> bool {
         !framing.is_serial() || !matches!(self, Self::Busy { .. })
     }
 
-    /// Whether the bytes that have arrived have ended.
+    /// Returns whether the bytes that have arrived have ended.
     pub(crate) fn is_due(self, now: Duration) -> bool {
         self.ends_at().is_some_and(|at| is_due(at, now))
     }
 
-    /// Whether a silence has passed, after which bytes do not continue what came before.
+    /// Returns whether a silence has passed, after which bytes do not continue those before.
     pub(crate) fn was_silent(self, now: Duration) -> bool {
         matches!(self, Self::Busy { silent_at } if is_due(silent_at, now))
     }

@@ -7,17 +7,17 @@ use std::vec::Vec;
 
 use crate::message::limit;
 
-/// The registers of a range, and when they were read.
+/// The registers of a range, and the time of their read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Block {
-    /// One for each address.
+    /// One register for each address.
     pub registers: Vec<u16>,
     /// The time of the reply, by [`now`](robot_session::now): equal for ranges of one request. Of a range of more than 125 registers, the
     /// last reply.
     pub at: Duration,
 }
 
-/// A request for holding registers, and which ranges are in it, by their places in the caller's list.
+/// A request for holding registers, and the ranges that are in it, by their indices in the caller's list.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Joined {
     pub(crate) addresses: Range<u32>,
@@ -25,7 +25,7 @@ pub(crate) struct Joined {
 }
 
 impl Joined {
-    /// The registers of `range` that this request has, in what it has read.
+    /// Returns the registers of `range` that this request has read.
     pub(crate) fn part_of<'a>(&self, range: &Range<u32>, read: &'a [u16]) -> &'a [u16] {
         let begin = range.start.saturating_sub(self.addresses.start);
         let end = range.end.saturating_sub(self.addresses.start);
@@ -34,8 +34,9 @@ impl Joined {
     }
 }
 
-/// The requests for these ranges, by address: a range of up to 125 registers is in one request, together with others that overlap it or
-/// are at most `gap` registers away, as far as they fit. A longer one takes several. An empty range has none.
+/// Returns the requests for these ranges, by address: a range of up to 125 registers is in one request, together with others
+/// that overlap it or are at most `gap` registers away, as far as they fit. A longer range needs several requests, an empty
+/// one no request.
 pub(crate) fn join(ranges: &[Range<u32>], gap: u16) -> Vec<Joined> {
     let most = u32::from(limit::READ_REGISTERS);
     let mut order: Vec<usize> = (0..ranges.len()).collect();
@@ -78,7 +79,7 @@ mod tests {
     fn near_ranges_share_a_request_as_far_as_they_fit() {
         assert_eq!(joined(&[0..10, 12..20], 1), [(0..10, vec![0]), (12..20, vec![1])]);
         assert_eq!(joined(&[12..20, 0..10], 2), [(0..20, vec![1, 0])]);
-        // Each is whole, although 150 registers would take two requests in any case.
+        // Each range is whole, although 150 registers would take two requests in any case.
         assert_eq!(joined(&[0..100, 50..150, 3..3], 0), [(0..100, vec![0]), (50..150, vec![1])]);
         assert_eq!(joined(&[0..100, 5..6, 100..126], 0), [(0..100, vec![0, 1]), (100..126, vec![2])]);
         assert_eq!(

@@ -5,9 +5,10 @@ use crate::typed::WordOrder;
 
 /// A position register PR\[n\], of an assignment with `$VAR_NAME` `PR[n]`, `$SIZE` 50 a register and `$MULTIPLY` 0.
 ///
-/// One request reads or writes it whole. A controller keeps it in one of the two forms, the one whose flag is set, and gives the other
-/// one where it can compute it. The order of the 50 registers is that of a public client program, that of the configuration the one of a sample program for
-/// the vendor's PC interface (F/N, L/R, U/D, T/B, three turns); our source shows neither.
+/// One request reads or writes it whole. A controller stores it in one of the two forms, the one whose flag is set, and
+/// computes the other one if it can. The order of the 50 registers is that of a public client program, that of the
+/// configuration the one of a sample program for the vendor's PC interface (F/N, L/R, U/D, T/B, three turns); our source
+/// shows neither.
 ///
 /// ```
 /// use fanuc_hmi_modbus::position::{Cartesian, PositionRegister};
@@ -28,10 +29,10 @@ use crate::typed::WordOrder;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct PositionRegister {
-    /// Registers 1 to 25, if register 26 says that they hold something.
+    /// Registers 1 to 25; `None` if register 26 marks them as empty.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub cartesian: Option<Cartesian>,
-    /// Registers 27 to 44, J1 to J9 in degrees (or mm, of a linear axis), if register 45 says that they hold something.
+    /// Registers 27 to 44, J1 to J9 in degrees (or mm, for a linear axis); `None` if register 45 marks them as empty.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub joints: Option<[f32; 9]>,
     /// Register 46, the user frame.
@@ -58,7 +59,7 @@ pub struct Cartesian {
     pub configuration: Configuration,
 }
 
-/// Which of the arm's solutions is meant: the `CONFIG` of a program's position.
+/// The solution of the arm that is meant: the `CONFIG` of a program's position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
@@ -84,20 +85,20 @@ impl Default for Configuration {
 }
 
 impl PositionRegister {
-    /// How many registers it takes.
+    /// The number of registers of a position register.
     pub const QUANTITY: u16 = 50;
 
-    /// The request that reads it; `address` is the PDU address of its first register.
+    /// Returns the request that reads a position register; `address` is the PDU address of its first register.
     pub const fn request(address: u16) -> Request<'static> {
         Request::ReadHoldingRegisters { address, quantity: Self::QUANTITY }
     }
 
-    /// The position in the reply to [`request`](Self::request); `None` when there are fewer than 50 registers.
+    /// Returns the position in the reply to [`request`](Self::request); `None` if there are fewer than 50 registers.
     pub fn from_words(words: &Words<'_>, order: WordOrder) -> Option<Self> {
         Some(Self::from_registers(&words.first_chunk()?, order))
     }
 
-    /// The position in these registers.
+    /// Returns the position in these registers.
     pub fn from_registers(registers: &[u16; 50], order: WordOrder) -> Self {
         let (cartesian, rest) = registers.split_at(18);
         let (configuration, joints) = rest.split_at(8);
@@ -123,7 +124,7 @@ impl PositionRegister {
         }
     }
 
-    /// The registers that hold the position; the last three, which are undocumented, are 0.
+    /// Returns the registers of the position; the last three, which are undocumented, are 0.
     pub fn to_registers(&self, order: WordOrder) -> [u16; 50] {
         let mut registers = [0; 50];
         let Cartesian { xyzwpr, external, configuration } = self.cartesian.unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What a server holds, and how a request is carried out on it: a PDU in, a PDU out.
+//! The tables of a server, and the execution of a request on them: a PDU in, a PDU out.
 
 use crate::error::DecodeError;
 use crate::message::function::{self, Row};
@@ -7,11 +7,11 @@ use crate::message::{
 };
 
 /// The coils, inputs and registers of a server. Every method has a default that refuses, so that an implementation names only
-/// the tables that it has.
+/// its own tables.
 ///
-/// An address is that of the first item, and all items are within 0 to 65535. A method that gives an exception, with which the request is
-/// answered, changes nothing.
-/// The specification has functions 7, 8, 11 and 12 for serial lines alone; over TCP they are answered all the same.
+/// An address is that of the first item, and all items are within 0 to 65535. A method that returns an exception, with which
+/// the request is answered, makes no change. The specification has functions 7, 8, 11 and 12 for serial lines alone; over TCP
+/// they are answered too.
 ///
 /// Function 23 reads before and after the write, so nothing is written if the read fails; the reply has the values after
 /// the write.
@@ -65,7 +65,8 @@ pub trait Registers {
         Err(Exception::IllegalFunction)
     }
 
-    /// Functions 11 and 12, of a serial line: the counters of the device. The log is of 12: at most 64 events, the last one first.
+    /// Functions 11 and 12, of a serial line: the counters of the device. The log is for function 12: at most 64 events, the
+    /// last one first.
     fn comm_events(&mut self, _log: &mut [u8]) -> Result<CommEvents, Exception> {
         Err(Exception::IllegalFunction)
     }
@@ -75,7 +76,8 @@ pub trait Registers {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 17: writes the 1 to 250 bytes that the device says of itself, an id and FF if it runs first, and returns how many.
+    /// Function 17: writes the 1 to 250 bytes of the device's description of itself, first an id, and FF if it runs; returns
+    /// their number.
     fn server_id(&mut self, _out: &mut [u8]) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
@@ -86,26 +88,26 @@ pub trait Registers {
         Err(Exception::IllegalFunction)
     }
 
-    /// A run of function 21. Of several runs, those before one that is refused are written.
+    /// A run of function 21. If one of several runs is refused, those before it are written.
     fn write_file(&mut self, _file: u16, _record: u16, _values: Words<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 24: the registers of the queue whose count has this address, the oldest first; they stay in it. Returns how many there are:
-    /// of more than 31, for which `out` has no room, the answer is exception 3.
+    /// Function 24: the registers of the queue whose count has this address, the oldest first; they stay in it. Returns their
+    /// number: more than 31, which do not fit `out`, are answered with exception 3.
     fn read_fifo(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 43, MEI type 14: writes the value of an object of the device's identification, at most 244 bytes, and returns its length.
-    /// 0 is the name of its vendor, 1 the code of the product, 2 the revision, all in ASCII; 3 to 6 are the vendor's address in the web, the
-    /// names of product, model and application; those from 128 on are the device's own. `None`: there is no such object; without object
-    /// 0 the answer is exception 1.
+    /// Function 43, MEI type 14: writes the value of an object of the device's identification, at most 244 bytes, and returns
+    /// its length. 0 is the name of its vendor, 1 the code of the product, 2 the revision, all in ASCII; 3 to 6 are the
+    /// vendor's address in the web, the names of product, model and application; those from 128 on are the device's own.
+    /// `None`: there is no such object; without object 0 the answer is exception 1.
     fn device_object(&mut self, _id: u8, _out: &mut [u8]) -> Option<usize> {
         None
     }
 
-    /// A function without a type of its own: writes the bytes after the function code, at most 252, and returns how many.
+    /// A function without a type of its own: writes the bytes after the function code, at most 252, and returns their number.
     fn other(&mut self, _function: u8, _data: &[u8], _out: &mut [u8]) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
@@ -116,15 +118,15 @@ pub trait Registers {
 pub struct CommEvents {
     /// FFFF if the device is still busy with an earlier request, otherwise 0.
     pub status: u16,
-    /// The requests that it has carried out, without those of function 11 and those that were refused.
+    /// The number of requests that the device has executed, without those of function 11 and those that were refused.
     pub events: u16,
-    /// The messages that it has seen.
+    /// The number of messages that the device has received.
     pub messages: u16,
-    /// The events that were written to the log.
+    /// The number of events that were written to the log.
     pub logged: usize,
 }
 
-/// Carries a request out and writes its reply; returns the length of the reply.
+/// Executes a request and writes its reply; returns the length of the reply.
 ///
 /// A PDU that is not a request is answered too: exception 1 for its function code, exception 3 for the rest of it, exception 2 when
 /// it reaches beyond address 65535.
@@ -163,7 +165,7 @@ fn refuse(pdu: &[u8], exception: Exception, out: &mut [u8; limit::PDU]) -> usize
     2
 }
 
-/// Carries any request out and writes its reply; returns the length of the reply, or the exception to answer with.
+/// Executes any request and writes its reply; returns the length of the reply, or the exception to answer with.
 #[inline(never)]
 pub(crate) fn serve_other<R: Registers + ?Sized>(
     pdu: &[u8],
@@ -292,7 +294,7 @@ fn put(reply: &Reply<'_>, out: &mut [u8; limit::PDU]) -> Result<usize, Exception
     reply.encode(out).map_err(|_| Exception::ServerDeviceFailure)
 }
 
-/// Objects of the device from one on, as many as fit.
+/// Writes objects of the device from one on, as many as fit.
 fn identify<R: Registers + ?Sized>(
     category: u8,
     object: u8,
@@ -332,7 +334,7 @@ fn identify<R: Registers + ?Sized>(
     Ok(HEAD + at)
 }
 
-/// The reply that repeats the beginning of its request: where was written, and what or how much.
+/// Writes the reply that repeats the beginning of its request: the address of the write, and the value or the quantity.
 #[inline]
 fn repeat<const N: usize>(pdu: &[u8], out: &mut [u8; limit::PDU]) -> Result<usize, Exception> {
     let from = pdu.first_chunk::<N>().ok_or(Exception::ServerDeviceFailure)?;
@@ -340,7 +342,7 @@ fn repeat<const N: usize>(pdu: &[u8], out: &mut [u8; limit::PDU]) -> Result<usiz
     Ok(N)
 }
 
-/// Whether this many from the address on are within 0 to 65535.
+/// Checks that this many items from the address on are within 0 to 65535.
 #[inline]
 fn in_table(address: u16, quantity: usize) -> Result<(), Exception> {
     if usize::from(address) + quantity <= 1 << 16 { Ok(()) } else { Err(Exception::IllegalDataAddress) }

@@ -17,21 +17,21 @@ const ROLE: [u8; 11] = [0x2B, 6, 1, 4, 1, 0x83, 0x89, 0x0C, 0x86, 0x22, 1];
 /// A certificate whose role cannot be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum RoleError {
-    /// It is no certificate of X.509 in DER.
+    /// The bytes are not a certificate of X.509 in DER.
     #[error("not a certificate of X.509 in DER")]
     Certificate,
-    /// Its role is no UTF8String.
+    /// The role of the certificate is not a UTF8String.
     #[error("the role in the certificate is not a UTF8String")]
     Role,
-    /// It has more than one role.
+    /// The certificate has more than one role.
     #[error("the certificate has more than one role")]
     Several,
 }
 
-/// The role in a certificate (DER), which its verification is to precede; `None` if there is none.
+/// Returns the role in a certificate (DER), which must have been verified before; `None` if it has no role.
 ///
 /// # Errors
-/// It is no certificate, or its role is not one UTF8String.
+/// The bytes are not a certificate, or its role is not one UTF8String.
 pub fn role(certificate: &[u8]) -> Result<Option<&str>, RoleError> {
     let mut extensions = extensions(certificate).ok_or(RoleError::Certificate)?;
     let mut found = None;
@@ -56,7 +56,7 @@ const SEQUENCE: u8 = 0x30;
 /// `[3]`, in which a certificate has its extensions.
 const EXTENSIONS: u8 = 0xA3;
 
-/// The extensions of a certificate; empty if it has none.
+/// Returns the extensions of a certificate; empty if it has no extensions.
 fn extensions(mut certificate: &[u8]) -> Option<&[u8]> {
     let mut signed = inside(&mut certificate, SEQUENCE)?;
     let mut fields = inside(&mut signed, SEQUENCE)?;
@@ -69,7 +69,7 @@ fn extensions(mut certificate: &[u8]) -> Option<&[u8]> {
     Some(&[])
 }
 
-/// The text in an extension, behind the flag whether it is critical.
+/// Returns the text in an extension, after the flag whether it is critical.
 fn value(mut extension: &[u8]) -> Option<&str> {
     let (mut tag, mut content) = element(&mut extension)?;
     if tag == BOOLEAN {
@@ -79,12 +79,12 @@ fn value(mut extension: &[u8]) -> Option<&str> {
     str::from_utf8(text).ok()
 }
 
-/// The content of the next element, if it has this tag.
+/// Returns the content of the next element, if it has this tag.
 fn inside<'a>(bytes: &mut &'a [u8], tag: u8) -> Option<&'a [u8]> {
     element(bytes).filter(|(found, _)| *found == tag).map(|(_, content)| content)
 }
 
-/// The next element of DER: its tag, and its content.
+/// Returns the next element of DER: its tag, and its content.
 fn element<'a>(bytes: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
     let (&[tag, short], mut rest) = bytes.split_first_chunk()?;
     let length = match short {
@@ -101,19 +101,21 @@ fn element<'a>(bytes: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
     Some((tag, content))
 }
 
-/// An access to registers: the function that stands for it, 15 also for function 5, 16 for 6, and both halves of 22 and 23 by themselves.
+/// An access to registers: the function that stands for it, 15 for function 5 too, 16 for 6, and both halves of 22 and 23
+/// separately.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Access {
-    /// That of the request, but 15 for function 5, 16 for 6 and 22, 3 and 16 for 23.
+    /// The function of the request, but 15 for function 5, 16 for 6 and 22, 3 and 16 for 23.
     pub function: u8,
-    /// The first address; the subfunction of 8, the file of 20 and 21, the object of 43; 0 of a function that has none of these.
+    /// The first address; the subfunction of 8, the file of 20 and 21, the object of 43; 0 for a function that has none of
+    /// these.
     pub address: u16,
-    /// The number of bits or registers, words of 8, objects of 43; 0 of a function that has none of these, and of 24.
+    /// The number of bits or registers, words of 8, objects of 43; 0 for a function that has none of these, and for 24.
     pub quantity: u16,
 }
 
-/// Registers of which a client sees and changes only what `allows` permits: the server refuses everything else with exception 1, as the
-/// security protocol has it.
+/// Registers of which a client reads and writes only those that `allows` permits: the server refuses everything else with
+/// exception 1, as the security protocol requires.
 ///
 /// ```
 /// use fanuc_hmi_modbus::Registers;
@@ -136,7 +138,7 @@ pub struct Guarded<R, A> {
 }
 
 impl<R: Registers, A: FnMut(Access) -> bool> Guarded<R, A> {
-    /// These registers.
+    /// Guards these registers.
     pub const fn new(registers: R, allows: A) -> Self {
         Self { registers, allows }
     }
@@ -150,7 +152,7 @@ impl<R: Registers, A: FnMut(Access) -> bool> Guarded<R, A> {
     }
 }
 
-/// Methods of [`Registers`] that the guard decides about: what the access is, for each.
+/// Defines the methods of [`Registers`] that the guard checks, with the access of each.
 macro_rules! guarded {
     ($($name:ident($($argument:ident: $of:ty),*) -> $gives:ty: $function:expr, $address:expr, $quantity:expr;)*) => {
         $(fn $name(&mut self, $($argument: $of),*) -> Result<$gives, Exception> {

@@ -1,4 +1,4 @@
-//! Which signal of the robot is where in the Modbus tables (the source's Table 1), both ways.
+//! The location of each signal of the robot in the Modbus tables (the source's Table 1), in both directions.
 //!
 //! Table 1 counts addresses from 1, Modbus counts PDU addresses from 0. Everything here is in PDU addresses, and names the
 //! numbers of Table 1 where it cites them.
@@ -67,12 +67,13 @@ pub enum Signal {
     /// Numeric register R\[1\] to R\[16384\], one signed 16-bit register each, unless the area is assigned otherwise: see
     /// [`Assignment`](crate::Assignment). The factory's assignment ends at R\[10000\].
     R(u16),
-    /// Register 0 to 63 of the area for "dynamic assignment", 16385 to 16448 in Table 1. What to do with it is documented nowhere.
+    /// Register 0 to 63 of the area for "dynamic assignment", 16385 to 16448 in Table 1. The use of this area is documented
+    /// nowhere.
     Dynamic(u16),
 }
 
 impl Signal {
-    /// Its table and PDU address; `None` when the number is outside its range.
+    /// Returns the signal's table and PDU address; `None` if the number is outside its range.
     pub fn place(self) -> Option<(Table, u16)> {
         let number = self.number();
         let row = ROWS.iter().find(|row| (row.signal)(number) == self)?;
@@ -80,7 +81,7 @@ impl Signal {
         (offset <= row.last - row.first).then_some((row.table, row.first - 1 + offset))
     }
 
-    /// The signal at a PDU address; `None` where Table 1 has "not used".
+    /// Returns the signal at a PDU address; `None` if Table 1 has "not used" there.
     pub fn at(table: Table, address: u16) -> Option<Self> {
         let address = address.checked_add(1)?;
         let row = ROWS.iter().find(|row| row.table == table && (row.first..=row.last).contains(&address))?;

@@ -9,9 +9,9 @@ use crate::framing::Framing;
 use crate::server::ServerConfig;
 use crate::timing;
 
-/// The field `framing`, and the time of one that has one.
+/// Visits the field `framing`, and the time of a framing that has one.
 fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
-    // One that is chosen already keeps its time.
+    // A framing that is chosen already keeps its time.
     let before = *framing;
     let or_before = |it: Framing| if discriminant(&it) == discriminant(&before) { before } else { it };
     let rtu = or_before(Framing::Rtu { silence: timing::silence(19_200) });

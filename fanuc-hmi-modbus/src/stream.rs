@@ -1,4 +1,4 @@
-//! The bytes of a stream that wait to be read, and where its input has ended.
+//! The bytes of a stream that wait to be read, and the ends of its input.
 
 use core::ops::Range;
 
@@ -10,9 +10,9 @@ pub(crate) struct Stream {
     end: usize,
     /// Bytes of the stream before the buffer.
     passed: u64,
-    /// What is before here will not go on.
+    /// The index of an end: the bytes before it will not continue.
     finished_at: Option<usize>,
-    /// The same of a later end, given before the first was drained.
+    /// The index of a later end, reported before the first was drained.
     finished_later: Option<usize>,
 }
 
@@ -23,13 +23,13 @@ impl Stream {
         Self { buffer: [0; CAPACITY], start: 0, end: 0, passed: 0, finished_at: None, finished_later: None }
     }
 
-    /// Whether this many bytes fit only when what is gone has made room.
+    /// Returns whether this many bytes fit only after the space of the taken bytes was freed.
     #[inline]
     pub(crate) const fn is_tight(&self, length: usize) -> bool {
         length > CAPACITY - self.end
     }
 
-    /// Makes room; gives by how many bytes everything has moved.
+    /// Frees the space of the taken bytes; returns the number of bytes by which everything has moved.
     pub(crate) fn compact(&mut self) -> usize {
         let gone = self.start;
         self.buffer.copy_within(gone..self.end, 0);
@@ -42,10 +42,10 @@ impl Stream {
         gone
     }
 
-    /// Takes as many bytes as there is room for; returns how many.
+    /// Takes as many bytes as fit; returns how many.
     #[inline(always)] // into the one place that often has bytes
     pub(crate) fn push(&mut self, bytes: &[u8]) -> usize {
-        // A port that gives single bytes: no call to copy one.
+        // A port that delivers single bytes: copy one without a call.
         if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
             *room = *byte;
             self.end += 1;
@@ -60,25 +60,25 @@ impl Stream {
         taken
     }
 
-    /// Where what waits begins.
+    /// Returns the index of the first waiting byte.
     #[inline]
     pub(crate) const fn start(&self) -> usize {
         self.start
     }
 
-    /// Where all that has come ends.
+    /// Returns the index of the end of all bytes that have come.
     #[inline]
     pub(crate) const fn end(&self) -> usize {
         self.end
     }
 
-    /// Where what waits ends, or the input did.
+    /// Returns the index at which the waiting bytes, or the input, have ended.
     #[inline]
     pub(crate) fn limit(&self) -> usize {
         self.finished_at.unwrap_or(self.end)
     }
 
-    /// Whether the input has ended at [`limit`](Self::limit).
+    /// Returns whether the input has ended at [`limit`](Self::limit).
     #[inline]
     pub(crate) const fn has_ended(&self) -> bool {
         self.finished_at.is_some()
@@ -89,13 +89,13 @@ impl Stream {
         self.buffer.get(range)
     }
 
-    /// What waits up to [`limit`](Self::limit).
+    /// Returns the waiting bytes up to [`limit`](Self::limit).
     #[inline]
     pub(crate) fn held(&self) -> &[u8] {
         self.buffer.get(self.start..self.limit()).unwrap_or_default()
     }
 
-    /// Takes this many bytes of what waits; gives their place.
+    /// Takes this many of the waiting bytes; returns their range.
     #[inline]
     pub(crate) fn take(&mut self, length: usize) -> Range<usize> {
         let start = self.start;
@@ -103,18 +103,18 @@ impl Stream {
         start..self.start
     }
 
-    /// The input ends.
+    /// Records the end of the input.
     pub(crate) fn finish(&mut self) {
         let end = Some(self.end);
         if self.finished_at.is_none() { self.finished_at = end } else { self.finished_later = end }
     }
 
-    /// What waited up to the end of the input was taken.
+    /// Called when the waiting bytes up to the end of the input were taken.
     pub(crate) fn pass_end(&mut self) {
         self.finished_at = self.finished_later.take();
     }
 
-    /// Returns what was taken last to the bytes that wait.
+    /// Returns the bytes that were taken last to the waiting bytes.
     pub(crate) const fn put_back(&mut self, range: &Range<usize>) {
         self.start = range.start;
     }
@@ -127,12 +127,12 @@ impl Stream {
         self.position_of(self.start)
     }
 
-    /// The stream offset of a place in the buffer.
+    /// Returns the stream offset of an index in the buffer.
     pub(crate) const fn position_of(&self, index: usize) -> u64 {
         self.passed + index as u64
     }
 
-    /// Discards what waits.
+    /// Discards the waiting bytes.
     pub(crate) const fn clear(&mut self) {
         self.passed += self.end as u64;
         (self.start, self.end) = (0, 0);

@@ -2,13 +2,13 @@
 
 pub use crate::error::TextError;
 
-/// The registers of one string register SR\[n\]: 80 characters. An assignment of more registers goes on with SR\[n + 1\].
-/// (From public notes; not verified on a controller.)
+/// The number of registers of one string register SR\[n\]: 80 characters. An assignment of more registers continues with
+/// SR\[n + 1\]. (From public notes; not verified on a controller.)
 pub const REGISTERS: usize = QUANTITY as usize;
 /// [`REGISTERS`] as the quantity of a request, or to count addresses.
 pub const QUANTITY: u16 = 40;
 
-/// Reads a string from registers, high byte first, up to the first NUL or the end; returns how many bytes it has.
+/// Reads a string from registers, high byte first, up to the first NUL or the end; returns the number of its bytes.
 /// Bytes that do not fit `out`, two per register, are dropped.
 ///
 /// ```
@@ -22,7 +22,7 @@ pub fn read(registers: &[u16], out: &mut [u8]) -> usize {
 /// Fills the registers of a string: its bytes, then NULs.
 ///
 /// # Errors
-/// It is longer than two bytes a register, or has a NUL in it. Nothing is written then.
+/// When the text is longer than two bytes per register, or contains a NUL. Nothing is written then.
 pub fn write(text: &[u8], registers: &mut [u16]) -> Result<(), TextError> {
     let most = 2 * registers.len();
     if text.len() > most {

@@ -1,4 +1,4 @@
-//! How long frames take on a serial line, and the silence between them (MODBUS over Serial Line V1.02, section 2.5.1).
+//! The times of frames on a serial line, and the silence between them (MODBUS over Serial Line V1.02, section 2.5.1).
 
 use core::time::Duration;
 
@@ -22,13 +22,13 @@ pub const fn silence(baud: u32) -> Duration {
     }
 }
 
-/// How long `bytes` take on the line.
+/// Returns the time of `bytes` on the line.
 pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     let baud = if baud == 0 { 1 } else { baud as u64 };
     Duration::from_nanos((bytes as u64).saturating_mul(CHARACTER_BITS as u64 * 1_000_000_000) / baud)
 }
 
-/// How long it takes on a serial line to read `registers` in one request: the request, the reply, and the silence after each.
+/// Returns the time to read `registers` in one request on a serial line: the request, the reply, and the silence after each.
 ///
 /// ```
 /// use fanuc_hmi_modbus::timing::read_time;

@@ -2,10 +2,10 @@
 
 use crate::error::AssignmentError;
 
-/// Which of the two registers of a 32-bit value comes first. Within a register the high byte is always first on the wire.
+/// The order of the two registers of a 32-bit value. Within a register the high byte is always first on the wire.
 ///
-/// The source does not say; public programs for FANUC controllers read the low word first ("CDAB"). [`OrderProbe`] finds which
-/// by watching a counter.
+/// The source does not state the order; public programs for FANUC controllers read the low word first ("CDAB").
+/// [`OrderProbe`] finds it by watching a counter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -52,7 +52,7 @@ impl WordOrder {
     }
 }
 
-/// `$MULTIPLY` of an assignment: what a register or a pair of registers holds of a variable.
+/// `$MULTIPLY` of an assignment: the form of a variable in a register or a pair of registers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -67,7 +67,7 @@ pub enum Multiply {
 }
 
 impl Multiply {
-    /// The meaning of the number.
+    /// Returns the meaning of the number.
     ///
     /// # Errors
     /// When a controller has no meaning for it.
@@ -115,21 +115,21 @@ impl From<Multiply> for f32 {
     }
 }
 
-/// How registers hold a numeric variable.
+/// The form of a numeric variable in registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Kind {
     /// A signed integer in one register (`R[n]@1.1`).
     Int16,
-    /// A signed integer in two.
+    /// A signed integer in two registers.
     Int32,
-    /// A real in two; its multiply is 0.
+    /// A real in two registers; its multiply is 0.
     Float32,
 }
 
 impl Kind {
-    /// The registers that it takes.
+    /// Returns the number of registers of the variable.
     pub const fn registers(self) -> u16 {
         match self {
             Self::Int16 => 1,
@@ -138,7 +138,7 @@ impl Kind {
     }
 }
 
-/// A numeric variable in holding registers: how it is read and written.
+/// A numeric variable in holding registers: its form for reads and writes.
 ///
 /// ```
 /// use fanuc_hmi_modbus::{typed::{Kind, Multiply, Number}, WordOrder};
@@ -154,14 +154,14 @@ impl Kind {
 pub struct Number {
     /// Integer or real, one register or two.
     pub kind: Kind,
-    /// The scale of an integer. A real, and what has no scale, is as it is.
+    /// The scale of an integer. A real, and a kind without a scale, is not scaled.
     pub multiply: Multiply,
-    /// Which of two registers comes first.
+    /// The order of the two registers.
     pub order: WordOrder,
 }
 
 impl Number {
-    /// The value in these registers. Of a value of one register, the second is not looked at.
+    /// Returns the value in these registers. For a value of one register, the second is ignored.
     pub fn read(&self, words: [u16; 2]) -> f64 {
         let [first, _] = words;
         match self.kind {
@@ -171,10 +171,10 @@ impl Number {
         }
     }
 
-    /// The registers of a value; of a value of one register, the second is 0.
+    /// Returns the registers of a value; for a value of one register, the second is 0.
     ///
     /// # Errors
-    /// When it is no number, or does not fit: a register takes −32768 to 32767 after multiplication.
+    /// When the value is not a number, or does not fit: a register holds −32768 to 32767 after multiplication.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the range was checked; a real is rounded on purpose"
@@ -217,14 +217,14 @@ pub struct NumberError {
     pub value: f64,
     /// The least number in the registers.
     pub least: f64,
-    /// The largest.
+    /// The largest number in the registers.
     pub most: f64,
 }
 
 /// Finds the [`WordOrder`] of a controller by watching a counter in two registers that grows by small steps.
 ///
-/// The word that changes from sample to sample is the low one. While both orders are still possible (the counter is at rest, or
-/// both words changed at once), it has no answer.
+/// The word that changes from sample to sample is the low one. While both orders are still possible (the counter is at rest,
+/// or both words changed at once), it returns no order.
 ///
 /// ```
 /// use fanuc_hmi_modbus::{typed::OrderProbe, WordOrder};
@@ -245,7 +245,7 @@ impl OrderProbe {
     /// The largest step between two samples that is evidence of an order: 4 s of a counter that steps every 8 ms.
     pub const MAX_STEP: u32 = 500;
 
-    /// Takes the two registers of the counter; returns the order when two steps more are evidence of it than of the other.
+    /// Takes the two registers of the counter; returns the order when it has two more steps as evidence than the other.
     pub fn watch(&mut self, words: [u16; 2]) -> Option<WordOrder> {
         if let Some(last) = self.last.replace(words) {
             let small = |order: WordOrder| {

@@ -12,7 +12,7 @@ pub struct ClientConfig {
     /// The timeout from the transmission of a request to its reply; above zero. One second. On a serial line
     /// [`rtu`](Self::rtu) adds the time that the longest request and the longest reply take.
     pub timeout: Duration,
-    /// The maximum of requests in flight, 1 to the client's slots. 1, which every server supports: how many a FANUC
+    /// The maximum number of requests in flight, 1 to the client's slots. 1, which every server supports: how many a FANUC
     /// controller supports is not published. Without transactions in the frames, more than 1 is invalid.
     pub in_flight: usize,
     /// Whether a reply from another unit is accepted, which some gateways send. Off.
@@ -22,18 +22,19 @@ pub struct ClientConfig {
     /// The time for the units of a serial line to execute a broadcast, from its transmission. 100 ms, to which
     /// [`rtu`](Self::rtu) adds the time of the longest frame.
     pub turnaround: Duration,
-    /// An assumption: the latest reply after its request has timed out. Without a transaction, a late reply
-    /// could be taken for the reply to the next request, which therefore waits this long. Not used on TCP. If a reply is later still,
-    /// it may be matched to the wrong request, whose own reply is then reported as a stray. 1 s on a serial line; 10 s for
-    /// RTU over TCP, where a new connection ends the wait at once.
+    /// An assumption: the latest reply after its request has timed out. Without a transaction, a late reply could be taken
+    /// for the reply to the next request, which therefore waits this long. Not used on TCP. If a reply is later still, it may
+    /// be matched to the wrong request, whose own reply is then reported as a stray. 1 s on a serial line; 10 s for RTU over
+    /// TCP, where a new connection ends the wait at once.
     pub settle: Duration,
-    /// The time in which nothing is sent after a request has ended, for devices that lose what comes sooner. 0.
+    /// The time after the end of a request in which nothing is sent, for devices that lose bytes that come sooner. 0.
     pub pause: Duration,
-    /// Whether the line returns what is sent, as adapters for two wires often do; not on TCP. Off. The bytes of a request come back
-    /// first then: they are compared with it and dropped, and others are [`ClientEvent::Echo`](crate::ClientEvent::Echo), a collision.
+    /// Whether the line returns the bytes sent, as adapters for two wires often do; not on TCP. Off. The bytes of a request
+    /// then come back first: they are compared with it and dropped, and others are
+    /// [`ClientEvent::Echo`](crate::ClientEvent::Echo), a collision.
     ///
-    /// While it is off, requests on a connection that cannot equal their reply show whether the line returns them; that is the same event,
-    /// and from then on they are dropped.
+    /// While it is off, requests on a connection that cannot equal their reply show whether the line returns them; that is
+    /// the same event, and from then on the returned bytes are dropped.
     ///
     /// On or off, a reply that equals its request (function 5, 6, 8 or 22, or one without a type) counts only if another reply has come on the
     /// connection, which the line cannot have returned: otherwise it may be the request itself, and the outcome is
@@ -44,7 +45,7 @@ pub struct ClientConfig {
     #[cfg(feature = "model")]
     #[doc(hidden)]
     pub transactions: u16,
-    /// The rules of the machine, all of which are kept.
+    /// The rules of the machine that are in force: all of them by default.
     #[cfg(feature = "model")]
     #[doc(hidden)]
     pub rules: robot_session::end::Rules<Rule>,
@@ -65,7 +66,7 @@ robot_session::rules! {
         DoubtException,
         /// On a serial line a request of another client may be in flight at the beginning.
         DrainFirst,
-        /// Nothing is sent before what has arrived was read.
+        /// Nothing is sent before the bytes that have arrived were read.
         ReadBeforeSend,
         /// On a serial line nothing is sent while bytes arrive.
         WaitForSilence,
@@ -73,13 +74,14 @@ robot_session::rules! {
         CutAtSilence,
         /// The rest of a reply that has begun is waited for, even if a silence is seen within it.
         AwaitRest,
-        /// Without transactions no request that can equal its reply is sent before a read that shows that a device answers on the line.
+        /// Without transactions no request that can equal its reply is sent before a read that shows that a device answers on
+        /// the line.
         ProveEcho,
-        /// A frame that equals its request is no reply on a line on which no other reply has come.
+        /// A frame that equals its request is not a reply on a line on which no other reply has come.
         ProveReply,
-        /// What is in flight ends with the connection.
+        /// Requests in flight end with the connection.
         EndAtDisconnect,
-        /// What waits to be sent ends with the connection.
+        /// Requests that wait to be sent end with the connection.
         DropQueued,
     }
 }
@@ -129,12 +131,12 @@ impl ClientConfig {
         Self { broadcast: true, settle, ..Self::of(Framing::RTU_OVER_TCP) }
     }
 
-    /// Whether a request to this unit is a broadcast.
+    /// Returns whether a request to this unit is a broadcast.
     pub const fn is_broadcast(&self, unit: u8) -> bool {
         self.broadcast && unit == 0
     }
 
-    /// How many requests may be in flight at once.
+    /// Returns the maximum number of requests in flight at once.
     pub(crate) fn most_in_flight(&self) -> usize {
         match self.framing.has_transactions() || !self.keeps(Rule::OneInFlight) {
             true => self.in_flight,
@@ -142,7 +144,7 @@ impl ClientConfig {
         }
     }
 
-    /// The transaction after this one.
+    /// Returns the transaction after this one.
     pub(crate) const fn after(&self, transaction: u16) -> u16 {
         #[cfg(feature = "model")]
         if transaction >= self.transactions {

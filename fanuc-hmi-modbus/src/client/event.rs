@@ -11,12 +11,12 @@ use crate::message::Exception;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(into = "u64"))]
 pub struct Ticket {
     pub(super) number: u64,
-    /// Where the client keeps the request, and then its reply.
+    /// The slot in which the client stores the request, and then its reply.
     pub(super) place: u8,
 }
 
 impl Ticket {
-    /// Its number: the first request that a client takes is 1.
+    /// Returns the number of the request: the first request that a client accepts is 1.
     pub const fn number(self) -> u64 {
         self.number
     }
@@ -35,7 +35,7 @@ impl From<Ticket> for u64 {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ClientEvent {
-    /// A reply that fits its request, or the exception that refuses it: [`Client::reply`](crate::Client::reply) reads it.
+    /// A reply that fits its request, or the exception that refuses it: [`Client::reply`](crate::Client::reply) returns it.
     Replied {
         /// The request.
         ticket: Ticket,
@@ -52,27 +52,27 @@ pub enum ClientEvent {
     Failed {
         /// The request.
         ticket: Ticket,
-        /// Why.
+        /// The reason.
         #[cfg_attr(feature = "serde", serde(rename = "reason"))]
         failure: Failure,
     },
     /// An unexpected reply was dropped. If it is late by more than [`ClientConfig::settle`](crate::ClientConfig::settle),
     /// that assumption is wrong.
     Stray {
-        /// Its transaction on TCP.
+        /// The transaction of the reply, on TCP.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
         /// The transaction of the oldest request in flight, on TCP. Not part of the serialized event.
         #[cfg_attr(feature = "serde", serde(skip))]
         expected: Option<u16>,
-        /// Who sent it.
+        /// The unit that sent the reply.
         unit: u8,
-        /// Its function code, without the bit that marks an exception.
+        /// The function code of the reply, without the bit that marks an exception.
         function: u8,
-        /// The request to which it belongs, which has timed out, if known.
+        /// The request that the reply belongs to, which has timed out, if known.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         late: Option<Ticket>,
-        /// Except on TCP: why it is not the awaited reply.
+        /// Except on TCP: the reason that it is not the awaited reply.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         mismatch: Option<Mismatch>,
     },
@@ -82,8 +82,8 @@ pub enum ClientEvent {
     /// On TCP, which does not corrupt data: bytes that do not begin a frame, and no frame after them yet. Reconnect.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
-    /// Except on TCP: the line returns what is sent, and [`ClientConfig::echo`](crate::ClientConfig::echo) is off; or it is on, and something
-    /// else came back.
+    /// Except on TCP: the line returns the bytes sent, and [`ClientConfig::echo`](crate::ClientConfig::echo) is off; or it is
+    /// on, and other bytes came back.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Echo(EchoError),
     /// A call violated the contract; nothing has changed.
@@ -91,7 +91,7 @@ pub enum ClientEvent {
 }
 
 impl ClientEvent {
-    /// The request whose outcome it is.
+    /// Returns the request whose outcome the event is.
     pub const fn outcome_of(&self) -> Option<Ticket> {
         match self {
             Self::Replied { ticket, .. } | Self::Announced { ticket } | Self::Failed { ticket, .. } => {
@@ -106,7 +106,7 @@ impl ClientEvent {
     }
 }
 
-/// One sentence, without the numbers of tickets where something else tells more.
+/// One sentence, without the numbers of tickets if something else is more specific.
 impl fmt::Display for ClientEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -135,7 +135,7 @@ impl fmt::Display for ClientEvent {
     }
 }
 
-/// Why a request has no usable reply.
+/// The reason that a request has no usable reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
@@ -144,8 +144,8 @@ pub enum Failure {
     /// The reply timed out. Whether the request was executed is unknown.
     #[error("no reply before the timeout; if the request writes, it may have been executed")]
     TimedOut,
-    /// Only a frame that equals the request has come, on a connection without any other reply: the line may have returned the request, and
-    /// whether a device has executed it is unknown.
+    /// Only a frame that equals the request has come, on a connection without any other reply: the line may have returned the
+    /// request, and whether a device has executed it is unknown.
     #[error(
         "only the request itself came back, and no other reply shows that a device answers: if the line returns what is sent, set \
          echo=true; if the request writes, it may have been executed"
@@ -168,12 +168,13 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Whether the server may have executed the request, or may still execute it.
+    /// Returns whether the server may have executed the request, or may still execute it.
     pub const fn is_unknown(self) -> bool {
         !matches!(self, Self::NotSent) && self.exception().is_none()
     }
 
-    /// The exception with which the server refuses the request, if the reply is malformed because its header has another length.
+    /// Returns the exception with which the server refuses the request, if the reply is malformed because its header has
+    /// another length.
     pub const fn exception(self) -> Option<Exception> {
         match self {
             Self::Malformed(DecodeError::ExceptionLength { exception, .. }) => Some(exception),
@@ -185,9 +186,9 @@ impl Failure {
 robot_session::counters! {
     /// The counters of a client.
     pub struct ClientStatistics {
-        /// Requests that were made.
+        /// Requests that the client accepted.
         pub requests: u64,
-        /// Requests that have a reply, exceptions among them.
+        /// Requests with a reply, including exceptions.
         pub replies: u64,
         /// Requests that failed.
         pub failures: u64,

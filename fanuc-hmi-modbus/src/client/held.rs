@@ -1,62 +1,62 @@
-//! A client's requests, as its machine knows them.
+//! A client's requests in the machine's state.
 
 use core::time::Duration;
 
 use super::config::{ClientConfig, Rule};
 
-/// A request and the place that holds its bytes.
+/// A request and the slot of its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Held {
-    /// The place, below `N`.
+    /// The slot, below `N`.
     pub place: u8,
-    /// How far it is.
+    /// The stage of the request.
     pub stage: Stage,
 }
 
-/// How far a request is.
+/// The stage of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// It waits to be sent to one unit.
+    /// The request waits to be sent to one unit.
     Queued {
-        /// Its reply can equal it.
+        /// Whether the reply can equal the request.
         mirrored: bool,
     },
-    /// It waits to be sent to all units.
+    /// The request waits to be sent to all units.
     QueuedBroadcast,
-    /// Before it a read was sent, whose reply shows that a device answers on the line.
+    /// A read was sent before the request; its reply shows that a device answers on the line.
     Probing {
-        /// When that times out.
+        /// The time at which that read times out.
         deadline: Duration,
-        /// Something corrupt has come since it was sent.
+        /// Whether corrupt bytes have come since the read was sent.
         doubtful: bool,
     },
-    /// It was sent, and waits for its reply.
+    /// The request was sent, and waits for its reply.
     InFlight {
-        /// Its transaction; 0 where frames have none.
+        /// The transaction of the request; 0 if frames have no transaction.
         transaction: u16,
-        /// When it times out.
+        /// The time at which the request times out.
         deadline: Duration,
-        /// Something corrupt has come since it was sent, and frames have no transaction.
+        /// Whether corrupt bytes have come since the request was sent, and frames have no transaction.
         doubtful: bool,
-        /// A frame that equals it has come on a line that is not proven: the line may have returned it.
+        /// Whether a frame that equals the request has come on a line that is not proven: the line may have returned it.
         returned: bool,
     },
-    /// It has its outcome, which the caller has not taken yet.
+    /// The request has its outcome, which the caller has not polled yet.
     Ended,
-    /// The same, and its reply may still come.
+    /// As `Ended`, and the reply may still come.
     TimedOut {
-        /// Its transaction.
+        /// The transaction of the request.
         transaction: u16,
     },
-    /// The caller has taken the outcome, and the reply may still come. The place may be used again.
+    /// The caller has polled the outcome, and the reply may still come. The slot may be used again.
     Expired {
-        /// Its transaction.
+        /// The transaction of the request.
         transaction: u16,
     },
 }
 
 impl Held {
-    /// When it times out.
+    /// Returns the time at which the request, or the read before it, times out.
     pub(super) const fn deadline(&self) -> Option<Duration> {
         match self.stage {
             Stage::Probing { deadline, .. } | Stage::InFlight { deadline, .. } => Some(deadline),
@@ -68,17 +68,17 @@ impl Held {
         }
     }
 
-    /// Whether it waits to be sent.
+    /// Returns whether the request waits to be sent.
     pub(super) const fn is_queued(&self) -> bool {
         matches!(self.stage, Stage::Queued { .. } | Stage::QueuedBroadcast)
     }
 
-    /// Whether it is in flight, or the read before it.
+    /// Returns whether the request, or the read before it, is in flight.
     pub(super) const fn is_in_flight(&self) -> bool {
         matches!(self.stage, Stage::Probing { .. } | Stage::InFlight { .. })
     }
 
-    /// Whether it, or the read before it, is in flight, and a frame with this transaction belongs to it.
+    /// Returns whether the request, or the read before it, is in flight, and a frame with this transaction belongs to it.
     pub(super) fn waits(&self, transaction: u16, config: &ClientConfig) -> bool {
         match self.stage {
             Stage::Probing { .. } => true,
@@ -90,7 +90,7 @@ impl Held {
     }
 }
 
-/// The first transaction from `next` on that no request has whose reply may still come.
+/// Returns the first transaction from `next` on that no request has whose reply may still come.
 pub(super) fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig) -> u16 {
     let in_use = |transaction: u16| {
         requests.iter().map_while(Option::as_ref).any(|held| match held.stage {

@@ -1,40 +1,41 @@
-//! What happens to a client, and what it does.
+//! The inputs and actions of a client's machine.
 
 use super::places::Places;
 
-/// What happens to a client.
+/// An input of a client's machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// A connection was made.
     Connected,
     /// The connection is lost.
     Disconnected,
-    /// Time has passed. Given after what has arrived was read; one thing that came due is done with each.
+    /// Time has passed. Given after the bytes that have arrived were read; each timeout handles one due deadline.
     Timeout,
     /// The caller makes a request.
     Request {
-        /// To all units.
+        /// Whether the request is for all units.
         broadcast: bool,
-        /// Its reply can equal it.
+        /// Whether the reply can equal the request.
         mirrored: bool,
     },
-    /// The caller has taken the outcome of the request in this place.
+    /// The caller has polled the outcome of the request in this slot.
     Taken {
-        /// The place.
+        /// The slot.
         place: u8,
     },
     /// Bytes have arrived. Given before they are decoded.
     Received,
-    /// They are decoded, and the bytes that are left may be the beginning of the reply to the request in flight.
+    /// The bytes are decoded, and the remaining ones may be the beginning of the reply to the request in flight.
     Partial,
-    /// They held a well-formed frame.
+    /// The bytes contained a well-formed frame.
     Reply {
-        /// Its transaction; 0 where frames have none.
+        /// The transaction of the frame; 0 if frames have no transaction.
         transaction: u16,
-        /// Whether it can be the reply to the request that [`ClientMachine::expects`](super::machine::ClientMachine::expects) names.
+        /// Whether the frame can be the reply to the request that
+        /// [`ClientMachine::expects`](super::machine::ClientMachine::expects) returns.
         fit: Fit,
     },
-    /// They held something that is no frame.
+    /// The bytes contained something that is not a frame.
     Corrupt,
     /// The request that was due is sent.
     Sent(Due),
@@ -43,78 +44,80 @@ pub enum Input {
 /// Whether a frame can be the reply to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fit {
-    /// It answers what was asked, and cannot be data of another reply: it is longer than such data, or a silence follows it.
+    /// The frame answers the request, and cannot be data of another reply: it is longer than such data, or a silence follows
+    /// it.
     Whole,
-    /// It answers what was asked, and equals it: a line that returns what is sent gives the same.
+    /// The frame answers the request, and equals it: a line that returns the bytes sent gives the same.
     Equal,
-    /// It is an exception, short enough to be data of another reply, and followed by other bytes without a silence.
+    /// The frame is an exception, short enough to be data of another reply, and followed by other bytes without a silence.
     Exception,
-    /// It is an exception, short enough to be data of another reply, and nothing has come after it yet: neither bytes nor a silence.
+    /// The frame is an exception, short enough to be data of another reply, and nothing has come after it yet: neither bytes
+    /// nor a silence.
     OpenException,
-    /// It cannot be the reply.
+    /// The frame cannot be the reply.
     Misfit,
 }
 
 /// The request that a client sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Due {
-    /// Its place.
+    /// The slot of the request.
     pub place: u8,
-    /// Its transaction; 0 where frames have none.
+    /// The transaction of the request; 0 if frames have no transaction.
     pub transaction: u16,
-    /// Not the request is sent, but the read before it whose reply shows that a device answers on the line.
+    /// Whether the read before the request is sent, not the request: its reply shows that a device answers on the line.
     pub probe: bool,
 }
 
-/// What a client does.
+/// An action of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
     Nothing,
-    /// It keeps a new request in this place.
+    /// Stores a new request in this slot.
     Keep {
-        /// The place.
+        /// The slot.
         place: u8,
     },
     /// The request that was sent waits for its reply.
     Sent,
-    /// It reports that the request of this place was sent to all units.
+    /// Reports that the request in this slot was sent to all units.
     Announced {
-        /// The place.
+        /// The slot.
         place: u8,
     },
-    /// It reports the reply, which is kept in this place.
+    /// Reports the reply, which is stored in this slot.
     Replied {
-        /// The place.
+        /// The slot.
         place: u8,
     },
-    /// It reports that the reply with the request's transaction is none.
+    /// Reports that the frame with the request's transaction is not its reply.
     Refused {
-        /// The place.
+        /// The slot.
         place: u8,
     },
-    /// It reports a reply that no request in flight has.
+    /// Reports a reply to no request in flight.
     Stray {
-        /// The place of the request that timed out before.
+        /// The slot of the request that timed out before.
         late: Option<u8>,
     },
-    /// It reports requests that have timed out.
+    /// Reports requests that have timed out.
     TimedOut {
-        /// Without a reply.
+        /// The requests without a reply.
         silent: Places,
-        /// With a frame that equals the request, which the line may have returned.
+        /// The requests with a frame that equals the request, which the line may have returned.
         returned: Places,
     },
-    /// It reports requests that were in flight and others that were not sent.
+    /// Reports requests that were in flight and others that were not sent.
     Reset {
-        /// In flight: whether they were carried out is unknown.
+        /// The requests in flight: whether they were executed is unknown.
         lost: Places,
-        /// Not sent.
+        /// The requests that were not sent.
         not_sent: Places,
     },
-    /// What the decoder holds will not be continued.
+    /// The bytes in the decoder will not be continued.
     Cut,
-    /// The frame stays in the decoder: more bytes, or a silence, show what it is.
+    /// The frame stays in the decoder: more bytes, or a silence, show its meaning.
     Hold,
 }
 

@@ -1,4 +1,4 @@
-//! The client's machine: which request is in flight, until when, what a reply belongs to. No bytes.
+//! The client's machine: the request in flight, its deadline, and the request that a reply belongs to. No bytes.
 
 use core::time::Duration;
 
@@ -12,7 +12,7 @@ pub use super::input::{Action, Due, Fit, Input};
 pub use super::places::Places;
 pub use crate::line::Line;
 
-/// The state of a client with `N` places for requests.
+/// The state of a client with `N` request slots.
 ///
 #[doc = include_str!("../../diagrams/client.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
@@ -25,18 +25,18 @@ pub struct ClientMachine<const N: usize> {
     transaction: u16,
 }
 
-/// The connection, and what has to pass before the next request is sent.
+/// The connection, and the conditions before the next request is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ClientLink {
-    /// There is none: requests wait for it.
+    /// There is no connection: requests wait for it.
     Down,
-    /// There is one.
+    /// There is a connection.
     Up {
         /// Whether bytes are arriving.
         line: Line,
-        /// Whether something may be sent as far as earlier requests are concerned.
+        /// Whether earlier requests allow that something is sent.
         quiet: Quiet,
-        /// Whether a reply has come that the line cannot have returned, so that a device answers on it. Over TCP always.
+        /// Whether a reply has come that the line cannot have returned, so that a device answers on it. Over TCP always true.
         proven: bool,
     },
 }
@@ -44,19 +44,19 @@ pub enum ClientLink {
 /// The time in which nothing is sent, because of an earlier request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Quiet {
-    /// It is over, and what had arrived until then was read.
+    /// The time is over, and the bytes that had arrived until then were read.
     Over,
-    /// A late reply may come, or a broadcast is carried out.
+    /// A late reply may come, or a broadcast is being executed.
     Until {
-        /// It ends with the first [`Input::Timeout`] from then on: a driver gives that after it has read what has arrived,
-        /// however late it runs.
+        /// The time ends with the first [`Input::Timeout`] from then on: a driver gives that after it has read the bytes that
+        /// have arrived, however late it runs.
         end: Duration,
     },
 }
 
 impl<const N: usize> Machine for ClientMachine<N> {
     const END: &'static str = "client";
-    /// A reply that has waited for a caller who is late still counts.
+    /// A reply that a late caller reads after the deadline still counts.
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
@@ -64,7 +64,8 @@ impl<const N: usize> Machine for ClientMachine<N> {
     type Config = ClientConfig;
 
     /// # Errors
-    /// Bytes without a connection, a request without a free place, an outcome that was not given, a request sent that was not due.
+    /// Bytes without a connection, a request without a free slot, an outcome that was not reported, a request sent that was
+    /// not due.
     #[inline(always)] // where the input is known, little of it is left
     fn on(&mut self, now: Duration, input: Input, config: &ClientConfig) -> Result<Action, Unexpected> {
         let action = match input {
@@ -76,7 +77,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
             Input::Received => match &mut self.link {
                 ClientLink::Down => None,
                 ClientLink::Up { line, .. } => {
-                    // Bytes that come after a silence do not go on with what came before it.
+                    // Bytes that come after a silence do not continue the bytes before it.
                     let cuts = line.was_silent(now) && config.keeps(Rule::CutAtSilence);
                     line.receive(now, config.framing);
                     Some(if cuts { Action::Cut } else { Action::Nothing })
@@ -101,7 +102,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
         if !self.may_send(now, config) {
             return None;
         }
-        // What is in flight was asked for before what waits.
+        // The requests in flight were made before those that wait.
         let mut in_flight = 0;
         let queued = self.held().find(|held| {
             in_flight += usize::from(held.is_in_flight());
@@ -158,20 +159,20 @@ impl<const N: usize> Machine for ClientMachine<N> {
 }
 
 impl<const N: usize> ClientMachine<N> {
-    /// Without a connection, without requests.
+    /// A client without a connection and without requests.
     pub const NEW: Self = Self { link: ClientLink::Down, requests: [None; N], transaction: 1 };
 
-    /// How many requests are in flight, or the reads before them.
+    /// Returns the number of requests in flight, or whose read before is.
     pub fn in_flight(&self) -> usize {
         self.held().filter(|held| held.is_in_flight()).count()
     }
 
-    /// The requests, oldest first.
+    /// Returns the requests, oldest first.
     pub fn held(&self) -> impl Iterator<Item = &Held> {
         self.requests.iter().map_while(Option::as_ref)
     }
 
-    /// The place of the next request: a free one, or that of the request that expired longest ago.
+    /// Returns the slot for the next request: a free one, or that of the request that expired longest ago.
     #[inline(always)] // twice for a request: before it is written, and when it is kept
     pub fn free_place(&self) -> Option<u8> {
         let mut taken = Places::default();
@@ -182,12 +183,12 @@ impl<const N: usize> ClientMachine<N> {
         }
     }
 
-    /// The request in flight, or whose read before it is, that a frame with this transaction belongs to.
+    /// Returns the request in flight, or whose read before is, that a frame with this transaction belongs to.
     pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<&Held> {
         self.held().find(|held| held.waits(transaction, config))
     }
 
-    /// The transaction of the oldest request in flight.
+    /// Returns the transaction of the oldest request in flight.
     pub fn awaited(&self) -> Option<u16> {
         self.held().find_map(|held| match held.stage {
             Stage::InFlight { transaction, .. } => Some(transaction),
@@ -195,7 +196,7 @@ impl<const N: usize> ClientMachine<N> {
         })
     }
 
-    /// Off TCP the line is left alone first: a client that ran here before may have asked for something.
+    /// Begins a connection. Except on TCP, nothing is sent at first: a client that ran here before may have sent a request.
     fn connected(&mut self, now: Duration, config: &ClientConfig) -> Action {
         let reset = self.disconnected(config);
         let drain = config.timeout.saturating_add(config.settle);
@@ -208,7 +209,7 @@ impl<const N: usize> ClientMachine<N> {
         reset
     }
 
-    /// What waits is not sent on the next connection unless the caller asks again.
+    /// Ends a connection. Waiting requests are not sent on the next one unless the caller makes them again.
     fn disconnected(&mut self, config: &ClientConfig) -> Action {
         let (mut lost, mut not_sent) = (Places::default(), Places::default());
         if self.link != ClientLink::Down {
@@ -269,23 +270,23 @@ impl<const N: usize> ClientMachine<N> {
         Some(Action::Nothing)
     }
 
-    /// As far as the line and earlier requests are concerned.
+    /// Returns whether the line and earlier requests allow that something is sent.
     fn may_send(&self, now: Duration, config: &ClientConfig) -> bool {
         let ClientLink::Up { line, quiet, .. } = self.link else { return false };
         let is_quiet = match quiet {
             Quiet::Over => false,
-            // Without the rule a driver that runs late sends before it has read the late reply.
+            // Without the rule a late driver sends before it has read the late reply.
             Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
         };
-        // The rest of a reply is waited for from its first bytes on, and not from a silence on. Where a line returns what is sent, what
-        // comes first has to be that.
+        // The rest of a reply is awaited from its first bytes on, not from a silence on. If a line returns the bytes sent,
+        // the first bytes have to be these.
         let is_silent = !config.echo || line == Line::Silent;
         let may_send = line.may_send(config.framing) && !matches!(line, Line::Partial { .. }) && is_silent;
         let is_busy = !may_send && config.keeps(Rule::WaitForSilence);
         !is_quiet && !is_busy
     }
 
-    /// Whether a reply to another request has to show before this one that a device answers on the line.
+    /// Returns whether a reply to another request has to show before this one that a device answers on the line.
     fn needs_probe(&self, stage: Stage, config: &ClientConfig) -> bool {
         let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
         stage == Stage::Queued { mirrored: true } && !is_proven && config.keeps(Rule::ProveEcho)
@@ -343,7 +344,8 @@ impl<const N: usize> ClientMachine<N> {
             Fit::Whole => true,
             Fit::Equal => {
                 let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
-                // A true reply may follow: an exception, or the reply to the request that follows what the line has returned.
+                // A true reply may follow: an exception, or the reply to the request after the bytes that the line has
+                // returned.
                 if let (Stage::InFlight { returned, .. }, false, true) =
                     (&mut held.stage, is_proven, config.keeps(Rule::ProveReply))
                 {
@@ -366,7 +368,7 @@ impl<const N: usize> ClientMachine<N> {
             Fit::Misfit => !config.keeps(Rule::CheckReply),
         };
         let is_probe = matches!(held.stage, Stage::Probing { .. });
-        // Without a transaction it may be a late reply to an earlier request: the right one may still come.
+        // Without a transaction the frame may be a late reply to an earlier request: the right one may still come.
         if !fits && !config.framing.has_transactions() {
             return Action::Stray { late: None };
         }
@@ -385,7 +387,7 @@ impl<const N: usize> ClientMachine<N> {
         }
     }
 
-    /// The rest of the reply is waited for as long as the reply itself.
+    /// Waits for the rest of the reply as long as for the reply itself.
     fn partial(&mut self, config: &ClientConfig) -> Option<Action> {
         let until = self.held().find_map(Held::deadline)?;
         let ClientLink::Up { line: line @ Line::Busy { .. }, .. } = &mut self.link else { return None };
@@ -395,7 +397,7 @@ impl<const N: usize> ClientMachine<N> {
         Some(Action::Nothing)
     }
 
-    /// With transactions a reply is known by more than its shape.
+    /// Handles corrupt bytes. With transactions a reply is identified by more than its shape.
     #[cold]
     fn corrupt(&mut self, config: &ClientConfig) -> Action {
         if !config.framing.has_transactions() {
@@ -430,7 +432,7 @@ impl<const N: usize> ClientMachine<N> {
         Action::Stray { late: late.map(|(place, _)| place) }
     }
 
-    /// One thing at a time: the end of a frame may bring the reply to a request that would time out.
+    /// Handles one due deadline: the end of a frame may bring the reply to a request that would time out.
     fn timeout(&mut self, now: Duration, config: &ClientConfig) -> Action {
         let ClientLink::Up { line, quiet, .. } = &mut self.link else { return Action::Nothing };
         if line.is_due(now) {
@@ -448,7 +450,8 @@ impl<const N: usize> ClientMachine<N> {
                     held.stage = Stage::TimedOut { transaction };
                     if returned { equal.insert(held.place) } else { silent.insert(held.place) }
                 }
-                // That no reply has come proves nothing: what was sent may have come back damaged, or may not this time.
+                // A missing reply proves nothing: the line may have returned the bytes damaged, or may not have returned them
+                // this time.
                 Stage::Probing { deadline, .. } if is_due(deadline, now) => {
                     held.stage = Stage::Queued { mirrored: false };
                 }

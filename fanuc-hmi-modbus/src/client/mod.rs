@@ -26,39 +26,42 @@ use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
 use crate::frame::{Frame, Side};
 use crate::message::{PduBuf, Reply, Request};
 
-/// The client's end of one connection or serial line, with `N` places for requests, 16 at most.
+/// The client's end of one connection or serial line, with `N` request slots, 16 at most.
 ///
-/// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait.
-/// [`request`](Self::request) at any time; requests are sent in the order in which they were made, and wait for a connection if there is none.
+/// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait. Call
+/// [`request`](Self::request) at any time; requests are sent in the order in which they were made, and wait for a connection
+/// if there is none at that time.
 ///
-/// Every request ends in exactly one [`ClientEvent::Replied`], [`ClientEvent::Announced`] or [`ClientEvent::Failed`], and is sent
-/// once at most. Its place is taken until that event was polled, so no event is ever lost: a full client refuses requests.
-/// The reply is kept in the place of its request: [`reply`](Self::reply) reads it until the next request takes its place.
+/// Every request ends in exactly one [`ClientEvent::Replied`], [`ClientEvent::Announced`] or [`ClientEvent::Failed`], and is
+/// sent once at most. Its slot is occupied until that event was polled, so no event is ever lost: a full client refuses
+/// requests. The reply is stored in the slot of its request: [`reply`](Self::reply) returns it until the next request uses
+/// the slot.
 ///
 /// A reply that comes after its request has timed out is dropped and reported as [`ClientEvent::Stray`]. On TCP it is never
-/// taken for another one's; off TCP as far as [`ClientConfig::settle`] reaches.
+/// taken for the reply to another request; otherwise not within [`ClientConfig::settle`].
 ///
-/// All bytes are taken. Corrupt ones cost the frames that they touch and are reported. A reply after them is accepted if it fits, except for
-/// an exception in RTU frames: it may be data of the damaged reply.
+/// All bytes are taken. Corrupt bytes cost the frames that they touch and are reported. A reply after them is accepted if it
+/// fits, except for an exception in RTU frames: it may be data of the damaged reply.
 #[derive(Debug, Clone)]
 pub struct Client<const N: usize = 8> {
     core: Core<ClientMachine<N>, Decoder, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
     places: [Place; N],
     echo: Echo<{ Frame::MAX_LEN }>,
-    /// The bytes before those that are read now ended within corruption.
+    /// Whether the bytes before those that are read now ended within corruption.
     was_corrupt: bool,
-    /// The bytes that were read last may be the beginning of a reply.
+    /// Whether the bytes that were read last may be the beginning of a reply.
     waits_for_rest: bool,
 }
 
-/// Outcomes have room here for every place.
+/// The length of the event queue: an outcome for every slot fits.
 const EVENTS: usize = 16;
 
 impl<const N: usize> Client<N> {
     /// A client without a connection and without requests.
     ///
     /// # Errors
-    /// No request can be in flight, or more than there are places for; the timeout is zero; over TCP the line is said to return what is sent.
+    /// No request can be in flight, or more than there are slots; the timeout is zero; the configuration sets `echo` over
+    /// TCP.
     pub fn new(config: ClientConfig) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= EVENTS, "a client has 1 to 16 places") };
         let most = if config.framing.has_transactions() { N } else { 1 };
@@ -83,7 +86,7 @@ impl<const N: usize> Client<N> {
     /// Makes a request to a unit.
     ///
     /// # Errors
-    /// The specification does not allow the request, every place is taken, or a broadcast would read.
+    /// The specification does not allow the request, every slot is occupied, or a broadcast would read.
     pub fn request(&mut self, unit: u8, request: &Request<'_>) -> Result<Ticket, SessionError> {
         let broadcast = self.core.config.is_broadcast(unit);
         if broadcast && request.reads() {
@@ -95,7 +98,7 @@ impl<const N: usize> Client<N> {
             PduBuf::new(request)?;
             return Err(SessionError::Full { places: N });
         };
-        // A request that cannot be written leaves the reply that is there.
+        // A request that cannot be written leaves the previous reply unchanged.
         kept.pdu.put(request)?;
         let ticket = Ticket { number: self.core.statistics.requests + 1, place };
         (kept.ticket, kept.unit) = (ticket, unit);
@@ -106,7 +109,7 @@ impl<const N: usize> Client<N> {
         Ok(ticket)
     }
 
-    /// The reply to a request: from its [`ClientEvent::Replied`] on, until another request takes its place.
+    /// Returns the reply to a request: from its [`ClientEvent::Replied`] on, until another request uses its slot.
     #[inline]
     pub fn reply(&self, ticket: Ticket) -> Option<Reply<'_>> {
         let place = self.places.get(usize::from(ticket.place))?;
@@ -116,18 +119,18 @@ impl<const N: usize> Client<N> {
         Some(Reply::decode(place.pdu.as_bytes()).ok()?.with_bits(place.quantity))
     }
 
-    /// How many requests are in flight.
+    /// Returns the number of requests in flight.
     pub fn in_flight(&self) -> usize {
         self.core.machine.in_flight()
     }
 
-    /// The bytes of a partial reply. If there are any after the timeout of its request, on TCP, the server has truncated it,
-    /// or may continue it at any time: reconnect.
+    /// Returns the number of bytes of a partial reply. If there are any after the timeout of its request, on TCP, the server
+    /// has truncated it, or may continue it at any time: reconnect.
     pub const fn pending(&self) -> usize {
         self.core.decoder.pending_reply()
     }
 
-    /// Gives the machine an input of which nothing follows but its state.
+    /// Gives the machine an input that changes only its state.
     #[inline(always)] // as `ClientMachine::on`
     fn tell(&mut self, input: Input) {
         if let Err(unexpected) = self.core.on(Duration::ZERO, input) {
@@ -135,7 +138,8 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    /// Whether a frame can be the reply to the request that it seems to belong to; if to none, nothing speaks against it.
+    /// Returns whether a frame can be the reply to the request that it seems to belong to; if there is no such request, it
+    /// fits.
     #[inline(always)]
     fn fit(&self, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
         match self.core.machine.expects(frame.transaction.unwrap_or(0), &self.core.config) {
@@ -145,14 +149,14 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    /// Whether a frame can be the reply to the read before the request in this place.
+    /// Returns whether a frame can be the reply to the read before the request in this slot.
     #[cold]
     fn fit_probe(&self, place: u8, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
         let probe = self.places.get(usize::from(place)).map(Place::probe);
         probe.map_or(Ok(Fit::Whole), |probe| probe.fit(frame, self.core.config.any_unit))
     }
 
-    /// Whether a frame can be the reply to the request in this place.
+    /// Returns whether a frame can be the reply to the request in this slot.
     #[inline(always)]
     fn fit_of(&self, place: u8, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
         match self.places.get(usize::from(place)) {
@@ -161,8 +165,8 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    /// Whether the bytes that wait may be the beginning of the reply to the request in flight: from the first of them, or from a later
-    /// one after noise, unless all of a reply is there.
+    /// Returns whether the waiting bytes may be the beginning of the reply to the request in flight: from the first of them,
+    /// or from a later one after noise, unless the whole reply is there.
     #[cold]
     fn holds_partial(&self) -> bool {
         let Self { core, places, .. } = self;
@@ -213,7 +217,7 @@ impl<const N: usize> Client<N> {
         self.core.push_outcome(ClientEvent::Replied { ticket, unit });
     }
 
-    /// The request has ended, and its place still says what it asked for.
+    /// Reports the failure of a request that has ended; its slot still has the request.
     #[cold]
     fn refused(&mut self, place: u8, frame: Option<Range<usize>>) {
         let Some(range) = frame else { return };
@@ -238,7 +242,7 @@ impl<const N: usize> Client<N> {
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
         self.tell(Input::Corrupt);
-        // More of the same was reported already.
+        // Further bytes of the same corruption were reported already.
         if matches!(error, DecodeError::Noise { .. }) {
             return;
         }
@@ -264,15 +268,15 @@ impl<const N: usize> End for Client<N> {
     type Decoder = Decoder;
     type Events = EventQueue<ClientEvent, EVENTS>;
     type Statistics = ClientStatistics;
-    /// The place of a frame in the decoder.
+    /// The range of a frame in the decoder.
     type Payload = Range<usize>;
 
-    /// A reply for every place, whatever their framing.
     const LINK: &'static str = "fanuc-hmi-modbus";
     const END: &'static str = "client";
+    /// A reply for every slot, in any framing.
     const MAX_INPUT: usize = EVENTS * Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-    /// Every place's outcome has room.
+    /// The outcome of every slot fits the event queue.
     const ROOM: Room = Room::NONE;
 
     robot_session::core!(ClientEvent::Unexpected);
@@ -346,7 +350,7 @@ impl<const N: usize> End for Client<N> {
         let place = probe.as_ref().unwrap_or(place);
         let length = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() }.encode(out).ok()?;
         if transaction.is_none() {
-            // Nobody answers a broadcast.
+            // A broadcast is not answered.
             let is_proof = !place.is_mirrored || self.core.config.is_broadcast(place.unit);
             self.echo.sent(out.get(..length).unwrap_or_default(), is_proof);
         }
@@ -367,7 +371,8 @@ impl<const N: usize> End for Client<N> {
         true
     }
 
-    /// On TCP the server is out of step: its next valid frame may never come. Off TCP the rest of a reply may still come.
+    /// Handles the end of a read. On TCP the server is out of step: its next valid frame may never come. Otherwise the rest
+    /// of a reply may still come.
     #[inline(always)]
     fn end_input(&mut self, now: Duration) {
         if !self.core.decoder.has_transactions() {

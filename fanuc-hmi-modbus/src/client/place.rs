@@ -1,4 +1,4 @@
-//! The bytes of a request, and what can be the reply to it.
+//! The bytes of a request, and the check whether a frame can be its reply.
 
 use super::event::Ticket;
 use super::machine::Fit;
@@ -12,15 +12,16 @@ use crate::message::{PduBuf, Reply, Request};
 pub(super) struct Place {
     pub(super) ticket: Ticket,
     pub(super) unit: u8,
-    /// How many bits or registers the request reads.
+    /// The number of bits or registers that the request reads.
     pub(super) quantity: u16,
     pub(super) is_reply: bool,
-    /// The reply can be equal to the request.
+    /// Whether the reply can equal the request.
     pub(super) is_mirrored: bool,
     pub(super) pdu: PduBuf,
 }
 
-/// The request whose reply shows that a device answers: it has 2 bytes of data, and so begins in another way than the request.
+/// The request whose reply shows that a device answers: the reply has 2 bytes of data, and so begins in another way than the
+/// request.
 const PROBE: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
 
 /// The part of a reply that some bytes begin.
@@ -34,7 +35,7 @@ pub(super) enum Begins {
     Other,
 }
 
-/// Why a frame cannot be the reply to a request.
+/// The reason that a frame cannot be the reply to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Misfit {
     Mismatch(Mismatch),
@@ -51,14 +52,14 @@ impl Place {
         pdu: PduBuf::EMPTY,
     };
 
-    /// The read before the request in this place.
+    /// Returns the read before the request in this slot.
     #[cold]
     pub(super) fn probe(&self) -> Self {
         let pdu = PduBuf::new(&PROBE).unwrap_or(PduBuf::EMPTY);
         Self { unit: self.unit, quantity: PROBE.quantity_read(), pdu, ..Self::EMPTY }
     }
 
-    /// Whether a frame can be the reply to the request in this place.
+    /// Returns whether a frame can be the reply to the request in this slot.
     #[inline(always)]
     pub(super) fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<Fit, Misfit> {
         if self.unit != frame.unit && !any_unit {
@@ -66,7 +67,7 @@ impl Place {
         }
         let reply = Reply::decode(frame.pdu).map_err(Misfit::Malformed)?;
         match reply {
-            // The quantity that was asked for is known without the request, and a reply of registers is not equal to it.
+            // The requested quantity is known without the request, and a reply of registers is not equal to it.
             Reply::HoldingRegisters(words)
             | Reply::InputRegisters(words)
             | Reply::ReadWriteRegisters(words)
@@ -89,7 +90,7 @@ impl Place {
         })
     }
 
-    /// Whether an RTU frame with the reply to the request in this place begins with these bytes.
+    /// Returns whether an RTU frame with the reply to the request in this slot begins with these bytes.
     pub(super) fn begins_reply(&self, bytes: &[u8], any_unit: bool) -> Begins {
         let asked = self.pdu.function();
         let is_unit = |unit: &u8| any_unit || *unit == self.unit;
@@ -108,7 +109,7 @@ impl Place {
         }
     }
 
-    /// Whether the reply to a read, as far as it has come, counts the bytes that were asked for.
+    /// Returns whether the reply to a read, as far as it has come, has the requested byte count.
     const fn has_asked_count(&self, reply: &[u8]) -> bool {
         match *reply {
             [_, code, count, ..] if code < function::EXCEPTION && self.quantity > 0 => {
@@ -118,7 +119,7 @@ impl Place {
         }
     }
 
-    /// The reply takes the place of its request.
+    /// Replaces the request by its reply.
     pub(super) fn keep_reply(&mut self, pdu: &[u8]) {
         self.pdu.hold(pdu);
         self.is_reply = true;

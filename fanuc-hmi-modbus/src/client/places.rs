@@ -1,6 +1,7 @@
-//! Which of a client's places for requests.
+//! A set of a client's request slots.
 
-/// A set of places, below 16. An action with two of them is wider than a register: packed into one it would be taken apart again.
+/// A set of request slots, below 16. An action with two sets is wider than a register: packed into one it would be unpacked
+/// again.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Places(u32);
 
@@ -9,13 +10,13 @@ impl Places {
         self.0 |= 1 << place;
     }
 
-    /// The first place that is not among them; 16 when all are.
+    /// Returns the first slot that is not in the set; 16 if all are.
     pub(super) const fn first_outside(self) -> u8 {
         let [.., first] = self.0.trailing_ones().to_be_bytes();
         first
     }
 
-    /// The places, in the order of their numbers.
+    /// Returns the slots, in the order of their numbers.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         (0..16).filter(move |place| self.0 >> place & 1 == 1)
     }

@@ -13,37 +13,39 @@ use crate::stream::{CAPACITY, Stream};
 use rtu::Ends;
 use tcp::{EXCEPTION, HEADER, MBAP, SHORTEST};
 
-/// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
+/// Finds the frames in a stream, wherever reads split it, and the next frame after corruption.
 ///
-/// 1. [`push`](robot_session::Decoder::push) what arrived, 2. call [`next_frame`](robot_session::Decoder::next_frame) until it gives `None`. On a serial line, when
-///    nothing has arrived for 3.5 characters, call [`finish`](robot_session::Decoder::finish) and drain the frames before you push on; at the end
-///    of any stream, the same.
+/// 1. [`push`](robot_session::Decoder::push) the bytes that have arrived, 2. call
+///    [`next_frame`](robot_session::Decoder::next_frame) until it returns `None`. On a serial line, when nothing has arrived for
+///    3.5 characters, call [`finish`](robot_session::Decoder::finish) and drain the frames before you push on; at the end of any
+///    stream, the same.
 ///
-/// Frames and errors cover the stream without gaps: an error covers everything up to the next frame, and is given when that is found, or
-/// [`finish`](robot_session::Decoder::finish) shows that there is none; [`corruption`](Self::corruption) shows it at once. How the stream was
-/// cut into reads changes neither frames nor errors.
+/// Frames and errors cover the stream without gaps: an error covers everything up to the next frame, and is returned when
+/// that is found, or [`finish`](robot_session::Decoder::finish) shows that no frame follows; [`corruption`](Self::corruption)
+/// shows it at once. The division of the stream into reads has no effect on frames and errors.
 ///
-/// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`clear`](robot_session::Decoder::clear).
-///   A caller who goes on loses no other frame: a frame of another protocol is skipped as a whole, and after any other bad header
-///   the next frame is the first one whose header has the length of the request or reply after it. There is one exception, which
-///   MBAP leaves open: a wrong length that a frame can have, 2 to 254. It takes what follows for its own, up to 260 bytes, and
-///   the decoder is in step again at the first frame that begins where it reads the next header.
-/// - Some servers send an exception over TCP with a wrong length, often 4. It has two bytes of PDU all the same: it is
-///   [`DecodeError::ExceptionLength`] as soon as these have arrived, and costs no other frame, whether the server sends as many bytes as
-///   the header says or not.
+/// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and
+///   [`clear`](robot_session::Decoder::clear). A caller that continues loses no other frame: a frame of another protocol is
+///   skipped as a whole, and after any other bad header the next frame is the first one whose header has the length of the
+///   request or reply after it. There is one exception, which MBAP leaves open: a wrong length that a frame can have, 2 to
+///   254. Such a header takes the next bytes for its own, up to 260, and the decoder is in step again at the first frame that
+///   begins where it reads the next header.
+/// - Some servers send an exception over TCP with a wrong length, often 4. It still has two bytes of PDU: it is
+///   [`DecodeError::ExceptionLength`] as soon as these have arrived, and costs no other frame, whether the server sends as
+///   many bytes as the header states or not.
 /// - On RTU, after a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
 ///   together it is the longer. Noise that looks like the beginning of a long frame is discarded at the latest when the line is
 ///   silent. Within corruption one run of bytes in 65536 passes for a frame by chance.
 /// - A function without a type of its own has no length in RTU: its frame ends with the silence alone. On no transport is it
-///   looked for within corruption.
+///   searched for within corruption.
 ///
-/// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
+/// When the buffer is full, `push` takes nothing: `next_frame` frees space in it.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     framing: Framing,
     side: Side,
     stream: Stream,
-    /// Where the frame at `start` ends at the earliest: before that nothing is decoded.
+    /// The earliest end of the frame at `start`: before that nothing is decoded.
     wanted: usize,
     corruption: Option<Corruption>,
     ends: Ends,
@@ -51,28 +53,29 @@ pub struct Decoder {
     excess: usize,
 }
 
-/// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
+/// The longest corruption that is searched as a whole. Of a longer one, an error covers the bytes in which no frame can begin
+/// any more.
 pub(crate) const WINDOW: usize = 2 * Frame::MAX_LEN;
 
-/// What is known of the corruption at the start of the buffer.
+/// The state of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
 struct Corruption {
     error: DecodeError,
-    /// The error was given for the bytes before these: it is noise.
+    /// Whether the error was returned for the bytes before these: then they are noise.
     is_more: bool,
-    /// Where the next frame may begin.
+    /// The index at which the next frame may begin.
     from: usize,
-    /// TCP: every frame that begins before here was tried; RTU: every one that ends up to here.
+    /// TCP: every frame that begins before this index was tried; RTU: every frame that ends up to it.
     tried: usize,
 }
 
 impl Decoder {
-    /// The bytes that wait to be decoded, at most.
+    /// The maximum number of bytes that wait to be decoded.
     pub const CAPACITY: usize = CAPACITY;
 }
 
 impl Decoder {
-    /// A decoder of what `side` sends.
+    /// A decoder of the frames that `side` sends.
     pub const fn new(framing: Framing, side: Side) -> Self {
         Self {
             framing,
@@ -85,50 +88,50 @@ impl Decoder {
         }
     }
 
-    /// The corruption that the stream is in, whose error waits until the next frame is found.
+    /// Returns the corruption that the stream is in, whose error waits until the next frame is found.
     pub fn corruption(&self) -> Option<DecodeError> {
         self.corruption.map(|corruption| corruption.error)
     }
 
-    /// The bytes that wait for the rest of their frame.
+    /// Returns the number of bytes that wait for the rest of their frame.
     pub const fn pending(&self) -> usize {
         self.stream.pending()
     }
 
-    /// The same, without the bytes that an exception with a wrong length may have in addition.
+    /// As [`pending`](Self::pending), without the bytes that an exception with a wrong length may have in addition.
     pub(crate) const fn pending_reply(&self) -> usize {
         self.stream.pending().saturating_sub(self.excess)
     }
 
-    /// The bytes that wait.
+    /// Returns the waiting bytes.
     pub(crate) fn held(&self) -> &[u8] {
         self.stream.held()
     }
 
-    /// Whether the input has ended after a frame that [`advance`](Self::advance) found.
+    /// Returns whether the input has ended after a frame that [`advance`](Self::advance) found.
     pub(crate) fn is_last(&self, frame: &Range<usize>) -> bool {
         self.stream.has_ended() && frame.end == self.stream.limit()
     }
 
-    /// Whether nothing has come yet after a frame that [`advance`](Self::advance) found, and the input may go on.
+    /// Returns whether nothing has come yet after a frame that [`advance`](Self::advance) found, and the input may continue.
     pub(crate) const fn is_open(&self, frame: &Range<usize>) -> bool {
         !self.stream.has_ended() && frame.end == self.stream.end()
     }
 
-    /// Returns such a frame to the bytes that wait, until more come or the input ends.
+    /// Returns such a frame to the waiting bytes, until more come or the input ends.
     #[cold]
     pub(crate) fn put_back(&mut self, frame: &Range<usize>) {
         self.stream.put_back(frame);
         self.want(1, frame.end);
     }
 
-    /// Whether frames carry a transaction.
+    /// Returns whether frames have a transaction.
     #[inline(always)]
     pub(crate) fn has_transactions(&self) -> bool {
         self.framing.has_transactions()
     }
 
-    /// The place of the next frame in the buffer, for [`frame`](Self::frame): a borrow would not outlive a loop.
+    /// Returns the range of the next frame in the buffer, for [`frame`](Self::frame): a borrow would not outlive a loop.
     #[inline]
     pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         if self.stream.end() < self.wanted { None } else { self.judge() }
@@ -176,7 +179,7 @@ impl Decoder {
                     return Some(Ok(frame));
                 }
                 Ok(expected) if has_ended => {
-                    // Of the seven bytes of a TCP header, six are judged.
+                    // Six of the seven bytes of a TCP header are checked.
                     let expected = if self.framing.has_transactions() { expected.max(7) } else { expected };
                     DecodeError::Cut { expected, found: data.len() }
                 }
@@ -196,13 +199,13 @@ impl Decoder {
         }
     }
 
-    /// Nothing is decided before so many bytes from there have come.
+    /// Delays decoding until `count` bytes from `from` on have come.
     #[inline]
     fn want(&mut self, count: usize, from: usize) {
         self.wanted = from + count;
     }
 
-    /// A frame that [`advance`](Self::advance) found.
+    /// Returns a frame that [`advance`](Self::advance) found.
     #[inline(always)] // whether it has a transaction is known where the framing is
     pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
         let bytes = self.stream.get(range)?;
@@ -213,7 +216,7 @@ impl Decoder {
         }
     }
 
-    /// The error of such a frame, if it is an exception whose header has another length.
+    /// Returns the error of such a frame, if it is an exception whose header has another length.
     #[inline]
     pub(crate) fn exception_error(&self, frame: &Range<usize>) -> Option<DecodeError> {
         if frame.len() != EXCEPTION || !self.framing.has_transactions() {
@@ -249,12 +252,12 @@ impl Decoder {
         Some(length)
     }
 
-    /// Corruption begins at the start. Returns where the next frame is looked for.
+    /// Begins a corruption at the start. Returns the index at which the search for the next frame begins.
     #[cold]
     fn corrupt(&mut self, error: DecodeError) -> usize {
         let (data, start) = (self.stream.held(), self.stream.start());
         let skip = match error {
-            // TCP loses nothing: a frame that its connection cuts holds no other.
+            // TCP loses nothing: a frame that its connection truncates contains no other.
             DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
             DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => tcp::foreign_len(data),
             _ => 1,
@@ -265,7 +268,7 @@ impl Decoder {
         from
     }
 
-    /// What the corruption was and how many bytes it takes, when that is known; the start is then after them.
+    /// Returns the error of the corruption and the number of its bytes, when that is known; the start is then after them.
     fn end_corruption(&mut self, limit: usize) -> Option<(DecodeError, usize)> {
         let corruption = self.corruption.as_mut()?;
         let (from, tried) = (corruption.from, corruption.tried);
@@ -282,7 +285,7 @@ impl Decoder {
             corruption.tried = tried;
             if self.framing.has_transactions() {
                 let shows = if tcp::is_placed(tried, from, start) { MBAP } else { SHORTEST };
-                // A full window decides without them.
+                // A full window is decided without them.
                 self.wanted = (tried + shows).min(start + WINDOW);
             }
             return None;

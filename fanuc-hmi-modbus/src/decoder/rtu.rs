@@ -1,14 +1,14 @@
-//! Where RTU frames begin and end.
+//! The beginnings and ends of RTU frames.
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, RTU, RtuLen, Side, pdu_length};
 use crate::message::function::Length;
 use crate::stream::Stream;
 
-/// The length of the RTU frame that begins here, or how many bytes show it.
+/// Returns the length of the RTU frame that begins here, or the number of bytes that show it.
 pub(crate) fn len(data: &[u8], side: Side, finished: bool) -> Result<usize, DecodeError> {
     let (RtuLen::Known(len) | RtuLen::AtLeast(len)) = RtuLen::of(data, side) else {
-        // However many bytes there are: how the stream was cut must not show.
+        // However many bytes there are: the division into reads must have no effect.
         let too_long = Frame::MAX_RTU_LEN + 1;
         return match data.len() {
             len if len >= too_long => Err(DecodeError::TooLong { found: too_long }),
@@ -23,7 +23,8 @@ pub(crate) fn len(data: &[u8], side: Side, finished: bool) -> Result<usize, Deco
     }
 }
 
-/// The byte of an RTU frame that shows its length, by function code, of a client and of a server; 0 if none does.
+/// The index of the byte of an RTU frame that shows its length, by function code, for a client and for a server; 0 if no byte
+/// does.
 static SHOWN: ([u8; PLACES], [u8; PLACES]) = (shown(Side::Client), shown(Side::Server));
 
 const fn shown(side: Side) -> [u8; PLACES] {
@@ -41,11 +42,11 @@ const fn shown(side: Side) -> [u8; PLACES] {
     shown
 }
 
-/// The places modulo 256; none in a build without RTU.
+/// The number of positions modulo 256; 0 in a build without RTU.
 const PLACES: usize = if cfg!(feature = "rtu") { 256 } else { 0 };
 
-/// Where the frames end that may have begun within corruption: of a frame that ends at some place (modulo 256) the length less one, and at
-/// its own beginning the same of another that ends there, or 0.
+/// The ends of the frames that may have begun within corruption: for each end (modulo 256) the length of a frame less one,
+/// and for each beginning the same of another frame with the same end, or 0.
 #[derive(Debug, Clone)]
 pub(super) struct Ends {
     last: [u8; PLACES],
@@ -65,7 +66,7 @@ impl Ends {
         }
     }
 
-    /// Removes one that ends here; gives its length.
+    /// Removes a frame that ends here; returns its length.
     fn take(&mut self, end: u8) -> Option<usize> {
         let last = self.last.get_mut(usize::from(end)).filter(|less_one| **less_one > 0)?;
         let start = end.wrapping_sub(*last).wrapping_sub(1);
@@ -73,8 +74,8 @@ impl Ends {
         Some(usize::from(core::mem::replace(last, other)) + 1)
     }
 
-    /// Where the frame begins that ends first, and of those the longest; else what was tried. A beginning is noted with the byte
-    /// that shows its length, and tried when its end has come.
+    /// Returns the beginning of the frame that ends first, and of several such frames of the longest; otherwise the end of
+    /// the tried bytes. A beginning is recorded with the byte that shows its length, and tried when its end has come.
     #[inline(never)]
     pub(super) fn next(
         &mut self,
@@ -116,7 +117,7 @@ impl Ends {
     }
 }
 
-/// A place in the stream, modulo 256.
+/// Returns a position in the stream, modulo 256.
 fn place(stream: &Stream, index: usize) -> u8 {
     let [low, ..] = stream.position_of(index).to_le_bytes();
     low

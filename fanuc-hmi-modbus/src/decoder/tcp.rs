@@ -1,41 +1,42 @@
-//! Where TCP frames begin and end.
+//! The beginnings and ends of TCP frames.
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, Side};
 use crate::message::{Exception, function};
 use crate::stream::Stream;
 
-/// The bytes of a header that are judged.
+/// The number of bytes of a header that are checked.
 pub(super) const MBAP: usize = 6;
 
-/// The bytes that a header and the length of the message after it take, but one.
+/// The number of bytes that a header and the length of the message after it take, minus one.
 pub(super) const HEADER: usize = MBAP + 10;
 
-/// The bytes of the shortest TCP frame.
+/// The number of bytes of the shortest TCP frame.
 pub(super) const SHORTEST: usize = MBAP + 2;
 
-/// The bytes of an exception over TCP.
+/// The number of bytes of an exception over TCP.
 pub(super) const EXCEPTION: usize = MBAP + EXCEPTION_LENGTH;
 
-/// The length in its header.
+/// The length field of an exception.
 const EXCEPTION_LENGTH: usize = 3;
 
-/// The length of the TCP frame that begins here, or how many bytes show it.
+/// Returns the length of the TCP frame that begins here, or the number of bytes that show it.
 #[inline]
 pub(super) fn len(data: &[u8], side: Side) -> Result<usize, DecodeError> {
     let len = data.first_chunk().map_or(Ok(MBAP), Frame::tcp_len)?;
     Ok(if is_exception(data, side) { len.min(EXCEPTION) } else { len })
 }
 
-/// Whether the TCP frame that begins here is an exception to a function of the specification, which has two bytes of PDU.
+/// Returns whether the TCP frame that begins here is an exception to a function of the specification, which has two bytes of
+/// PDU.
 #[inline]
 fn is_exception(data: &[u8], side: Side) -> bool {
     let code = data.get(MBAP + 1).copied().unwrap_or_default();
     code > function::EXCEPTION && side == Side::Server && function::is_typed(code & !function::EXCEPTION)
 }
 
-/// The bytes that may follow the TCP frame at the beginning, if that is an exception with a wrong length: those that its header counts
-/// beyond the PDU, or those of the PDU that it does not count.
+/// Returns the number of bytes that may follow the TCP frame at the beginning, if that is an exception with a wrong length:
+/// those that its header counts beyond the PDU, or those of the PDU that it does not count.
 #[cold]
 pub(super) fn excess(data: &[u8], side: Side) -> usize {
     match data.get(4..6) {
@@ -46,7 +47,7 @@ pub(super) fn excess(data: &[u8], side: Side) -> usize {
     }
 }
 
-/// The error of a whole exception with a wrong length.
+/// Returns the error of a whole exception with a wrong length.
 #[cold]
 pub(super) fn exception_error(frame: &[u8], side: Side) -> Option<DecodeError> {
     let &[t0, t1, _, _, l0, l1, unit, function, code] = frame.first_chunk()?;
@@ -63,20 +64,21 @@ pub(super) fn exception_error(frame: &[u8], side: Side) -> Option<DecodeError> {
     })
 }
 
-/// Whether the next frame begins at `at`, whatever its message: right after one of another protocol. Elsewhere a header has to have the
-/// length of the message after it.
+/// Returns whether the next frame begins at `at`, whatever its message: right after a frame of another protocol. Elsewhere a
+/// header has to have the length of the message after it.
 pub(super) fn is_placed(at: usize, from: usize, start: usize) -> bool {
     at == from && from > start + 1
 }
 
-/// The bytes to skip of a frame whose header is bad: all of them, if its length can be one.
+/// Returns the number of bytes to skip of a frame whose header is bad: all of them, if its length is a possible one.
 pub(super) fn foreign_len(data: &[u8]) -> usize {
     let length = data.get(4..6).and_then(<[u8]>::first_chunk);
     let length = length.map_or(usize::MAX, |length| usize::from(u16::from_be_bytes(*length)));
     if length <= 254 { MBAP + length } else { 1 }
 }
 
-/// Where the next bytes begin that are an MBAP header, as far as can be seen; else what was tried.
+/// Returns the index of the next bytes that can be an MBAP header, as far as they have come; otherwise the end of the tried
+/// bytes.
 #[inline(never)]
 pub(super) fn next(
     stream: &Stream,
@@ -88,7 +90,7 @@ pub(super) fn next(
     let mut rest = stream.get(from.max(tried)..limit).unwrap_or_default();
     while let ([_, after @ ..], data) = (rest, rest) {
         rest = after;
-        // Protocol 0, a length below 256: judged as soon as it is there.
+        // Protocol 0, a length below 256: checked as soon as it is there.
         if let [_, _, p0, ..] = *data
             && (p0 != 0 || data.get(3).is_some_and(|p1| *p1 != 0) || data.get(4).is_some_and(|l0| *l0 != 0))
         {

@@ -7,7 +7,7 @@ use super::request::Request;
 use super::wire::room;
 use crate::error::{DecodeError, EncodeError};
 
-/// A PDU of its own: 1 to 253 bytes in an array, for where a borrow does not reach.
+/// A PDU of its own: 1 to 253 bytes in an array, where a borrow does not live long enough.
 #[derive(Clone, Copy)]
 pub struct PduBuf {
     bytes: [u8; limit::PDU],
@@ -15,7 +15,7 @@ pub struct PduBuf {
 }
 
 impl PduBuf {
-    /// Without a function code: no frame holds it.
+    /// A buffer without a function code: no frame contains it.
     pub(crate) const EMPTY: Self = Self { bytes: [0; limit::PDU], len: 0 };
 
     /// Encodes a request or a reply, or copies raw bytes.
@@ -28,7 +28,7 @@ impl PduBuf {
         Ok(Self { bytes, len: u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })? })
     }
 
-    /// Holds this message from now on, unless the specification does not allow it: that is judged before the first byte is written.
+    /// Stores this message, unless the specification does not allow it: that is checked before the first byte is written.
     #[inline]
     pub(crate) fn put(&mut self, pdu: &impl Pdu) -> Result<(), EncodeError> {
         let len = pdu.encode(&mut self.bytes)?;
@@ -36,7 +36,7 @@ impl PduBuf {
         Ok(())
     }
 
-    /// Holds these bytes from now on, unless they are too many.
+    /// Stores these bytes, unless they are too many.
     #[inline]
     pub(crate) fn hold(&mut self, pdu: &[u8]) {
         if let (Some(to), Ok(len)) = (self.bytes.get_mut(..pdu.len()), u8::try_from(pdu.len())) {
@@ -45,19 +45,19 @@ impl PduBuf {
         }
     }
 
-    /// The bytes: a function code and what follows it.
+    /// Returns the bytes: a function code and the bytes after it.
     #[inline]
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.len)).unwrap_or_default()
     }
 
-    /// The function code; 0 if it is empty.
+    /// Returns the function code; 0 if the buffer is empty.
     pub(crate) const fn function(&self) -> u8 {
         let [function, ..] = self.bytes;
         function
     }
 
-    /// The request in it.
+    /// Returns the request in the buffer.
     ///
     /// # Errors
     /// As [`Request::decode`].
@@ -66,7 +66,7 @@ impl PduBuf {
         Request::decode(self.as_bytes())
     }
 
-    /// The reply in it.
+    /// Returns the reply in the buffer.
     ///
     /// # Errors
     /// As [`Reply::decode`].

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Registers: from the wire, high byte first, or a slice of the caller's.
+/// Registers: from the wire, high byte first, or a slice of the caller.
 #[derive(Clone, Copy)]
 pub struct Words<'a>(WordsIn<'a>);
 
@@ -19,7 +19,7 @@ impl<'a> Words<'a> {
         Self(WordsIn::Wire(bytes.as_chunks().0))
     }
 
-    /// How many registers there are.
+    /// Returns the number of registers.
     #[inline]
     pub const fn len(&self) -> usize {
         match self.0 {
@@ -28,7 +28,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// True when there is no register.
+    /// Returns true if there is no register.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
@@ -123,7 +123,7 @@ impl defmt::Format for Words<'_> {
     }
 }
 
-/// Bits: from the wire, the lowest bit of each byte first, or a slice of the caller's.
+/// Bits: from the wire, the lowest bit of each byte first, or a slice of the caller.
 #[derive(Clone, Copy)]
 pub struct Bits<'a>(BitsIn<'a>);
 
@@ -141,7 +141,7 @@ impl<'a> Bits<'a> {
         Self(BitsIn::Wire { bytes, len: if len < held { len } else { held } })
     }
 
-    /// How many bits there are. A reply does not show how many of its last byte were asked for: all 8 are counted.
+    /// Returns the number of bits. A reply does not show how many bits of its last byte were requested: all 8 are counted.
     #[inline]
     pub const fn len(&self) -> usize {
         match self.0 {
@@ -150,13 +150,13 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// True when there is no bit.
+    /// Returns true if there is no bit.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The bytes that they take on the wire.
+    /// Returns the number of bytes of the bits on the wire.
     #[inline]
     pub const fn byte_len(&self) -> usize {
         self.len().div_ceil(8)
@@ -198,7 +198,7 @@ impl<'a> Bits<'a> {
         self.len().min(out.len())
     }
 
-    /// Writes the bits; what is left of the last byte is 0.
+    /// Writes the bits; the rest of the last byte is 0.
     pub(crate) fn write(&self, out: &mut [u8]) {
         match self.0 {
             BitsIn::Wire { bytes, len } => {
@@ -274,19 +274,19 @@ impl<'a> WordsMut<'a> {
         Self(bytes.as_chunks_mut().0)
     }
 
-    /// How many registers are asked for.
+    /// Returns the number of requested registers.
     #[inline]
     pub const fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// True when none is asked for, which no request does.
+    /// Returns true if no register is requested, which is never so in a request.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Sets the register at `index`, counted from the address of the request; beyond the last nothing happens.
+    /// Sets the register at `index`, counted from the address of the request; an index beyond the last is ignored.
     #[inline]
     pub fn set(&mut self, index: usize, word: u16) {
         if let Some(pair) = self.0.get_mut(index) {
@@ -323,17 +323,17 @@ impl<'a> BitsMut<'a> {
         Self { bytes, len }
     }
 
-    /// How many bits are asked for.
+    /// Returns the number of requested bits.
     pub const fn len(&self) -> usize {
         self.len
     }
 
-    /// True when none is asked for, which no request does.
+    /// Returns true if no bit is requested, which is never so in a request.
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Sets the bit at `index`, counted from the address of the request; beyond the last nothing happens.
+    /// Sets the bit at `index`, counted from the address of the request; an index beyond the last is ignored.
     pub fn set(&mut self, index: usize, bit: bool) {
         if index < self.len
             && let Some(byte) = self.bytes.get_mut(index / 8)
@@ -351,7 +351,7 @@ impl<'a> BitsMut<'a> {
     }
 }
 
-/// Copies as many registers as both have. Where there are vectors: eight at once, and the last eight once more instead of one by one.
+/// Copies as many registers as both have. With vectors: eight at once, and the last eight once more instead of one by one.
 #[inline(always)] // for few registers there is little of it
 fn copy<A: Copy, B>(from: &[A], to: &mut [B], convert: impl Fn(A) -> B + Copy) {
     let len = from.len().min(to.len());

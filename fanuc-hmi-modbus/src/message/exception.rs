@@ -1,18 +1,18 @@
 use core::fmt;
 
-/// Why a server refuses a request: the exception code (section 7 of the specification).
+/// The reason that a server refuses a request: the exception code (section 7 of the specification).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(from = "u8", into = "u8"))]
 #[non_exhaustive]
 pub enum Exception {
-    /// 1: the server does not know the function.
+    /// 1: the server does not support the function.
     IllegalFunction,
-    /// 2: an address, or address and quantity together, lie outside what the server has.
+    /// 2: an address, or address and quantity together, lie outside the server's tables.
     IllegalDataAddress,
     /// 3: a quantity, a length or a value that the function does not allow.
     IllegalDataValue,
-    /// 4: the server failed while it carried the request out.
+    /// 4: the server failed while it executed the request.
     ServerDeviceFailure,
     /// 5: accepted, but it takes long.
     Acknowledge,

@@ -56,15 +56,16 @@ pub const fn is_typed(code: u8) -> bool {
 /// The length of a PDU, and the part of it that shows the length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Length {
-    /// So many bytes.
+    /// This number of bytes.
     Fixed(u8),
-    /// A byte count at this offset from the function code, then so many bytes. That of function 24 has two bytes, the first of which is 0.
+    /// A byte count at this offset from the function code, then as many bytes. The byte count of function 24 has two bytes,
+    /// the first of which is 0.
     Counted(u8),
-    /// Not shown by the PDU.
+    /// A length that the PDU does not show.
     Unknown,
 }
 
-/// What a function reads or writes.
+/// The unit of the values that a function reads or writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Unit {
     Bit,
@@ -80,9 +81,9 @@ pub(crate) struct Row {
     pub(crate) request: Length,
     /// The length of the reply, if that is not an exception.
     pub(crate) reply: Length,
-    /// The most bits, bytes or registers that it reads; 0 if it reads none.
+    /// The maximum number of bits, bytes or registers that the function reads; 0 if it does not read.
     pub(crate) reads: u16,
-    /// The most bits, bytes or registers that it writes; 0 if it writes none.
+    /// The maximum number of bits, bytes or registers that the function writes; 0 if it does not write.
     pub(crate) writes: u16,
     unit: Unit,
 }
@@ -98,7 +99,7 @@ impl Row {
         unit: Unit::Byte,
     };
 
-    /// Every function with a type of its own, one a line.
+    /// Returns the row of every function with a type of its own, one per line.
     #[inline(always)] // most callers look at one of the fields
     pub(crate) const fn of(code: u8) -> Self {
         use Length::{Counted, Fixed, Unknown};
@@ -130,7 +131,7 @@ impl Row {
         Self { is_typed: true, request, reply, reads, writes, unit }
     }
 
-    /// Returns how many bytes this many bits, bytes or registers take.
+    /// Returns the number of bytes of this many bits, bytes or registers.
     #[inline]
     pub(crate) const fn bytes(self, quantity: u16) -> u16 {
         match self.unit {

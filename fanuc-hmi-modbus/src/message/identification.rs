@@ -14,13 +14,13 @@ pub(crate) const HEAD: usize = 7;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeviceIdentification<'a> {
-    /// The category that was asked for: 1 basic, 2 regular, 3 extended, 4 a single object.
+    /// The requested category: 1 basic, 2 regular, 3 extended, 4 a single object.
     pub category: u8,
     /// The categories of the device: 1 basic, 2 regular, 3 extended; and 128 if single objects can be read.
     pub conformity: u8,
     /// Whether further objects did not fit.
     pub more: bool,
-    /// The first of these, to be asked for in the next request; otherwise 0.
+    /// The first of these, for the next request; otherwise 0.
     pub next: u8,
     /// The objects.
     pub objects: DeviceObjects<'a>,
@@ -31,7 +31,8 @@ pub struct DeviceIdentification<'a> {
 pub struct DeviceObjects<'a>(&'a [u8]);
 
 impl<'a> DeviceObjects<'a> {
-    /// The objects in these bytes: of each its id, the length of its value, and the value. An incomplete last one is left out.
+    /// Reads the objects in these bytes: each has its id, the length of its value, and the value. An incomplete last object
+    /// is omitted.
     pub fn from_wire(bytes: &'a [u8]) -> Self {
         let length = Self(bytes).iter().map(|(_, value)| 2 + value.len()).sum();
         Self(bytes.get(..length).unwrap_or_default())
@@ -48,7 +49,7 @@ impl<'a> DeviceObjects<'a> {
         })
     }
 
-    /// The value of the object with this id, if it is among them.
+    /// Returns the value of the object with this id, if the list has it.
     pub fn get(&self, id: u8) -> Option<&'a [u8]> {
         self.iter().find_map(|(found, value)| (found == id).then_some(value))
     }

@@ -20,7 +20,7 @@ pub const FIFO: u16 = 31;
 pub const READ_FILES: u16 = 245;
 /// Bytes of all groups in a write of files.
 pub const WRITE_FILES: u16 = 251;
-/// Bytes that a device says of itself.
+/// Bytes of a device's description of itself (function 17).
 pub const SERVER_ID: u16 = 250;
 /// Bytes of an object of a device's identification.
 pub const DEVICE_OBJECT: usize = 244;

@@ -1,4 +1,4 @@
-//! What is inside the envelope: requests and replies (MODBUS Application Protocol V1.1b3, section 6).
+//! The contents of the envelope: requests and replies (MODBUS Application Protocol V1.1b3, section 6).
 
 mod buffer;
 mod data;

@@ -2,12 +2,13 @@ use super::limit;
 use super::wire::room;
 use crate::error::EncodeError;
 
-/// Something inside a [`Frame`](crate::Frame): a [`Request`](crate::Request), a [`Reply`](crate::Reply), a [`PduBuf`](crate::PduBuf), or the raw bytes.
+/// The contents of a [`Frame`](crate::Frame): a [`Request`](crate::Request), a [`Reply`](crate::Reply), a
+/// [`PduBuf`](crate::PduBuf), or the raw bytes.
 pub trait Pdu: sealed::Sealed {
     /// The bytes that [`encode`](Self::encode) writes, whether or not the specification allows them.
     fn encoded_len(&self) -> usize;
 
-    /// Writes the PDU to the beginning of `out`, and returns how many bytes it took.
+    /// Writes the PDU to the beginning of `out`, and returns the number of its bytes.
     ///
     /// # Errors
     /// When the specification does not allow the message, or `out` is too small: the contents of `out` are then unspecified.

@@ -34,7 +34,7 @@ pub struct FileRecord<'a> {
     pub values: Words<'a>,
 }
 
-/// The groups of a message about files: [`FileRange`] where files are read, [`Words`] in the reply, [`FileRecord`] where they are written.
+/// The groups of a message about files: [`FileRange`] to read files, [`Words`] in the reply, [`FileRecord`] to write files.
 #[derive(Clone, Copy)]
 pub struct Records<'a, T>(RecordsIn<'a, T>);
 
@@ -48,27 +48,28 @@ enum RecordsIn<'a, T> {
 pub trait Group<'a>: Copy {
     /// The function code.
     const FUNCTION: u8;
-    /// The most bytes of all groups in the message that has their registers.
+    /// The maximum number of bytes of all groups in the message that has their registers.
     const MOST: usize;
-    /// The bytes of a group in that message beside its registers.
+    /// The number of bytes of a group in that message in addition to its registers.
     const AROUND: usize;
 
-    /// The first group, its reference type, and the bytes after it; or how many bytes it takes, if there are fewer.
+    /// Reads the first group, its reference type, and the bytes after it; or returns the number of its bytes, if there are
+    /// fewer.
     fn take(bytes: &'a [u8]) -> Result<(Self, u8, &'a [u8]), usize>;
 
-    /// The number of its registers.
+    /// Returns the number of registers of the group.
     fn quantity(&self) -> usize;
 
-    /// Its bytes in the message.
+    /// Returns the number of bytes of the group in the message.
     fn byte_len(&self) -> usize {
         Self::AROUND + 2 * self.quantity()
     }
 
-    /// Writes it to this many bytes.
+    /// Writes the group to this many bytes.
     fn put(&self, out: &mut [u8]);
 }
 
-/// The file, the record and the quantity of a group, its reference type, and what follows.
+/// Reads the file, the record and the quantity of a group, its reference type, and the bytes after them.
 fn head(bytes: &[u8]) -> Result<(FileRange, u8, &[u8]), usize> {
     let (&[reference, f0, f1, r0, r1, q0, q1], rest) = bytes.split_first_chunk::<7>().ok_or(7usize)?;
     let [file, record, quantity] = [[f0, f1], [r0, r1], [q0, q1]].map(u16::from_be_bytes);
@@ -151,7 +152,7 @@ impl<'a> Group<'a> for Words<'a> {
 }
 
 impl<'a, T: Group<'a>> Records<'a, T> {
-    /// The groups in these bytes; an incomplete last one is left out.
+    /// The groups in these bytes; an incomplete last group is omitted.
     pub const fn from_wire(bytes: &'a [u8]) -> Self {
         Self(RecordsIn::Wire(bytes))
     }
@@ -232,7 +233,7 @@ impl<'a, T: Group<'a>> Records<'a, T> {
     }
 }
 
-/// The most registers of a group, if this many bytes are left for it.
+/// Returns the maximum number of registers of a group, if this many bytes are left for it.
 fn most<'a, T: Group<'a>>(left: usize) -> u16 {
     u16::try_from(left.saturating_sub(T::AROUND) / 2).unwrap_or(u16::MAX)
 }

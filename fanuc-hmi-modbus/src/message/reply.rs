@@ -9,7 +9,7 @@ use super::request::Request;
 use super::wire::{check_run, exactly, pair, put_other, put_pair, room, room_for, run};
 use crate::error::{DecodeError, EncodeError, Mismatch};
 
-/// What a server answers.
+/// A reply of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -29,15 +29,16 @@ pub enum Reply<'a> {
     WriteRegister { address: u16, value: u16 },
     /// 7: eight outputs of the device.
     ExceptionStatus(u8),
-    /// 8: of subfunction 0 the words of the request, of the others one word.
+    /// 8: for subfunction 0 the words of the request, for the others one word.
     Diagnostics { subfunction: u16, data: Words<'a> },
-    /// 11: FFFF if the device is still busy with an earlier request, otherwise 0; and how many requests it has carried out.
+    /// 11: FFFF if the device is still busy with an earlier request, otherwise 0; and the number of requests that it has
+    /// executed.
     CommEventCounter { status: u16, events: u16 },
-    /// 12: the same; how many messages it has seen; and 0 to 64 events, the last one first.
+    /// 12: the same; the number of messages that it has received; and 0 to 64 events, the last one first.
     CommEventLog { status: u16, events: u16, messages: u16, log: &'a [u8] },
-    /// 15: how many coils were written.
+    /// 15: the number of coils that were written.
     WriteCoils { address: u16, quantity: u16 },
-    /// 16: how many registers were written.
+    /// 16: the number of registers that were written.
     WriteRegisters { address: u16, quantity: u16 },
     /// 17: 1 to 250 bytes that are the device's own: an id, FF if it runs or 00, anything else.
     ServerId(&'a [u8]),
@@ -60,11 +61,11 @@ pub enum Reply<'a> {
 }
 
 impl<'a> Reply<'a> {
-    /// The reply in a PDU.
+    /// Decodes the reply in a PDU.
     ///
     /// # Errors
     /// When the bytes are not a reply that the specification allows.
-    #[inline(always)] // small: what is done with the registers is inlined after it
+    #[inline(always)] // small: the code that uses the registers is inlined after it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
         match function {
@@ -73,7 +74,7 @@ impl<'a> Reply<'a> {
         }
     }
 
-    /// Every other reply: apart, so that the one that is read in every cycle is small enough to be built in where it is decoded.
+    /// Decodes every other reply: apart, so that the reply of every cycle is small enough to be inlined where it is decoded.
     fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
         Ok(match function {
             function::READ_COILS | function::READ_DISCRETE_INPUTS => {
@@ -131,7 +132,7 @@ impl<'a> Reply<'a> {
         })
     }
 
-    /// The reply to a read of function 3, 4 or 23.
+    /// Returns the reply to a read of function 3, 4 or 23.
     pub(crate) const fn of_words(function: u8, words: Words<'a>) -> Self {
         match function {
             function::READ_HOLDING_REGISTERS => Self::HoldingRegisters(words),
@@ -140,7 +141,7 @@ impl<'a> Reply<'a> {
         }
     }
 
-    /// The reply to a read of function 1 or 2.
+    /// Returns the reply to a read of function 1 or 2.
     pub(crate) const fn of_bits(function: u8, bits: Bits<'a>) -> Self {
         match function {
             function::READ_COILS => Self::Coils(bits),
@@ -148,7 +149,7 @@ impl<'a> Reply<'a> {
         }
     }
 
-    /// The reply that repeats a request, or what it writes; `None` if the request reads, or has no type of its own.
+    /// Returns the reply that repeats a request, or its writes; `None` if the request reads, or has no type of its own.
     pub(crate) fn repeating(request: &Request<'a>) -> Option<Self> {
         let count = |written: usize| u16::try_from(written).unwrap_or(u16::MAX);
         Some(match *request {
@@ -167,7 +168,7 @@ impl<'a> Reply<'a> {
         })
     }
 
-    /// The request that it repeats as a whole, and is encoded like.
+    /// Returns the request that the reply repeats as a whole, with the same encoding.
     pub(crate) const fn repeated(&self) -> Option<Request<'a>> {
         Some(match *self {
             Self::WriteCoil { address, value } => Request::WriteCoil { address, value },
@@ -179,7 +180,7 @@ impl<'a> Reply<'a> {
         })
     }
 
-    /// The function code of the request that it answers.
+    /// Returns the function code of the request that the reply answers.
     pub const fn function(&self) -> u8 {
         match self {
             Self::Coils(_) => function::READ_COILS,
@@ -205,10 +206,10 @@ impl<'a> Reply<'a> {
         }
     }
 
-    /// Checks that this can be the answer to `request`: its function, as many values as were asked for, the same echo.
+    /// Checks that this can be the answer to `request`: its function, the requested number of values, the same echo.
     ///
     /// # Errors
-    /// The first thing that differs.
+    /// The first difference.
     #[inline]
     pub fn answers(&self, request: &Request<'_>) -> Result<(), Mismatch> {
         let function = self.function();
@@ -231,13 +232,13 @@ impl<'a> Reply<'a> {
         if expected == found { Ok(()) } else { Err(Mismatch::Quantity { expected, found }) }
     }
 
-    /// Checks what a reply repeats of its request, unless it is a read.
+    /// Checks the repeated parts of the request, unless it is a read.
     #[inline(never)]
     fn repeats(&self, request: &Request<'_>) -> Result<(), Mismatch> {
         let is_same = match (*self, *request) {
             // Another MEI type.
             (Self::Other { .. }, Request::ReadDeviceIdentification { .. }) => false,
-            // The device's own words, and a function that only the caller knows.
+            // The device's own bytes, and a function that only the caller supports.
             (
                 Self::Exception { .. }
                 | Self::Other { .. }
@@ -266,8 +267,8 @@ impl<'a> Reply<'a> {
 }
 
 impl Reply<'_> {
-    /// The same reply with this many bits, where it has bits: the last byte of a reply does not show how many of its bits were
-    /// asked for.
+    /// Returns the same reply with this many bits, if it has bits: the last byte of a reply does not show how many of its
+    /// bits were requested.
     pub(crate) fn with_bits(self, bits: u16) -> Self {
         match self {
             Self::Coils(values) => Self::Coils(values.truncated(bits.into())),
@@ -355,7 +356,7 @@ impl Pdu for Reply<'_> {
     }
 }
 
-/// Exactly the data that a byte count announces.
+/// Returns exactly the data that a byte count announces.
 #[inline]
 fn counted(function: u8, body: &[u8]) -> Result<&[u8], DecodeError> {
     let Some((&count, data)) = body.split_first() else {

@@ -6,7 +6,7 @@ use super::records::{FileRange, FileRecord, Records};
 use super::wire::{check_run, exactly, pair, put_other, put_pair, room, room_for, run, within};
 use crate::error::{DecodeError, EncodeError};
 
-/// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
+/// A request of a client. Addresses are PDU addresses: 0 is the first coil or register of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -28,7 +28,7 @@ pub enum Request<'a> {
     ReadExceptionStatus,
     /// 8: a diagnostic of the serial line: 1 to 125 words, and 1 of every subfunction but 0.
     Diagnostics { subfunction: u16, data: Words<'a> },
-    /// 11, of a serial line: the counter of requests that were carried out.
+    /// 11, of a serial line: the counter of executed requests.
     GetCommEventCounter,
     /// 12, of a serial line: the counters and the last events.
     GetCommEventLog,
@@ -36,7 +36,7 @@ pub enum Request<'a> {
     WriteCoils { address: u16, values: Bits<'a> },
     /// 16: 1 to 123 holding registers.
     WriteRegisters { address: u16, values: Words<'a> },
-    /// 17: what the device says of itself.
+    /// 17: the device's description of itself.
     ReportServerId,
     /// 20: runs of registers in files: 1 to 35, whose reply has at most 245 bytes, 2 for each run and 2 for each register.
     ReadFileRecord(Records<'a, FileRange>),
@@ -56,12 +56,12 @@ pub enum Request<'a> {
 }
 
 impl<'a> Request<'a> {
-    /// The request in a PDU.
+    /// Decodes the request in a PDU.
     ///
     /// # Errors
     /// When the bytes are not a request that the specification allows. An address beyond the table is not an error
     /// here: the server answers it with exception 2.
-    #[inline(always)] // small: what is done with the request is inlined after it
+    #[inline(always)] // small: the code that uses the request is inlined after it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
         match function {
@@ -73,7 +73,8 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Every other request: apart, so that the one that comes in every cycle is small enough to be built in where it is decoded.
+    /// Decodes every other request: apart, so that the request of every cycle is small enough to be inlined where it is
+    /// decoded.
     pub(super) fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
         Ok(match function {
             function::READ_COILS | function::READ_DISCRETE_INPUTS | function::READ_INPUT_REGISTERS => {
@@ -149,7 +150,7 @@ impl<'a> Request<'a> {
         })
     }
 
-    /// A read of function 1 to 4.
+    /// Returns a read of function 1 to 4.
     pub(crate) const fn read(function: u8, address: u16, quantity: u16) -> Self {
         match function {
             function::READ_COILS => Self::ReadCoils { address, quantity },
@@ -159,7 +160,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// The request of a function that has nothing but its code: 7, 11, 12 or 17.
+    /// Returns the request of a function without data: 7, 11, 12 or 17.
     pub(crate) const fn bare(function: u8) -> Self {
         match function {
             function::READ_EXCEPTION_STATUS => Self::ReadExceptionStatus,
@@ -169,7 +170,8 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Returns whether a reply may be equal to it, or begin as it does; of a function without a type nothing is known.
+    /// Returns whether a reply may be equal to the request, or begin in the same way; for a function without a type that is
+    /// unknown.
     pub(crate) fn is_mirrored(&self) -> bool {
         match *self {
             // The reply has the number of its bytes where the request has the high byte of its address.
@@ -187,7 +189,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// The function code.
+    /// Returns the function code.
     pub const fn function(&self) -> u8 {
         match self {
             Self::ReadCoils { .. } => function::READ_COILS,
@@ -213,7 +215,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// How many bits or registers it reads; 0 if it reads none.
+    /// Returns the number of bits or registers that the request reads; 0 if it does not read.
     pub const fn quantity_read(&self) -> u16 {
         match self {
             Self::ReadCoils { quantity, .. }
@@ -225,7 +227,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// True when only a reply makes sense of it: such a request cannot be broadcast.
+    /// Returns true if the request is useful only with a reply: such a request cannot be broadcast.
     pub const fn reads(&self) -> bool {
         matches!(self, Self::ReadDeviceIdentification { .. }) || Row::of(self.function()).reads > 0
     }
@@ -307,7 +309,7 @@ impl Pdu for Request<'_> {
 /// The value of a coil that is switched on; 0 switches it off.
 const COIL_ON: u16 = 0xFF00;
 
-/// The word at `offset` after the function code, and what follows it.
+/// Reads the word at `offset` after the function code; returns it with the bytes after it.
 #[inline]
 fn word(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), DecodeError> {
     match body.split_first_chunk() {
@@ -339,8 +341,8 @@ fn data(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), Decode
     Ok((quantity, data))
 }
 
-// The messages of variable length are written by functions of their own: small enough to be built in where a request is
-// known, the rest then costs nothing.
+// The messages of variable length are written by functions of their own, which are small enough to be inlined where a request
+// is known; the rest then costs nothing.
 
 fn put_diagnostic(out: &mut [u8], subfunction: u16, data: Words<'_>) -> Result<usize, EncodeError> {
     let function = function::DIAGNOSTICS;
@@ -375,7 +377,7 @@ fn put_words<const N: usize>(
     Ok(len)
 }
 
-/// Writes the function, the words in front of a byte count and the count itself; gives the room for the data and the length of
+/// Writes the function, the words before a byte count and the count itself; returns the space for the data and the length of
 /// the whole.
 fn put_head<'o, 'w>(
     out: &'o mut [u8],

@@ -55,7 +55,7 @@ pub(super) fn put_pair(out: &mut [u8], function: u8, first: u16, second: u16) ->
     Ok(5)
 }
 
-/// A run of `quantity` from `address` that the function allows, for the encoder.
+/// Checks that a function allows a run of `quantity` from `address`, for the encoder.
 #[inline]
 pub(super) fn check_run(function: u8, address: u16, quantity: usize, max: u16) -> Result<u16, EncodeError> {
     match u16::try_from(quantity) {

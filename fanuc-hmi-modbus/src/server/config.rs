@@ -9,22 +9,24 @@ use crate::timing;
 pub struct ServerConfig {
     /// The transport. [`Framing::Tcp`].
     pub framing: Framing,
-    /// Its unit number, 1 to 247 (also 0 and 255 on TCP): requests to other units are not executed. `None`, the default, answers
-    /// every unit with its own identifier, as most Modbus TCP servers do.
+    /// The unit number of the server, 1 to 247 (also 0 and 255 on TCP): requests to other units are not executed. `None`, the
+    /// default, answers every unit with its own identifier, as most Modbus TCP servers do.
     pub unit: Option<u8>,
     /// Whether unit 0 is a broadcast, executed without a reply. Off on TCP, where 0 is often the server itself; on for RTU.
     pub broadcast: bool,
-    /// On a serial line, the time from the last byte of an incomplete request until it is given up. Bytes of one request arrive in
-    /// pieces: a CH340 delivers 32 at once, an FTDI adapter up to 16 ms late, a UART with a FIFO 8 or 14. [`rtu`](Self::rtu) sets the
-    /// time of 32 characters and 20 ms.
+    /// On a serial line, the time from the last byte of an incomplete request until it is given up. Bytes of one request
+    /// arrive in pieces: a CH340 delivers 32 at once, an FTDI adapter up to 16 ms late, a UART with a FIFO 8 or 14.
+    /// [`rtu`](Self::rtu) sets the time of 32 characters and 20 ms.
     pub frame_timeout: Duration,
-    /// Whether the line returns what is sent, as adapters for two wires often do; not on TCP. Off. The bytes of a reply come back first
-    /// then: they are compared with it and dropped, and others are [`ServerEvent::Echo`](crate::ServerEvent::Echo), a collision.
+    /// Whether the line returns the bytes sent, as adapters for two wires often do; not on TCP. Off. The bytes of a reply
+    /// then come back first: they are compared with it and dropped, and others are
+    /// [`ServerEvent::Echo`](crate::ServerEvent::Echo), a collision.
     ///
-    /// While it is off, such a line gives the reply to a write back to the server as the same write, again and again. The first reply to
-    /// a read that is longer than a request shows it: that is the same event, and from then on what comes back is dropped.
+    /// While it is off, such a line returns the reply to a write to the server as the same write, again and again. The first
+    /// reply to a read that is longer than a request shows it: that is the same event, and from then on the returned bytes
+    /// are dropped.
     pub echo: bool,
-    /// The rules of the machine, all of which are kept.
+    /// The rules of the machine that are in force: all of them by default.
     #[cfg(feature = "model")]
     #[doc(hidden)]
     pub rules: robot_session::end::Rules<Rule>,
@@ -39,13 +41,13 @@ robot_session::rules! {
         NoReplyToBroadcast,
         /// On a serial line nothing is sent while bytes arrive.
         ReplyAfterSilence,
-        /// On a serial line a request that another frame follows is not answered: its client has given up.
+        /// On a serial line a request that is followed by another frame is not answered: its client has given up.
         AnswerLast,
-        /// The rest of a frame that has begun is waited for, even if a silence is seen within it.
+        /// The rest of a frame that has begun is awaited, even if a silence is seen within it.
         AwaitRest,
         /// Replies end with the connection.
         DropReplies,
-        /// Over TCP a request is read when there is room for its reply.
+        /// Over TCP a request is read when there is a free entry for its reply.
         WaitForPlace,
     }
 }
@@ -86,7 +88,7 @@ impl ServerConfig {
         }
     }
 
-    /// Whether a request to this unit is a broadcast.
+    /// Returns whether a request to this unit is a broadcast.
     pub const fn is_broadcast(&self, unit: u8) -> bool {
         self.broadcast && unit == 0
     }

@@ -1,4 +1,4 @@
-//! The server's machine: which request is carried out, and when its reply may be sent. No bytes.
+//! The server's machine: the request that is executed, and the time at which its reply may be sent. No bytes.
 
 use core::time::Duration;
 
@@ -8,7 +8,7 @@ use robot_session::end::{Expiry, Machine};
 use super::config::{Rule, ServerConfig};
 pub use crate::line::Line;
 
-/// The state of a server with `N` places for replies.
+/// The state of a server with `N` entries for replies.
 ///
 #[doc = include_str!("../../diagrams/server.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -17,68 +17,70 @@ pub struct ServerMachine<const N: usize> {
     pub link: ServerLink,
 }
 
-/// The connection, and what has to pass before something is sent.
+/// The connection, and the conditions before something is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ServerLink {
-    /// There is none.
+    /// There is no connection.
     Down,
-    /// There is one.
+    /// There is a connection.
     Up {
         /// Whether bytes are arriving.
         line: Line,
-        /// On a serial line what arrives is not read until it is silent; through TCP, until there is a place for a reply.
+        /// Whether the line is serial: then bytes are not read until it is silent; through TCP, they are not read until there
+        /// is an entry for a reply.
         serial: bool,
-        /// The replies that wait to be sent.
+        /// The number of replies that wait to be sent.
         replies: u8,
     },
 }
 
-/// What happens to a server.
+/// An input of a server's machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
     /// A connection was made.
     Connected,
     /// The connection is lost.
     Disconnected,
-    /// Time has passed. Given after what has arrived was read: an unobserved silence does not count.
+    /// Time has passed. Given after the bytes that have arrived were read: an unobserved silence does not count.
     Timeout,
     /// Bytes have arrived. Given before they are decoded.
     Received,
     /// The line is silent, and the bytes that have arrived may be the beginning of a frame.
     Partial,
-    /// They held a frame.
+    /// The bytes contained a frame.
     Request {
-        /// The unit that it is for.
+        /// The unit that the request is for.
         unit: u8,
-        /// Nothing has followed it without a silence. Through TCP a client does not have to wait: always.
+        /// Whether nothing has followed the request without a silence. Through TCP, where a client does not have to wait,
+        /// always true.
         is_last: bool,
     },
     /// The reply that was due is sent.
     Sent,
 }
 
-/// What a server sends: its oldest reply.
+/// The output of a server: its oldest reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Due;
 
-/// What a server does.
+/// An action of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
     Nothing,
-    /// It forgets the replies that were not sent.
+    /// Discards the replies that were not sent.
     Reset,
-    /// The line is silent: what the decoder holds is judged.
+    /// The line is silent: the held bytes are checked.
     Cut,
-    /// The rest of a frame that has begun has not come: what the decoder holds will not be continued.
+    /// The rest of a frame that has begun has not come: the held bytes will not be continued.
     GiveUp,
-    /// It carries the request out, and keeps the reply.
+    /// Executes the request, and stores the reply.
     Serve,
-    /// It executes the request, without a reply.
+    /// Executes the request, without a reply.
     ServeBroadcast,
     /// The request is for another unit.
     Ignore,
-    /// On a serial line the reply is no longer awaited, or there is no room for it: the request is not executed.
+    /// On a serial line the reply is no longer awaited, or it has no free entry: the request is not executed.
     Refuse,
     /// The oldest reply was sent.
     Sent,
@@ -93,15 +95,15 @@ robot_session::inputs!(
 );
 
 impl<const N: usize> ServerMachine<N> {
-    /// Without a connection.
+    /// A server without a connection.
     pub const NEW: Self = Self { link: ServerLink::Down };
 
-    /// Whether there is a connection.
+    /// Returns whether there is a connection.
     pub fn is_connected(&self) -> bool {
         self.link != ServerLink::Down
     }
 
-    /// Whether there is no place for a reply to what comes through TCP: it waits.
+    /// Returns whether bytes from TCP must wait because there is no entry for a reply.
     #[inline]
     pub fn is_full(&self) -> bool {
         matches!(self.link, ServerLink::Up { serial: false, replies, .. } if usize::from(replies) >= N)
@@ -142,7 +144,7 @@ impl<const N: usize> ServerMachine<N> {
         self.transmit(now, config)?;
         let is_full = self.is_full();
         let ServerLink::Up { line, replies, .. } = &mut self.link else { return None };
-        // It reads again, and a silence can begin.
+        // The server reads again, and a silence can begin.
         if is_full {
             line.receive(now, config.framing);
         }
@@ -153,7 +155,7 @@ impl<const N: usize> ServerMachine<N> {
 
 impl<const N: usize> Machine for ServerMachine<N> {
     const END: &'static str = "server";
-    /// A driver that is late has not seen whether the line was silent.
+    /// A late driver has not seen whether the line was silent.
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
@@ -171,7 +173,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
                 Some(Action::Nothing)
             }
             (Input::Connected, link) => {
-                // Without the rule it refuses what finds no place, as on a serial line.
+                // Without the rule the server refuses requests without a free entry, as on a serial line.
                 let serial = config.framing.is_serial() || !config.keeps(Rule::WaitForPlace);
                 *link = ServerLink::Up { line: Line::Silent, serial, replies: 0 };
                 Some(Action::Reset)
@@ -216,7 +218,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
 
     fn deadline(&self) -> Option<Duration> {
         match self.link {
-            // While it does not read, nothing shows that the line is silent.
+            // While the server does not read, nothing shows that the line is silent.
             ServerLink::Up { line, .. } => line.ends_at().filter(|at| *at < Duration::MAX && !self.is_full()),
             ServerLink::Down => None,
         }

@@ -26,32 +26,33 @@ use crate::registers::{Registers, serve_other};
 use receiver::Receiver;
 use replies::Replies;
 
-/// The bytes of an RTU request to read.
+/// The number of bytes of an RTU request to read.
 const READ_REQUEST: usize = 8;
 
-/// One connection to a server, or one serial line, with `N` places for replies that wait to be sent.
+/// One connection to a server, or one serial line, with `N` entries for replies that wait to be sent.
 ///
-/// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait. Requests are carried out on
-/// the [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
-/// same order. Any number of connections can share registers: implement [`Registers`] for what they share.
+/// A [`Session`](robot_session::Session) with the methods and the order of calls of the trait. Requests are executed on the
+/// [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
+/// same order. Any number of connections can share registers: implement [`Registers`] for the shared value.
 ///
-/// Through TCP a request is read when there is a place for its reply, and until then the session wants no input: a client that does
-/// not wait gets every reply. On a serial line a client waits: a request that another frame follows without a silence, or that has no
-/// place, is neither carried out nor answered, and reported as [`ServerEvent::Refused`]. Every event is a notice, for a log: nothing
-/// needs to be done about it.
+/// Through TCP a request is read when there is an entry for its reply, and until then the session wants no input: a client
+/// that does not wait gets every reply. On a serial line a client waits: a request that is followed by another frame without
+/// a silence, or has no entry, is neither executed nor answered, and reported as [`ServerEvent::Refused`]. Every event is a
+/// notice, for a log: no reaction is needed.
 ///
-/// Any data of a message may look like a request, so none is looked for in corrupt bytes. Of RTU frames it carries out only what begins
-/// after a silence, or behind a whole frame, also one of another unit; on a serial line, what a silence ends is dropped unless all of it
-/// is whole frames. A frame whose length is not reached at a silence is waited for, up to [`ServerConfig::frame_timeout`]: bytes may be
-/// delayed between the line and the program. A silence counts when the driver has seen it:
-/// [`handle_timeout`](robot_session::Session::handle_timeout) is called after what has arrived was read.
+/// Any data of a message may look like a request, so corrupt bytes are not searched for requests. An RTU request is executed
+/// only if it begins after a silence, or after a whole frame, even one of another unit; on a serial line, the bytes before a
+/// silence are dropped unless all of them are whole frames. A frame whose length is not reached at a silence is awaited, up
+/// to [`ServerConfig::frame_timeout`]: bytes may be delayed between the line and the program. A silence counts when the
+/// driver has observed it: [`handle_timeout`](robot_session::Session::handle_timeout) is called after the bytes that have
+/// arrived were read.
 #[derive(Debug, Clone)]
 pub struct Server<R, const N: usize = 8> {
     core: Core<ServerMachine<N>, Receiver, EventQueue<ServerEvent, 8>, ServerStatistics>,
     registers: R,
     replies: Replies<N>,
     echo: Echo<{ Frame::MAX_LEN }>,
-    /// What was read last ended within corruption.
+    /// Whether the bytes that were read last ended within corruption.
     was_corrupt: bool,
 }
 
@@ -59,7 +60,7 @@ impl<R: Registers, const N: usize> Server<R, N> {
     /// A server without a connection.
     ///
     /// # Errors
-    /// It would be unit 0 where that is the broadcast; over TCP the line is said to return what is sent.
+    /// The unit would be 0, which is the broadcast; or the configuration sets `echo` over TCP.
     pub fn new(config: ServerConfig, registers: R) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= 255, "a server has 1 to 255 places") };
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {
@@ -77,17 +78,18 @@ impl<R: Registers, const N: usize> Server<R, N> {
         })
     }
 
-    /// What requests are carried out on.
+    /// Returns the registers that requests read and write.
     pub const fn registers(&self) -> &R {
         &self.registers
     }
 
-    /// What requests are carried out on.
+    /// Returns the registers that requests read and write.
     pub const fn registers_mut(&mut self) -> &mut R {
         &mut self.registers
     }
 
-    /// On TCP a client that stops within corruption is out of step: its next valid frame may never come.
+    /// Handles the end of a read. On TCP a client that stops within corruption is out of step: its next valid frame may never
+    /// come.
     #[inline]
     fn all_read(&mut self) {
         let Some(error) = self.core.decoder.corruption() else {
@@ -99,7 +101,7 @@ impl<R: Registers, const N: usize> Server<R, N> {
         }
     }
 
-    /// Carries a request out, and keeps its reply.
+    /// Executes a request, and stores its reply.
     #[inline(always)] // into the two places that read
     fn serve(&mut self, request: Range<usize>) {
         let Some(frame) = self.core.decoder.frame(request) else { return };
@@ -110,7 +112,7 @@ impl<R: Registers, const N: usize> Server<R, N> {
         self.core.events.push_notice(served);
     }
 
-    /// Carries a request out; its reply is not sent.
+    /// Executes a request; its reply is not sent.
     #[cold]
     fn serve_broadcast(&mut self, request: Range<usize>) {
         let Some(frame) = self.core.decoder.frame(request) else { return };
@@ -140,12 +142,12 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     type Decoder = Receiver;
     type Events = EventQueue<ServerEvent, 8>;
     type Statistics = ServerStatistics;
-    /// The place of a request in the decoder.
+    /// The range of a request in the decoder.
     type Payload = Range<usize>;
 
-    /// What fits beside a run of corrupt bytes.
     const LINK: &'static str = "fanuc-hmi-modbus";
     const END: &'static str = "server";
+    /// The number of bytes that fit beside a run of corrupt bytes.
     const MAX_INPUT: usize = Decoder::CAPACITY - WINDOW;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;
@@ -166,7 +168,7 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
                     let is_last = self.core.decoder.was_last();
                     return Some((Input::Request { unit, is_last }, Some(range)));
                 }
-                // More of the same was reported already.
+                // Further bytes of the same corruption were reported already.
                 Err(DecodeError::Noise { .. }) => {}
                 Err(error) => self.corrupt(error),
             }
@@ -213,13 +215,14 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
         result.map_err(|unexpected| self.refuse(unexpected)).is_ok()
     }
 
-    /// Also while a frame arrives that only the silence ends.
+    /// Returns true even while a frame arrives that only the silence ends.
     #[inline]
     fn takes_input(&self) -> bool {
         !self.core.machine.is_full()
     }
 
-    /// On a serial line what came before without a silence is past. Through TCP the caller gives more than is wanted.
+    /// Handles lost bytes. On a serial line the bytes before, without a silence, are past. Through TCP the caller gives more
+    /// than the session wants.
     #[cold]
     fn overrun(&mut self, _now: Duration) {
         if self.core.machine.is_full() {
@@ -232,14 +235,14 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     }
 }
 
-/// The event of a request that was carried out.
+/// Returns the event of an executed request.
 #[inline]
 fn served(request: &Frame<&[u8]>, exception: Option<Exception>) -> ServerEvent {
     let Frame { transaction, unit, .. } = *request;
     ServerEvent::Served { transaction, unit, function: request.function(), exception }
 }
 
-/// Whether an RTU reply has values, and is longer than a request to read them.
+/// Returns whether an RTU reply has values, and is longer than a request to read them.
 fn is_long_read(reply: &[u8]) -> bool {
     reply.len() > READ_REQUEST && reply.get(1).is_some_and(|code| Row::of(*code).reads > 0)
 }

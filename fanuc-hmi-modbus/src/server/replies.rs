@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use crate::message::{Exception, function};
 
-/// At most `N` frames, oldest first. How many there are is the machine's.
+/// At most `N` frames, oldest first. The machine has their number.
 #[derive(Debug, Clone)]
 pub(super) struct Replies<const N: usize> {
     frames: [Reply; N],
@@ -21,7 +21,7 @@ pub(super) struct Reply {
 impl Reply {
     pub(super) const EMPTY: Self = Self { bytes: [0; Frame::MAX_LEN], length: 0 };
 
-    /// The exception in it.
+    /// Returns the exception in the frame.
     #[inline]
     pub(super) fn exception(&self, tcp: bool) -> Option<Exception> {
         let (before, length) = if tcp { (7, 9) } else { (1, 5) };
@@ -37,7 +37,7 @@ impl Reply {
 impl<const N: usize> Replies<N> {
     pub(super) const EMPTY: Self = Self { frames: [Reply::EMPTY; N], first: 0, next: 0 };
 
-    /// A place for one more frame.
+    /// Returns the entry for one more frame.
     #[inline]
     pub(super) fn push(&mut self) -> Option<&mut Reply> {
         let reply = self.frames.get_mut(self.next)?;
@@ -45,7 +45,7 @@ impl<const N: usize> Replies<N> {
         Some(reply)
     }
 
-    /// Writes the oldest frame to `out`; gives its length.
+    /// Writes the oldest frame to `out`; returns its length.
     #[inline]
     pub(super) fn pop(&mut self, out: &mut [u8]) -> Option<usize> {
         let reply = self.frames.get(self.first)?;

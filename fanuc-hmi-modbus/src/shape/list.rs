@@ -18,7 +18,7 @@ impl List {
     pub(super) const MAX: usize = limit::READ_BITS as usize;
     pub(super) const EMPTY: Self = Self { items: [0; Self::MAX], len: 0 };
 
-    /// Adds an item, if there is room for it.
+    /// Adds an item, if it fits.
     pub(super) fn push(&mut self, item: u16) -> Option<()> {
         *self.items.get_mut(self.len)? = item;
         self.len += 1;

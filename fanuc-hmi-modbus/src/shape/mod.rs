@@ -148,14 +148,14 @@ fn entries<M: SerializeMap>(map: &mut M, words: &[(&str, u16)]) -> Result<(), M:
     words.iter().try_for_each(|(key, word)| map.serialize_entry(key, word))
 }
 
-/// Reads the object of a request or of a reply: its keys show which.
+/// Reads the object of a request or of a reply, as its keys show.
 impl<'de> Deserialize<'de> for Frame<PduBuf> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         FrameObject::deserialize(deserializer)?.0.map_err(D::Error::custom)
     }
 }
 
-/// The object of a frame, and why the encoder refuses its message.
+/// The object of a frame, and the reason that the encoder refuses its message.
 #[doc(hidden)]
 #[derive(Debug)]
 pub struct FrameObject(pub Result<Frame<PduBuf>, EncodeError>);

@@ -57,10 +57,10 @@ pub(super) struct Record {
 
 /// An item of a list, which has bytes on the wire.
 pub(super) trait Item {
-    /// What it is.
+    /// The expected items, for errors.
     const WHAT: &'static str;
 
-    /// Adds its bytes to a list; `None` if that has no room for them.
+    /// Adds the item's bytes to a list; `None` if they do not fit.
     fn add(&self, list: &mut List) -> Option<()>;
 }
 

@@ -1,4 +1,4 @@
-//! The functions of a handle that are about the device, its files and its serial line, not about its tables.
+//! The functions of a handle for the device, its files and its serial line, not for its tables.
 
 use std::vec::Vec;
 
@@ -21,7 +21,8 @@ impl Client {
         self.words(&Request::Diagnostics { subfunction, data: Words::from(words) }).await
     }
 
-    /// Function 11, of a serial line: FFFF if the device is busy, otherwise 0; and how many requests it has carried out.
+    /// Function 11, of a serial line: FFFF if the device is busy, otherwise 0; and the number of requests that it has
+    /// executed.
     pub async fn comm_event_counter(&self) -> Result<(u16, u16), Error> {
         let counter = |reply: Reply<'_>| match reply {
             Reply::CommEventCounter { status, events } => Some((status, events)),
@@ -41,7 +42,7 @@ impl Client {
         self.read(&Request::GetCommEventLog, log).await
     }
 
-    /// Function 17: the bytes that the device says of itself, an id and FF if it runs first.
+    /// Function 17: the bytes of the device's description of itself, first an id, and FF if it runs.
     pub async fn report_server_id(&self) -> Result<Vec<u8>, Error> {
         let id = |reply: Reply<'_>| match reply {
             Reply::ServerId(id) => Some(id.to_vec()),
@@ -77,7 +78,7 @@ impl Client {
             let part = |reply: Reply<'_>| match reply {
                 Reply::DeviceIdentification(part) => {
                     objects.extend(part.objects.iter().map(|(id, value)| (id, value.to_vec())));
-                    // The next object is a later one, or the loop would not end.
+                    // The next object must be a later one: otherwise the loop would not end.
                     Some((part.more && part.next > object).then_some(part.next))
                 }
                 _ => None,

@@ -36,22 +36,22 @@ use crate::position::PositionRegister;
 use crate::text;
 use crate::typed::{Number, NumberError, WordOrder};
 
-/// Asks a server: cloning it is cheap, and every clone may ask at the same time. At most [`ClientConfig::in_flight`] requests are in
-/// flight, the others wait, the oldest first.
+/// Sends requests to a server. Cloning it is cheap, and all clones may make requests at the same time. At most
+/// [`ClientConfig::in_flight`] requests are in flight, the others wait, the oldest first.
 ///
 /// Addresses are ranges: `0..37`, and `65530..=65535` at the end of a table.
 ///
-/// Every method gives the reply, or an [`Error`]. A request that is refused because of its form is not made. If the future of a request is [dropped](Handle#dropped-futures) while the
-/// request is in flight, its outcome is an [`Event::Abandoned`].
+/// Every method returns the reply, or an [`Error`]. A request that is refused because of its form is not made. If the future
+/// of a request is [dropped](Handle#dropped-futures) while the request is in flight, its outcome is an [`Event::Abandoned`].
 #[derive(Debug, Clone)]
 pub struct Client {
     handle: Handle<Requests>,
     unit: u8,
 }
 
-/// A client for unit 1, and the task that it works through. Addresses are PDU addresses: 0 is the first coil or register of a table.
+/// Returns a client for unit 1, and its task. Addresses are PDU addresses: 0 is the first coil or register of a table.
 ///
-/// On TCP another connection is made when the server is [out of step](ClientEvent::OutOfStep), or has cut a reply off.
+/// On TCP another connection is made when the server is [out of step](ClientEvent::OutOfStep), or has truncated a reply.
 ///
 /// # Errors
 /// As [`Client::new`](crate::Client::new).
@@ -64,17 +64,17 @@ pub fn client<C: Connector>(
     Ok((Client { handle, unit: 1 }, task))
 }
 
-/// What the task does: requests in, replies to whom they belong.
+/// The service of the task: it passes on requests, and gives replies to their callers.
 #[derive(Debug)]
 pub struct Requests {
     made: Vec<(Ticket, Made)>,
 }
 
-/// A request, and who waits for its reply.
+/// A request, and the caller that waits for its reply.
 #[derive(Debug)]
 pub struct Made {
     unit: u8,
-    /// The request; its reply takes its place. Boxed, because it moves through two channels.
+    /// The request, which its reply replaces. Boxed, because it moves through two channels.
     pdu: Box<PduBuf>,
     reply: session::Reply<Result<Box<PduBuf>, Error>>,
 }
@@ -92,15 +92,15 @@ pub enum Event {
 /// A request that is no longer awaited.
 #[derive(Debug, Clone)]
 pub struct Abandoned {
-    /// Whom it went to.
+    /// The unit that the request was sent to.
     pub unit: u8,
     /// The request.
     pub request: PduBuf,
-    /// Its reply, or why there is none.
+    /// The reply, or the reason that there is no reply.
     pub outcome: Result<PduBuf, Error>,
 }
 
-/// Why a request has no usable reply.
+/// The reason that a request has no usable reply.
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -128,7 +128,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether the server may have executed the request, or may still execute it.
+    /// Returns whether the server may have executed the request, or may still execute it.
     pub const fn is_unknown(&self) -> bool {
         match self {
             Self::Failed(failure) => failure.is_unknown(),
@@ -149,13 +149,13 @@ impl From<EncodeError> for Error {
 }
 
 impl Client {
-    /// The same client, for another unit.
+    /// Returns the same client, for another unit.
     #[must_use]
     pub fn unit(&self, unit: u8) -> Self {
         Self { unit, ..self.clone() }
     }
 
-    /// The generic handle: events, the state of the connection, shutdown.
+    /// Returns the generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Requests> {
         &self.handle
     }
@@ -236,8 +236,8 @@ impl Client {
         PositionRegister::from_words(&Words::from(words.as_slice()), order).ok_or(misfit(&request, &words))
     }
 
-    /// The numeric variable whose first holding register has this address. `number` is its assignment: [`Kind`](crate::typed::Kind) says which
-    /// `$VAR_NAME` and `$MULTIPLY` make which kind.
+    /// The numeric variable whose first holding register has this address. `number` is its assignment:
+    /// [`Kind`](crate::typed::Kind) lists the `$VAR_NAME` and the `$MULTIPLY` of each kind.
     pub async fn read_number(&self, address: u16, number: Number) -> Result<f64, Error> {
         let quantity = number.kind.registers();
         let request = Request::ReadHoldingRegisters { address, quantity };
@@ -259,8 +259,8 @@ impl Client {
             .unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()))
     }
 
-    /// Writes a numeric variable in one request; the other arguments are those of [`read_number`](Self::read_number). Where it is shown as an
-    /// integer, the value is rounded to it.
+    /// Writes a numeric variable in one request; the other arguments are those of [`read_number`](Self::read_number). If it
+    /// is assigned as an integer, the value is rounded to it.
     ///
     /// # Errors
     /// [`Error::Number`] if the registers cannot hold the value: nothing is sent.
@@ -327,7 +327,8 @@ impl Client {
         self.words(&Request::ReadWriteRegisters { address, quantity, write_address, values }).await
     }
 
-    /// Any request: the reply as a PDU, which is no exception. For a broadcast, which has no reply, the request.
+    /// Any request: returns the reply as a PDU, which is not an exception. For a broadcast, which has no reply, returns the
+    /// request.
     pub async fn request(&self, request: &Request<'_>) -> Result<PduBuf, Error> {
         self.ask(request).await.map(|pdu| *pdu)
     }
@@ -370,7 +371,7 @@ impl Client {
     }
 }
 
-/// The first address, and how many. A range that ends before it begins has none.
+/// Returns the first address and the number of addresses. A range that ends before it begins is empty.
 fn run(addresses: &impl RangeBounds<u16>) -> (u16, u16) {
     let first = match addresses.start_bound() {
         Bound::Included(first) => *first,
@@ -385,7 +386,7 @@ fn run(addresses: &impl RangeBounds<u16>) -> (u16, u16) {
     (first, u16::try_from(end.saturating_sub(first.into())).unwrap_or(u16::MAX))
 }
 
-/// The client has checked that a reply fits: this is for a reply that does not all the same.
+/// Returns the error of a reply that does not fit, although the client has checked that it does.
 fn misfit(request: &Request<'_>, found: &[u16]) -> Error {
     let expected = usize::from(request.quantity_read()) * 2;
     Failure::Refused(Mismatch::Quantity { expected, found: found.len() * 2 }).into()

@@ -13,14 +13,14 @@ use crate::client::{ClientEvent, Failure, Ticket};
 use crate::message::Reply;
 
 impl Requests {
-    /// The caller that waits for this request.
+    /// Removes and returns the caller's request with this ticket.
     fn take(&mut self, ticket: Ticket) -> Option<Made> {
         let at = self.made.iter().position(|(made, _)| *made == ticket)?;
         Some(self.made.swap_remove(at).1)
     }
 }
 
-/// The client of a task: a place for every request that may be in flight.
+/// The client of a task: a slot for every request that may be in flight.
 type Session = crate::Client<16>;
 
 impl Service for Requests {
@@ -65,7 +65,7 @@ impl Service for Requests {
                 Failure::Malformed(_) | Failure::Refused(_) if session.in_flight() == 0 => {
                     reports.reconnect(io::Error::other("a reply is longer than its header says"));
                 }
-                // Over TCP nothing is returned.
+                // Over TCP no bytes are returned.
                 Failure::Malformed(_)
                 | Failure::Refused(_)
                 | Failure::Disconnected

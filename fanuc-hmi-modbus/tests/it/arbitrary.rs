@@ -53,8 +53,8 @@ fn any_bytes_are_a_request_and_a_reply_that_decode_to_themselves() {
             count += 1;
         }
     }
-    // Both halves of each table, of the subfunctions, or of the queues; every eighth of the bits that are read, or of the length of what is
-    // written; the requests of functions 7, 11, 12, 17 and 43; one length of 20, and two of 21.
+    // Both halves of each table, of the subfunctions, or of the queues; every eighth of the bits that are read, or of the
+    // length of the written data; the requests of functions 7, 11, 12, 17 and 43; one length of 20, and two of 21.
     let (bits, registers, single, written, other) = (2 * 8, 2, 2, 2 * 8, 108);
     assert_eq!(
         requests.len(),

@@ -178,7 +178,7 @@ fn corruption_on_tcp_is_reported_at_once_and_then_as_what_it_was() {
     client.handle_input(MS, &[0xEE; 6]);
     let protocol = DecodeError::Protocol { found: 0xEEEE };
     assert_eq!(all(&mut client), [Seen::OutOfStep(protocol)]);
-    // More than is searched at once: the error is given, and no frame is there yet.
+    // More bytes than are searched at once: the error is returned, and no frame is there yet.
     let mut client: Client = connected(tcp(1));
     client.handle_input(MS, &[0xEE; 600]);
     assert_eq!(all(&mut client), [Seen::Corrupt(protocol), Seen::OutOfStep(protocol)]);
@@ -233,7 +233,7 @@ fn on_a_serial_line_a_late_reply_has_time_to_settle_and_another_unit_is_no_answe
     assert_eq!(all(&mut client), [stray, Seen::Registers(second, vec![8])]);
 }
 
-/// A driver that was stopped has not read what arrived meanwhile: it must not send before it has.
+/// A driver that was stopped has not read the bytes that arrived meanwhile: it must not send before it has.
 #[test]
 fn a_driver_that_runs_late_reads_the_late_reply_before_it_sends() {
     let mut client: Client = connected(rtu());
@@ -252,7 +252,7 @@ fn a_driver_that_runs_late_reads_the_late_reply_before_it_sends() {
     assert_eq!(all(&mut client), [Seen::Registers(second, vec![8])]);
 }
 
-/// A client that ran here before may have asked for something: its reply is no answer to us.
+/// A client that ran here before may have sent a request: its reply is not an answer to ours.
 #[test]
 fn a_new_client_leaves_a_serial_line_alone_first() {
     let mut client = Client::<1>::new(rtu()).unwrap();
@@ -299,7 +299,7 @@ fn a_lost_connection_ends_every_request_and_nothing_is_sent_again() {
     );
 }
 
-/// A place, and the reply in it, is the caller's until the outcome was polled.
+/// A slot, and the reply in it, is the caller's until the outcome was polled.
 #[test]
 fn a_reply_stays_until_the_next_request_takes_its_place() {
     let mut client: Client<2> = connected(tcp(2));
@@ -457,7 +457,7 @@ fn a_request_that_is_refused_leaves_the_reply_of_the_place_that_it_would_take() 
         Request::Other { function: 100, data: &[1; 253] },
         Request::Other { function: 3, data: &[1] },
     ];
-    // Nothing is said of places where the request itself is wrong.
+    // The slots are not mentioned if the request itself is invalid.
     for request in &refused {
         assert!(matches!(client.request(1, request), Err(SessionError::Encode(_))), "{request:?}");
     }

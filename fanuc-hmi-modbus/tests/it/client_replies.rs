@@ -1,4 +1,4 @@
-//! Replies in pieces, behind noise, and with wrong lengths, as a client reads them.
+//! Replies in pieces, after noise, and with wrong lengths, as a client reads them.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
@@ -36,7 +36,7 @@ fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
     ]
 }
 
-/// A client of which the first reply has come, and the time.
+/// Returns a client whose first reply has come, and the time.
 fn proven(config: ClientConfig) -> (Client, Duration) {
     let mut client: Client = connected(config);
     client.request(1, &read(0, 1)).unwrap();
@@ -48,7 +48,8 @@ fn proven(config: ClientConfig) -> (Client, Duration) {
     (client, now)
 }
 
-/// A UART with a FIFO, a USB adapter or a device server delivers a reply in pieces, with silences between them that the line has not.
+/// A UART with a FIFO, a USB adapter or a device server delivers a reply in pieces, with silences between them that are not
+/// on the line.
 #[test]
 fn a_reply_that_is_delivered_in_pieces_is_one() {
     for config in [rtu(), ClientConfig::rtu(115_200), ClientConfig::rtu(1200), ClientConfig::rtu_over_tcp()] {
@@ -91,12 +92,12 @@ fn the_rest_of_a_reply_is_waited_for_until_the_timeout() {
     let failed = ClientEvent::Failed { ticket, failure: Failure::TimedOut };
     let events: Vec<_> = core::iter::from_fn(|| client.poll_event()).collect();
     assert_eq!(events, [cut, failed]);
-    // A late reply is no reply to the next request.
+    // A late reply is not a reply to the next request.
     client.handle_input(begin + timeout + MS, &reply[40..]);
     assert_eq!(client.in_flight(), 0);
 }
 
-/// A silence ends what cannot become the reply: another unit, another function, another byte count.
+/// A silence ends bytes that cannot become the reply: another unit, another function, another byte count.
 #[test]
 fn what_cannot_become_the_reply_ends_with_the_silence() {
     let (request, reply) = exchanges().remove(0);
@@ -121,7 +122,7 @@ fn what_cannot_become_the_reply_ends_with_the_silence() {
 /// A glitch as the transmitter is switched on, right before an exception or a whole reply.
 #[test]
 fn a_byte_before_a_reply_does_not_hide_it() {
-    // A function without a length of its own is not looked for within noise.
+    // A function without a length of its own is not searched for within noise.
     for (request, reply) in
         exchanges().into_iter().filter(|(request, _)| !matches!(request, Request::Other { .. }))
     {
@@ -167,7 +168,7 @@ fn an_exception_with_a_wrong_length_fails_its_request_at_once_and_harms_no_other
         failure.to_string(),
         "the reply is malformed: exception 2 (illegal data address) for function 3 with the length field 4, not 3 (at byte 4)"
     );
-    // Its tenth byte is neither the beginning of a reply nor corruption.
+    // The tenth byte of the reply is neither the beginning of a reply nor corruption.
     client.handle_input(3 * MS, &[0]);
     assert_eq!((client.pending(), all(&mut client)), (0, vec![]));
     let next = client.request(1, &read(10, 1)).unwrap();
@@ -211,7 +212,7 @@ fn an_exception_with_a_wrong_length_fails_its_request_at_once_and_harms_no_other
     }
 }
 
-/// A reply that is wrong within a sound header fails its request at once, as what it is, and the next request has its reply.
+/// A malformed reply within a sound header fails its request at once, with the reason, and the next request has its reply.
 #[test]
 fn every_reply_that_is_wrong_within_a_sound_header_is_reported_at_once() {
     use DecodeError::{Function, PduLength, ReplyByteCount};

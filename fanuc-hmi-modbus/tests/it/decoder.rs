@@ -1,4 +1,4 @@
-//! Frames and corruption at the exact byte: where an error ends, what it holds, what a silence cuts.
+//! Frames and corruption at the exact byte: the end of an error, its contents, and the effect of a silence.
 
 use fanuc_hmi_modbus::crc::crc16;
 use fanuc_hmi_modbus::robot_session::Decoder as _;
@@ -8,7 +8,7 @@ const RTU: Framing = Framing::RTU_OVER_TCP;
 /// Read register 1 of unit 1.
 const READ: [u8; 12] = [0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1];
 
-/// A PDU, or what was wrong, and the offset after it.
+/// A PDU, or the error, and the offset after it.
 type Items = Vec<(Result<Vec<u8>, DecodeError>, u64)>;
 
 fn drain(decoder: &mut Decoder, items: &mut Items) {
@@ -113,7 +113,7 @@ fn a_frame_of_another_protocol_hides_what_is_within_it() {
     assert_eq!(decode(Framing::Tcp, Side::Client, &stream), [(read.clone(), 12), (protocol, 38), (read, 50)]);
 }
 
-/// It is seen with its sixth byte, however the bytes come.
+/// The error is returned with its sixth byte, however the bytes come.
 #[test]
 fn a_header_right_after_a_frame_of_another_protocol_ends_its_error() {
     let stream = [&[0, 1, 0, 1, 0, 6, 1, 3, 0, 0, 0, 37][..], &READ[..6]].concat();
@@ -280,7 +280,7 @@ fn the_frame_after_corruption_is_the_first_to_end_and_the_longest_of_those() {
 
 #[test]
 fn a_line_carries_frames_of_256_bytes_and_no_longer_ones() {
-    // A function of its own ends with the silence.
+    // A function without a type of its own ends with the silence.
     let own = sealed(&[&[1, 100][..], &[0; 252]].concat());
     assert_eq!(decode(RTU, Side::Client, &own), [(pdu(&own), 256)]);
     let long = sealed(&[&[1, 100][..], &[0; 253]].concat());
@@ -307,7 +307,7 @@ fn a_line_carries_frames_of_256_bytes_and_no_longer_ones() {
     }
 }
 
-/// 128 is the exception to function 0, which is none: nothing shows how long such a reply is.
+/// 128 is the exception to function 0, which does not exist: nothing shows the length of such a reply.
 #[test]
 fn a_reply_with_function_code_128_ends_with_the_silence() {
     for body in [&[1, 128][..], &[1, 128, 2], &[1, 128, 2, 3, 4]] {
@@ -396,7 +396,7 @@ fn an_exception_without_its_code_is_one_frame_whether_the_code_comes_or_not() {
     assert_eq!(of_server(&with_code), [(Ok(vec![0x83]), 8), noise, (Ok(NEXT[7..].to_vec()), 20)]);
 }
 
-/// The bytes that an exception may have in addition are looked at, and no more.
+/// The bytes that an exception may have in addition are examined, and no more.
 #[test]
 fn behind_an_exception_with_a_wrong_length_a_bad_header_is_one() {
     let stream = [&[0, 1, 0, 0, 0, 5, 9, 0x83, 2][..], b"GET / HTTP", &NEXT].concat();

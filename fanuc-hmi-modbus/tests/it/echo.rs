@@ -1,4 +1,4 @@
-//! Lines that return what is sent.
+//! Lines that return the bytes sent.
 
 use core::time::Duration;
 
@@ -11,7 +11,7 @@ use fanuc_hmi_modbus::{
 };
 
 pub(crate) const WRITE: Request<'static> = Request::WriteRegister { address: 10, value: 7 };
-/// The request before a write on a connection of which nothing is known, and its CRC.
+/// The request before a write on a connection that is not proven, and its CRC.
 pub(crate) const PROBE: [u8; 8] = [1, 3, 0, 0, 0, 1, 0x84, 0x0A];
 
 fn with_echo(config: ClientConfig) -> ClientConfig {
@@ -57,7 +57,7 @@ pub(crate) fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
     ]
 }
 
-/// With the setting the own bytes come first, in whatever pieces.
+/// With the setting the line's own bytes come first, in any pieces.
 #[test]
 fn what_the_line_returns_is_dropped() {
     for config in [rtu(), ClientConfig::rtu_over_tcp()] {
@@ -91,7 +91,7 @@ fn what_the_line_returns_is_dropped() {
     }
 }
 
-/// Nobody is there, and the line returns every request.
+/// No device answers, and the line returns every request.
 #[test]
 fn the_own_bytes_are_never_a_reply() {
     for echo in [true, false] {
@@ -152,7 +152,7 @@ fn a_collision_is_told() {
     assert_eq!(events(&mut client), [ClientEvent::Failed { ticket, failure: Failure::TimedOut }]);
 }
 
-/// The first request that is no mirror of its reply shows it, once; the replies behind count.
+/// The first request that does not equal its reply shows the echo, once; the next replies count.
 #[test]
 fn a_line_that_returns_what_is_sent_is_found() {
     for noise in [&[][..], &[0], &[0xFF, 0]] {
@@ -185,7 +185,7 @@ fn a_line_that_returns_what_is_sent_is_found() {
     );
 }
 
-/// A reply that the device sends without delay, and whose first bytes are those of the request, is none.
+/// A reply that the device sends without delay, and whose first bytes are those of the request, is not an echo.
 #[test]
 fn a_reply_is_not_taken_for_an_echo() {
     for (request, reply) in exchanges() {
@@ -207,8 +207,8 @@ fn a_reply_is_not_taken_for_an_echo() {
     }
 }
 
-/// Before a write that its reply can equal the client reads a register. Only a reply to that shows that the reply to the write is not
-/// what the line returns.
+/// Before a write that its reply can equal, the client reads a register. Only a reply to that read shows that the reply to
+/// the write is not an echo of the line.
 #[test]
 fn a_write_waits_until_it_is_known_what_the_line_returns() {
     let refused = reply(Reply::Exception { function: 3, exception: Exception::IllegalDataAddress });
@@ -258,7 +258,7 @@ fn a_write_whose_read_was_lost_was_not_sent() {
     assert_eq!(send(&mut client, MS), PROBE);
     client.handle_disconnected(2 * MS);
     assert_eq!(events(&mut client), [ClientEvent::Failed { ticket, failure: Failure::NotSent }]);
-    // Another line may be behind the next connection.
+    // The next connection may use another line.
     client.handle_connected(3 * MS);
     client.handle_timeout(Duration::from_secs(9));
     client.request(1, &WRITE).unwrap();
@@ -338,7 +338,7 @@ fn a_server_finds_its_own_replies() {
     }
 }
 
-/// A device that loses what comes too soon after its reply.
+/// A device that loses bytes that come too soon after its reply.
 #[test]
 fn nothing_is_sent_within_the_pause() {
     for config in [tcp(1), rtu(), ClientConfig::rtu_over_tcp()] {

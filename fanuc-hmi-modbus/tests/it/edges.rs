@@ -1,4 +1,4 @@
-//! The borders: a server that has nothing, replies of every function, buffers that are one byte short, what things are called.
+//! The borders: a server without tables, replies of every function, buffers that are one byte short, names of things.
 
 use core::time::Duration;
 

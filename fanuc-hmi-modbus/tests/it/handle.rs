@@ -159,7 +159,7 @@ async fn no_outcome_of_a_dropped_call_is_lost() {
         if round % 5 == 0 {
             sleep(MS / 5).await;
         }
-        // Behind this one nothing is in flight.
+        // After this request nothing is in flight.
         let _ = robot.read_coils(0..1).await;
         while let Ok(event) = events.try_recv() {
             let Event::Abandoned(call) = event else { panic!("{event:?}") };
@@ -174,7 +174,7 @@ async fn no_outcome_of_a_dropped_call_is_lost() {
     assert_eq!(outcomes, *written.0.lock().unwrap());
 }
 
-/// What was written, for all connections.
+/// The written values of all connections.
 #[derive(Clone, Default)]
 struct Written(Arc<Mutex<Vec<u16>>>);
 
@@ -211,7 +211,7 @@ async fn a_shutdown_ends_what_is_in_flight_and_what_waits() {
     drop(silent);
 }
 
-/// A server that is out of step is of no use on this connection; on the next one it is.
+/// A server that is out of step is unusable on this connection; on the next one it is usable.
 #[tokio::test]
 async fn a_server_out_of_step_is_connected_again() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -231,7 +231,7 @@ async fn a_server_out_of_step_is_connected_again() {
     server.abort();
 }
 
-/// After a part of a reply nobody knows what the next bytes belong to. A server that only is late has nothing to do with that.
+/// After a part of a reply the meaning of the next bytes is unknown. A server that is only late is not affected.
 #[tokio::test]
 async fn a_server_that_cuts_a_reply_off_is_connected_again_and_a_silent_one_is_not() {
     async fn reply(stream: &mut TcpStream) -> [u8; 10] {
@@ -330,7 +330,7 @@ fn a_thread_serves_callers_that_have_no_runtime() {
     drop(serving);
 }
 
-/// A peer, by what it does with a connection.
+/// The behaviour of a peer on a connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Peer {
     Closes,
@@ -339,7 +339,7 @@ enum Peer {
     Absent,
 }
 
-/// More callers than requests in flight, and than calls that wait for room.
+/// More callers than requests in flight, and than calls that wait in the channel.
 #[tokio::test(start_paused = true)]
 async fn every_request_ends_whatever_the_server_does() {
     const HOUR: Duration = Duration::from_secs(3600);

@@ -40,7 +40,7 @@ fn answer(device: &mut Device, request: &Request<'_>) -> PduBuf {
     PduBuf::new(&&out[..length]).unwrap()
 }
 
-/// The answer: ids, and the first one that did not fit; or the exception.
+/// Returns the answer: ids, and the first object that did not fit; or the exception.
 fn identified(device: &mut Device, category: u8, object: u8) -> Result<(Vec<u8>, u8, Option<u8>), Exception> {
     let request = Request::ReadDeviceIdentification { category, object };
     let pdu = answer(device, &request);

@@ -1,4 +1,4 @@
-//! A server on a line with other units: what it carries out begins after a silence, or after a whole frame.
+//! A server on a line with other units: the requests that it executes begin after a silence, or after a whole frame.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
@@ -41,7 +41,7 @@ impl Line {
         Self { server, now: MS, character: transmission_time(1, baud) }
     }
 
-    /// Byte by byte at the rate of the line, with a driver that looks after each.
+    /// Sends byte by byte at the rate of the line, with a driver that checks after each byte.
     fn send(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.now += self.character;
@@ -50,18 +50,18 @@ impl Line {
         }
     }
 
-    /// All of it in one read.
+    /// Sends all bytes in one read.
     fn lump(&mut self, bytes: &[u8]) {
         self.server.handle_input(self.now, bytes);
     }
 
-    /// Nothing is sent, and the driver sees it.
+    /// Sends nothing for this time, which the driver observes.
     fn pause(&mut self, time: Duration) {
         self.now += time;
         self.server.handle_timeout(self.now);
     }
 
-    /// The silence that ends a frame; gives what the server answers.
+    /// Waits for the silence that ends a frame; returns the server's answers.
     fn silence(&mut self) -> Vec<Vec<u8>> {
         self.pause(self.server.config().framing.silence().unwrap());
         transmitted(&mut self.server, self.now)
@@ -71,12 +71,12 @@ impl Line {
         core::mem::take(&mut self.server.registers_mut().writes)
     }
 
-    /// The rest of what has begun does not come.
+    /// Lets the rest of an incomplete frame time out.
     fn give_up(&mut self) {
         self.pause(self.server.config().frame_timeout);
     }
 
-    /// A request is served after a silence, and after the rest of an incomplete frame was given up.
+    /// Checks that a request is served after a silence, and after the rest of an incomplete frame was given up.
     fn is_served(&mut self) {
         assert_eq!(self.silence(), [] as [Vec<u8>; 0]);
         self.give_up();
@@ -137,7 +137,7 @@ fn a_byte_beside_a_good_frame_makes_it_none() {
         {
             let mut line = Line::new(19_200);
             line.send(&damaged);
-            // The CRC stays right with a zero behind it: a write of one byte too many, and refused.
+            // The CRC stays right with a zero after it: a write of one byte too many, which is refused.
             let replies = if is_behind && byte == 0 { 1 } else { 0 };
             assert_eq!(line.silence().len(), replies, "{byte} {is_behind}");
             line.give_up();
@@ -166,25 +166,25 @@ fn frames_in_one_read_are_told_apart_and_the_last_is_answered() {
         line.lump(&[&before[..], &write(1)].concat());
         assert_eq!(line.silence(), [write(1)]);
         assert_eq!(line.written(), [(10, 0x0BAD)]);
-        // What came after it was sent by somebody who does not wait for its reply any more.
+        // A frame after the request was sent by a client that does not wait for its reply any more.
         line.lump(&[&write(1)[..], &before, &ask].concat());
         assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
         assert_eq!(line.written(), []);
         assert_eq!(line.server.statistics().refused, 1);
-        // Garbage, and what begins behind it.
+        // Garbage, and a request that begins after it.
         line.lump(&[&before[..], &ask[..5], &write(1)].concat());
         assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
         assert_eq!(line.written(), []);
         assert_eq!(line.server.statistics().corrupt, 1);
     }
-    // A broadcast is carried out wherever it stands.
+    // A broadcast is executed at any position.
     let mut line = Line::new(19_200);
     line.lump(&[write(0), ask, write(1)].concat());
     assert_eq!(line.silence(), [write(1)]);
     assert_eq!(line.written(), [(10, 0x0BAD); 2]);
 }
 
-/// What a busy line has without a silence that the driver sees may be longer than the server's buffer.
+/// A busy line may deliver more bytes without a silence that the driver observes than the server's buffer holds.
 #[test]
 fn a_line_without_a_silence_is_followed() {
     let ask = bytes(None, 2, Request::ReadHoldingRegisters { address: 0, quantity: 8 });
@@ -206,19 +206,19 @@ fn a_line_without_a_silence_is_followed() {
     }
 }
 
-/// A pause that the driver did not see proves nothing: it may have come late.
+/// A pause that the driver did not observe proves nothing: the bytes may have come late.
 #[test]
 fn only_a_silence_that_was_seen_ends_a_frame() {
     let silence = Framing::Rtu { silence: 20 * MS };
     for split in 1..8 {
         let (head, tail) = (&write(1)[..split], &write(1)[split..]);
-        // A USB adapter delivers after 16 ms; its driver looks in between.
+        // A USB adapter delivers after 16 ms; its driver checks in between.
         let mut line = Line::with(ServerConfig { framing: silence, ..ServerConfig::rtu(1, 19_200) }, 19_200);
         line.lump(head);
         line.pause(16 * MS);
         line.lump(tail);
         assert_eq!(line.silence(), [write(1)], "{split}");
-        // A driver that is late by much, and has not looked in between.
+        // A driver that is very late, and has not checked in between.
         let mut line = Line::new(19_200);
         line.lump(head);
         line.now += 500 * MS;
@@ -243,13 +243,14 @@ fn only_a_silence_that_was_seen_ends_a_frame() {
     line.is_served();
 }
 
-/// A UART with a FIFO, a USB adapter or a device server delivers a request in pieces, with silences between them that the line has not.
+/// A UART with a FIFO, a USB adapter or a device server delivers a request in pieces, with silences between them that are not
+/// on the line.
 #[test]
 fn a_request_that_is_delivered_in_pieces_is_served_once() {
     let values: Vec<u16> = (0..40).collect();
     let long = bytes(None, 1, Request::WriteRegisters { address: 0, values: (&values[..]).into() });
     for baud in BAUDS {
-        // A UART and a CH340 give a piece when it is full, an FTDI adapter what it has every 16 ms.
+        // A UART and a CH340 deliver a piece when it is full, an FTDI adapter its bytes every 16 ms.
         for (piece, gap) in [1, 8, 14, 32]
             .map(|size| (size, transmission_time(size, baud)))
             .into_iter()
@@ -336,7 +337,8 @@ fn a_byte_count_that_does_not_fit_is_refused() {
     }
 }
 
-/// What fits and is shorter than the reply is an exception alone: the registers that function 23 reads may look like its refusal.
+/// A frame that fits and is shorter than the reply can only be an exception: the registers that function 23 reads may look
+/// like its refusal.
 #[test]
 fn the_data_of_a_damaged_reply_is_no_exception() {
     let refusal = bytes(None, 1, Reply::Exception { function: 23, exception: 2.into() });
@@ -355,7 +357,7 @@ fn the_data_of_a_damaged_reply_is_no_exception() {
         let data = [words(&refusal), vec![7; 2]].concat();
         let mut reply = bytes(None, 1, Reply::ReadWriteRegisters((&data[..]).into()));
         reply[damage] ^= 0x10;
-        // Also where the driver takes a pause for a silence, right before the data.
+        // Even if the driver takes a pause for a silence, right before the data.
         let (head, tail) = reply.split_at(3);
         client.handle_input(settle, head);
         client.handle_timeout(settle + 500 * MS);
@@ -363,7 +365,7 @@ fn the_data_of_a_damaged_reply_is_no_exception() {
         client.handle_timeout(settle + 999 * MS);
         let events: Vec<_> = core::iter::from_fn(|| client.poll_event()).collect();
         assert!(events.iter().all(|event| event.outcome_of().is_none()), "{damage}: {events:?}");
-        // A refusal of a request that is sent later is one.
+        // A refusal of a request that is sent later counts.
         client.handle_timeout(2 * settle + 30_000 * MS);
         client.handle_timeout(4 * settle + 60_000 * MS);
         let now = 4 * settle + 60_000 * MS;
@@ -426,7 +428,7 @@ fn an_exception_after_noise_counts_when_the_line_is_silent() {
     }
 }
 
-/// The CRC of a frame that ends in a zero is right without it, too: the zero may come after any stall.
+/// The CRC of a frame that ends in a zero is right without the zero, too: it may come after any stall.
 #[test]
 fn through_tcp_a_zero_that_is_late_belongs_to_its_frame() {
     let mut line = Line::with(ServerConfig::rtu_over_tcp(1), 19_200);
@@ -438,7 +440,8 @@ fn through_tcp_a_zero_that_is_late_belongs_to_its_frame() {
     assert_eq!(transmitted(&mut line.server, line.now)[0][..3], [1, 1, 4]);
 }
 
-/// No silence is seen through TCP: requests are carried out as they come, and nothing behind what is no frame until the stall.
+/// No silence is observed through TCP: requests are executed as they come, and nothing after a byte run that is not a frame
+/// until the stall.
 #[test]
 fn through_tcp_nothing_behind_garbage_is_carried_out() {
     let reply = |data: &[u16]| bytes(None, 2, Reply::HoldingRegisters(data.into()));

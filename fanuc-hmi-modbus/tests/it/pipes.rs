@@ -1,4 +1,4 @@
-//! Both ends under tokio's driver, over transports that hold little.
+//! Both ends under tokio's driver, over transports with a small buffer.
 
 #![allow(clippy::cast_possible_truncation)]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the drivers take the time")]
@@ -48,7 +48,7 @@ async fn four_requests_in_flight_go_through_a_pipe_of_seven_bytes() {
     assert_eq!(ended, Ended::ByPeer);
 }
 
-/// Whoever does not read costs a request its reply, and no more time than `timeout`.
+/// A server that does not read costs a request its reply, and no more time than `timeout`.
 #[tokio::test]
 async fn a_server_that_does_not_read_times_out() {
     let (near, _far) = tokio::io::duplex(4);

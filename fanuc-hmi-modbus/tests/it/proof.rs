@@ -12,7 +12,7 @@ use fanuc_hmi_modbus::{
 /// The bytes that a line gives for the frame with this number.
 type Line<'a> = &'a dyn Fn(usize, &[u8]) -> Vec<u8>;
 
-/// Asks until the request has its outcome; the line gives what it likes at once.
+/// Runs until the request has its outcome; the line returns any bytes at once.
 fn outcome(client: &mut Client, now: &mut Duration, ticket: Ticket, line: Line<'_>) -> ClientEvent {
     let mut out = [0; 260];
     for number in 0.. {
@@ -50,7 +50,7 @@ fn mirrored() -> Vec<Request<'static>> {
     equal.filter(is_mirrored).chain(reads).collect()
 }
 
-/// Nobody is there, and the line returns what is sent, but not always, and not always as it was.
+/// No device answers, and the line returns the bytes sent, but not always, and not always unchanged.
 #[test]
 fn what_a_line_returns_is_not_done() {
     let first = |change: &'static dyn Fn(&[u8]) -> Vec<u8>| {
@@ -100,7 +100,7 @@ fn what_a_line_returns_is_not_done() {
     }
 }
 
-/// The outcome says which setting the line may need.
+/// The outcome names the setting that the line may need.
 #[test]
 fn the_reason_names_the_setting() {
     let mut client: Client = connected(rtu());
@@ -144,7 +144,7 @@ fn after_another_reply_an_equal_one_is_done() {
             let equal = |_: usize, sent: &[u8]| if sent == PROBE { Vec::new() } else { sent.to_vec() };
             let done = ClientEvent::Replied { ticket, unit: 1 };
             assert_eq!(outcome(&mut client, &mut now, ticket, &equal), done, "{request:?}");
-            // Another line may be behind the next connection.
+            // The next connection may use another line.
             client.handle_disconnected(now);
             client.handle_connected(now);
             let ticket = client.request(1, &WRITE).unwrap();
@@ -154,7 +154,7 @@ fn after_another_reply_an_equal_one_is_done() {
     }
 }
 
-/// After what the line has returned the device still answers.
+/// After the bytes that the line has returned, the device still answers.
 #[test]
 fn an_exception_after_an_equal_frame_counts() {
     let refused = reply(Reply::Exception { function: 6, exception: Exception::IllegalDataAddress });

@@ -1,4 +1,4 @@
-//! What holds for every message and every stream.
+//! Properties of every message and every stream.
 
 #![allow(clippy::cast_possible_truncation)]
 
@@ -96,8 +96,8 @@ impl Asked {
     }
 }
 
-/// Whether groups of so many registers are allowed: beside the registers a group has some bytes in the message that has them, and some in the
-/// request.
+/// Returns whether groups of this many registers are allowed: in addition to the registers a group has some bytes in the
+/// message that has them, and some in the request.
 fn groups(quantities: impl Iterator<Item = usize>, around: usize, head: usize, most: usize) -> bool {
     let quantities: Vec<usize> = quantities.collect();
     let bytes: usize = quantities.iter().map(|quantity| around + 2 * quantity).sum();
@@ -105,7 +105,7 @@ fn groups(quantities: impl Iterator<Item = usize>, around: usize, head: usize, m
     is_within && (around == head || head * quantities.len() <= 251)
 }
 
-/// Anything, also beyond the limits.
+/// Generates any request, even beyond the limits.
 fn asked() -> impl Strategy<Value = Asked> {
     let code = prop_oneof![
         Just(1),
@@ -187,7 +187,7 @@ fn decode<'a>(framing: Framing, side: Side, chunks: impl IntoIterator<Item = &'a
     items
 }
 
-/// The stream in pieces of these lengths, over and over.
+/// Returns the stream in pieces of these lengths, repeated.
 fn pieces<'a>(mut stream: &'a [u8], lengths: &[usize]) -> Vec<&'a [u8]> {
     let mut pieces = Vec::new();
     for length in lengths.iter().cycle() {

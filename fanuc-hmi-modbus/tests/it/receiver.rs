@@ -13,7 +13,7 @@ fn server(config: ServerConfig) -> Server<Bank, 2> {
     server
 }
 
-/// The replies and events of a server that gets these bytes, and then a silence.
+/// Returns the replies and events of a server that gets these bytes, and then a silence.
 fn outcome(config: ServerConfig, stream: &[u8]) -> (Vec<Vec<u8>>, Vec<ServerEvent>) {
     let mut server = server(config);
     server.handle_input(MS, stream);
@@ -47,7 +47,7 @@ fn requests_are_answered_and_what_is_none_is_reported() {
     }
 }
 
-/// Also without the session around it.
+/// The same, without the session.
 #[test]
 fn the_decoder_of_a_server_gives_the_frame_and_its_end() {
     let tcp = (ServerConfig::tcp(), bytes(Some(1), 1, read(0, 1)));

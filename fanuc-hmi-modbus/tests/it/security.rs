@@ -1,4 +1,4 @@
-//! Modbus in TLS: the role of a client's certificate decides over what it may do.
+//! Modbus in TLS: the role of a client's certificate decides on its access.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the tests have sockets")]
 
@@ -96,7 +96,7 @@ async fn a_role_decides_what_a_client_may_do() {
     refused(operator.mask_write_register(10, 1, 1).await);
     let nobody = to(&[], "nobody");
     refused(nobody.read_holding_registers(0..1).await.map(drop));
-    // Two roles are none, and there is no connection.
+    // A certificate with two roles has no valid role, and gets no connection.
     let two = to(&[&utf8("engineer"), &utf8("operator")], "two");
     assert!(two.read_holding_registers(0..1).await.is_err());
 }

@@ -67,7 +67,7 @@ fn what_cannot_be_served_gets_its_exception() {
         assert_eq!(answer(bank, pdu), reply, "{pdu:x?}");
     }
     assert_eq!(bank.writes, [], "a refused request changes nothing");
-    // Registers are never asked for what is beyond 65535.
+    // Registers are never requested beyond 65535.
     struct Everything;
     impl Registers for Everything {
         fn read_holding_registers(&mut self, _: u16, _: &mut WordsMut<'_>) -> Result<(), Exception> {
@@ -142,7 +142,7 @@ fn a_server_on_a_serial_line_answers_after_the_silence() {
     assert_eq!(transmitted(&mut server, 11 * MS)[0].len(), 7);
     let error = DecodeError::Cut { expected: 4, found: 1 };
     assert_eq!(server.poll_event(), Some(ServerEvent::Corrupt(error)));
-    // A function that only the server knows ends with the silence.
+    // A function that only the server supports ends with the silence.
     server.handle_input(20 * MS, &bytes(None, 1, Request::Other { function: 65, data: &[1, 2] }));
     server.handle_timeout(25 * MS);
     assert_eq!(transmitted(&mut server, 25 * MS)[0][..4], [1, 65, 1, 2]);
@@ -222,7 +222,7 @@ fn through_tcp_a_request_waits_for_a_place() {
     }
 }
 
-/// The transport holds what the server does not want yet: a client that does not wait gets every reply, in order.
+/// The transport holds the bytes that the server does not want yet: a client that does not wait gets every reply, in order.
 #[test]
 fn a_thousand_requests_in_one_write_are_answered_in_order() {
     for config in [ServerConfig::tcp(), ServerConfig::rtu_over_tcp(1)] {
@@ -277,7 +277,7 @@ fn its_own_delay_is_no_silence_of_rtu_over_tcp() {
     server.handle_input(1000 * MS + stall - MS, tail);
     assert_eq!(transmitted(&mut server, 1500 * MS), [write(None, 1), write(None, 2)]);
     assert_eq!(server.statistics().corrupt, 0);
-    // The same without the rest: it is no frame when the server has read on for this long.
+    // The same without the rest: it is not a frame when the server has read on for this long.
     server.handle_input(2000 * MS, &[&write(None, 0), &write(None, 1), head].concat());
     assert!(server.poll_transmit(3000 * MS, &mut out).is_some());
     server.handle_timeout(3000 * MS + stall);
@@ -305,12 +305,12 @@ fn a_client_is_out_of_step_where_its_requests_have_waited() {
     assert_eq!(server.poll_event(), Some(out_of_step), "once a connection");
 }
 
-/// How many bytes are kept at every time when input is wanted; a caller who gives more loses some, and is told.
+/// As many bytes as `MAX_INPUT` fit whenever input is wanted; a caller that gives more loses some, which is reported.
 #[test]
 fn what_arrives_is_kept_while_the_places_are_taken() {
     let most = <Server<Bank> as Session>::MAX_INPUT;
     assert_eq!(most, 504);
-    // Of less the rest may come.
+    // With less garbage the rest may come.
     for garbage in (0..=600).filter(|garbage| !(1..5).contains(garbage)) {
         let mut server: Server<_, 1> = connected(ServerConfig::rtu_over_tcp(1));
         server.handle_input(MS, &vec![0xFF; garbage]);

@@ -57,7 +57,7 @@ fn every_object_reads_and_is_written_again() {
             true => serde_json::to_value(frame.as_ref().request().unwrap()).unwrap(),
             false => serde_json::to_value(frame.as_ref().reply().unwrap()).unwrap(),
         };
-        // Bits may be given as numbers or as truth values.
+        // Bits may be numbers or truth values.
         let plain = |value: &Value| value.to_string().replace("true", "1").replace("false", "0");
         assert_eq!(plain(&written), plain(&object));
     }

@@ -11,7 +11,7 @@ use fanuc_hmi_modbus::{ClientConfig, Server, ServerConfig, TelemetryBlock, WordO
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpListener;
 
-/// A client of the server behind a listener.
+/// A client of the server with this listener.
 fn to(listener: &TcpListener) -> Client {
     let address = listener.local_addr().unwrap();
     let (client, task) = client(ClientConfig::tcp(), Tcp::new(address.to_string())).unwrap();
@@ -19,7 +19,8 @@ fn to(listener: &TcpListener) -> Client {
     client
 }
 
-/// The bytes are those that pymodbus 3.16 answers with the registers of its own FLOAT32, INT32, INT16 and STRING, low word first.
+/// The bytes are those of pymodbus 3.16's answers with the registers of its own FLOAT32, INT32, INT16 and STRING, low word
+/// first.
 #[tokio::test]
 async fn numbers_and_texts_are_read_by_their_assignment() {
     let exchanges: [(&[u8], &[u8]); 6] = [

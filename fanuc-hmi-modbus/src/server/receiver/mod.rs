@@ -16,7 +16,7 @@ use crate::{decoder::Decoder, frame::Side};
 #[cfg(feature = "rtu")]
 use rtu::RtuReceiver;
 
-/// A TCP server reads like any decoder; on a line there are other units.
+/// The receiver of a server. A TCP server reads like any decoder; on a line there are other units.
 #[derive(Debug, Clone)]
 #[cfg_attr(
     all(feature = "rtu", feature = "tcp"),
@@ -29,7 +29,7 @@ pub enum Receiver {
     Rtu(RtuReceiver),
 }
 
-/// A call, or a value, of each.
+/// Defines a call, or a value, for each receiver.
 macro_rules! each {
     ($receiver:expr, $tcp:ident => $of_tcp:expr, $rtu:ident => $of_rtu:expr) => {
         match $receiver {
@@ -56,54 +56,54 @@ impl Receiver {
         }
     }
 
-    /// The place of the next request.
+    /// Returns the range of the next request.
     #[inline]
     pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         each!(self, it => it.advance())
     }
 
-    /// A request that [`advance`](Self::advance) found.
+    /// Returns a request that [`advance`](Self::advance) found.
     #[inline]
     pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
         each!(self, it => it.frame(range))
     }
 
-    /// The unit that such a request is for.
+    /// Returns the unit that such a request is for.
     #[inline]
     pub(crate) fn unit(&self, request: &Range<usize>) -> Option<u8> {
         self.frame(request.clone()).map(|frame| frame.unit)
     }
 
-    /// A silence was seen. What is held may go on after it.
+    /// Records a silence. The held bytes may continue after it.
     pub(crate) fn pause(&mut self) {
         each!(self, tcp => tcp.finish(), rtu => rtu.pause());
     }
 
-    /// Whether what is held may be the beginning of a frame, as found at the last [`pause`](Self::pause).
+    /// Returns whether the held bytes may be the beginning of a frame, as found at the last [`pause`](Self::pause).
     pub(crate) fn is_partial(&self) -> bool {
         each!(self, _tcp => false, rtu => rtu.is_partial())
     }
 
-    /// Drops the bytes that wait; gives them as noise.
+    /// Drops the waiting bytes; returns them as noise.
     pub(crate) fn lose(&mut self) -> DecodeError {
         let noise = DecodeError::Noise { length: each!(self, it => it.pending()) };
         each!(self, tcp => tcp.clear(), rtu => rtu.lose(noise));
         noise
     }
 
-    /// Whether nothing has come behind the request that was given last, as far as that counts: on a serial line.
+    /// Returns whether nothing has come after the last returned request, as far as that counts: on a serial line.
     #[inline]
     pub(crate) fn was_last(&self) -> bool {
         each!(self, _tcp => true, rtu => rtu.was_last())
     }
 
-    /// A line has had no silence for so long that the buffer is full: takes what is past, until there is room; gives the place of what
-    /// was a request for this server.
+    /// Handles a line without a silence for so long that the buffer is full: takes the past bytes, until there is free space;
+    /// returns the range of a request for this server among them.
     pub(crate) fn next_followed(&mut self) -> Option<Range<usize>> {
         each!(self, _tcp => None, rtu => rtu.next_followed())
     }
 
-    /// The corruption that a TCP stream is in.
+    /// Returns the corruption that a TCP stream is in.
     #[inline]
     pub(crate) fn corruption(&self) -> Option<DecodeError> {
         each!(self, tcp => tcp.corruption(), _rtu => None)

@@ -10,24 +10,25 @@ use crate::frame::{Frame, RtuLen, Side};
 use crate::framing::Framing;
 use crate::stream::Stream;
 
-/// RTU frames may come from other units as well, on a line that damages them, and any data may look like a request. So a frame begins
-/// where the input has begun, or behind a whole frame of either direction, and nowhere else; behind what is no frame nothing is read
-/// until the input ends. Through TCP, which loses nothing, the rest of a frame may come after any stall. On a serial line, where the
-/// silence ends a message, it is read when it has ended, and is whole frames or nothing. A frame whose length is known and not reached
-/// may go on after the silence. If it then turns out to be none, what came after the silence is read by itself.
+/// The receiver of RTU frames. They may come from other units as well, on a line that damages them, and any data may look
+/// like a request. So a frame begins at the beginning of the input, or after a whole frame of either direction, and nowhere
+/// else; after bytes that are not a frame nothing is read until the input ends. Through TCP, which loses nothing, the rest of
+/// a frame may come after any stall. On a serial line, where the silence ends a message, the message is read when it has
+/// ended, and is whole frames or nothing. A frame whose length is known and not reached may continue after the silence. If it
+/// then turns out not to be a frame, the bytes after the silence are read separately.
 #[derive(Debug, Clone)]
 pub struct RtuReceiver {
     stream: Stream,
-    /// The unit whose requests are read; everything else on the line may as well be a reply.
+    /// The unit whose requests are read; everything else on the line may also be a reply.
     own: Option<u8>,
     is_serial: bool,
-    /// What is held up to its end is whole frames.
+    /// Whether the held bytes up to their end are whole frames.
     is_whole: bool,
-    /// The end is a silence, after which an incomplete frame may go on.
+    /// Whether the end is a silence, after which an incomplete frame may continue.
     is_pause: bool,
-    /// The silences within what is held.
+    /// The silences within the held bytes.
     silences: Silences,
-    /// What there is until the end is no frame.
+    /// The error of the bytes until the end, which are not a frame.
     lost: Option<DecodeError>,
 }
 
@@ -39,7 +40,7 @@ enum Begun {
     Part,
 }
 
-/// What is kept of a line without a silence: a frame may have begun in it.
+/// The number of bytes of a line without a silence that stay buffered: a frame may have begun in them.
 const KEPT: usize = Frame::MAX_RTU_LEN;
 
 impl RtuReceiver {
@@ -50,7 +51,7 @@ impl RtuReceiver {
             let length = held.len();
             if self.lost.is_none() && length > 0 {
                 if has_ended && self.is_serial && !self.is_whole {
-                    // Mostly it is one frame.
+                    // In most cases it is one frame.
                     if Frame::decode_rtu_whole(held).is_ok() {
                         return Some(Ok(self.stream.take(length)));
                     }
@@ -103,8 +104,8 @@ impl RtuReceiver {
 }
 
 impl RtuReceiver {
-    /// Whether what a silence follows is whole frames and the beginning of another. If its length is not known, it is none if what came
-    /// after an earlier silence is whole frames.
+    /// Returns whether the bytes before a silence are whole frames and the beginning of another. A beginning without a known
+    /// length does not count if the bytes after an earlier silence are whole frames.
     fn may_go_on(&self, held: &[u8]) -> bool {
         let start = self.stream.start();
         let mut rest = held;
@@ -162,7 +163,7 @@ impl RtuReceiver {
 
     #[inline(always)] // into the one place that reads
     pub(super) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
-        // Mostly there is nothing.
+        // In most cases there is nothing.
         if self.stream.pending() == 0 && !self.stream.has_ended() { None } else { self.judge() }
     }
 
@@ -195,7 +196,7 @@ impl RtuReceiver {
         None
     }
 
-    /// What comes until the end is no frame either.
+    /// Records that the bytes until the end are not a frame either.
     pub(super) fn lose(&mut self, error: DecodeError) {
         self.clear();
         self.lost = Some(error);
@@ -241,28 +242,28 @@ impl robot_session::Decoder for RtuReceiver {
     }
 }
 
-/// Where silences were seen in a stream; the first ones of a message, if there are more than fit.
+/// The indices of silences in a stream; the first ones of a message, if there are more than fit.
 #[derive(Debug, Clone, Copy)]
 struct Silences([u16; Self::MOST]);
 
 impl Silences {
-    /// The pieces of a longest frame, of 8 bytes each.
+    /// The maximum number of silences: the pieces of a longest frame, of 8 bytes each.
     const MOST: usize = Frame::MAX_RTU_LEN / 8;
     const NONE: Self = Self([0; Self::MOST]);
 
-    /// Adds a silence at this place, above zero.
+    /// Adds a silence at this index, above zero.
     fn add(&mut self, at: usize) {
         if let (Some(free), Ok(at)) = (self.0.iter_mut().find(|it| **it == 0), u16::try_from(at)) {
             *free = at;
         }
     }
 
-    /// The first silence between two places.
+    /// Returns the first silence between two indices.
     fn between(&self, start: usize, end: usize) -> Option<usize> {
         self.0.iter().map(|at| usize::from(*at)).filter(|at| start < *at && *at < end).min()
     }
 
-    /// What was at a place is so many bytes before it; what was before that is forgotten.
+    /// Subtracts `gone` from the indices; the silences before it are discarded.
     fn move_back(&mut self, gone: usize) {
         for at in &mut self.0 {
             *at = usize::from(*at).checked_sub(gone).and_then(|at| u16::try_from(at).ok()).unwrap_or(0);
@@ -270,13 +271,13 @@ impl Silences {
     }
 }
 
-/// The sides that may have sent a frame that begins here: a request for the server is not a reply of another one.
+/// Returns the sides that may have sent a frame that begins here: a request for the server is not a reply of another one.
 fn sides(data: &[u8], own: Option<u8>) -> &'static [Side] {
     let is_request = data.first().is_some_and(|unit| is_for(*unit, own));
     if is_request { &[Side::Client] } else { &[Side::Client, Side::Server] }
 }
 
-/// Why a message that has ended is not whole frames.
+/// Returns the reason that a message that has ended is not whole frames.
 fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
     while !message.is_empty() {
         match begun(message, own, true, false) {
@@ -288,10 +289,11 @@ fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
     None
 }
 
-/// What begins with these bytes, which may have ended, or goes on after that: the longest frame that it can be, so that no data of it is
-/// read as a frame.
+/// Returns the frame, or the part of one, that these bytes begin; they may have ended, or continue after that. It is the
+/// longest possible frame, so that no data of it is read as a frame.
 fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result<Begun, DecodeError> {
-    // What a silence ends is a frame by its CRC alone, whatever its byte count says. Whether it is a reply shows nothing but its unit.
+    // Before a silence, bytes are a frame by their CRC alone, whatever their byte count. Only the unit shows whether it is a
+    // reply.
     let is_whole = has_ended && Frame::decode_rtu_whole(data).is_ok();
     if is_whole && !goes_on {
         return Ok(Begun::Frame(data.len(), Side::Client));
@@ -317,18 +319,18 @@ fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result
         }
         _ if waits && (!has_ended || goes_on) => Ok(Begun::Part),
         None if is_whole => Ok(Begun::Frame(data.len(), Side::Client)),
-        // Without a known length, or with a wrong CRC, it may still be a frame by its end.
+        // Without a known length, or with a wrong CRC, the bytes may still be a frame by their end.
         None if !has_ended && data.len() <= Frame::MAX_RTU_LEN => Ok(Begun::Part),
         _ => Err(no_frame(data)),
     }
 }
 
-/// Whether a frame with this unit is for the server: no other server replies with it, and none to a broadcast.
+/// Returns whether a frame with this unit is for the server: no other server replies with it, and none to a broadcast.
 fn is_for(unit: u8, own: Option<u8>) -> bool {
     unit == 0 || own.is_none_or(|own| own == unit)
 }
 
-/// Why these bytes are no frame, seen as a request.
+/// Returns the reason that these bytes, as a request, are not a frame.
 #[cold]
 fn no_frame(data: &[u8]) -> DecodeError {
     match rtu::len(data, Side::Client, true) {

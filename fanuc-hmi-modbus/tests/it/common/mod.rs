@@ -1,4 +1,4 @@
-//! A server's registers, and what a client reports, for the tests of the sessions.
+//! A server's registers, and a client's events, for the tests of the sessions.
 #![allow(unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
 
 use core::time::Duration;
@@ -70,7 +70,7 @@ impl Registers for Bank {
     }
 }
 
-/// What a client reports, with the reply.
+/// An event of a client, with the reply.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Seen {
     Registers(Ticket, Vec<u16>),

@@ -42,17 +42,17 @@ pub type Stream = [Count; 5];
 /// a goal of its own, the greater of the two.
 #[derive(Clone, Copy)]
 pub struct Ratio {
-    /// What the row counts.
+    /// The work of the row, as its [`Count`] names it.
     pub what: &'static str,
-    /// How many times.
+    /// The factor.
     pub times: f64,
-    /// What the others count.
+    /// The work of the other rows.
     pub of: &'static [&'static str],
 }
 
 /// One row of timing budgets.
 pub struct Budget {
-    /// What takes the time, and in which window.
+    /// The work that takes the time, and its window.
     pub what: String,
     /// The time that it takes.
     pub takes: Duration,

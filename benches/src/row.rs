@@ -1,4 +1,4 @@
-//! One row of work: what `budgets` counts, and `codecs` times.
+//! One row of work, which `budgets` counts and `codecs` times.
 
 use std::any::Any;
 use std::time::{Duration, Instant};
@@ -26,10 +26,10 @@ pub struct Count {
 pub enum Run {
     /// Prepares, which takes little time, then does the work `rounds` times.
     Whole(fn(rounds: u64)),
-    /// Prepares for `most` rounds, then does at most so many. Returns the time of the work alone, and what was prepared: to drop it is
-    /// not part of the work.
+    /// Prepares for `most` rounds, then does at most this many. Returns the time of the work alone, and the prepared values:
+    /// dropping them is not part of the work.
     Prepared {
-        /// The most rounds of one call.
+        /// The maximum number of rounds of one call.
         most: u64,
         /// The work.
         run: fn(rounds: u64) -> (Duration, Box<dyn Any>),
@@ -43,7 +43,7 @@ pub struct Timing {
     pub work: &'static str,
     /// The code that does the work: [`OURS`](Timing::OURS), a loop by hand, another crate.
     pub by: &'static str,
-    /// The bytes that one round reads or writes; `None` if the units of the row are what its throughput is of.
+    /// The bytes that one round reads or writes; `None` if the throughput is in the units of the row.
     pub bytes: Option<usize>,
 }
 
@@ -114,7 +114,7 @@ impl Run {
         }
     }
 
-    /// The time of so many rounds.
+    /// Returns the time of this many rounds.
     pub fn time(self, rounds: u64) -> Duration {
         match self {
             Self::Whole(run) => {

@@ -38,7 +38,7 @@ fn read(rounds: u64) {
     }
 }
 
-/// Every number of the listing, in the order of the text, and nothing of what it means.
+/// Reads every number of the listing, in the order of the text, without its meaning.
 fn numbers_by_hand(rounds: u64) {
     const POWERS: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
     for _ in 0..rounds {

@@ -61,7 +61,7 @@ fn decode(rounds: u64) {
     }
 }
 
-/// One layout, header and checksum in one comparison; what is no packet ends the program.
+/// One layout, header and checksum in one comparison; bytes that are not a packet end the program.
 fn decode_by_hand(rounds: u64) {
     for _ in 0..rounds {
         let bytes: &[u8] = black_box(&BYTES);

@@ -188,7 +188,7 @@ fn find_messages(rounds: u64) {
     }
 }
 
-/// The same where the message is, with its marks, its length and its characters checked: no stream, no errors.
+/// Finds the messages by hand, and checks their marks, lengths and characters: no stream, no errors.
 fn find_by_hand(rounds: u64) {
     let (packet, _) = packet(line);
     for _ in 0..rounds {
@@ -201,7 +201,8 @@ fn find_by_hand(rounds: u64) {
     }
 }
 
-/// What was looked at is not looked at again: else every byte of it would be, with every byte that comes.
+/// Decodes a message that grows byte by byte. Examined bytes are not examined again: otherwise every byte would be, with
+/// every byte that comes.
 fn grow_a_message(rounds: u64) {
     let text = "x".repeat(4086);
     let mut wire = [0; 4096];
@@ -232,7 +233,7 @@ fn build_by_hand<W: Work + by_hand::Layout>(rounds: u64, work: impl Fn(u16) -> W
     assert_eq!(by_hand::build(rounds, work), packet(work).0);
 }
 
-/// A packet full of jobs, and how many they are.
+/// Returns a packet full of jobs, and their number.
 fn packet<W: Work>(work: impl Fn(u16) -> W) -> (Vec<u8>, u16) {
     let mut buffer = [0; 4096];
     let mut packet = Packet::new(&mut buffer, Limits::TCP, Dialect::DEFAULT);
@@ -290,7 +291,7 @@ fn pallet_move(number: u16) -> PalletMove {
     }
 }
 
-/// The layout that has least to do for each of its messages' bytes.
+/// The layout with the least work for each byte of a message.
 #[derive(Debug, Clone, Copy, Default)]
 struct Short(u8);
 

@@ -108,7 +108,7 @@ fn read(frame: &Frame<'_>) {
     }
 }
 
-/// Each of the 14 items by its type and how many values it holds; the numbers themselves are not read.
+/// Each of the 14 items by its type and its number of values; the numbers themselves are not read.
 #[inline(always)]
 fn view(frame: &Frame<'_>) {
     let (mut words, mut floats) = (0, 0);
@@ -144,7 +144,7 @@ fn stream(rounds: u64) {
     }
 }
 
-/// The same checks for this one profile, each byte looked at once.
+/// The same checks for this one profile, each byte examined once.
 fn by_hand(rounds: u64, axes: &[f32; 6]) {
     let bytes = batch(axes);
     let mut payload = [0; MAX_PAYLOAD];

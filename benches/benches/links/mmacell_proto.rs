@@ -147,7 +147,7 @@ fn by_hand(rounds: u64) {
     }
 }
 
-/// What the characters of a field less those of zero may be, as in the crate, and what their digits are worth.
+/// The allowed differences of a field's characters from those of zero, as in the crate, and the weight of its digits.
 struct Field {
     zero: [u8; 8],
     limit: u64,

@@ -9,7 +9,7 @@ use robot_work_queue::{NoWake, Reader, WorkQueue, Writer, boxed};
 const CAPACITY: usize = 64;
 const MAX_NUMBER: u16 = 9999;
 
-/// How many jobs are in a batch.
+/// The number of jobs in a batch.
 const BATCH: usize = 16;
 
 /// Seven words, computed as by a decoder.
@@ -66,7 +66,7 @@ pub(super) const LINK: Link = Link {
 
 const RTRB: &str = "rtrb 0.4";
 
-/// What is queued.
+/// The payload of a job.
 trait Payload: Copy {
     fn make(seed: u64) -> Self;
     fn sum(&self) -> u64;
@@ -163,8 +163,8 @@ impl<T> Ring<T> for (rtrb::Producer<T>, rtrb::Consumer<T>) {
     }
 }
 
-/// What no ring of two indices can do without: the place of each end, and what they share. The capacity is a constant and a power of
-/// two, so that an index is a remainder.
+/// The parts that every ring with two indices needs: the position of each end, and the shared state. The capacity is a
+/// constant and a power of two, so that an index is a remainder.
 struct Bare<T> {
     slots: Box<[T; CAPACITY]>,
     tail: AtomicU32,
@@ -295,7 +295,7 @@ fn checked<T: Payload>(rounds: u64) {
         let claim = writer.claim().expect("there is space");
         claim.commit_with(number, job).expect("the next number");
     }
-    // Numbers do not wrap here, because to count them should cost nothing: a new queue begins with number 1 again.
+    // Numbers do not wrap here, because counting them should cost nothing: a new queue begins with number 1 again.
     for first in (0..rounds).step_by(usize::from(MAX_NUMBER) - 1) {
         let mut ring = boxed::<T>(black_box(CAPACITY), black_box(MAX_NUMBER)).expect("a good capacity");
         for (number, seed) in (1..MAX_NUMBER).zip(first..rounds) {

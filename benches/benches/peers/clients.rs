@@ -19,7 +19,7 @@ use tokio_modbus::client::{Context, Reader, tcp};
 use crate::race::race;
 
 const N: u16 = 38;
-/// How many callers of one handle at once: of a server that takes one request at a time they take turns.
+/// The number of concurrent callers of one handle: if a server takes one request at a time, they take turns.
 const CALLERS: u64 = 16;
 
 pub(crate) fn races() {
@@ -54,7 +54,7 @@ fn runtime() -> Runtime {
     Builder::new_current_thread().enable_all().build().expect("a runtime")
 }
 
-/// The server, which begins with the first one who asks.
+/// The server, which starts with the first client.
 fn server() -> SocketAddr {
     static SERVER: OnceLock<SocketAddr> = OnceLock::new();
     *SERVER.get_or_init(|| {

@@ -5,7 +5,7 @@ mod work;
 
 use crate::race::race;
 
-/// What is the same in these races, and what is not.
+/// The common conditions of these races, and the differences.
 const NOTES: &str = "\
 The same work: all read and write bytes in memory, check every length, and have the registers in an array.
 The codec of tokio-modbus is private: it is measured through its client, which polls a future. modbus-core does not

@@ -33,7 +33,8 @@ pub(crate) fn race<const N: usize>(work: &str, contenders: [Contender; N]) {
     println!("{table}");
 }
 
-/// How often the work is done in a sample. The shortest of five times counts, because one may have been interrupted.
+/// Returns the number of repetitions of the work in a sample. The shortest of five times counts, because one may have been
+/// interrupted.
 fn repeats(run: fn(u64)) -> u64 {
     let mut repeats = 1;
     while (0..5).any(|_| time(run, repeats) < SAMPLE) {

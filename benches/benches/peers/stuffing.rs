@@ -12,7 +12,7 @@ use val2_alter::Framing;
 
 use crate::race::race;
 
-/// What is framed. Each framing has a byte that it must escape.
+/// The framed data. Each framing has a byte that it must escape.
 trait Data {
     fn bytes(escaped: u8) -> Vec<u8>;
 }
@@ -60,7 +60,7 @@ fn batch<T>(take: impl FnOnce(laser_eb90::Frame<'_>) -> T) -> T {
     take(payload.frame().expect("seven instructions"))
 }
 
-/// What is the same in these races, and what is not.
+/// The common conditions of these races, and the differences.
 const NOTES: &str = "\
 Each has the same data and its sum in its own framing, and checks the sum. Not the same: DLE STX and DLE ETX
 around the data for dle-encoder, one byte between frames for SLIP and COBS; COBS escapes nothing, it says where
@@ -227,7 +227,7 @@ fn read_cobs<D: Data>(rounds: u64) {
     let (mut bytes, mut out) = ([0; 500], [0; 250]);
     let len = cobs::encode_including_sentinels(&summed::<D>(0), &mut bytes);
     for _ in 0..rounds {
-        // The sentinel in front is that of the frame before.
+        // The sentinel before the frame is that of the previous frame.
         let read = cobs::decode(black_box(&bytes[1..len]), &mut out).expect("good").frame_size();
         check(&out[..read]);
     }

@@ -18,7 +18,7 @@ use nom::{IResult, Parser};
 
 use crate::race::race;
 
-/// What is the same in these races, and what is not.
+/// The common conditions of these races, and the differences.
 const NOTES: &str = "\
 Every contender checks the frame and returns numbers. Not the same: kawasaki-msg finds the message in its table of names
 and checks each number's range, mmacell-proto returns exact numbers of its own scale and refuses any other width, sign or

@@ -1,4 +1,4 @@
-//! What the same work takes by hand, for one function each, with the checks of the general one and nothing else.
+//! The same work by hand, for one function each, with the checks of the general function and nothing else.
 
 use core::hint::black_box;
 

@@ -1,5 +1,6 @@
-//! What a packet of jobs takes in a loop that is written by hand for one layout and one table of messages, with the checks of the
-//! general one: marks, length, order, the next number, ranges, decimals, room in the queue and in the packet. Byte after byte.
+//! The work on a packet of jobs in a loop that is written by hand for one layout and one table of messages, with the checks
+//! of the general one: marks, length, order, the next number, ranges, decimals, free space in the queue and in the packet.
+//! Byte after byte.
 
 use core::any::Any;
 use core::hint::black_box;
@@ -14,13 +15,13 @@ const BEGIN: &[u8] = b"<Tyo$";
 
 /// A job's own fields.
 pub(super) trait Layout: Copy + Send + 'static {
-    /// What the queue holds.
+    /// The type of a queued job.
     type Queued: Send + 'static;
 
-    /// The fields from a place on, which is then after the mark that follows them.
+    /// Reads the fields from `at` on, which is then after the mark that follows them.
     fn read(bytes: &[u8], at: &mut usize) -> Option<Self::Queued>;
 
-    /// A mark before each.
+    /// Writes the fields, with a mark before each.
     fn write(&self, out: &mut Window<'_>) -> Option<()>;
 }
 
@@ -132,7 +133,7 @@ fn text(bytes: &[u8], at: &mut usize) -> Option<([u8; 8], usize)> {
     (length > 0).then_some((text, length))
 }
 
-/// The name and the data part of the message that comes first, and what is after it; a header of a name and two digits.
+/// Returns the name and the data part of the first message, and the bytes after it; a header of a name and two digits.
 #[inline(always)]
 pub(super) fn find(bytes: &[u8]) -> Option<[&[u8]; 3]> {
     let [b'<', rest @ ..] = bytes else { return None };
@@ -155,7 +156,7 @@ struct Job<W> {
     work: W,
 }
 
-/// Queues a packet's jobs from the first number on, as far as each is the next one; how many.
+/// Queues a packet's jobs from the first number on, as far as each is the next one; returns how many.
 #[inline(never)]
 fn queue_packet<W: Layout>(
     packet: &[u8],
@@ -200,7 +201,7 @@ pub(super) fn queue<W: Layout>(rounds: u64, (packet, jobs): (Vec<u8>, u16)) -> (
     (time, Box::new(queues))
 }
 
-/// Builds packets as long as there is room; the bytes of the last one.
+/// Builds packets from as many jobs as fit; returns the bytes of the last one.
 pub(super) fn build<W: Layout>(rounds: u64, work: impl Fn(u16) -> W) -> Vec<u8> {
     let mut buffer = [0; 4096];
     let mut length = 0;
@@ -225,7 +226,7 @@ pub(super) struct Window<'b> {
 }
 
 impl Window<'_> {
-    /// `None`: there is no room for all of it.
+    /// Returns `None` if the job does not fit.
     #[inline(never)]
     fn job<W: Layout>(&mut self, order: u16, number: u16, work: &W) -> Option<()> {
         self.put(b"<Tyo$")?;

@@ -43,7 +43,7 @@ fn pc() -> Pc<impl JobSource<Work = Line>> {
     pc
 }
 
-/// The answer to what the robot has sent, and the end of all that is to be reported.
+/// Returns the length of the answer to the robot's packet, after all events were polled.
 fn answer(pc: &mut Pc<impl JobSource>, now: Duration, packet: &[u8], out: &mut [u8]) -> usize {
     pc.handle_input(now, packet);
     pc.handle_timeout(now + DELAY);

@@ -1,6 +1,6 @@
-//! What a turn-around takes in a loop for a standard message with its transformation and a reply of six values, with the checks of the
-//! general one: marks, doubled DLEs, lengths, the sum, the control byte, the limits. Where no byte is a DLE it takes 16 bytes at a
-//! time, and the fields where they are; else byte by byte.
+//! A turn-around in a loop for a standard message with its transformation and a reply of six values, with the checks of the
+//! general one: marks, doubled DLEs, lengths, the sum, the control byte, the limits. If no byte is a DLE it takes 16 bytes at
+//! a time, and the fields at their fixed offsets; otherwise byte by byte.
 
 use core::hint::black_box;
 
@@ -8,7 +8,7 @@ const DLE: u8 = 0x10;
 const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 
-/// What a standard message says.
+/// The contents of a standard message.
 struct Motion {
     interrupted: bool,
     error: u8,

@@ -25,7 +25,7 @@ const ROUNDS: usize = 51;
 const ROUND_TRIPS: u64 = 5_000;
 const STREAMED: u64 = 50_000;
 const PAIRS: u64 = 50_000;
-/// Of fewer samples there is no median.
+/// The number of samples on two cores below which those on one core are used.
 const FEWEST: usize = 9;
 
 /// A job: built from its number, and checked by its sum.
@@ -100,7 +100,7 @@ const NUMBERED: &str = "robot-work-queue";
 const CHECKED: &str = "– each number checked";
 const BATCHES: &str = "– batches of 16";
 
-/// What is compared with what, on which courses, and the highest ratio of the medians. Of 56 bytes a stream has another goal.
+/// The compared contenders, the courses, and the highest ratio of the medians. For 56 bytes a stream has another goal.
 const GOALS: [(&str, &str, &[usize], f64); 5] = [
     (BATCHES, CHUNKS, &[2, 3], 1.0),
     (NUMBERED, RTRB, &[2, 3], 1.0),
@@ -113,7 +113,7 @@ const GOALS: [(&str, &str, &[usize], f64); 5] = [
 struct Sample {
     /// Nanoseconds for each job.
     time: f64,
-    /// Those of a cache line there and back just before; `None` of one thread.
+    /// Nanoseconds of a cache line's round trip just before; `None` for one thread.
     line: Option<f64>,
 }
 
@@ -181,7 +181,7 @@ fn contenders<J: Job>() -> [(&'static str, Run); 13] {
     ]
 }
 
-/// Returns how many goals are missed.
+/// Returns the number of missed goals.
 pub(crate) fn race() -> usize {
     let Some(cores) = Cores::find() else {
         println!("queue: no race, because there are not two processors");
@@ -260,7 +260,7 @@ fn is_one_core(sample: &Sample) -> bool {
     sample.line.is_some_and(|line| line < ONE_CORE)
 }
 
-/// Of what was measured on two cores, if this is enough.
+/// The quartiles of the values on two cores, or of those on one core if there are fewer than [`FEWEST`] on two.
 struct Quartiles {
     lower: f64,
     median: f64,
@@ -269,7 +269,7 @@ struct Quartiles {
 }
 
 impl Quartiles {
-    /// Of values, and whether each was measured on one core.
+    /// Returns the quartiles of values, each with whether it was measured on one core.
     fn of(values: impl Iterator<Item = (f64, bool)>) -> Option<Self> {
         let (one, two): (Vec<_>, Vec<_>) = values.partition(|(_, on_one_core)| *on_one_core);
         let on_one_core = two.len() < FEWEST;
@@ -284,7 +284,7 @@ impl Quartiles {
         })
     }
 
-    /// Of the ratios of two contenders, round by round, where the processors were as far apart for both.
+    /// Returns the quartiles of the ratios of two contenders, round by round, if the processors were as far apart for both.
     fn of_ratios(ours: &[Sample], peer: &[Sample]) -> Option<Self> {
         let rounds = ours.iter().zip(peer).filter(|(ours, peer)| {
             ours.line.zip(peer.line).is_none_or(|(ours, peer)| ours < peer * 1.5 && peer < ours * 1.5)

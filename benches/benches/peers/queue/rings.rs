@@ -6,10 +6,10 @@ use robot_work_queue::{Reader, Writer};
 
 pub(super) const MAX_NUMBER: u16 = 9999;
 
-/// How many jobs are in a batch.
+/// The number of jobs in a batch.
 const BATCH: usize = 16;
 
-/// Between two attempts.
+/// Waits between two attempts.
 #[inline(always)]
 pub(super) fn wait(pause: bool) {
     if pause {
@@ -17,7 +17,7 @@ pub(super) fn wait(pause: bool) {
     }
 }
 
-/// The end that queues what `job` returns. `write` returns whether there was space.
+/// The end that queues the value of `job`. `write` returns whether there was space.
 pub(super) trait Write<T>: Send + 'static {
     fn write(&mut self, job: impl FnOnce() -> T) -> bool;
 
@@ -73,7 +73,7 @@ impl<T: Send + 'static> Write<T> for Checked<T> {
     }
 }
 
-/// After the queue was full it waits until half of it has drained, as a task should.
+/// After the queue was full, it waits until half of the queue has drained, as a task should.
 pub(super) struct LowWater<T: 'static>(pub(super) Writer<'static, T>);
 
 impl<T: Send + 'static> Write<T> for LowWater<T> {

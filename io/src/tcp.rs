@@ -47,7 +47,7 @@ pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
 }
 
 /// Remarks who else can reach a place that is listened on.
-pub(super) fn warn_unless_loopback(place: SocketAddr) {
+pub fn warn_unless_loopback(place: SocketAddr) {
     if !place.ip().is_loopback() {
         remark(&format!(
             "warning: {place} is open to the network without authentication; use 127.0.0.1 to restrict it to this machine"

@@ -23,7 +23,6 @@ use crate::metric::{Definition, EVENT, define, text, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire_io::tcp::warn_unless_loopback;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
@@ -122,9 +121,6 @@ pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Resu
     };
     // A port alone is one of this machine's loopback address.
     let listen = listen.parse().map_or_else(|_| listen.clone(), |port: u16| format!("127.0.0.1:{port}"));
-    if let Ok(place) = listen.parse() {
-        warn_unless_loopback(place);
-    }
     match config.datagrams {
         true => of(cell, config, layout, plant.charset, kawasaki::udp(listen, config.dialect)),
         false => of(cell, config, layout, plant.charset, Listen::at(listen)),
@@ -139,7 +135,8 @@ fn of<C: Connector + 'static>(
     connector: C,
 ) -> Result<super::Client> {
     let (course, peer) = (watch::Sender::new(Course::default()), Peer::default());
-    let connector = Noting { connector, peer: Arc::clone(&peer) };
+    let place = cell.listen.as_ref().and_then(|listen| listen.parse().ok());
+    let connector = Noting { connector, peer: Arc::clone(&peer), place };
     let (pc, task) = kawasaki::pc_with_ranges(config, layout.clone(), Sent(course.clone()), connector)?;
     // An order goes on with the next connection, whenever that is.
     let (task, handle) = (task.give_up_after(Duration::MAX), pc.handle().clone());

@@ -1,6 +1,7 @@
 //! The connections to a device: over TCP, or on a serial line.
 
 use std::io;
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -12,6 +13,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use crate::site::Cell;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial;
+use cellwire_io::tcp::warn_unless_loopback;
 
 /// The address of a device that waits for a connection.
 #[derive(Debug)]
@@ -29,10 +31,12 @@ enum Way {
 /// The peer of the last connection.
 pub(super) type Peer = Arc<Mutex<String>>;
 
-/// A connector that notes the peer of its connections.
+/// A connector that notes the peer of its connections, and warns of an address that is open to the network.
 pub(super) struct Noting<C> {
     pub connector: C,
     pub peer: Peer,
+    /// The address at which it listens, until that was checked.
+    pub place: Option<SocketAddr>,
 }
 
 impl<C: Connector> Connector for Noting<C> {
@@ -41,6 +45,9 @@ impl<C: Connector> Connector for Noting<C> {
     const DIALS: bool = C::DIALS;
 
     async fn connect(&mut self) -> io::Result<C::Transport> {
+        if let Some(place) = self.place.take() {
+            warn_unless_loopback(place);
+        }
         let transport = self.connector.connect().await?;
         *self.peer.lock().unwrap_or_else(PoisonError::into_inner) = self.peer().unwrap_or_default();
         Ok(transport)

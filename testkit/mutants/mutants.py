@@ -14,16 +14,17 @@ import re
 import subprocess
 import sys
 import time
+from collections import Counter
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from threading import Lock
 
 from programs import PLACE, ROOT, Check, Workspace, execute, exemptions
 from source import Mutant
 
-RESULTS = PLACE / "results.json"
 LINKS = {path.stem for path in (ROOT / "reference" / "sessions").glob("*.json")}
 AT_ONCE = 0.3  # seconds of tests that run in one process
 
@@ -54,23 +55,30 @@ def stale(crates: list[str]) -> list[str]:
     return [pattern for pattern in exemptions() if not re.search(pattern, names, re.MULTILINE)]
 
 
-def noticed_by(mutant: Mutant, levels: list[list[Check]]) -> tuple[str | None, bool]:
-    """What notices a mutant, and whether anything has reached it."""
-    is_reached = False
-    for level in levels:
-        checks = sorted((check for check in level if mutant.id in check.reached), key=lambda check: (int(4 * check.seconds), check.command))
-        is_reached |= bool(checks)
+def reaching(mutant: Mutant, levels: list[list[Check]]) -> list[list[Check]]:
+    """The checks that reach a mutant, the fastest of each level first."""
+
+    def rank(check: Check) -> tuple[int, list[str]]:
+        return int(4 * check.seconds), check.command
+
+    return [sorted((check for check in level if mutant.id in check.reached), key=rank) for level in levels]
+
+
+def notices(mutant: Mutant, levels: list[list[Check]]) -> Iterator[tuple[Check, str]]:
+    """One check of each file that notices a mutant, and how."""
+    link = {"LINK": mutant.package} if mutant.package in LINKS else {}
+    for checks in reaching(mutant, levels):
         while checks:
             group = [checks.pop(0)]
-            while checks and group[0].tests and checks[0].command == group[0].command:
+            while checks and group[0].root and checks[0].command == group[0].command:
                 if sum(check.seconds for check in group) + checks[0].seconds > AT_ONCE:
                     break
                 group.append(checks.pop(0))
             limit = 3 + 10 * sum(check.seconds for check in group)
-            link = {"LINK": mutant.package} if mutant.package in LINKS else {}
-            if failed := execute(group, limit, {"MUTANT": str(mutant.id), **link}):
-                return failed, True
-    return None, is_reached
+            if noticed := execute(group, limit, {"MUTANT": str(mutant.id), **link}):
+                yield noticed
+                # The process ended there: the others of its group may not have run.
+                checks = [check for check in group + checks if check.file != noticed[0].file]
 
 
 def by_itself(mutants: list[Mutant]) -> dict[int, str | None]:
@@ -98,6 +106,7 @@ def main() -> None:
     parser.add_argument("--sample", type=int, help="only so many of each crate, drawn at random")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--reached", action="store_true", help="leave out, and name, what no test reaches: most of it only the compiler evaluates")
+    parser.add_argument("--matrix", action="store_true", help="look for two files of tests that notice each mutant, and name those that do alone")
     args = parser.parse_args()
     listed = subprocess.run([ROOT / ".ci/crates"], check=True, capture_output=True, text=True).stdout.splitlines()
     crates = [line.split()[0] for line in listed]
@@ -111,7 +120,8 @@ def main() -> None:
     own, data, common = workspace.checks(args.jobs)
     names = keys(workspace.mutants)
     compiled = {id for placed in workspace.placed.values() for _, _, id in placed.own}
-    results: dict[str, str] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    path = PLACE / ("matrix.json" if args.matrix else "results.json")
+    results: dict[str, str] = json.loads(path.read_text()) if path.exists() else {}
     lock = Lock()
     rows, failed = [], bool(unused)
     for crate in crates:
@@ -125,15 +135,15 @@ def main() -> None:
         begin, done = time.monotonic(), count(1)
 
         def attempt(mutant: Mutant) -> None:
-            noticed, is_reached = noticed_by(mutant, levels)
+            found = list(islice(notices(mutant, levels), 2 if args.matrix else 1))
             with lock:
-                if noticed:
-                    results[names[mutant.id]] = noticed
+                if found:
+                    results[names[mutant.id]] = [check.file for check, _ in found] if args.matrix else found[0][1]
                 else:
-                    (missed if is_reached else alone).append(mutant)
+                    (missed if any(reaching(mutant, levels)) else alone).append(mutant)
                 if (number := next(done)) % 100 == 0:
                     print(f"{crate}: {number} in {time.monotonic() - begin:.0f} s", flush=True)
-                    RESULTS.write_text(json.dumps(results, indent=1))
+                    path.write_text(json.dumps(results, indent=1))
 
         with ThreadPoolExecutor(args.jobs) as pool:
             list(pool.map(attempt, [mutant for mutant in mutants if names[mutant.id] not in results]))
@@ -145,9 +155,9 @@ def main() -> None:
         elif alone:
             for id, noticed in by_itself(alone).items():
                 if noticed:
-                    results[names[id]] = noticed
+                    results[names[id]] = [noticed] if args.matrix else noticed
             missed += [mutant for mutant in alone if names[mutant.id] not in results]
-        RESULTS.write_text(json.dumps(results, indent=1))
+        path.write_text(json.dumps(results, indent=1))
         for mutant in sorted(missed, key=lambda mutant: mutant.id):
             print(f"missed: {mutant.name}", flush=True)
         rows.append((crate, len(mutants), len(mutants) - len(missed), len(missed)))
@@ -155,6 +165,12 @@ def main() -> None:
     print(f"{'':20}{'mutants':>9}{'noticed':>9}{'missed':>9}")
     for crate, *numbers in rows:
         print(f"{crate:20}{''.join(f'{number:9}' for number in numbers)}")
+    if args.matrix:
+        every = {check.file for check in [*data, *common, *(check for checks in own.values() for check in checks)]}
+        alone_by = Counter(found[0] for name in names.values() if len(found := results.get(name, [])) == 1)
+        print(f"{'mutants noticed by no other file':>34}")
+        for file in sorted(every, key=lambda file: (-alone_by[file], file)):
+            print(f"{alone_by[file]:9} {file}")
     sys.exit(failed)
 
 

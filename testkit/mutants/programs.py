@@ -33,14 +33,28 @@ class Check:
     name: str
     command: list[str]
     folder: Path
-    tests: bool = True
+    root: Path | None = None  # of the tests' program; another program has none
     reached: set[int] = field(default_factory=set)
     seconds: float = 0.0
 
+    @property
+    def file(self) -> str:
+        """The file of the test; for another program its name and the link that it checks."""
+        if not self.root:
+            return " ".join([self.name, self.command[-1]])
+        *modules, _ = self.name.split("::")
+        while modules:
+            path = self.root.parent.joinpath(*modules)
+            for found in (path.with_suffix(".rs"), path / "mod.rs"):
+                if found.is_file():
+                    return str(found.relative_to(TREE))
+            modules.pop()
+        return str(self.root.relative_to(TREE))
 
-def execute(checks: list[Check], limit: float, settings: dict[str, str]) -> str | None:
-    """What fails of the checks, which are of one program: the name of the test, and how."""
-    command = [*checks[0].command, *([check.name for check in checks] if checks[0].tests else [])]
+
+def execute(checks: list[Check], limit: float, settings: dict[str, str]) -> tuple[Check, str] | None:
+    """The first of the checks, which are of one program, that fails, and how it does."""
+    command = [*checks[0].command, *([check.name for check in checks] if checks[0].root else [])]
     process = subprocess.Popen(
         command,
         cwd=checks[0].folder,
@@ -68,9 +82,10 @@ def execute(checks: list[Check], limit: float, settings: dict[str, str]) -> str 
     process.stdout.close()
     code = process.wait()
     timer.cancel()
-    if failed or not code:
-        return failed
-    return f"{checks[0].name}: {'no end' if late.is_set() else f'exit {code}'}"
+    if failed:
+        return next(check for check in checks if check.name == failed), failed
+    how = "no end" if late.is_set() else f"exit {code}"
+    return (checks[0], f"{checks[0].name}: {how}") if code else None
 
 
 def exemptions() -> list[str]:
@@ -177,9 +192,9 @@ class Workspace:
         common: list[Check] = []
         links = [path.stem for path in sorted((ROOT / "reference" / "sessions").glob("*.json"))]
         for link in links:
-            data.append(Check("reference", [programs["reference"], "check", link], TREE, tests=False))
+            data.append(Check("reference", [programs["reference"], "check", link], TREE))
         for pair in (*links, "cellwire-motion"):
-            data.append(Check("must-fail", [programs["model"], "must-fail", "--link", pair], TREE, tests=False))
+            data.append(Check("must-fail", [programs["model"], "must-fail", "--link", pair], TREE))
         for message in built:
             if not message.get("executable") or not message["profile"]["test"]:
                 continue
@@ -187,7 +202,8 @@ class Workspace:
             crate = re.search(r'^name = "(.*)"', (folder / "Cargo.toml").read_text(), re.M)[1]
             listed = self.run([message["executable"], "--list", "--format", "terse"], folder)[1].decode().splitlines()
             command = [message["executable"], "--test-threads=1", "--exact"]
-            tests = [Check(line.removesuffix(": test"), command, folder) for line in listed if line.endswith(": test")]
+            root = Path(message["target"]["src_path"])
+            tests = [Check(line.removesuffix(": test"), command, folder, root) for line in listed if line.endswith(": test")]
             own.get(crate, common).extend(tests)
         every = [*data, *common, *(check for checks in own.values() for check in checks)]
         with ThreadPoolExecutor(jobs) as pool:
@@ -206,5 +222,5 @@ def trace(check: Check) -> bool:
         data = path.read_bytes() if path.exists() else b""
     check.reached = {number for (number,) in struct.iter_unpack("<I", data)}
     if failed:
-        print(f"left out, it fails where mutants are counted: {check.folder.name} {failed}", flush=True)
+        print(f"left out, it fails where mutants are counted: {check.folder.name} {failed[1]}", flush=True)
     return not failed

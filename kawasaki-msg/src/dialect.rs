@@ -67,7 +67,7 @@ const DEFAULT_TABLE: &[Entry] = {
     ]
 };
 
-/// Returns whether a table may lack a message (`None`) or a field of it, for a guarantee: see the crate's page.
+/// Returns whether a table may lack a message (`None`) or a field of it, for a guarantee (specification, KM-28).
 fn is_optional(role: Role, field: Option<Field>) -> bool {
     use Field::{Ended, Number, Order, Phase, Queued};
     use Role::{EndAck, Job, JobAck, JobRequest, OrderEnd, OrderInterrupt, OrderStart, Pause, Status};
@@ -90,10 +90,10 @@ impl Dialect {
     /// The maximum number of fields of a message of a table; all of a job's own fields count as one.
     pub const MAX_FIELDS: usize = 16;
 
-    /// The source's two names, and this project's for the rest. See the table in the crate's README.
+    /// The source's two names, and this project's for the rest (specification, KM-18).
     pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
 
-    /// A table of the caller, in ASCII. It may lack some roles and fields: see the crate's page.
+    /// A table of the caller, in ASCII. It may lack some roles and fields (specification, KM-28).
     ///
     /// # Errors
     /// When a role that every session needs is missing or any occurs twice, a name is empty or occurs twice, a message lacks

@@ -1,5 +1,5 @@
-//! The rows of the benches `budgets` and `codecs`, and the harness of `budgets`: instruction counts by callgrind and timing budgets, in
-//! tables with their goals.
+//! The rows of the benches `budgets`, `calls` and `codecs`, and the harness of the first two: instruction counts by callgrind and timing
+//! budgets, in tables with their goals.
 //!
 //! A count is exact and the same on a busy computer: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
@@ -16,8 +16,8 @@ use serde::Serialize;
 pub use peer::{Peer, Serve};
 pub use row::{Count, Run, Timing};
 
-/// The file of the last counts, which `budgets -- --write` writes and `reference write` reads.
-const RESULTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/results.json");
+/// The folder of the last counts, which `--write` writes and `reference write` reads: a file for each program.
+const RESULTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/results");
 
 /// The measurements of one link.
 pub struct Link {
@@ -74,6 +74,10 @@ struct Counted {
 }
 
 impl Link {
+    /// A link without rows.
+    pub const EMPTY: Self =
+        Self { name: "", counts: &[], ratios: &[], streams: &[], peers: &[], budgets: Vec::new };
+
     /// All rows of instruction counts, in the order of the table.
     pub fn rows(&self) -> impl Iterator<Item = &'static Count> + use<> {
         self.counts.iter().chain(self.streams.iter().flatten())
@@ -108,8 +112,8 @@ impl Ratio {
 }
 
 /// Prints the tables of all links whose name contains the first free argument. With `--check` a goal that is missed, or that was not
-/// measured, is a failure. With `--write` the counts are written to the file of results; they must be those of all links.
-pub fn main(links: &[Link]) -> ExitCode {
+/// measured, is a failure. With `--write` the counts are written to `benches/results/PROGRAM.json`; they must be those of all links.
+pub fn main(program: &str, links: &[Link]) -> ExitCode {
     let mut args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     if let [flag, link, row, rounds] = args.as_slice()
         && flag == "--count"
@@ -149,13 +153,17 @@ pub fn main(links: &[Link]) -> ExitCode {
         let rows: Vec<Counted> = chosen.iter().flat_map(|link| link.count()).collect();
         println!("{}", count_table(&rows, &mut missed));
         if write {
-            std::fs::write(RESULTS, results(&rows)).expect("the file of results can be written");
+            std::fs::write(format!("{RESULTS}/{program}.json"), results(&rows))
+                .expect("the file of results can be written");
         }
     } else {
         missed.push("nothing was counted".into());
         println!("No instruction counts: valgrind is not installed (Debian: apt-get install valgrind).");
     }
-    println!("{}", budget_table(&chosen, &mut missed));
+    let budgets = budget_table(&chosen, &mut missed);
+    if !budgets.is_empty() {
+        println!("{budgets}");
+    }
     if (check && !missed.is_empty()) || (write && !valgrind) {
         eprintln!("missed: {}", missed.join("; "));
         return ExitCode::FAILURE;

@@ -109,7 +109,7 @@ impl Workspace {
         self.cargo(["fmt", "--all", "--check"])?;
         self.circles(&members)?;
         if has_data || packages.iter().any(|package| package == "benches") {
-            // The pages have figures of benches/results.json, the reference what the code does.
+            // The pages have figures of benches/results, the reference what the code does.
             self.cargo(["run", "-q", "-p", "reference", "--", "check"])?;
         }
         if packages.is_empty() {

@@ -1,7 +1,6 @@
 //! Modbus TCP beside three other crates, each doing the same work: read 38 holding registers.
 
 mod by_hand;
-mod calls;
 mod codec;
 #[path = "../work/modbus.rs"]
 mod work;
@@ -13,7 +12,6 @@ use benches::{Budget, Count, Link, Ratio, Timing};
 use cellwire_motion::{Tracker, dpm};
 use fanuc_hmi_modbus::{Decoder, Frame, Framing, Side, TelemetryBlock, timing};
 
-use super::calls::ROUNDS;
 use super::streams::{self, Decoding, Names};
 
 pub(super) const LINK: Link = Link {
@@ -48,15 +46,6 @@ pub(super) const LINK: Link = Link {
             .timed("client", "tokio-modbus 0.17"),
         Count::op(ANSWER, codec::serve).timed("server", "the codec alone"),
         Count::op(SERVER, work::server_session).timed("server", Timing::OURS),
-        Count::op("TCP: a read of 37 registers through the handle", calls::handle)
-            .rounds(ROUNDS)
-            .goal(7000.0),
-        Count::op("TCP: the same by tokio's driver, without a task", calls::driver)
-            .rounds(ROUNDS)
-            .goal(5500.0),
-        Count::op("TCP: the same by the blocking driver", calls::blocking).rounds(ROUNDS),
-        Count::op("– tokio-modbus 0.17 with a timeout", calls::tokio_modbus).rounds(ROUNDS),
-        Count::op("TCP: a read of 37 registers served", calls::server).rounds(ROUNDS),
         Count::op("the telemetry block from its registers", telemetry),
         Count::op("a sample of the motion from a block", track),
         Count::op("DPM offsets of six axes for a period", offsets),
@@ -66,8 +55,8 @@ pub(super) const LINK: Link = Link {
         Ratio { what: SERVER, times: 2.0, of: &[ANSWER] },
     ],
     streams: &[streams::rows::<OverTcp>(), streams::rows::<OverRtu>()],
-    peers: &[calls::answer, calls::ask],
     budgets,
+    ..Link::EMPTY
 };
 
 const MODBUS_CORE: &str = "modbus-core 0.2";

@@ -20,10 +20,7 @@ pub(super) const LINK: Link = Link {
         Count::byte("write the values", TEXT.len(), write).goal(25.0).timed("encode", Timing::OURS),
         Count::op("forward kinematics", forward),
     ],
-    ratios: &[],
-    streams: &[],
-    peers: &[],
-    budgets: Vec::new,
+    ..Link::EMPTY
 };
 
 fn document(rounds: u64) {

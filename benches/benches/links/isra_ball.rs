@@ -10,7 +10,6 @@ use isra_ball::{
     timing,
 };
 
-use super::calls;
 use super::streams::{self, Decoding};
 
 const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
@@ -23,13 +22,11 @@ pub(super) const LINK: Link = Link {
         Count::op("decode a packet from the stream", stream),
         Count::op("host: poll, receive the packet", poll).timed("host", Timing::OURS),
         Count::op("ball: new values, receive the poll, send the packet", answer).timed("ball", Timing::OURS),
-        Count::op("TCP: a poll and its packet through the handle", handle).rounds(50),
         Count::op("encode a packet", encode).timed_bytes("encode", Timing::OURS, Packet::LEN),
     ],
-    ratios: &[],
     streams: &[streams::rows::<Packets>()],
-    peers: &[|stream| calls::reply(stream, Duration::from_millis(15), &BYTES)],
     budgets,
+    ..Link::EMPTY
 };
 
 struct Packets;
@@ -148,16 +145,4 @@ fn budgets() -> Vec<Budget> {
             source: "§4.2",
         },
     ]
-}
-
-fn handle(rounds: u64) {
-    calls::with_peer(LINK.name, 0, |tcp| async move {
-        let (ball, task) = isra_ball::tokio::host(HostConfig::default(), tcp).expect("the defaults work");
-        tokio::spawn(task.run());
-        let (mut events, mut polls) = (ball.handle.events(), 0);
-        while polls < rounds {
-            let event = events.recv().await.expect("the task runs");
-            polls += u64::from(matches!(event, HostEvent::Packet(_) | HostEvent::Old(_)));
-        }
-    });
 }

@@ -34,8 +34,8 @@ pub(super) const LINK: Link = Link {
         Ratio { what: BUILD_SHORT, times: 2.35, of: &[BUILD_SHORT_BY_HAND] },
     ],
     streams: &[streams::rows::<Lines>()],
-    peers: &[exchange::executing],
     budgets,
+    ..Link::EMPTY
 };
 
 const QUEUE_LINES: &str = "a packet of lines: parsed, checked, queued";
@@ -94,11 +94,6 @@ const COUNTS: &[Count] = &[
     Count::op(exchange::BY_CODEC, exchange::by_codec)
         .rounds(exchange::RECORDED / 2)
         .timed("pc", "the codec alone"),
-    Count::op(
-        "TCP: 93 jobs acknowledged, a packet of as many sent, through the PC's handle",
-        exchange::handle,
-    )
-    .rounds(exchange::RECORDED / 4),
     Count::op("a robot's exchange: 98 jobs reported, a packet of lines queued", exchange::by_robot)
         .rounds(exchange::RECORDED / 2)
         .timed("robot", Timing::OURS),

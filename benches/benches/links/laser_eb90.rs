@@ -10,7 +10,6 @@ use laser_eb90::{
     Item, MAX_PAYLOAD, Payload, Profile, timing,
 };
 
-use super::calls::{self, DELAY, ROUNDS};
 use super::streams::{self, Decoding};
 
 const MOVE: u16 = 0x0160;
@@ -49,13 +48,12 @@ pub(super) const LINK: Link = Link {
         Count::op(HOST, exchange).timed("host", Timing::OURS),
         Count::op("controller: receive the move, queue it, send its echo", queue)
             .timed("controller", Timing::OURS),
-        Count::op("TCP: an immediate instruction through the handle", handle).rounds(ROUNDS),
         batch_row("217-byte batch: write", encode).timed("encode", Timing::OURS),
     ],
     ratios: &[Ratio { what: HOST, times: 2.0, of: &[MOVE_WRITTEN, ECHO_READ] }],
     streams: &[streams::rows::<Batches>()],
-    peers: &[|stream| calls::reply(stream, DELAY, &echo())],
     budgets,
+    ..Link::EMPTY
 };
 
 const fn batch_row(what: &'static str, run: fn(u64)) -> Count {
@@ -227,16 +225,6 @@ fn exchange(rounds: u64) {
         host.handle_input(now + Duration::from_millis(20), black_box(&echo));
         assert!(matches!(host.poll_event(), Some(HostEvent::Done { .. })));
     }
-}
-
-fn handle(rounds: u64) {
-    calls::with_peer(LINK.name, 0, |tcp| async move {
-        let (laser, task) = laser_eb90::tokio::host(HostConfig::default(), tcp).expect("the defaults work");
-        tokio::spawn(task.run());
-        for _ in 0..rounds {
-            laser.now(laser_eb90::tokio::Command::bare(MOVE)).await.expect("an echo");
-        }
-    });
 }
 
 /// The six axes of a move, as a motion task gets them.

@@ -10,7 +10,6 @@ use mmacell_proto::{
     Central, CentralConfig, Command, Decoder, Device, DeviceConfig, Dialect, Line, Mode, Reply, RobotPose,
 };
 
-use super::calls::{self, DELAY, ROUNDS};
 use super::streams::{self, Decoding};
 
 const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
@@ -49,16 +48,14 @@ pub(super) const LINK: Link = Link {
         Count::op("encode a robot's motion", encode).timed_bytes("encode-motion", Timing::OURS, MOVE.len()),
         Count::op(DEVICE, serve).timed("device", Timing::OURS),
         Count::op(CENTRAL, ask).timed("central", Timing::OURS),
-        Count::op("TCP: a status through the handle", handle).rounds(ROUNDS),
     ],
     ratios: &[
         Ratio { what: DEVICE, times: 2.0, of: &[STA_READ, STATUS_WRITTEN] },
         Ratio { what: CENTRAL, times: 2.0, of: &[STA_WRITTEN, STATUS_READ] },
     ],
     streams: &[streams::rows::<Replies>()],
-    peers: &[|stream| calls::reply(stream, DELAY, STATUS)],
     // The source gives no figure to keep: a reply comes "immediately" (§3).
-    budgets: Vec::new,
+    ..Link::EMPTY
 };
 
 struct Replies;
@@ -238,16 +235,4 @@ fn ask(rounds: u64) {
         central.handle_input(Duration::ZERO, black_box(STATUS));
         black_box(central.poll_event().expect("the status"));
     }
-}
-
-fn handle(rounds: u64) {
-    calls::with_peer(LINK.name, 0, |tcp| async move {
-        let (robot, task) = mmacell_proto::tokio::central::<RobotPose, _>(CentralConfig::DEFAULT, tcp)
-            .expect("the defaults work");
-        tokio::spawn(task.run());
-        robot.handle().connected().await.expect("the task runs");
-        for _ in 0..rounds {
-            robot.status().await.expect("a status");
-        }
-    });
 }

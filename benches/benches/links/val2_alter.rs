@@ -3,20 +3,16 @@
 mod by_hand;
 
 use std::hint::black_box;
-use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
-use std::thread::sleep;
 use std::time::Duration;
 
 use benches::{Budget, Count, Link, Ratio, Timing};
 use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
     Accumulation, Controller, ControllerConfig, ControllerEvent, Decoder, ErrorCode, Frame, Framing, Host,
-    HostConfig, HostEvent, HostMessage, Limiter, Limits, Message, Motion, MotionPhase, Reply, RobotMessage,
+    HostConfig, HostMessage, Limiter, Limits, Message, Motion, MotionPhase, Reply, RobotMessage,
     SegmentStatus, StartCode, Transform, timing,
 };
 
-use super::calls;
 use super::streams::{self, Decoding};
 
 pub(super) const LINK: Link = Link {
@@ -38,7 +34,6 @@ pub(super) const LINK: Link = Link {
         Count::op(SESSION, session).timed("host", Timing::OURS),
         Count::op("controller: send the request, receive the reply", control)
             .timed("controller", Timing::OURS),
-        Count::op("TCP: a request and its reply through the host's handle", handle).rounds(50),
         Count::op("decode a request: its frame, its message", decode).timed_bytes(
             "decode",
             Timing::OURS,
@@ -48,8 +43,8 @@ pub(super) const LINK: Link = Link {
     ],
     ratios: &[Ratio { what: SESSION, times: 2.5, of: &[STREAM] }],
     streams: &[streams::rows::<Requests>()],
-    peers: &[controller],
     budgets,
+    ..Link::EMPTY
 };
 
 const STREAM: &str = "the same from a stream, through the decoder";
@@ -196,32 +191,6 @@ fn encode(rounds: u64) {
     for _ in 0..rounds {
         let reply = HostMessage::Reply(Reply::all(black_box(TARGET)));
         assert_eq!(reply.encode(Framing::DEFAULT, black_box(&mut out)), Ok(REPLY_LEN));
-    }
-}
-
-fn handle(rounds: u64) {
-    calls::with_peer(LINK.name, 0, |tcp| async move {
-        let config = HostConfig { gap: None, ..HostConfig::default() };
-        let (arm, task) = val2_alter::tokio::host(config, None, tcp).expect("the defaults work");
-        tokio::spawn(task.run());
-        let (mut events, mut requests) = (arm.handle().events(), 0);
-        while requests < rounds {
-            let event = events.recv().await.expect("the task runs");
-            requests += u64::from(matches!(event, HostEvent::Motion(_)));
-            arm.set_target(TARGET);
-        }
-    });
-}
-
-/// A controller that starts ALTER, and sends a request a cycle after each reply.
-fn controller(mut stream: TcpStream) {
-    // A host under callgrind that is too late does not reply.
-    stream.set_read_timeout(Some(Duration::from_secs(1))).expect("a socket");
-    let mut bytes: &[u8] = &START;
-    while stream.write_all(bytes).is_ok() {
-        _ = stream.read(&mut [0; 64]);
-        sleep(timing::CYCLE);
-        bytes = &REQUEST;
     }
 }
 

@@ -10,7 +10,6 @@ use val2_viewer::{
     timing,
 };
 
-use super::calls;
 use super::streams::{self, Decoding};
 
 const LINE: &[u8] = b"$POSE,7,16384,0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
@@ -23,12 +22,10 @@ pub(super) const LINK: Link = Link {
         Count::op("encode a pose", encode).timed_bytes("encode", Timing::OURS, LINE.len()),
         Count::op("host: a new pose, receive ENQ, send the pose", answer).timed("host", Timing::OURS),
         Count::op("workstation: draw, send ENQ, receive the pose", draw).timed("workstation", Timing::OURS),
-        Count::op("TCP: ENQ and its pose through the workstation's handle", handle).rounds(20),
     ],
-    ratios: &[],
     streams: &[streams::rows::<Poses>()],
-    peers: &[|stream| calls::reply(stream, calls::DELAY, LINE)],
     budgets,
+    ..Link::EMPTY
 };
 
 struct Poses;
@@ -104,19 +101,6 @@ fn draw(rounds: u64) {
         workstation.handle_input(now, black_box(LINE));
         assert!(matches!(black_box(workstation.poll_event()), Some(WorkstationEvent::Pose(_))));
     }
-}
-
-fn handle(rounds: u64) {
-    calls::with_peer(LINK.name, 0, |tcp| async move {
-        let (arm, task) =
-            val2_viewer::tokio::workstation(WorkstationConfig::default(), tcp).expect("the defaults work");
-        tokio::spawn(task.run());
-        let (mut events, mut poses) = (arm.handle.events(), 0);
-        while poses < rounds {
-            let event = events.recv().await.expect("the task runs");
-            poses += u64::from(matches!(event, WorkstationEvent::Pose(_)));
-        }
-    });
 }
 
 fn budgets() -> Vec<Budget> {

@@ -58,10 +58,7 @@ pub(super) const LINK: Link = Link {
         Count::job("– the limit: a bare ring", BATCH, |rounds| in_batches::<Job>(bare(), rounds))
             .timed("56-bytes-batches", Timing::BY_HAND),
     ],
-    ratios: &[],
-    streams: &[],
-    peers: &[],
-    budgets: Vec::new,
+    ..Link::EMPTY
 };
 
 const RTRB: &str = "rtrb 0.4";

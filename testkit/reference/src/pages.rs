@@ -1,5 +1,5 @@
 //! The pages whose tables are made: every field of each link's configurations from the code, and the costs of each crate from the last results
-//! of `.ci/size` and of the bench `budgets`.
+//! of `.ci/size` and of the benches `budgets` and `calls`.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ const END: &str = "<!-- End -->\n";
 /// The crates with costs that are not links.
 const OTHERS: [&str; 4] = ["fanuc-ls", "mmacell-task", "robot-session", "robot-work-queue"];
 
-/// A row of `benches/results.json`: the instructions of one piece of work.
+/// A row of a file in `benches/results`: the instructions of one piece of work.
 #[derive(Deserialize)]
 struct Count {
     link: String,
@@ -37,8 +37,11 @@ pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)
     let defaults: Value = serde_json::from_str(defaults)?;
     let fields = defaults.get("fields").and_then(Value::as_array).context("no fields")?;
     let sizes = std::fs::read_to_string(root.join("testkit/reference/inputs/sizes.txt"))?;
-    let counts = std::fs::read_to_string(root.join("benches/results.json"))?;
-    let counts: Vec<Count> = serde_json::from_str(&counts).context("benches/results.json")?;
+    let mut counts: Vec<Count> = Vec::new();
+    for file in ["benches/results/budgets.json", "benches/results/calls.json"] {
+        let rows = std::fs::read_to_string(root.join(file))?;
+        counts.extend(serde_json::from_str::<Vec<Count>>(&rows).context(file)?);
+    }
     let settings = |name: &str| {
         let rows: Vec<&Value> = fields.iter().filter(|row| text(row, "link") == name).collect();
         table(&rows)

@@ -2,21 +2,16 @@
 //! full of jobs; the robot queues it. And the codec alone for the PC's share.
 
 use core::hint::black_box;
-use core::ops::ControlFlow;
 use core::time::Duration;
-use std::net::TcpStream;
 use std::sync::OnceLock;
 
+use super::{JOBS, line};
 use kawasaki_msg::motion::Motion;
 use kawasaki_msg::robot_session::{Decoder as _, Session};
 use kawasaki_msg::{
     Charset, Decoder, Dialect, Job, JobSource, LargeRobot, Limits, Line, Packet, Pc, PcConfig, RobotConfig,
     Room, Supply, Work,
 };
-use robot_session::Driver;
-
-use super::super::calls;
-use super::{JOBS, line};
 
 pub(super) const BY_SESSION: &str = "a PC's exchange: 98 jobs acknowledged, a packet of lines sent";
 pub(super) const BY_CODEC: &str = "… by the codec alone";
@@ -142,32 +137,6 @@ pub(super) fn by_robot(rounds: u64) {
             executed += execute(&mut robot, &mut motion, now, black_box(&exchange.pc));
         }
         assert!(executed >= least(exchanges.len()), "{executed} jobs");
-    }
-}
-
-/// An order of as many full packets.
-pub(super) fn handle(rounds: u64) {
-    calls::with_peer(super::LINK.name, 0, |tcp| async move {
-        let (robot, task) = kawasaki_msg::tokio::pc(PcConfig::tcp(), (), tcp).expect("a PC");
-        tokio::spawn(task.run());
-        let jobs = rounds as usize * FEWEST;
-        let lines: Vec<Line> = (0..jobs).map(|index| line((index % 9999) as u16 + 1)).collect();
-        let over = robot.run(50, lines).await.expect("the order ends");
-        assert_eq!(over.executed as usize, jobs);
-    });
-}
-
-/// A robot that executes each job at once.
-pub(super) fn executing(stream: TcpStream) {
-    let ((mut robot, mut motion), mut driver) = (robot(), Driver::new(stream));
-    loop {
-        let turn = driver.turn(&mut robot, Some(DELAY), |_, _| ControlFlow::<()>::Continue(()));
-        if !matches!(turn, Ok(ControlFlow::Continue(()))) {
-            return;
-        }
-        while let Some(job) = motion.take() {
-            job.complete();
-        }
     }
 }
 

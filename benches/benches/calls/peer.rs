@@ -1,4 +1,4 @@
-//! Rows over TCP to a peer in a program of its own, in the runtime of most programs: one thread.
+//! A peer in a program of its own, and the runtime of most programs: one thread.
 
 use std::future::Future;
 use std::io::{Read as _, Write as _};

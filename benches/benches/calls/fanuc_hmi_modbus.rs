@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::thread::sleep;
 use std::time::Duration;
 
-use benches::Peer;
+use benches::{Count, Link, Peer};
 use fanuc_hmi_modbus::tokio::client;
 use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, Exception, Registers, Reply, Request, Server, ServerConfig,
@@ -17,14 +17,27 @@ use robot_session::{Session as _, now};
 use tokio::time::timeout;
 use tokio_modbus::client::Reader as _;
 
-use crate::links::calls::{DELAY, connected, with_peer};
+use super::peer::{DELAY, ROUNDS, connected, with_peer};
 
 const N: u16 = TelemetryBlock::QUANTITY;
 const READ: Request<'_> = Request::ReadHoldingRegisters { address: 0, quantity: N };
 const REQUEST: [u8; 12] = [0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, N as u8];
 
+pub(super) const LINK: Link = Link {
+    name: "fanuc-hmi-modbus",
+    counts: &[
+        Count::op("TCP: a read of 37 registers through the handle", handle).rounds(ROUNDS).goal(7000.0),
+        Count::op("TCP: the same by tokio's driver, without a task", driver).rounds(ROUNDS).goal(5500.0),
+        Count::op("TCP: the same by the blocking driver", blocking).rounds(ROUNDS),
+        Count::op("– tokio-modbus 0.17 with a timeout", tokio_modbus).rounds(ROUNDS),
+        Count::op("TCP: a read of 37 registers served", server).rounds(ROUNDS),
+    ],
+    peers: &[answer, ask],
+    ..Link::EMPTY
+};
+
 /// Answers each request.
-pub(super) fn answer(mut stream: TcpStream) {
+fn answer(mut stream: TcpStream) {
     let mut request = REQUEST;
     let mut reply = [7; 9 + 2 * N as usize];
     while stream.read_exact(&mut request).is_ok() {
@@ -45,15 +58,15 @@ pub(super) fn answer(mut stream: TcpStream) {
 }
 
 /// Sends a request after each reply.
-pub(super) fn ask(mut stream: TcpStream) {
+fn ask(mut stream: TcpStream) {
     let mut reply = [0; 9 + 2 * N as usize];
     while stream.write_all(&REQUEST).and_then(|()| stream.read_exact(&mut reply)).is_ok() {
         sleep(DELAY);
     }
 }
 
-pub(super) fn handle(rounds: u64) {
-    with_peer(super::LINK.name, 0, |tcp| async move {
+fn handle(rounds: u64) {
+    with_peer(LINK.name, 0, |tcp| async move {
         let (client, task) = client(ClientConfig::tcp(), tcp).expect("a configuration");
         tokio::spawn(task.run());
         for _ in 0..rounds {
@@ -77,8 +90,8 @@ fn session() -> Client {
     session
 }
 
-pub(super) fn driver(rounds: u64) {
-    with_peer(super::LINK.name, 0, |tcp| async move {
+fn driver(rounds: u64) {
+    with_peer(LINK.name, 0, |tcp| async move {
         let (mut driver, mut session) = (Driver::new(connected(tcp).await), session());
         for _ in 0..rounds {
             session.request(1, &READ).expect("a place");
@@ -95,8 +108,8 @@ pub(super) fn driver(rounds: u64) {
     });
 }
 
-pub(super) fn blocking(rounds: u64) {
-    let peer = Peer::of(super::LINK.name, 0);
+fn blocking(rounds: u64) {
+    let peer = Peer::of(LINK.name, 0);
     let stream = TcpStream::connect(peer.address).expect("a peer");
     let (mut driver, mut session) = (robot_session::Driver::new(stream), session());
     for _ in 0..rounds {
@@ -113,8 +126,8 @@ pub(super) fn blocking(rounds: u64) {
     }
 }
 
-pub(super) fn tokio_modbus(rounds: u64) {
-    with_peer(super::LINK.name, 0, |tcp| async move {
+fn tokio_modbus(rounds: u64) {
+    with_peer(LINK.name, 0, |tcp| async move {
         let mut client =
             tokio_modbus::client::tcp::attach_slave(connected(tcp).await, tokio_modbus::Slave(1));
         for _ in 0..rounds {
@@ -135,8 +148,8 @@ impl Registers for Bank {
     }
 }
 
-pub(super) fn server(rounds: u64) {
-    with_peer(super::LINK.name, 1, |tcp| async move {
+fn server(rounds: u64) {
+    with_peer(LINK.name, 1, |tcp| async move {
         let mut driver = Driver::new(connected(tcp).await);
         let mut server = Server::<_, 16>::new(ServerConfig::tcp(), Bank).expect("a configuration");
         let mut served = 0;

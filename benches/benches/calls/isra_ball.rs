@@ -1,0 +1,27 @@
+use std::time::Duration;
+
+use benches::{Count, Link};
+use isra_ball::{HostConfig, HostEvent};
+
+use super::peer::{reply, with_peer};
+
+const PACKET: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
+
+pub(super) const LINK: Link = Link {
+    name: "isra-ball",
+    counts: &[Count::op("TCP: a poll and its packet through the handle", handle).rounds(50)],
+    peers: &[|stream| reply(stream, Duration::from_millis(15), &PACKET)],
+    ..Link::EMPTY
+};
+
+fn handle(rounds: u64) {
+    with_peer(LINK.name, 0, |tcp| async move {
+        let (ball, task) = isra_ball::tokio::host(HostConfig::default(), tcp).expect("the defaults work");
+        tokio::spawn(task.run());
+        let (mut events, mut polls) = (ball.handle.events(), 0);
+        while polls < rounds {
+            let event = events.recv().await.expect("the task runs");
+            polls += u64::from(matches!(event, HostEvent::Packet(_) | HostEvent::Old(_)));
+        }
+    });
+}

@@ -89,11 +89,11 @@ fn costs(name: &str, sizes: &str, counts: &[Count]) -> String {
     }
     let mut instructions = String::new();
     for row in counts.iter().filter(|row| row.link == name && is_own(&row.what)) {
-        let (what, each) = (&row.what, row.each.replace("op", "time"));
-        let _ = writeln!(instructions, "| {what} | {each} | {} |", row.instructions());
+        let each = if row.each == "op" { String::new() } else { format!("; per {}", row.each) };
+        let _ = writeln!(instructions, "| {}{each} | {} |", row.what, row.instructions());
     }
     if !instructions.is_empty() {
-        table += "| instructions | for each | |\n| --- | --- | ---: |\n";
+        table += "| work | instructions |\n| --- | ---: |\n";
         table += &instructions;
     }
     format!("{}\n", table.trim_end())
@@ -106,30 +106,44 @@ fn is_own(what: &str) -> bool {
 }
 
 fn table(rows: &[&Value]) -> String {
-    let mut table = String::from(
-        "| field | default | unit and range | what it is for | source |\n| --- | --- | --- | --- | --- |\n",
-    );
+    let mut table =
+        String::from("| field | default (unit; values) | meaning (source) |\n| --- | --- | --- |\n");
     let mut config = "";
     for row in rows {
         if config != text(row, "config") {
             config = text(row, "config");
-            table += &format!("| **`{config}`** | | | | |\n");
+            table += &format!("| **`{config}`** | | |\n");
         }
-        let (unit, range) = (text(row, "unit"), text(row, "range"));
-        let values = match unit {
-            "bool" | "word" | "ns" | "list" | "object" | "code" => range.to_owned(),
-            unit => format!("{unit}; {range}"),
-        };
-        let values = values.replace("null: never", "`Duration::MAX`: never").replace("null: ", "`None`: ");
+        let unit = text(row, "unit");
+        let default = default(row.get("default").unwrap_or(&Value::Null), unit);
+        let source = text(row, "source");
         table += &format!(
-            "| `{}` | {} | {values} | {} | {} |\n",
+            "| `{}` | {default}{} | {}{} |\n",
             text(row, "field"),
-            default(row.get("default").unwrap_or(&Value::Null), unit),
+            in_brackets(&values(unit, text(row, "range"))),
             text(row, "about"),
-            text(row, "source")
+            in_brackets(if source == "ours" { "" } else { source }),
         );
     }
     table
+}
+
+/// The unit and the range of a field, without those that the page's head has for all times and all fields that are true or false.
+fn values(unit: &str, range: &str) -> String {
+    let range = match unit {
+        "ns" => range.replace("null: never", "").trim_end_matches("; ").replace("null: ", "`None`: "),
+        _ => range.replace("null: ", "`None`: "),
+    };
+    match unit {
+        "ns" if range == "from 0" => String::new(),
+        "bool" => String::new(),
+        "word" | "ns" | "list" | "object" | "code" => range,
+        unit => format!("{unit}; {range}"),
+    }
+}
+
+fn in_brackets(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!(" ({text})") }
 }
 
 /// A default as a reader expects it: a time with its unit, and what is a table of its own by the name of that.

@@ -50,7 +50,7 @@ class Port:
 
     def files(self) -> list[Path]:
         paths = [path for path in sorted(self.folder.rglob("*")) if path.suffix in self.suffixes]
-        return [path for path in paths if not re.search("testee|tests|cortex-m", path.relative_to(self.folder).as_posix())]
+        return [path for path in paths if not re.search("testee|tests|cortex-m|examples", path.relative_to(self.folder).as_posix())]
 
     def link_of(self, path: Path) -> str:
         name = path.relative_to(self.folder).as_posix()

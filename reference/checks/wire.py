@@ -1,4 +1,4 @@
-"""Runs each program of ports/python/README.md on a wire: clients against `cellwire simulate`, devices against the tool's clients.
+"""Runs each program of ports/python/README.md and ports/python/examples on a wire: clients against `cellwire simulate`, devices against the tool's clients.
 
 Usage: python3 reference/checks/wire.py [LINK]…
 
@@ -56,11 +56,13 @@ def install():
 
 
 def programs():
-    """The programs of README.md by heading, in their order."""
+    """The programs of README.md by heading, in their order, and those of examples by folder."""
     found, heading = {}, ""
     for part in re.split(r"^## ", (PORT / "README.md").read_text(), flags=re.MULTILINE):
         heading = part.split("\n", 1)[0]
         found[heading] = re.findall(r"```python\n(.*?)```", part, flags=re.DOTALL)
+    for folder in sorted((PORT / "examples").iterdir()):
+        found[folder.name] = [program.read_text() for program in sorted(folder.glob("*.py"))]
     return found
 
 

@@ -128,7 +128,7 @@ fn table(rows: &[&Value]) -> String {
     table
 }
 
-/// The unit and the range of a field, without those that the page's head has for all times and all fields that are true or false.
+/// Returns the unit and the values of a field; none for a time or a boolean without a limit, which the page describes at its head.
 fn values(unit: &str, range: &str) -> String {
     let range = match unit {
         "ns" => range.replace("null: never", "").trim_end_matches("; ").replace("null: ", "`None`: "),

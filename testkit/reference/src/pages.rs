@@ -105,27 +105,37 @@ fn is_own(what: &str) -> bool {
         && !["random bytes", "noise", "one byte a push", "alone"].iter().any(|word| what.contains(word))
 }
 
+/// Returns the fields of a link's configurations. A row that an earlier configuration has too is only named.
 fn table(rows: &[&Value]) -> String {
     let mut table =
         String::from("| field | default (unit; values) | meaning (source) |\n| --- | --- | --- |\n");
-    let mut config = "";
-    for row in rows {
-        if config != text(row, "config") {
-            config = text(row, "config");
-            table += &format!("| **`{config}`** | | |\n");
+    let mut shown: Vec<&Value> = Vec::new();
+    for config in rows.chunk_by(|row, next| text(row, "config") == text(next, "config")) {
+        let (again, new): (Vec<&Value>, Vec<&Value>) =
+            config.iter().partition(|row| shown.iter().any(|other| is_same(row, other)));
+        let again: Vec<_> = again.iter().map(|row| format!("`{}`", text(row, "field"))).collect();
+        let again = if again.is_empty() { String::new() } else { format!(" as above: {}", again.join(", ")) };
+        table += &format!("| **`{}`** | |{again} |\n", config.first().map_or("", |row| text(row, "config")));
+        for row in &new {
+            let unit = text(row, "unit");
+            let default = default(row.get("default").unwrap_or(&Value::Null), unit);
+            let source = text(row, "source");
+            table += &format!(
+                "| `{}` | {default}{} | {}{} |\n",
+                text(row, "field"),
+                in_brackets(&values(unit, text(row, "range"))),
+                text(row, "about"),
+                in_brackets(if source == "ours" { "" } else { source }),
+            );
         }
-        let unit = text(row, "unit");
-        let default = default(row.get("default").unwrap_or(&Value::Null), unit);
-        let source = text(row, "source");
-        table += &format!(
-            "| `{}` | {default}{} | {}{} |\n",
-            text(row, "field"),
-            in_brackets(&values(unit, text(row, "range"))),
-            text(row, "about"),
-            in_brackets(if source == "ours" { "" } else { source }),
-        );
+        shown.extend(new);
     }
     table
+}
+
+/// Returns whether two rows differ only in their configuration.
+fn is_same(row: &Value, other: &Value) -> bool {
+    ["field", "default", "unit", "range", "about", "source"].iter().all(|key| row.get(key) == other.get(key))
 }
 
 /// Returns the unit and the values of a field; none for a time or a boolean without a limit, which the page describes at its head.

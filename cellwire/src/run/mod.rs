@@ -102,6 +102,8 @@ pub struct Console<'a> {
     pub paused: bool,
     /// Whether the run ends after what is under way.
     pub stopping: bool,
+    /// Whether what is under way ends at once, if the machine can do that.
+    pub aborting: bool,
     /// The parts that are asked about: the index of the first, and their number.
     question: Option<(usize, usize)>,
     typed: Receiver<Option<Typed>>,
@@ -126,11 +128,12 @@ impl<'a> Console<'a> {
         notify: &'a mut dyn FnMut(Value) -> Result<()>,
         progress: &'a mut dyn FnMut(Tally),
     ) -> Self {
-        let (paused, stopping, question) = (false, false, None);
+        let (paused, stopping, aborting, question) = (false, false, false, None);
         let (pending, is_absent, stop_at, is_deaf, stops) = (None, false, None, false, false);
         Self {
             paused,
             stopping,
+            aborting,
             question,
             typed,
             notify,
@@ -185,19 +188,22 @@ impl<'a> Console<'a> {
     /// Does what the operator has typed within `wait` since the last call: pauses, goes on, stops; returns an answer to the open question.
     pub fn listen(&mut self, wait: Duration) -> Option<Answered> {
         loop {
-            let (word, text) = match self.next(Some(wait)) {
+            let (word, text) = match self.next(wait) {
                 Some(Typed::Line(text)) => (Word::parse(&text), text),
                 Some(Typed::Stop) => (Some(Word::Stop), String::new()),
                 None => {
                     // There is no operator to continue it.
-                    self.stopping |= self.is_absent && (self.paused || self.question.is_some());
+                    if self.is_absent {
+                        self.stopping |= self.question.take().is_some() || self.paused;
+                    }
                     return None;
                 }
             };
             let number: Option<usize> = text.trim().parse().ok();
             let event = match (word, self.question) {
-                (Some(Word::Stop | Word::Abort), _) => {
+                (Some(word @ (Word::Stop | Word::Abort)), _) => {
                     self.stopping = true;
+                    self.aborting |= word == Word::Abort;
                     self.notify(json!({"event": "stopping"}));
                     if self.question.take().is_some() {
                         return None;
@@ -243,6 +249,11 @@ impl<'a> Console<'a> {
         }
     }
 
+    /// Returns whether a question is open.
+    pub fn asks(&self) -> bool {
+        self.question.is_some()
+    }
+
     fn answered(&mut self, first: usize, count: usize, done: usize) -> Option<Answered> {
         self.question = None;
         Some(Answered { first, count, done })
@@ -258,21 +269,15 @@ impl<'a> Console<'a> {
         self.notify(json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}));
     }
 
-    /// Returns the next line or stop of the operator, within `wait`; without `wait`, however long that takes. `None` after that
-    /// time, or when standard input has ended.
-    pub fn next(&mut self, wait: Option<Duration>) -> Option<Typed> {
+    /// Returns the next line or stop of the operator, within `wait`. `None` after that time, or when standard input has ended.
+    fn next(&mut self, wait: Duration) -> Option<Typed> {
         if core::mem::take(&mut self.stops) {
             return Some(self.stop());
         }
         if let Some(typed) = self.pending.take() {
             return Some(typed);
         }
-        let typed = match wait {
-            None if self.is_absent => return None,
-            None => self.typed.recv().map_err(|_| RecvTimeoutError::Disconnected),
-            Some(wait) => self.typed.recv_timeout(wait),
-        };
-        match typed {
+        match self.typed.recv_timeout(wait) {
             Ok(Some(Typed::Line(line))) => Some(Typed::Line(line)),
             Ok(Some(Typed::Stop)) => Some(self.stop()),
             Ok(None) | Err(RecvTimeoutError::Disconnected) => {
@@ -291,14 +296,9 @@ impl<'a> Console<'a> {
     /// Returns whether standard input has ended, or ends within this time, without a line or a stop before that.
     pub fn is_without_keyboard(&mut self, wait: Duration) -> bool {
         if self.pending.is_none() {
-            self.pending = self.next(Some(wait));
+            self.pending = self.next(wait);
         }
         self.pending.is_none() && self.is_absent
-    }
-
-    /// Returns whether standard input has ended.
-    pub fn is_absent(&self) -> bool {
-        self.is_absent
     }
 
     /// Whether the stop of a signal has taken this long.
@@ -345,9 +345,8 @@ impl<'a> Console<'a> {
 }
 
 /// A word on standard input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Word {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Word {
     /// Begin nothing new until `continue`.
     Pause,
     /// Go on.
@@ -364,10 +363,10 @@ pub enum Word {
 
 impl Word {
     /// The words, for a hint.
-    pub const HINT: &str = "type pause, continue or stop; answer questions with done, repeat or stop";
+    const HINT: &str = "type pause, continue or stop; answer questions with done, repeat or stop";
 
     /// The word that a line is, also by its first letter.
-    pub fn parse(line: &str) -> Option<Self> {
+    fn parse(line: &str) -> Option<Self> {
         Some(match line.trim() {
             "pause" | "p" => Self::Pause,
             "continue" | "c" => Self::Continue,

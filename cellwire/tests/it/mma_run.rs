@@ -178,12 +178,13 @@ fn it_pauses_between_parts_and_stops_at_once_when_told() {
     let mut run = cell.run(3, &[]);
     step(&run, "go_pick");
     run.say("pause");
-    assert_eq!(run.event("operator")["word"], "pause");
+    run.event("paused");
     assert_eq!(run.event("placed")["part"], 1);
     assert_eq!(run.lines.recv_timeout(Duration::from_millis(500)).ok(), None, "it waits");
     run.say("continue");
     step(&run, "await_pick");
     run.say("abort");
+    run.event("aborting");
     let ended = run.event("ended");
     assert_eq!((&ended["why"], &ended["done"], &ended["unknown"]), (&"stopped".into(), &1.into(), &1.into()));
     assert_eq!(run.end().0, Some(1));

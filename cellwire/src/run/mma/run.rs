@@ -14,10 +14,9 @@ use super::connection::{Arrival, Connection, Inbox, WAITING};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, Console, END_WITHIN, KEYBOARD_WITHIN, STOP_WITHIN, Word};
+use crate::run::{Answer, Answered, Console, END_WITHIN, KEYBOARD_WITHIN, STOP_WITHIN};
 use cellwire_io::bell::Bell;
 use cellwire_io::drive::Lost;
-use cellwire_io::input::Typed;
 use cellwire_io::tcp::Dialing;
 use cellwire_io::tls::Tls;
 
@@ -85,18 +84,26 @@ impl<'a> Runner<'a> {
     pub fn settle_begun(&mut self, answer: Option<Answer>) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
-            if let Some(done) = answer.and_then(|answer| answer.done(part, 1)) {
-                self.note(if done > 0 { Outcome::Done } else { Outcome::NotSent })?;
-                continue;
-            }
-            if !self.ask("an earlier run ended while the robot was at this part: clear the gripper") {
-                return Ok(false);
-            }
-            let Some(answered) = self.console.answer() else { return Ok(false) };
-            self.note(if answered.done > 0 { Outcome::Done } else { Outcome::NotSent })?;
-            self.question = false;
+            let answered = match answer.and_then(|answer| answer.done(part, 1)) {
+                Some(done) => Some(Answered { first: part, count: 1, done }),
+                None if self
+                    .ask("an earlier run ended while the robot was at this part: clear the gripper") =>
+                {
+                    self.console.answer()
+                }
+                None => None,
+            };
+            let Some(answered) = answered else { return Ok(false) };
+            self.answer(answered)?;
         }
         Ok(true)
+    }
+
+    fn answer(&mut self, answered: Answered) -> Result<()> {
+        self.question = false;
+        self.note(if answered.done > 0 { Outcome::Done } else { Outcome::NotSent })?;
+        self.console.notify_answered(answered);
+        Ok(())
     }
 
     /// Runs until every part is placed, or until it is stopped.
@@ -129,11 +136,6 @@ impl<'a> Runner<'a> {
                 // The devices come to rest first.
                 failed = failed.or(Some(error));
                 self.abort(&mut task);
-                continue;
-            }
-            if self.console.has_waited(STOP_WITHIN) && self.end_by.is_none() {
-                self.abort(&mut task);
-                self.console.notify(json!({"event": "operator", "word": Word::Abort}));
                 continue;
             }
             let is_late = self.end_by.is_some_and(|at| now() >= at);
@@ -218,6 +220,15 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
+    /// Returns whether the part under way is not waited for: after a word, or after a signal if the robot has not touched the part, or is late.
+    fn is_to_abort(&self) -> bool {
+        let is_untouched = || self.journal.outcomes().get(self.part) == Some(&Outcome::NotSent);
+        let console = &self.console;
+        console.aborting
+            || console.has_waited(STOP_WITHIN)
+            || console.has_waited(Duration::ZERO) && is_untouched()
+    }
+
     /// Tells the devices to stop, and limits the wait for that.
     fn abort(&mut self, task: &mut Task) {
         self.console.stopping = true;
@@ -289,7 +300,7 @@ impl<'a> Runner<'a> {
             Step::Placed => {
                 self.note(Outcome::Done)?;
                 self.console.notify(json!({"event": "placed", "part": self.part + 1}));
-                self.next(task, Event::Next);
+                self.next(task);
             }
             Step::Unpicked => _ = self.ask("the part was missed or lost in every attempt"),
             Step::NothingFound => _ = self.ask("a camera found nothing"),
@@ -310,17 +321,20 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The next part, the end, or a pause; `go` leads on.
-    fn next(&mut self, task: &mut Task, go: Event) {
-        match self.journal.first(Outcome::NotSent) {
-            None => task.handle_event(now(), Event::Finish),
-            Some(_) if self.console.stopping => task.handle_event(now(), Event::Finish),
-            Some(_) if self.console.paused => self.held = true,
-            Some(part) => {
+    /// The next part, the end, or a pause.
+    fn next(&mut self, task: &mut Task) {
+        let event = match self.journal.first(Outcome::NotSent) {
+            Some(part) if !self.console.stopping => {
                 self.part = part;
-                task.handle_event(now(), go);
+                self.held = self.console.paused;
+                if self.held {
+                    return;
+                }
+                if task.step() == Step::Faulted { Event::Recover } else { Event::Next }
             }
-        }
+            _ => Event::Finish,
+        };
+        task.handle_event(now(), event);
     }
 
     fn note(&mut self, outcome: Outcome) -> Result<()> {
@@ -339,53 +353,22 @@ impl<'a> Runner<'a> {
 
     /// Does what the operator has asked for since the last call. Without an operator the run stops at the next question.
     fn listen(&mut self, task: &mut Task) -> Result<()> {
-        loop {
-            let word = match self.console.next(Some(Duration::ZERO)) {
-                Some(Typed::Line(line)) => Word::parse(&line),
-                Some(Typed::Stop) if self.journal.outcomes().get(self.part) == Some(&Outcome::NotSent) => {
-                    // The robot has not touched the part.
-                    Some(Word::Abort)
-                }
-                Some(Typed::Stop) => Some(Word::Stop),
-                None if self.console.is_absent() && (self.question || self.held) => Some(Word::Stop),
-                None => return Ok(()),
-            };
-            let go = if task.step() == Step::Faulted { Event::Recover } else { Event::Next };
-            match word {
-                Some(Word::Pause) => self.console.paused = true,
-                Some(Word::Continue) => {
-                    self.console.paused = false;
-                    if core::mem::take(&mut self.held) {
-                        self.next(task, Event::Next);
-                    }
-                }
-                Some(word @ (Word::Stop | Word::Abort)) => {
-                    self.console.stopping = true;
-                    if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
-                        self.limit_end();
-                        task.handle_event(now(), Event::Finish);
-                    } else if word == Word::Abort {
-                        self.abort(task);
-                    }
-                }
-                Some(Word::Done) if core::mem::take(&mut self.question) => {
-                    self.note(Outcome::Done)?;
-                    self.next(task, go);
-                }
-                Some(Word::Repeat) if core::mem::take(&mut self.question) => {
-                    self.note(Outcome::NotSent)?;
-                    task.handle_event(now(), go);
-                }
-                Some(Word::Done | Word::Repeat) | None => {
-                    self.console.hint(Word::HINT);
-                    continue;
-                }
-            }
-            self.console.notify(json!({"event": "operator", "word": word}));
-            if word == Some(Word::Stop) {
-                return Ok(());
-            }
+        while let Some(answered) = self.console.listen(Duration::ZERO) {
+            self.answer(answered)?;
+            self.next(task);
         }
+        if self.question && !self.console.asks() || self.held && self.console.stopping {
+            (self.question, self.held) = (false, false);
+            self.limit_end();
+            task.handle_event(now(), Event::Finish);
+        } else if self.held && !self.console.paused {
+            self.next(task);
+        }
+        if self.end_by.is_none() && self.is_to_abort() {
+            self.abort(task);
+            self.console.notify(json!({"event": "aborting"}));
+        }
+        Ok(())
     }
 }
 

@@ -38,7 +38,7 @@ impl Cell {
         Self { folder, carrier, address: "127.0.0.1:0".into(), rows }
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 

@@ -1,28 +1,37 @@
 //! Files and outputs that cannot be written, or are damaged: the outcomes of a run.
 
 use std::fs::{self, File};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::laser_run;
 use crate::operated::Tool;
 use crate::stop::{Input, Run};
 use crate::tool::Running;
+use crate::{kawasaki_run, laser_run};
+
+/// Starts the tool; a write beyond a limit is an error then, and no signal.
+fn start(arguments: &[String]) -> Tool {
+    let mut command = Command::new("bash");
+    command.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash", env!("CARGO_BIN_EXE_cellwire")]);
+    command.args(arguments).stdin(Stdio::null());
+    Tool::spawn(command)
+}
+
+/// Leaves a journal room for so many bytes.
+fn fill(run: &Tool, journal: &Path, room: u64) {
+    let limit = format!("--fsize={}:unlimited", fs::metadata(journal).unwrap().len() + room);
+    let pid = run.process.id().to_string();
+    assert!(Command::new("prlimit").args(["--pid", &pid, &limit]).status().unwrap().success());
+}
 
 #[test]
 fn a_journal_that_cannot_be_written_ends_a_run_as_that() {
     let cell = laser_run::Cell::new(&["baud=9600"]);
     let program = cell.program(100);
-    // A write beyond a limit is an error then, and no signal.
-    let mut command = Command::new("bash");
-    command.args(["-c", "trap '' XFSZ; exec \"$@\"", "bash", env!("CARGO_BIN_EXE_cellwire")]);
-    command.args(cell.arguments(&program, &["--set", "baud=9600"])).stdin(Stdio::null());
-    let run = Tool::spawn(command);
+    let run = start(&cell.arguments(&program, &["--set", "baud=9600"]));
     run.event("done");
     let journal = cell.path("part.csv.journal");
-    let size = fs::metadata(&journal).unwrap().len();
-    let pid = run.process.id().to_string();
-    let limit = format!("--fsize={}:unlimited", size + 10);
-    assert!(Command::new("prlimit").args(["--pid", &pid, &limit]).status().unwrap().success());
+    fill(&run, &journal, 10);
     let (code, said) = run.end();
     assert_eq!(code, Some(7), "{said}");
     for part in [
@@ -47,6 +56,22 @@ fn a_journal_that_cannot_be_written_ends_a_run_as_that() {
         }
     }
     assert_eq!(cell.queued(100), 100, "each once");
+}
+
+#[test]
+fn a_job_that_the_journal_does_not_have_is_not_sent() {
+    let mut cell = kawasaki_run::Cell::new(kawasaki_run::TCP, 300);
+    let run = cell.ready(start(&cell.arguments(&[])));
+    let _robot = cell.robot(&["job_time=10ms", "queue=20"]);
+    run.event("done");
+    fill(&run, &cell.path("pallet.csv.journal"), 10);
+    let (code, said) = run.end();
+    assert_eq!(code, Some(7), "{said}");
+    for part in ["the packet was not sent, and the connection was closed", "File too large"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    kawasaki_run::finish(cell.run(&[]), 300);
+    cell.assert_executed_once();
 }
 
 #[test]

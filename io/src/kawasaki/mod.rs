@@ -1,5 +1,4 @@
-//! The connection of either end of kawasaki-msg, over TCP or UDP, and the run of a PC.
+//! The connection of either end of kawasaki-msg, over TCP or UDP.
 
 pub mod meeting;
-pub mod pc;
 pub mod peer;

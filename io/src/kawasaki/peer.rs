@@ -1,11 +1,12 @@
 //! The connection of one end to the other, which may be missing.
 
+use std::cell::Cell;
 use std::io::{self, ErrorKind};
-use std::ops::ControlFlow;
+use std::rc::Rc;
 use std::time::Duration;
 
 use kawasaki_msg::START;
-use robot_session::{Ended, Received, Sent, Transport, Wait};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use super::meeting::Carrier;
 use crate::clock::Clock;
@@ -26,13 +27,15 @@ pub struct Packets {
 }
 
 impl Packets {
-    fn add(&mut self, packet: &[u8]) {
+    fn and(self, packet: &[u8]) -> Self {
         // A value cannot hold the mark that begins a message.
         let messages = packet.iter().filter(|byte| **byte == START).count();
-        self.count += 1;
-        self.messages += messages as u64;
-        self.most_messages = self.most_messages.max(messages);
-        self.longest = self.longest.max(packet.len());
+        Self {
+            count: self.count + 1,
+            messages: self.messages + messages as u64,
+            most_messages: self.most_messages.max(messages),
+            longest: self.longest.max(packet.len()),
+        }
     }
 }
 
@@ -43,8 +46,7 @@ pub struct Peer<'a> {
     trace: &'a Trace,
     carrier: Option<Traced<'a, Carrier>>,
     discard_after: Option<Duration>,
-    /// The bytes that this end has sent, over all connections.
-    pub packets: Packets,
+    packets: Rc<Cell<Packets>>,
     /// The other end has sent something since this was looked at.
     received: bool,
 }
@@ -57,7 +59,7 @@ impl<'a> Peer<'a> {
             trace,
             carrier: None,
             discard_after: None,
-            packets: Packets::default(),
+            packets: Rc::default(),
             received: false,
         }
     }
@@ -65,6 +67,11 @@ impl<'a> Peer<'a> {
     /// The clock of the session.
     pub fn clock(&self) -> Clock {
         self.clock
+    }
+
+    /// The counts of the packets that this end has sent, over all connections.
+    pub fn packets(&self) -> Rc<Cell<Packets>> {
+        Rc::clone(&self.packets)
     }
 
     /// Takes a connection; the previous one ends.
@@ -79,19 +86,14 @@ impl<'a> Peer<'a> {
         Ok(())
     }
 
-    /// Returns whether there is a connection.
-    pub fn is_connected(&self) -> bool {
-        self.carrier.is_some()
-    }
-
     /// Returns whether the other end has sent something since the last call.
     pub fn take_received(&mut self) -> bool {
         core::mem::take(&mut self.received)
     }
 
-    /// Ends the connection; returns whether there was one.
-    pub fn disconnect(&mut self) -> bool {
-        self.carrier.take().is_some()
+    /// Ends the connection, if there is one.
+    pub fn disconnect(&mut self) {
+        self.carrier = None;
     }
 }
 
@@ -112,10 +114,9 @@ impl Transport for Peer<'_> {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         let sent = self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)?;
-        match sent {
-            Sent::Part(0) => {}
-            Sent::Part(length) => self.packets.add(bytes.get(..length).unwrap_or_default()),
-            Sent::Buffered | Sent::Transmitted => self.packets.add(bytes),
+        let length = if let Sent::Part(length) = sent { length } else { bytes.len() };
+        if let Some(packet @ [_, ..]) = bytes.get(..length) {
+            self.packets.set(self.packets.get().and(packet));
         }
         Ok(sent)
     }
@@ -127,19 +128,5 @@ impl Transport for Peer<'_> {
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {
         self.discard_after = Some(after);
         self.carrier.as_mut().map_or(Ok(()), |carrier| carrier.discard_after(after))
-    }
-}
-
-/// Returns the value that the handler broke with, or the reason to close the connection.
-pub fn outcome<B>(
-    turn: io::Result<ControlFlow<Ended<B>>>,
-    closed: &str,
-) -> ControlFlow<B, Result<(), String>> {
-    match turn {
-        Ok(ControlFlow::Continue(())) => ControlFlow::Continue(Ok(())),
-        Ok(ControlFlow::Break(Ended::ByHandler(value))) => ControlFlow::Break(value),
-        Ok(ControlFlow::Break(Ended::ByPeer)) => ControlFlow::Continue(Err(closed.into())),
-        Ok(ControlFlow::Break(Ended::Stalled)) => ControlFlow::Continue(Err("the peer does not read".into())),
-        Err(error) => ControlFlow::Continue(Err(error.to_string())),
     }
 }

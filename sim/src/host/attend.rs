@@ -1,7 +1,9 @@
 //! The host of a device that has one connection after the other.
 
+use core::cell::RefCell;
 use core::ops::ControlFlow;
 use core::time::Duration;
+use std::io;
 
 use robot_session::{Driver, Ended, Transport};
 
@@ -44,7 +46,7 @@ pub enum Change {
     Disconnected(Ending),
 }
 
-/// Runs a device over an endpoint while `goes_on`, which is called at least each time that `look` has passed. Afterwards the session still has its
+/// Runs a session over an endpoint while `goes_on`, which is called at least each time that `look` has passed. Afterwards the session still has its
 /// connection.
 ///
 /// # Errors
@@ -87,9 +89,17 @@ pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
             None => {}
         }
         let name = peer.as_deref().unwrap_or_default();
-        let turn = driver.turn(session, Some(look), |session, event| {
+        let (observer, mut failed) = (RefCell::new(&mut observe), None);
+        let keep = |session: &mut S| {
+            let kept = (observer.borrow_mut())(session, Notice::Sending);
+            kept.map_err(|error| {
+                failed = Some(error);
+                io::Error::other("the state cannot be stored")
+            })
+        };
+        let turn = driver.turn_keeping(session, Some(look), keep, |session, event| {
             let request = S::request(&event);
-            if let Err(error) = observe(session, Notice::Event(name, event)) {
+            if let Err(error) = (observer.borrow_mut())(session, Notice::Event(name, event)) {
                 return ControlFlow::Break(Err(error));
             }
             match request {
@@ -98,6 +108,9 @@ pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
                 None => ControlFlow::Continue(()),
             }
         });
+        if let Some(error) = failed {
+            return Err(error);
+        }
         observe(session, Notice::Settled)?;
         let ending = match turn {
             Ok(ControlFlow::Continue(())) => continue,

@@ -22,7 +22,7 @@ pub use self::serve::Server;
 /// The number of clients that a [`Server`] serves at once; others are refused.
 pub const MAX_CLIENTS: usize = 1000;
 
-/// A session that a host runs: a [`Simulator`], or a session around one.
+/// A session that a host runs: a [`Simulator`], a session around one, or a PC of a Kawasaki robot.
 pub trait Hosted: Session + Sized {
     /// The same device on one more connection; `None` if a new connection replaces the previous one.
     fn another(&self) -> Option<Self> {
@@ -97,6 +97,9 @@ pub enum Notice<'a, E> {
     Sent(Duration, &'a [u8]),
     /// A connection has ended, or could not be made.
     Disconnected(&'a str, &'a Ending),
+    /// Bytes of the session are sent next: state that must survive the program is to be stored. Reported by [`attend`]; after an error
+    /// nothing is sent.
+    Sending,
     /// The events of a turn have been reported: executed commands can be fetched.
     Settled,
 }

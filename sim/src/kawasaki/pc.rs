@@ -8,7 +8,11 @@ use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};
 use robot_session::end::End as _;
 
 use crate::device::{Device, Error, Notes};
+use crate::host::{Hosted, Request};
 use crate::settings::Settings;
+
+/// The reason to close the connection to a robot.
+const SILENT: &str = "the robot is silent";
 
 /// A PC's settings, for jobs of the type `W`. What it "executes" are orders: [`PcEvent::OrderOver`] and [`PcEvent::OutcomeUnknown`].
 #[derive(Debug, Clone)]
@@ -39,6 +43,13 @@ impl<W: Work + Debug + Send + Sync + 'static> Settings for KawasakiPc<W> {
     fn device(&self) -> Result<Pc<W>, Error> {
         let session = LargePc::with_ranges(self.config, self.ranges.clone()).map_err(Error::settings)?;
         Ok(Pc { settings: self.clone(), session, next: self.order, was_connected: false, is_wanted: false })
+    }
+}
+
+/// A PC whose orders are those of a program.
+impl<S: JobSource> Hosted for LargePc<S> {
+    fn request(event: &PcEvent) -> Option<Request> {
+        (*event == PcEvent::Disconnect).then_some(Request::Close(SILENT))
     }
 }
 
@@ -86,7 +97,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
 
     fn take(&mut self, now: Duration, event: PcEvent, notes: &mut Notes<PcEvent, PcEvent>) {
         match event {
-            PcEvent::Disconnect => notes.close("the robot is silent"),
+            PcEvent::Disconnect => notes.close(SILENT),
             PcEvent::OrderOver { .. } => {
                 self.is_wanted |= self.settings.repeat;
                 notes.executed(now, event);

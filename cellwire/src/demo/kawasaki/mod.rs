@@ -14,12 +14,12 @@ use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timin
 use self::tally::{Orders, Outcome};
 use crate::demo::DemoOptions;
 use crate::devices::device::Endpoint;
+use crate::devices::kawasaki_msg::pc::{self, Packets, Program};
 use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::report::{Budget, Report, were};
 use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::kawasaki::pc::{self, Packets, Program};
 use cellwire_io::tcp;
 use cellwire_io::tls::TlsArgs;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
@@ -176,9 +176,9 @@ impl<'a> Repeat<'a> {
 }
 
 impl<'a> Program for Repeat<'a> {
-    type Session = LargePc<&'a [AnyWork]>;
+    type Jobs = &'a [AnyWork];
 
-    fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
+    fn step(&mut self, pc: &mut LargePc<&'a [AnyWork]>) -> Result<bool> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
         if let Some(executed) = self.over.take() {
             self.ledger.over(Outcome { sent: pc.sent(), executed });
@@ -204,8 +204,7 @@ impl<'a> Program for Repeat<'a> {
         Ok(true)
     }
 
-    fn notify(&mut self, _: &mut Self::Session, notification: pc::Notification<'_>) -> Result<()> {
-        let pc::Notification::Event(event) = notification else { return Ok(()) };
+    fn event(&mut self, event: PcEvent) -> Result<()> {
         match event {
             PcEvent::Progress { executed, queued } => {
                 self.progress.set_position(executed.into());

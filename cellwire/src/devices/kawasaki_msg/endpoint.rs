@@ -1,6 +1,8 @@
 //! A simulated end's connections, for its host.
 
+use std::cell::Cell;
 use std::io;
+use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
@@ -9,7 +11,7 @@ use robot_session::{Received, Sent, Transport, Wait};
 
 use cellwire_io::clock::Clock;
 use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::kawasaki::peer::Peer;
+use cellwire_io::kawasaki::peer::{Packets, Peer};
 use cellwire_io::trace::Trace;
 
 /// A host looks for another peer, and a command to the simulator waits, for this long at most.
@@ -31,6 +33,7 @@ impl Side {
         match ending {
             Ending::ByPeer => format!("the {peer} closed the connection"),
             Ending::Stopped if self == Self::Robot => "the robot is switched off".into(),
+            Ending::Stopped => "the PC has ended".into(),
             Ending::Replaced => format!("another {peer} has connected"),
             ending => ending.to_string(),
         }
@@ -54,6 +57,11 @@ impl<'a> Connections<'a> {
     /// The clock of the session.
     pub(super) fn clock(&self) -> Clock {
         self.peer.clock()
+    }
+
+    /// The counts of the packets that this end has sent.
+    pub(super) fn packets(&self) -> Rc<Cell<Packets>> {
+        self.peer.packets()
     }
 
     /// Whether a connection is looked for now.
@@ -154,7 +162,8 @@ impl Reports {
             }
             Notice::Disconnected(_, ending) => {
                 let why = self.side.reason(ending);
-                if core::mem::take(&mut self.is_connected) || self.reported != why {
+                let is_news = self.reported != why && !matches!(ending, Ending::Stopped);
+                if core::mem::take(&mut self.is_connected) || is_news {
                     notify(Connection::Disconnected(&why))?;
                 }
                 let traced = trace.finish(&why);

@@ -3,6 +3,7 @@
 mod control;
 pub mod endpoint;
 pub mod options;
+pub mod pc;
 pub mod robot;
 pub mod sheet;
 pub mod simulate;

@@ -1,21 +1,20 @@
 //! The run: one order after another, until every job is done.
 
-use std::io;
 use std::time::Duration;
 
-use anyhow::{Result, bail, ensure};
-use kawasaki_msg::{LargePc, MessageError, PcConfig, PcEvent, Phase};
+use anyhow::{Context as _, Result, bail, ensure};
+use kawasaki_msg::{LargePc, MessageError, PcConfig, PcEvent, Phase, SessionError};
 use robot_session::now;
 use serde_json::{Value, json};
 
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
+use crate::devices::kawasaki_msg::pc::{self, Connection, Program};
 use crate::io::journal::{Outcome, Span};
 use crate::run::{Answer, Answered, Console, STOP_WITHIN};
 use cellwire_io::drive::Lost;
 use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::kawasaki::pc::{self, Notification, Program};
 use cellwire_io::trace::Trace;
 
 /// The end of a run.
@@ -40,8 +39,6 @@ pub struct Runner<'a> {
     jobs: &'a Jobs,
     config: PcConfig,
     journal: &'a mut Journal,
-    /// The reason why nothing is sent any more.
-    failed: Option<anyhow::Error>,
     console: Console<'a>,
     /// The number of the next order, if given.
     order: Option<u16>,
@@ -86,7 +83,6 @@ impl<'a> Runner<'a> {
             jobs,
             config,
             journal,
-            failed: None,
             console,
             order,
             answer,
@@ -193,6 +189,75 @@ impl<'a> Runner<'a> {
         span
     }
 
+    fn check_absence(&self) -> Result<()> {
+        let is_strange = self.strange.is_some_and(|strange| strange >= STRANGE);
+        let is_absent = !self.connected || is_strange;
+        let Some(most) = self.absence.filter(|most| is_absent && now() - self.since > *most) else {
+            return Ok(());
+        };
+        ensure!(!is_strange, NO_TABLE);
+        let most = humantime::format_duration(most);
+        match self.met {
+            true => Err(Lost(format!("the robot has been disconnected for {most}")).into()),
+            false => bail!("no robot connected within {most}: see --robot-timeout"),
+        }
+    }
+}
+
+impl<'a> Program for Runner<'a> {
+    type Jobs = Order<'a>;
+
+    /// Nothing is sent that the journal does not have.
+    fn keep(&mut self, session: &mut Pc<'a>) -> Result<()> {
+        if session.order().is_none() {
+            return Ok(());
+        }
+        let progress = self.journal.progress(session.executed(), session.sent());
+        if progress.context("the packet was not sent, and the connection was closed")? {
+            self.console.progress(self.journal.tally());
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, session: &mut Pc<'a>) -> Result<bool> {
+        while let Some(answered) = self.console.listen(Duration::ZERO) {
+            self.answer(answered)?;
+        }
+        if session.order().is_some() {
+            if self.console.stopping && (!self.connected || self.console.has_waited(STOP_WITHIN)) {
+                // Nothing can be sent, or it has no effect: the robot executes what it has queued.
+                return Ok(false);
+            }
+            if self.console.paused || self.console.stopping {
+                self.journal.break_off()?;
+                // After the job that is being executed; if the plant has no message for that, after the jobs that the robot has queued.
+                if let Err(SessionError::Lacks { .. }) = session.interrupt() {
+                    // The order is ending already, or has not begun: then the call is retried.
+                    let _ = session.end();
+                }
+            }
+            self.check_absence()?;
+            return Ok(true);
+        }
+        if self.ended.is_some() || self.console.stopping {
+            return Ok(false);
+        }
+        if self.asks || self.console.paused {
+            return Ok(true);
+        }
+        if let Some((first, count)) = self.journal.unknown() {
+            match self.answer.and_then(|answer| answer.done(first, count)) {
+                Some(done) => self.answer(Answered { first, count, done })?,
+                None => self.ask(first, count),
+            }
+        } else if self.journal.count(Outcome::NotSent) == 0 {
+            self.ended = Some(Ended::Complete);
+        } else {
+            self.begin(session)?;
+        }
+        Ok(self.ended.is_none() && !(self.console.stopping && session.order().is_none()))
+    }
+
     fn event(&mut self, event: PcEvent) -> Result<()> {
         match (&event, &mut self.strange) {
             (PcEvent::Rejected(MessageError::UnknownName { .. }), Some(strange)) => {
@@ -267,94 +332,18 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    fn check_absence(&self) -> Result<()> {
-        let is_strange = self.strange.is_some_and(|strange| strange >= STRANGE);
-        let is_absent = !self.connected || is_strange;
-        let Some(most) = self.absence.filter(|most| is_absent && now() - self.since > *most) else {
-            return Ok(());
-        };
-        ensure!(!is_strange, NO_TABLE);
-        let most = humantime::format_duration(most);
-        match self.met {
-            true => Err(Lost(format!("the robot has been disconnected for {most}")).into()),
-            false => bail!("no robot connected within {most}: see --robot-timeout"),
-        }
-    }
-}
-
-impl<'a> Program for Runner<'a> {
-    type Session = Pc<'a>;
-
-    /// Nothing is sent that the journal does not have.
-    fn keep(&mut self, session: &mut Pc<'a>) -> io::Result<()> {
-        if session.order().is_none() {
-            return Ok(());
-        }
-        if self.failed.is_some() {
-            return Err(io::Error::other("the journal could not be written"));
-        }
-        match self.journal.progress(session.executed(), session.sent()) {
-            Ok(is_news) if is_news => self.console.progress(self.journal.tally()),
-            Ok(_) => {}
-            Err(error) => {
-                self.failed = Some(error.context("the packet was not sent, and the connection was closed"));
-                return Err(io::Error::other("the journal cannot be written"));
-            }
-        }
-        Ok(())
-    }
-
-    fn step(&mut self, session: &mut Pc<'a>) -> Result<bool> {
-        if let Some(error) = self.failed.take() {
-            return Err(error);
-        }
-        while let Some(answered) = self.console.listen(Duration::ZERO) {
-            self.answer(answered)?;
-        }
-        if session.order().is_some() {
-            if self.console.stopping && (!self.connected || self.console.has_waited(STOP_WITHIN)) {
-                // Nothing can be sent, or it has no effect: the robot executes what it has queued.
-                return Ok(false);
-            }
-            if self.console.paused || self.console.stopping {
-                self.journal.break_off()?;
-                pc::break_off(session);
-            }
-            self.check_absence()?;
-            return Ok(true);
-        }
-        if self.ended.is_some() || self.console.stopping {
-            return Ok(false);
-        }
-        if self.asks || self.console.paused {
-            return Ok(true);
-        }
-        if let Some((first, count)) = self.journal.unknown() {
-            match self.answer.and_then(|answer| answer.done(first, count)) {
-                Some(done) => self.answer(Answered { first, count, done })?,
-                None => self.ask(first, count),
-            }
-        } else if self.journal.count(Outcome::NotSent) == 0 {
-            self.ended = Some(Ended::Complete);
-        } else {
-            self.begin(session)?;
-        }
-        Ok(self.ended.is_none() && !(self.console.stopping && session.order().is_none()))
-    }
-
-    fn notify(&mut self, _session: &mut Pc<'a>, notification: Notification<'_>) -> Result<()> {
-        let line = match notification {
-            Notification::Event(event) => return self.event(event),
-            Notification::Connected(peer) => {
+    fn connection(&mut self, connection: Connection<'_>) -> Result<()> {
+        let line = match connection {
+            Connection::Connected(peer) => {
                 (self.connected, self.since, self.met) = (true, now(), true);
                 self.strange = Some(0);
                 json!({"event": "connected", "peer": peer})
             }
-            Notification::Disconnected(why) => {
+            Connection::Disconnected(why) => {
                 (self.connected, self.since, self.strange) = (false, now(), None);
                 json!({"event": "disconnected", "why": why})
             }
-            Notification::Traced(path) => json!({"event": "trace", "path": path}),
+            Connection::Traced(path) => json!({"event": "trace", "path": path}),
         };
         self.console.notify(line);
         Ok(())

@@ -9,7 +9,6 @@ pub mod endpoint;
 pub mod files;
 pub mod input;
 pub mod interrupt;
-pub mod kawasaki;
 pub mod latency;
 mod limiter;
 pub mod manual;

@@ -14,12 +14,12 @@ use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timin
 use self::tally::{Orders, Outcome};
 use crate::demo::DemoOptions;
 use crate::devices::device::Endpoint;
+use crate::devices::kawasaki_msg::meeting::Meeting;
 use crate::devices::kawasaki_msg::pc::{self, Packets, Program};
 use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::report::{Budget, Report, were};
-use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::tcp;
 use cellwire_io::tls::TlsArgs;
 use cellwire_links::kawasaki_msg::layout::AnyWork;

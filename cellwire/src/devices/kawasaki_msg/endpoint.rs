@@ -1,17 +1,18 @@
-//! A simulated end's connections, for its host.
+//! The connections of an end, for its host.
 
 use std::cell::Cell;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
 use cellwire_sim::host::{Change, Ending, Endpoint, Notice, State};
+use kawasaki_msg::START;
 use robot_session::{Received, Sent, Transport, Wait};
 
+use super::meeting::{Carrier, Meeting};
 use cellwire_io::clock::Clock;
-use cellwire_io::kawasaki::meeting::Meeting;
-use cellwire_io::kawasaki::peer::{Packets, Peer};
+use cellwire_io::drive::Traced;
 use cellwire_io::trace::Trace;
 
 /// A host looks for another peer, and a command to the simulator waits, for this long at most.
@@ -40,28 +41,60 @@ impl Side {
     }
 }
 
-/// The connections of an end to its peers.
+/// Counts of the packets that an end has sent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Packets {
+    /// The number of packets.
+    pub count: u64,
+    /// The number of messages in all packets.
+    pub messages: u64,
+    /// The number of messages in the packet that has most.
+    pub most_messages: usize,
+    /// The number of bytes of the longest packet.
+    pub longest: usize,
+}
+
+impl Packets {
+    fn and(self, packet: &[u8]) -> Self {
+        // A value cannot hold the mark that begins a message.
+        let messages = packet.iter().filter(|byte| **byte == START).count();
+        Self {
+            count: self.count + 1,
+            messages: self.messages + messages as u64,
+            most_messages: self.most_messages.max(messages),
+            longest: self.longest.max(packet.len()),
+        }
+    }
+}
+
+/// The connections of an end to its peers. Without a connection nothing arrives.
 pub(super) struct Connections<'a> {
     side: Side,
     meeting: &'a mut Meeting,
-    peer: Peer<'a>,
+    clock: Clock,
+    trace: &'a Trace,
+    carrier: Option<Traced<'a, Carrier>>,
+    discard_after: Option<Duration>,
+    packets: Rc<Cell<Packets>>,
     /// The time of the next attempt to connect.
     retry_at: Duration,
 }
 
 impl<'a> Connections<'a> {
+    /// No connection yet; the bytes of each are added to `trace`.
     pub(super) fn new(side: Side, meeting: &'a mut Meeting, trace: &'a Trace) -> Self {
-        Self { side, meeting, peer: Peer::new(trace), retry_at: Duration::ZERO }
+        let (clock, packets, retry_at) = (Clock::start(), Rc::default(), Duration::ZERO);
+        Self { side, meeting, clock, trace, carrier: None, discard_after: None, packets, retry_at }
     }
 
     /// The clock of the session.
     pub(super) fn clock(&self) -> Clock {
-        self.peer.clock()
+        self.clock
     }
 
-    /// The counts of the packets that this end has sent.
+    /// The counts of the packets that this end has sent, over all connections.
     pub(super) fn packets(&self) -> Rc<Cell<Packets>> {
-        self.peer.packets()
+        Rc::clone(&self.packets)
     }
 
     /// Whether a connection is looked for now.
@@ -78,16 +111,16 @@ impl Endpoint for Connections<'_> {
     type Error = Error;
 
     fn look(&mut self, device: State) -> Result<Option<Change>> {
-        if self.peer.take_received() {
-            self.meeting.answered();
-        }
-        let now = self.peer.now();
+        let now = self.clock.now();
         if !self.is_wanted(device, now) {
             return Ok(None);
         }
         let why = match self.meeting.meet()? {
-            Ok(Some((carrier, peer))) => {
-                self.peer.connect(carrier)?;
+            Ok(Some((mut carrier, peer))) => {
+                if let Some(after) = self.discard_after {
+                    carrier.discard_after(after)?;
+                }
+                self.carrier = Some(Traced::new(carrier, self.trace, self.clock));
                 return Ok(Some(Change::Connected(peer)));
             }
             Ok(None) if self.meeting.takes_another() || self.side == Side::Pc => return Ok(None),
@@ -100,27 +133,45 @@ impl Endpoint for Connections<'_> {
     }
 
     fn end(&mut self, _: &Ending) -> bool {
-        self.peer.disconnect();
-        self.retry_at = self.peer.now().saturating_add(self.meeting.pause());
+        self.carrier = None;
+        self.retry_at = self.clock.now().saturating_add(self.meeting.pause());
         true
     }
 }
 
 impl Transport for Connections<'_> {
     fn now(&self) -> Duration {
-        self.peer.now()
+        self.clock.now()
     }
 
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
-        self.peer.receive(buffer, wait)
+        let Some(carrier) = &mut self.carrier else {
+            wait.pause()?;
+            return Ok(Received::Nothing);
+        };
+        let received = carrier.receive(buffer, wait)?;
+        if let Received::Bytes(_) = received {
+            self.meeting.answered();
+        }
+        Ok(received)
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.peer.send(bytes)
+        let sent = self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)?;
+        let length = if let Sent::Part(length) = sent { length } else { bytes.len() };
+        if let Some(packet @ [_, ..]) = bytes.get(..length) {
+            self.packets.set(self.packets.get().and(packet));
+        }
+        Ok(sent)
     }
 
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {
-        self.peer.discard_after(after)
+        self.discard_after = Some(after);
+        self.carrier.as_mut().map_or(Ok(()), |carrier| carrier.discard_after(after))
+    }
+
+    fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
+        self.carrier.as_mut().map_or(Ok(()), |carrier| carrier.wait_for_room(wait))
     }
 }
 

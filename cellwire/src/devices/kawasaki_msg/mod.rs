@@ -2,6 +2,7 @@
 
 mod control;
 pub mod endpoint;
+pub mod meeting;
 pub mod options;
 pub mod pc;
 pub mod robot;

@@ -2,14 +2,13 @@
 
 use std::cell::Cell;
 
+use super::meeting::Meeting;
 use anyhow::Result;
-use cellwire_io::kawasaki::meeting::Meeting;
-pub use cellwire_io::kawasaki::peer::Packets;
 use cellwire_io::trace::Trace;
 use cellwire_sim::host::{Ending, Notice, attend};
 use kawasaki_msg::{JobSource, LargePc, PcEvent};
 
-pub use super::endpoint::Connection;
+pub use super::endpoint::{Connection, Packets};
 use super::endpoint::{Connections, LOOK, Reports, Side};
 
 /// The program of a PC.

@@ -12,9 +12,9 @@ use kawasaki_msg::{Job, RobotConfig, RobotEvent, RobotStatistics};
 use robot_session::Session;
 
 use super::endpoint::{Connection, Connections, LOOK, Reports, Side};
+use super::meeting::Meeting;
 use super::sheet::Lines;
 use crate::io::samples::Samples;
-use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::trace::Trace;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 

@@ -14,12 +14,12 @@ use serde_json::{Map, Value, json};
 
 use super::control;
 use super::endpoint::{Connection, Connections, LOOK, Reports, Side};
+use super::meeting::Meeting;
 use super::options::{PcSettings, RobotSettings};
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{Lines, SHEET};
 use crate::devices::device::SimulateOptions;
 use crate::io::drawing::{self, Picture};
-use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::output::{log, notice, remark};
 use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;

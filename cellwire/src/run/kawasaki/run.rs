@@ -10,11 +10,11 @@ use serde_json::{Value, json};
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
+use crate::devices::kawasaki_msg::meeting::Meeting;
 use crate::devices::kawasaki_msg::pc::{self, Connection, Program};
 use crate::io::journal::{Outcome, Span};
 use crate::run::{Answer, Answered, Console, STOP_WITHIN};
 use cellwire_io::drive::Lost;
-use cellwire_io::kawasaki::meeting::Meeting;
 use cellwire_io::trace::Trace;
 
 /// The end of a run.

@@ -13,14 +13,14 @@ use kawasaki_msg::{Dialect, Message};
 use robot_session::tls::Secure;
 use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
 
-use crate::backoff::Backoff;
-use crate::drive::Lost;
-use crate::endpoint::Endpoint;
-use crate::output::{admits, remark};
-use crate::stream::Stream;
-use crate::tcp::{self, Dialing};
-use crate::tls::{self, ServerConfig, Tls, TlsArgs};
-use crate::udp::{self, Datagrams};
+use cellwire_io::backoff::Backoff;
+use cellwire_io::drive::Lost;
+use cellwire_io::endpoint::Endpoint;
+use cellwire_io::output::{admits, remark};
+use cellwire_io::stream::Stream;
+use cellwire_io::tcp::{self, Dialing};
+use cellwire_io::tls::{self, ServerConfig, Tls, TlsArgs};
+use cellwire_io::udp::{self, Datagrams};
 
 /// The most handshakes at once; the oldest one ends for another.
 const MAX_HANDSHAKES: usize = 64;

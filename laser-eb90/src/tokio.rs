@@ -95,7 +95,7 @@ pub enum Error {
     },
     /// The first `taken` instructions were queued; the outcome of the next `count` is unknown; the others were not queued.
     #[error(
-        "whether {count} instructions after the first {taken} of the run were taken is unknown: {reason:?}"
+        "whether {count} instructions after the first {taken} of the run were taken is unknown: {reason}"
     )]
     Unknown {
         /// The number of accepted instructions.

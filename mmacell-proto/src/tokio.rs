@@ -70,13 +70,13 @@ pub enum Error {
     #[error("the device refuses the command: {0}")]
     Refused(ErrorCode),
     /// The connection has ended before the command was sent.
-    #[error("the connection ended before the command was sent: {0:?}")]
+    #[error("the connection ended before the command was sent: {0}")]
     NotSent(Closing),
     /// The connection has ended before the reply.
-    #[error("outcome of the command unknown: the connection ended: {0:?}")]
+    #[error("outcome of the command unknown: the connection ended: {0}")]
     Unknown(Closing),
     /// The motion has ended elsewhere.
-    #[error("the motion has not arrived: {0:?}")]
+    #[error("the motion has not arrived: {0}")]
     Missed(Miss),
     /// For [`GIVE_UP_AFTER`] the device has refused to report its status. Whether the motion has arrived is unknown.
     #[error("outcome of the motion unknown: the device does not report its status: {0}")]
@@ -265,7 +265,7 @@ impl<P: Pose + Send + 'static> Service for Commands<P> {
                 });
                 self.end_motion(Err(Error::Unknown(reason)));
                 if reason != Closing::Disconnected {
-                    reports.reconnect(io::Error::other(std::format!("the connection has ended: {reason:?}")));
+                    reports.reconnect(io::Error::other(std::format!("the connection has ended: {reason}")));
                 }
             }
             _ => {}

@@ -187,7 +187,7 @@ impl Sender {
 fn outcome_of(error: &Error) -> (Outcome, String) {
     match error {
         Error::Refused { refusal, .. } => (Outcome::Refused, format!("the controller refuses: {refusal}")),
-        Error::Unknown { reason, .. } => (Outcome::Unknown, format!("{reason:?}")),
+        Error::Unknown { reason, .. } => (Outcome::Unknown, reason.to_string()),
         Error::Closed(_) => (Outcome::Unknown, error.to_string()),
         _ => (Outcome::Refused, error.to_string()),
     }

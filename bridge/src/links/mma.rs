@@ -119,8 +119,8 @@ impl<P: Pose + Serialize + DeserializeOwned + Send + Sync + 'static> Worker for 
                 end.answered();
                 (Outcome::Refused, format!("the device reports error {}", i32::from(error)))
             }
-            Err(Error::Unknown(reason)) => (Outcome::Unknown, format!("{reason:?}")),
-            Err(Error::NotSent(reason)) => (Outcome::Refused, format!("{reason:?}")),
+            Err(Error::Unknown(reason)) => (Outcome::Unknown, reason.to_string()),
+            Err(Error::NotSent(reason)) => (Outcome::Refused, reason.to_string()),
             Err(error @ Error::Closed(_)) => (Outcome::Unknown, error.to_string()),
             Err(error) => (Outcome::Refused, error.to_string()),
         }

@@ -1,5 +1,6 @@
 //! The frame that was sent last: where it has come to, and what follows from an answer to it, or from none.
 
+use core::fmt;
 use core::time::Duration;
 
 use super::config::{HostConfig, Rule};
@@ -157,6 +158,21 @@ pub enum UnknownReason {
     ExecutionFailed,
     /// The connection was lost first.
     Disconnected,
+}
+
+impl fmt::Display for UnknownReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match *self {
+            Self::Silence => "no answer in time",
+            Self::Corrupt => "the answer was corrupt",
+            Self::OtherWord { expected, found } => {
+                return write!(f, "the answer was word {found:04X}h instead of {expected:04X}h");
+            }
+            Self::PartialFrame => "the controller may have rejected only a part of the frame",
+            Self::ExecutionFailed => "the execution failed, and may have had effects",
+            Self::Disconnected => "the connection was lost",
+        })
+    }
 }
 
 impl HostLink {

@@ -192,6 +192,8 @@ async fn what_was_in_flight_when_the_controller_went_is_unknown() {
             .await
             .unwrap();
     assert!(matches!(unknown, Err(Error::Unknown { taken: 0, count: 1..=7, .. })), "{unknown:?}");
+    let text = unknown.unwrap_err().to_string();
+    assert!(text.ends_with(" of the run were taken is unknown: the connection was lost"), "{text}");
     let done = Done::default();
     serve(listener.accept().await.unwrap().0, &done);
     timeout(LONG, laser.run([cut(30.0)])).await.unwrap().unwrap();

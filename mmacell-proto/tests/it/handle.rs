@@ -102,6 +102,8 @@ async fn a_device_that_goes_in_a_motion_is_found_again_and_nothing_is_said_to_ha
     robot.command(Command::Servo { on: true }).await.unwrap();
     let lost = timeout(LONG, robot.move_to(pose(100.0))).await.unwrap();
     assert!(matches!(lost, Err(Error::Unknown(_))), "{lost:?}");
+    let text = lost.unwrap_err().to_string();
+    assert_eq!(text, "outcome of the command unknown: the connection ended: disconnected");
     let listener = first.await.unwrap();
     tokio::spawn(async move { device(listener.accept().await.unwrap().0).await });
     timeout(LONG, robot.handle().connected()).await.unwrap().unwrap();

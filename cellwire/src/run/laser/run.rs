@@ -171,7 +171,11 @@ impl<'a> Runner<'a> {
             }
             HostEvent::Unknown { reason, .. } => {
                 self.unknown = true;
-                let why = self.why(reason);
+                let limit = self.config.answer_timeout;
+                let why = match reason {
+                    UnknownReason::Silence => format!("no answer within {limit:?}"),
+                    reason => reason.to_string(),
+                };
                 return self.outcome(Outcome::Unknown, &why);
             }
             HostEvent::Unasked { word } => json!({"event": "unasked", "word": word}),
@@ -181,20 +185,6 @@ impl<'a> Runner<'a> {
         };
         self.console.notice(event);
         Ok(())
-    }
-
-    fn why(&self, reason: UnknownReason) -> String {
-        match reason {
-            UnknownReason::Silence => format!("no answer within {:?}", self.config.answer_timeout),
-            UnknownReason::Corrupt => "the answer was corrupt".into(),
-            UnknownReason::OtherWord { expected, found } => {
-                format!("the answer was word {found:04X}h instead of {expected:04X}h")
-            }
-            UnknownReason::PartialFrame => "the controller may have rejected only a part of the frame".into(),
-            UnknownReason::ExecutionFailed => "the execution failed, and may have had effects".into(),
-            UnknownReason::Disconnected => "the connection was lost".into(),
-            other => format!("{other:?}"),
-        }
     }
 
     fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime};
 use anyhow::{Result, ensure};
 use clap::ValueEnum;
 use fanuc_hmi_modbus::typed::OrderProbe;
-use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
+use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 use humantime::format_rfc3339_millis;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 use super::{USES, print};
 use crate::command::ls::{GeometryArgs, limits};
 use crate::command::settings::SetArgs;
+use crate::devices::fanuc_hmi_modbus::client::{Port, PortKind};
 use crate::io::samples::Samples;
 use crate::report::Report;
 use crate::telemetry::Implausible;
@@ -27,7 +28,7 @@ use cellwire_io::clock::Clock;
 use cellwire_io::files;
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
-use cellwire_io::output::{counted, remark};
+use cellwire_io::output::{self, counted, remark};
 use cellwire_io::tcp::TimeoutArgs;
 use cellwire_io::tls::TlsArgs;
 use cellwire_links::fanuc_hmi_modbus::Frames;
@@ -113,24 +114,26 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     };
     let given = args.set.read_client("fanuc log", &USES)?;
     let view = given.view;
-    let mut config =
-        if view.frames == Frames::Rtu { ClientConfig::rtu_over_tcp() } else { ClientConfig::tcp() };
-    args.set.configure(&given, &mut config)?;
+    let kind = PortKind::Tcp {
+        server: args.server.clone(),
+        rtu: view.frames == Frames::Rtu,
+        tls: args.tls.client()?,
+    };
+    let mut port = Port::new(kind, args.set.dialing(None, args.connect)?);
+    args.set.configure(&given, &mut port.config)?;
+    let timeout = port.config.timeout;
     on_interrupt(Policy::Note)?;
     let clock = Clock::start();
-    let source = Source {
-        server: args.server.clone(),
-        unit: args.unit.or(view.unit).unwrap_or(1),
-        address: args.address.or(view.address).unwrap_or(TelemetryBlock::ADDRESS),
-        poll,
-        dialing: args.set.dialing(None, args.connect)?,
-        tls: args.tls.client()?,
-        config,
-    };
+    let unit = args.unit.or(view.unit).unwrap_or(1);
+    let address = args.address.or(view.address).unwrap_or(TelemetryBlock::ADDRESS);
+    let source = Source { port, unit, address, poll };
     let mut logger = Logger::open(source, clock)?;
     let (file, csv) = files::create_new(&args.csv)?;
     let target =
         if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
+    // The log has no end that a bar could show.
+    let progress = ProgressBar::with_draw_target(None, target).with_style(ProgressStyle::default_spinner());
+    output::show_bar(&progress);
     let known = match args.word_order {
         None => given.word_order,
         Some(OrderArg::Auto) => None,
@@ -144,11 +147,10 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         recording: Recording::new(period, poll),
         turn_around: Samples::default(),
         tally: Tally::default(),
-        unread: Unread { timeout: config.timeout, since: clock.now(), failed: false },
+        unread: Unread { timeout, since: clock.now(), failed: false },
         lost_at: None,
         is_first: true,
-        // The log has no end that a bar could show.
-        progress: ProgressBar::with_draw_target(None, target).with_style(ProgressStyle::default_spinner()),
+        progress,
         clock,
     };
     let unwritten = |error: anyhow::Error| match error.is::<std::io::Error>() {
@@ -257,14 +259,14 @@ impl Log {
             }
             Reading::Absent(why) => {
                 self.lost_at = Some(self.clock.now());
-                self.say(&format!("{why}; waiting for the controller"));
+                remark(&format!("{why}; waiting for the controller"));
                 self.note("not connected")?;
             }
             Reading::Disconnected(why) => {
                 self.tally.disconnected += 1;
                 self.is_first = false;
                 self.lost_at = Some(self.clock.now());
-                self.say(&format!("{why}; reconnecting"));
+                remark(&format!("{why}; reconnecting"));
                 self.note("disconnected")?;
             }
             Reading::Retried(why) => self.progress.set_message(why.to_owned()),
@@ -274,16 +276,11 @@ impl Log {
                 self.unread.end(self.clock.now());
                 self.plausibility.reconnected();
                 let connected = if self.is_first { "connected" } else { "reconnected" };
-                self.say(&format!("{connected} after {:.1} s", after.as_secs_f64()));
+                remark(&format!("{connected} after {:.1} s", after.as_secs_f64()));
                 self.note(&format!("{connected} after {:.3} s", after.as_secs_f64()))?;
             }
         }
         Ok(())
-    }
-
-    /// Prints a change of the connection on standard error, even if that has no progress bar.
-    fn say(&self, text: &str) {
-        self.progress.suspend(|| remark(text));
     }
 
     /// Writes a line of something that happened now.
@@ -329,7 +326,7 @@ impl Log {
 
     /// Writes the blocks that still wait for their word order as if it were the usual one, with a mark.
     fn end(&mut self) -> Result<()> {
-        self.progress.finish_and_clear();
+        output::clear_bar();
         match self.lost_at.take() {
             Some(lost) => self.tally.away += self.clock.now().saturating_sub(lost),
             None => self.note_unread()?,

@@ -18,6 +18,7 @@ use serde_json::json;
 
 use self::robot::Run;
 use crate::demo::{DemoOptions, MustFail};
+use crate::devices::fanuc_hmi_modbus::client::Port;
 use crate::devices::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
 use crate::io::samples::Samples;
 use crate::report::{Budget, Report};
@@ -177,13 +178,13 @@ impl Log {
         let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
         let address = proxy.as_ref().map_or(address, FaultyProxy::address);
         let source = Source {
-            server: address.to_string(),
+            port: Port {
+                config: settings.client,
+                ..Port::tcp(&address.to_string(), tcp::Dialing::default())
+            },
             unit: settings.server.unit.unwrap_or(1),
             address: TelemetryBlock::ADDRESS,
             poll: settings.poll,
-            dialing: tcp::Dialing::default(),
-            tls: None,
-            config: settings.client,
         };
         Ok(Self {
             logger: Logger::open(source, clock)?,

@@ -170,8 +170,7 @@ impl Client {
         // A server that has room for one connection may not have seen the end of the last one yet: it refuses this one, or closes it.
         let (is_own, end) = (self.is_used_up, Instant::now() + REGAINED);
         loop {
-            let asked = if self.is_used_up { self.reconnect() } else { Ok(()) };
-            let asked = asked.and_then(|()| self.ask_once(unit, request, &mut read));
+            let asked = self.ask_once(unit, request, &mut read);
             let again = |error: &anyhow::Error| is_own && error.is::<Lost>() && changes_nothing(request);
             match asked {
                 Err(error) if again(&error) => {
@@ -193,15 +192,40 @@ impl Client {
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Answer<T>> {
+        self.request(unit, request)?;
+        loop {
+            if let Some(answer) = self.answer(unit, None, &mut read)? {
+                return Ok(answer);
+            }
+        }
+    }
+
+    /// Begins a request, on another connection if this one is used up. [`answer`](Self::answer) returns its outcome.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn request(&mut self, unit: u8, request: &Request<'_>) -> Result<()> {
+        if self.is_used_up {
+            self.reconnect()?;
+        }
         // Bytes that have arrived before the request are not a reply to it.
         self.turn(Some(Duration::ZERO), |_| ())?;
         self.instead = None;
         self.session.request(unit, request)?;
-        let answer = loop {
-            if let Some(answer) = self.turn(None, &mut read)? {
-                break answer;
-            }
-        };
+        Ok(())
+    }
+
+    /// Waits for the outcome of a request to `unit`; `None` after `wait`.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn answer<T>(
+        &mut self,
+        unit: u8,
+        wait: Option<Duration>,
+        read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Option<Answer<T>>> {
+        let Some(answer) = self.turn(wait, read)? else { return Ok(None) };
         if let Answer::Replied(_) = answer {
             self.backoff.answered();
         }
@@ -214,7 +238,7 @@ impl Client {
             self.instead.get_or_insert_with(instead);
         }
         self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
-        Ok(answer)
+        Ok(Some(answer))
     }
 
     /// The failure of the last request, with what came in place of its reply.

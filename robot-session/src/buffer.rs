@@ -10,7 +10,7 @@ pub struct StreamBuffer<const N: usize> {
 }
 
 impl<const N: usize> StreamBuffer<N> {
-    /// An empty buffer at the beginning of a stream.
+    /// Creates an empty buffer at the beginning of a stream.
     pub const fn new() -> Self {
         Self { bytes: [0; N], start: 0, end: 0, position: 0 }
     }
@@ -62,7 +62,7 @@ impl<const N: usize> StreamBuffer<N> {
         self.bytes.get(first..self.start).unwrap_or_default()
     }
 
-    /// The stream offset of the first byte that is held, or of the next one that comes.
+    /// Returns the stream offset of the first byte in the buffer, or of the next byte if the buffer is empty.
     pub const fn position(&self) -> u64 {
         self.position
     }

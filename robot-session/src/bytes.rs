@@ -12,7 +12,7 @@ pub struct ByteDecoder {
 }
 
 impl ByteDecoder {
-    /// An empty decoder.
+    /// Creates an empty decoder.
     pub const fn new() -> Self {
         Self { buffer: StreamBuffer::new() }
     }

@@ -25,13 +25,13 @@ pub trait Decoder {
     #[must_use = "the bytes that were not taken are to be pushed again"]
     fn push(&mut self, bytes: &[u8]) -> usize;
 
-    /// The next frame or error; `None` if more bytes are needed.
+    /// Returns the next frame or error; `None` if more bytes are needed.
     fn next_frame(&mut self) -> Option<Result<Self::Frame<'_>, Self::Error>>;
 
     /// Marks the end of the stream or datagram, or a silence of the line: an incomplete frame becomes an error.
     fn finish(&mut self);
 
-    /// The stream offset just after the frame or error that `next_frame` returned last.
+    /// Returns the stream offset just after the frame or error that `next_frame` returned last.
     fn position(&self) -> u64;
 
     /// Discards the held bytes; they count in [`position`](Self::position).

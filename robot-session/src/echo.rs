@@ -52,7 +52,7 @@ pub enum EchoError {
 const BEGINNINGS: usize = 3;
 
 impl<const N: usize> Echo<N> {
-    /// A line with an echo if `is_set`, otherwise one whose echo is not known.
+    /// Creates the state of a line: with an echo if `is_set`, otherwise with an echo that is not known yet.
     pub const fn new(is_set: bool) -> Self {
         Self { is_set, returns: is_set, sent: [0; N], len: 0, come: 0, begun: 0, has_collided: false }
     }
@@ -75,8 +75,9 @@ impl<const N: usize> Echo<N> {
         }
     }
 
-    /// For an end whose frames cannot be answers: the last message, of `length` bytes, was found in the input, after more
-    /// noise than is examined here. The echo of the next messages is dropped. Returns the error unless the echo was known.
+    /// Called when the last message, of `length` bytes, was found in the input after more noise than is examined here, by an
+    /// end whose frames cannot be answers. The echo of the next messages is dropped. Returns the error unless the echo was
+    /// known.
     #[cold]
     pub fn found(&mut self, length: usize) -> Option<EchoError> {
         self.len = 0;

@@ -30,7 +30,7 @@ where
     P: Read + ReadReady + Write + WriteReady,
     C: Fn() -> Duration,
 {
-    /// A loop over `port`, with the time that `now` returns. The caller calls [`Session::handle_connected`] and
+    /// Creates a loop over `port`, with the time that `now` returns. The caller calls [`Session::handle_connected`] and
     /// [`Session::handle_disconnected`].
     pub const fn new(port: P, now: C) -> Self {
         Self { port: Ready(port), now: Now(now), input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
@@ -42,7 +42,7 @@ where
         Self { left: Left::with_stall(stall), ..self }
     }
 
-    /// The port.
+    /// Returns the port.
     pub fn port_mut(&mut self) -> &mut P {
         &mut self.port.0
     }

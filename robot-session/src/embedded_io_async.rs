@@ -34,8 +34,8 @@ where
     W: Write<Error = R::Error>,
     C: Clock,
 {
-    /// A loop over a port that is split: both halves are waited for at once. The caller calls [`Session::handle_connected`] and
-    /// [`Session::handle_disconnected`].
+    /// Creates a loop over a port that is split, so that both halves are waited for at once. The caller calls
+    /// [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(reader: R, writer: W, clock: C) -> Self {
         Self { port: Port(reader, writer), clock, input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
     }
@@ -46,12 +46,12 @@ where
         Self { left: Left::with_stall(stall), ..self }
     }
 
-    /// The half that reads.
+    /// Returns the half that reads.
     pub fn reader_mut(&mut self) -> &mut R {
         &mut self.port.0
     }
 
-    /// The clock.
+    /// Returns the clock.
     pub fn clock(&self) -> &C {
         &self.clock
     }

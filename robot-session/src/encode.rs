@@ -5,7 +5,7 @@ pub trait Encode {
     /// The reason that a message cannot be encoded: a fault of the caller.
     type Error: core::error::Error;
 
-    /// The bytes that [`encode`](Self::encode) writes.
+    /// Returns the number of bytes that [`encode`](Self::encode) writes.
     fn encoded_len(&self) -> usize;
 
     /// Writes the message; returns the bytes written.

@@ -123,7 +123,7 @@ pub trait End: Sized {
         true
     }
 
-    /// Called when all bytes are decoded.
+    /// Called when all bytes are decoded. Does nothing by default.
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
@@ -132,21 +132,21 @@ pub trait End: Sized {
     #[inline]
     fn look(&mut self, _now: Duration) {}
 
-    /// [`Session::wants_input`]: by default, while frames are read and none waits in the decoder. An end may also take the
-    /// bytes that fit its decoder.
+    /// Implements [`Session::wants_input`]: by default, returns true while frames are read and the decoder has no complete
+    /// frame. An end may also accept the bytes that fit its decoder.
     #[inline]
     fn takes_input(&self) -> bool {
         self.reads() && !self.core().held
     }
 
-    /// Called when more bytes have arrived than fit while reading is stopped: they are lost, except for those that fit after
-    /// this.
+    /// Called when more bytes have arrived than fit while reading is stopped: they are lost, except for the bytes that fit
+    /// after this call.
     fn overrun(&mut self, _now: Duration) {}
 
-    /// [`Session::handle_transmitted`].
+    /// Implements [`Session::handle_transmitted`].
     fn transmitted(&mut self, _now: Duration) {}
 
-    /// [`Session::discards_after`].
+    /// Implements [`Session::discards_after`].
     fn discards_after(&self) -> Option<Duration> {
         None
     }
@@ -236,7 +236,7 @@ impl Room {
 }
 
 impl<M: Machine, D, Q: Default, S: Default> Core<M, D, Q, S> {
-    /// An end without events.
+    /// Creates an end without events.
     pub fn new(config: M::Config, machine: M, decoder: D) -> Self {
         Self {
             config,
@@ -406,7 +406,7 @@ fn push<E: End>(end: &mut E, bytes: &mut &[u8]) -> bool {
     taken > 0
 }
 
-/// As [`End::read`], out of line: for callers that rarely have bytes.
+/// Calls [`End::read`] out of line, for callers that rarely have bytes.
 #[inline(never)]
 fn read_on<E: End>(end: &mut E, now: Duration) {
     end.read(now);

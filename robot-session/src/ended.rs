@@ -93,7 +93,8 @@ pub(crate) fn report_all<S: Session>(
     while report(session, handler).is_break() {}
 }
 
-/// A handler that goes on with the events of the end, and keeps the first value that `handler` broke with.
+/// Returns a handler that continues with the remaining events of the connection, and stores the first value with which
+/// `handler` broke.
 #[cfg(any(feature = "std", feature = "embedded-io-async"))]
 pub(crate) fn keep_first<S: Session, B>(
     value: &mut Option<B>,

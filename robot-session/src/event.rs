@@ -18,7 +18,7 @@ pub struct EventQueue<E, const N: usize> {
 }
 
 impl<E, const N: usize> EventQueue<E, N> {
-    /// An empty queue.
+    /// Creates an empty queue.
     pub const fn new() -> Self {
         Self { slots: [const { None }; N], notices: [false; N], first: 0, len: 0, outcomes: 0, dropped: 0 }
     }
@@ -46,12 +46,12 @@ impl<E, const N: usize> EventQueue<E, N> {
         self.append(event, true);
     }
 
-    /// Whether this number of outcomes can be added.
+    /// Returns whether this number of outcomes can be added.
     pub const fn has_room(&self, outcomes: usize) -> bool {
         N - self.outcomes >= outcomes
     }
 
-    /// The oldest event.
+    /// Removes and returns the oldest event.
     #[inline]
     pub fn pop(&mut self) -> Option<E> {
         if self.len == 0 {
@@ -64,12 +64,12 @@ impl<E, const N: usize> EventQueue<E, N> {
         event
     }
 
-    /// Whether the queue is empty.
+    /// Returns whether the queue is empty.
     pub const fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// The notices that were dropped since the queue was made.
+    /// Returns the number of notices dropped since the queue was created.
     pub const fn dropped_notices(&self) -> u64 {
         self.dropped
     }
@@ -102,7 +102,7 @@ impl<E, const N: usize> EventQueue<E, N> {
         self.notices.get(at).is_some_and(|is_notice| *is_notice)
     }
 
-    /// The slot of an index below `2 * N`.
+    /// Returns the slot of an index below `2 * N`.
     const fn wrap(index: usize) -> usize {
         if index < N { index } else { index - N }
     }
@@ -119,22 +119,22 @@ pub trait Events: Default {
     /// The event type of the queue.
     type Event: core::fmt::Debug;
 
-    /// [`EventQueue::push_outcome`].
+    /// Implements [`EventQueue::push_outcome`].
     ///
     /// # Errors
     /// The queue is full of outcomes: `event` is returned.
     fn push_outcome(&mut self, event: Self::Event) -> Result<(), Self::Event>;
 
-    /// [`EventQueue::push_notice`].
+    /// Implements [`EventQueue::push_notice`].
     fn push_notice(&mut self, event: Self::Event);
 
-    /// [`EventQueue::has_room`].
+    /// Implements [`EventQueue::has_room`].
     fn has_room(&self, outcomes: usize) -> bool;
 
-    /// [`EventQueue::pop`].
+    /// Implements [`EventQueue::pop`].
     fn pop(&mut self) -> Option<Self::Event>;
 
-    /// [`EventQueue::dropped_notices`].
+    /// Implements [`EventQueue::dropped_notices`].
     fn dropped_notices(&self) -> u64;
 }
 

@@ -56,7 +56,7 @@ impl Left {
         self.begin < self.end
     }
 
-    /// A driver without unsent bytes, whose port may take no byte for `stall`.
+    /// Creates a driver state without unsent bytes, for a port that may take no byte for `stall`.
     pub(crate) const fn with_stall(stall: Duration) -> Self {
         Self { stall, ..Self::NOTHING }
     }
@@ -103,7 +103,7 @@ impl Left {
         buffer.get(self.begin..self.end).unwrap_or_default()
     }
 
-    /// Called when a turn ends. If the connection has ended, discards the unsent bytes, so that the next connection does not
+    /// Called when a turn ends. If the connection is closed, discards the unsent bytes, so that the next connection does not
     /// send them.
     pub(crate) fn after<B, E>(
         &mut self,

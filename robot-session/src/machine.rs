@@ -40,10 +40,10 @@ pub trait Machine: Clone + Eq + Hash + Debug {
         config: &Self::Config,
     ) -> Result<Self::Action, Unexpected>;
 
-    /// The message to send now. It stays due until an input says that it was sent.
+    /// Returns the message to send now. The message stays due until the input [`Input::SENT`] comes.
     fn transmit(&self, now: Duration, config: &Self::Config) -> Option<Self::Transmit>;
 
-    /// The time at which [`Input::TIMEOUT`] or a message is due; `None` if nothing happens without bytes or a call.
+    /// Returns the time at which [`Input::TIMEOUT`] or a message is due; `None` if nothing happens without bytes or a call.
     fn deadline(&self) -> Option<Duration>;
 
     /// Returns whether [`Input::TIMEOUT`] is due now. Each timeout handles one deadline.
@@ -66,10 +66,10 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     /// Visits every time in the state.
     fn each_time(&mut self, f: impl FnMut(&mut Duration));
 
-    /// The state's name.
+    /// Returns the state's name.
     fn name(&self) -> &'static str;
 
-    /// The error of [`on`](Self::on).
+    /// Returns the error of [`on`](Self::on).
     #[cold]
     fn unexpected(&self, input: &Self::Input) -> Unexpected {
         Unexpected { state: self.name(), input: input.name() }
@@ -102,7 +102,7 @@ pub trait Input: Clone + Debug {
     /// A deadline has passed. Given only if [`Machine::expires`] returns true.
     const TIMEOUT: Self;
 
-    /// The input's name.
+    /// Returns the input's name.
     fn name(&self) -> &'static str;
 }
 

@@ -29,12 +29,12 @@ impl<R> Rules<R> {
 
 #[cfg(feature = "model")]
 impl<R: Rule> Rules<R> {
-    /// Every rule except `rule`.
+    /// Returns every rule except `rule`.
     pub const fn without(rule: R) -> Self {
         Self { without: [Some(rule), None], rules: PhantomData }
     }
 
-    /// Every rule except `first` and `second`.
+    /// Returns every rule except `first` and `second`.
     pub const fn without_both(first: R, second: R) -> Self {
         Self { without: [Some(first), Some(second)], rules: PhantomData }
     }
@@ -79,7 +79,7 @@ macro_rules! rules {
         }
 
         $($(impl $config {
-            /// Whether the machine keeps a rule.
+            /// Returns whether the machine applies a rule.
             #[cfg(feature = "model")]
             #[inline]
             #[allow(dead_code, reason = "of two configurations one may only be made of the other")]
@@ -87,7 +87,7 @@ macro_rules! rules {
                 self.rules.keeps(rule)
             }
 
-            /// Every rule is kept.
+            /// Returns true: the machine applies every rule.
             #[cfg(not(feature = "model"))]
             #[inline(always)]
             #[allow(dead_code, reason = "of two configurations one may only be made of the other")]
@@ -95,7 +95,7 @@ macro_rules! rules {
                 true
             }
 
-            /// The same configuration with these rules, for the model.
+            /// Returns the configuration with these rules, for the model.
             #[cfg(feature = "model")]
             #[doc(hidden)]
             #[must_use]
@@ -104,7 +104,7 @@ macro_rules! rules {
                 self
             }
 
-            /// The same: there are no other rules.
+            /// Returns the configuration unchanged: it has no other rules.
             #[cfg(not(feature = "model"))]
             #[doc(hidden)]
             #[must_use]

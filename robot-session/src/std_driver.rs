@@ -147,7 +147,7 @@ pub struct Driver<T> {
 }
 
 impl<T: Transport> Driver<T> {
-    /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
+    /// Creates a loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
         Self { transport, input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker: None }
     }

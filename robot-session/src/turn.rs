@@ -36,7 +36,7 @@ pub(crate) enum Outgoing<'a> {
 }
 
 impl<'a> Outgoing<'a> {
-    /// The unsent bytes of the driver's buffer, or a flush if they are all written.
+    /// Returns the unsent bytes of the driver's buffer, or a flush if they are all written.
     pub(crate) fn of(left: &Left, buffer: &'a [u8]) -> Self {
         match left.of(buffer) {
             bytes @ [_, ..] => Self::Bytes(bytes),
@@ -218,7 +218,7 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
     }
 }
 
-/// After a wait: gives the session the bytes that the port has read, and the time.
+/// Gives the session the bytes that the port has read during a wait, and the time.
 #[inline]
 pub(crate) fn take<S: Session, B>(
     session: &mut S,

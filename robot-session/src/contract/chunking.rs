@@ -3,7 +3,7 @@
 use std::vec;
 use std::vec::Vec;
 
-/// The ways to read `bytes` that must all give the same frames: whole, byte by byte, and in two pieces at every byte.
+/// Returns the ways to read `bytes` that must all give the same frames: whole, byte by byte, and in two pieces at every byte.
 pub fn chunkings(bytes: &[u8]) -> impl Iterator<Item = Vec<&[u8]>> {
     let whole = core::iter::once(vec![bytes]);
     let single = core::iter::once(bytes.chunks(1).collect());
@@ -14,7 +14,7 @@ pub fn chunkings(bytes: &[u8]) -> impl Iterator<Item = Vec<&[u8]>> {
     whole.chain(single).chain(halves)
 }
 
-/// `bytes` after every non-empty beginning of `cut`: a frame cut anywhere, then a valid one.
+/// Returns `bytes` after every non-empty beginning of `cut`: a frame that is truncated anywhere, then a valid one.
 pub fn after_a_cut(cut: &[u8], bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> {
     (1..cut.len()).map(move |at| [&cut[..at], bytes].concat())
 }

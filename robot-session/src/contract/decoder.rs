@@ -18,7 +18,7 @@ pub struct Item {
     pub end: u64,
 }
 
-/// All frames and errors of a stream that arrives in these pieces, and ends.
+/// Returns all frames and errors of a stream that arrives in these pieces and then ends.
 pub fn decode<D>(decoder: &mut D, pieces: &[&[u8]]) -> Vec<Item>
 where
     D: Decoder<Error: Debug>,
@@ -27,7 +27,7 @@ where
     decode_noting(decoder, pieces, |_, _| ())
 }
 
-/// As [`decode`]; `note` gets the number of bytes that were pushed, and the number of items that they gave.
+/// Decodes as [`decode`] does; `note` gets the number of bytes that were pushed, and the number of items that they gave.
 fn decode_noting<D>(decoder: &mut D, pieces: &[&[u8]], mut note: impl FnMut(usize, usize)) -> Vec<Item>
 where
     D: Decoder<Error: Debug>,

@@ -35,7 +35,7 @@ pub(super) enum Done<E> {
 }
 
 impl<E> Driven<E> {
-    /// Does the work that the session has at `now`, under the loop over `embedded-io`.
+    /// Does the work that the session has at `now`, with the loop over `embedded-io`.
     pub(super) fn poll(&mut self, session: &mut impl Session<Event = E>, now: Duration) {
         let shared = RefCell::new(self);
         let mut driver = blocking::Driver::<_, _, MOST, MOST>::new(Port(&shared), || now);

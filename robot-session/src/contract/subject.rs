@@ -37,20 +37,21 @@ pub trait Subject {
     /// The choice of a call; `()` if there is one call or none.
     type Call: for<'a> Arbitrary<'a> + Debug;
 
-    /// The name of the subject in messages.
+    /// Returns the name of the subject in messages.
     fn name(&self) -> &str {
         core::any::type_name::<Self::Session>()
     }
 
-    /// The number of configurations that are tried in turn, 1 or more.
+    /// Returns the number of configurations to test, 1 or more.
     fn configurations(&self) -> usize {
         1
     }
 
-    /// A new session with a configuration. With `is_endless`, each of its timeouts is the longest that is allowed.
+    /// Returns a new session with a configuration. With `is_endless`, each of its timeouts is the longest allowed.
     fn session(&self, configuration: usize, is_endless: bool) -> Self::Session;
 
-    /// The bytes of an input, which arrive at once: most of them valid. Longer input than [`Session::MAX_INPUT`] is cut there.
+    /// Returns the bytes of an input, which arrive at once; most are valid. Input longer than [`Session::MAX_INPUT`] is
+    /// truncated to it.
     fn input(&self, session: &Self::Session, configuration: usize, input: &Self::Input) -> Vec<u8>;
 
     /// Makes one of the user's calls, valid or not, and returns its name and result as text. `None`: there are no calls.
@@ -64,7 +65,7 @@ pub trait Subject {
         None
     }
 
-    /// An event as text. `None` if it depends on how the input is divided into reads.
+    /// Returns an event as text. `None` if it depends on how the input is divided into reads.
     fn event(&self, event: &<Self::Session as Session>::Event) -> Option<String> {
         Some(format!("{event:?}"))
     }
@@ -74,13 +75,13 @@ pub trait Subject {
         true
     }
 
-    /// The number of notices that a session has dropped. The choice of these depends on how the input is divided into reads,
-    /// so events are not compared then.
+    /// Returns the number of notices that a session has dropped. If it is not 0, events are not compared, because the
+    /// division of the input into reads decides which notices are dropped.
     fn dropped_notices(&self, _statistics: &<Self::Session as Session>::Statistics) -> u64 {
         0
     }
 
-    /// A check of one session's life, called with every act in sequence: for example that each request has one outcome. The
+    /// Returns a check of one session, called with every act in sequence: for example that each request has one outcome. The
     /// check panics if something is wrong.
     fn watch(&self) -> impl FnMut(Happened<'_, <Self::Session as Session>::Event>) {
         |_| ()

@@ -82,7 +82,7 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// The default as it is written after `--set NAME=`.
+    /// Returns the default in the form in which it is written after `--set NAME=`.
     pub fn default_text(&self) -> String {
         plain(&self.default)
     }

@@ -8,7 +8,7 @@ use std::vec::Vec;
 use rustls::CertificateError as Wrong;
 use rustls::{AlertDescription as Alert, Error, InvalidMessage, PeerIncompatible};
 
-/// The same error with advice, if it is one of TLS.
+/// Returns the same error with advice, if it is one of TLS.
 pub(crate) fn advised(error: io::Error) -> io::Error {
     if error.kind() == io::ErrorKind::UnexpectedEof {
         let closed = "the peer has closed the connection without ending TLS: it may not speak TLS, or refuse our certificate";

@@ -37,7 +37,8 @@ impl fmt::Display for FileError {
 
 impl core::error::Error for FileError {}
 
-/// A client that connects to servers of this authority. With `own` it shows its certificate to those that ask for one.
+/// Returns the configuration of a client that connects to servers of this authority. With `own` the client shows its
+/// certificate to servers that request one.
 ///
 /// # Errors
 /// A file cannot be read, or has other contents.
@@ -52,7 +53,8 @@ pub fn client(authority: &Path, own: Option<Identity<'_>>) -> Result<Arc<ClientC
     }))
 }
 
-/// A server. With `clients` it accepts only clients that have a certificate of this authority.
+/// Returns the configuration of a server. With `clients` the server accepts only clients that have a certificate of this
+/// authority.
 ///
 /// # Errors
 /// A file cannot be read, or has other contents.
@@ -92,7 +94,7 @@ fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileError> 
     }
 }
 
-/// The error of a file.
+/// Returns a function that makes the error of a file.
 fn at<E: ToString>(file: &Path) -> impl FnOnce(E) -> FileError {
     move |why| FileError { file: file.into(), why: why.to_string() }
 }

@@ -33,7 +33,7 @@ use crate::{Received, Sent, Transport, Wait, discard_unacknowledged, is_silence}
 /// The time that a handshake may take.
 pub const HANDSHAKE: Duration = Duration::from_secs(10);
 
-/// The name of a server: a host name or an IP address.
+/// Parses the name of a server: a host name or an IP address.
 pub(crate) fn server_name(name: &str) -> io::Result<ServerName<'static>> {
     let neither = |_| io::Error::new(ErrorKind::InvalidInput, "neither a host name nor an IP address");
     ServerName::try_from(name.to_string()).map_err(neither)
@@ -52,7 +52,7 @@ pub struct Secure {
 }
 
 impl Secure {
-    /// The client's end; the server's certificate has to be for `name`, a host name or an IP address.
+    /// Connects the client's end; the server's certificate must be for `name`, a host name or an IP address.
     ///
     /// # Errors
     /// `name` is neither; the handshake has failed.
@@ -61,7 +61,7 @@ impl Secure {
         Self::shake_hands(stream, Layer::new(tls.into()))
     }
 
-    /// The server's end.
+    /// Accepts the server's end, after its handshake.
     ///
     /// # Errors
     /// The handshake has failed.
@@ -69,7 +69,8 @@ impl Secure {
         Self::shake_hands(stream, Layer::accept(config)?)
     }
 
-    /// The server's end, whose handshake [`is_ready`](Self::is_ready) makes: for a thread that does not wait for one client.
+    /// Creates the server's end without its handshake, which [`is_ready`](Self::is_ready) makes: for a thread that does not
+    /// wait for one client.
     ///
     /// # Errors
     /// The configuration cannot work.
@@ -104,12 +105,12 @@ impl Secure {
         Ok(Self { stream, tls })
     }
 
-    /// The TCP connection below.
+    /// Returns the TCP connection below.
     pub const fn stream(&self) -> &TcpStream {
         &self.stream
     }
 
-    /// The state of TLS, with the certificates of the peer.
+    /// Returns the state of TLS, with the certificates of the peer.
     pub const fn connection(&self) -> &Connection {
         &self.tls.connection
     }
@@ -135,7 +136,7 @@ impl Layer {
         Self { connection, begun: Instant::now() }
     }
 
-    /// The server's end, before its handshake.
+    /// Creates the server's end, before its handshake.
     ///
     /// # Errors
     /// The configuration cannot work.
@@ -183,12 +184,12 @@ impl Layer {
         Ok(length)
     }
 
-    /// The certificate of the peer (DER), after the handshake; `None` if the peer has shown none.
+    /// Returns the certificate of the peer (DER), after the handshake; `None` if the peer has not shown a certificate.
     pub fn peer_certificate(&self) -> Option<&[u8]> {
         self.connection.peer_certificates()?.first().map(|certificate| &**certificate)
     }
 
-    /// Bytes that were received before.
+    /// Reads bytes that were received and decrypted before.
     fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let is_served = matches!(&self.connection, Connection::Server(server) if !server.is_handshaking());
         self.connection.reader().read(buffer).map_err(|error| match error.kind() {

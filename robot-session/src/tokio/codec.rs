@@ -16,7 +16,7 @@ pub struct Codec<D, F> {
 }
 
 impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> Codec<D, F> {
-    /// A codec over `decoder`.
+    /// Creates a codec over `decoder`.
     pub fn new(decoder: D, own: F) -> Self {
         Self { decoder, own }
     }

@@ -151,7 +151,8 @@ impl<S: Service> Connection<S> {
         served
     }
 
-    /// Before a wait: reports events, and puts the bytes to be sent into the buffer. Returns whether the state is to be stored then.
+    /// Reports events before a wait, and puts the bytes to be sent into the buffer. Returns whether to store the state
+    /// first.
     pub(super) fn prepare(&mut self) -> io::Result<bool> {
         let Self { served, left, out, clock, .. } = self;
         served.prepare(left, out, clock.now)?;
@@ -195,7 +196,7 @@ impl<S: Service> Connection<S> {
         }
     }
 
-    /// After the task has slept: the work that a caller has left to it.
+    /// Called after the task has slept; returns the work that a caller has handed over.
     pub(super) fn wake_up(&mut self) -> Option<HandedOver> {
         self.clock.read();
         self.handed_over.take()

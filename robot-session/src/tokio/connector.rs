@@ -191,7 +191,7 @@ impl Connector for Listen {
     }
 }
 
-/// The result of an attempt to listen; an error names the address.
+/// Returns the result of an attempt to listen, with an error that names the address.
 fn listen<T>(address: &str, bound: io::Result<T>) -> io::Result<T> {
     bound.map_err(|error| io::Error::new(error.kind(), std::format!("cannot listen at {address}: {error}")))
 }

@@ -55,7 +55,7 @@ impl Waker {
 }
 
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
-    /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
+    /// Creates a loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
         let (timer, waker) = (Timer::default(), OnceLock::new());
         let left = Left::NOTHING;
@@ -73,7 +73,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         self.waker.get_or_init(Waker::default).clone()
     }
 
-    /// The transport.
+    /// Returns the transport.
     pub fn transport_mut(&mut self) -> &mut T {
         &mut self.port.transport
     }
@@ -141,7 +141,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Span::of([S::LINK, S::END], None).instrument(self.run(session, handler)).await
     }
 
-    /// As [`drive`](Self::drive), in the span of the caller.
+    /// Runs [`drive`](Self::drive) in the span of the caller.
     pub(super) async fn run<S: Session, B>(
         &mut self,
         session: &mut S,

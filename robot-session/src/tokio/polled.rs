@@ -32,7 +32,7 @@ impl Wake for Flag {
 }
 
 impl Polled {
-    /// An input that wakes the task of `context`, and is due.
+    /// Creates an input that is due, and wakes the task of `context`.
     pub(super) fn new(context: &Context<'_>) -> Self {
         let flag = Arc::new(Flag { is_woken: AtomicBool::new(false), task: context.waker().clone() });
         let waker = Waker::from(Arc::clone(&flag));
@@ -54,7 +54,7 @@ impl Polled {
         !self.is_pending
     }
 
-    /// The context to poll it with.
+    /// Returns the context with which the input is polled.
     pub(super) fn context(&self) -> Context<'_> {
         Context::from_waker(&self.waker)
     }

@@ -28,7 +28,7 @@ impl<S: Service> Served<S> {
         self.service.has_room(&self.session)
     }
 
-    /// Before a wait: reports events, and puts the bytes to be sent into `out`.
+    /// Reports events before a wait, and puts the bytes to be sent into `out`.
     pub(super) fn prepare(&mut self, left: &mut Left, out: &mut [u8], now: Duration) -> io::Result<()> {
         let Self { session, service, events, reconnect, has_reported } = self;
         let each = |session: &mut S::Session, event| {

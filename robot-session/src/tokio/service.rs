@@ -25,7 +25,7 @@ pub trait Service: Send {
     /// Whether calls are also made without a connection: those of a robot concern the robot itself.
     const OFFLINE: bool = false;
 
-    /// Whether the session accepts another call now: always, if not overridden. Other calls wait, the oldest first.
+    /// Returns whether the session accepts another call now: always true by default. Otherwise calls wait, the oldest first.
     fn has_room(&self, _session: &Self::Session) -> bool {
         true
     }
@@ -47,7 +47,7 @@ pub trait Service: Send {
         None
     }
 
-    /// Called when time has passed. The session then sends the requests of the service.
+    /// Called when time has passed, before the session sends its messages.
     fn handle_timeout(&mut self, _session: &mut Self::Session, _now: Duration) {}
 
     /// Stores the state that must survive the program: called before bytes of the session are sent, so that the peer has
@@ -82,7 +82,7 @@ pub struct Reports<'a, E> {
 }
 
 impl<E: Clone> Reports<'_, E> {
-    /// An event for [`Handle::events`](super::Handle::events).
+    /// Reports an event to [`Handle::events`](super::Handle::events).
     pub fn event(&self, event: E) {
         // Without a receiver the event is dropped.
         let _ = self.events.send(event);

@@ -79,7 +79,7 @@ impl Drop for LinkState {
 }
 
 impl<S: Service> Shared<S> {
-    /// The state of a task that does not run yet.
+    /// Returns the state of a task that does not run yet.
     pub(super) fn new(unrun: Unrun<S>) -> Self {
         let contents =
             Contents { unrun: Some(unrun), connection: None, task: None, is_open: false, unusable: None };
@@ -182,7 +182,7 @@ pub(super) struct Borrowed<'a, S: Service> {
 }
 
 impl<S: Service> Borrowed<'_, S> {
-    /// [`Connection::call`].
+    /// Implements [`Connection::call`].
     pub(super) fn call(&mut self, call: S::Call) -> Result<(), S::Call> {
         let Some(connection) = &mut self.connection else { return Err(call) };
         // Checking whether the caller is a task costs nothing; entering a runtime costs as much as the rest of this.

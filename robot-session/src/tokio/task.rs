@@ -31,7 +31,7 @@ const AGAIN: Duration = Duration::from_millis(10);
 /// The shortest interval between two calls of a session that is due without a connection.
 const SHORTEST: Duration = Duration::from_millis(1);
 
-/// A handle, and the task that executes its calls: `tokio::spawn(task.run())`, or [`Task::thread`].
+/// Creates a handle, and the task that executes its calls: `tokio::spawn(task.run())`, or [`Task::thread`].
 pub fn spawn<S: Service, C: Connector>(
     session: S::Session,
     service: S,
@@ -251,7 +251,7 @@ impl<S: Service, C: Connector> Task<S, C> {
     }
 }
 
-/// One connection, from its beginning to its end.
+/// Serves one connection, from its beginning to its end.
 async fn serve<S: Service>(
     mut connection: Box<Connection<S>>,
     inbox: &mut Inbox<S>,
@@ -325,7 +325,7 @@ struct Outage {
 }
 
 impl Outage {
-    /// An outage that begins now.
+    /// Creates an outage that begins now.
     fn new(limit: Duration) -> Self {
         let limit = limit.max(AGAIN);
         Self { limit, until: now().saturating_add(limit), why: None }
@@ -435,7 +435,7 @@ async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Con
     first(stopped, replaced).await
 }
 
-/// The value of the future that is ready first; of the first one if both are.
+/// Waits for two futures; returns the value of the future that is ready first, or of `one` if both are ready.
 async fn first<T>(one: impl Future<Output = T>, other: impl Future<Output = T>) -> T {
     let (mut one, mut other) = (pin!(one), pin!(other));
     poll_fn(|context| match one.as_mut().poll(context) {

@@ -61,7 +61,7 @@ fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
     assert_eq!(is_lost_datagram(&io::Error::from_raw_os_error(10040)), cfg!(windows), "its own number");
 }
 
-/// A socket whose every read is an error, because it is not a datagram socket.
+/// Returns a socket that returns an error for every read, because it is not a datagram socket.
 #[cfg(unix)]
 fn no_datagrams() -> (UdpSocket, TcpStream) {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();

@@ -182,7 +182,7 @@ async fn a_task_that_nobody_runs_is_shut_down() {
     drop(timeout(LONG, task.run()).await.unwrap());
 }
 
-/// The number of connections in 100 s if each is given up after 20 ms by its caller.
+/// Returns the number of connections in 100 s if each is given up after 20 ms by its caller.
 async fn given_up(peer_speaks: bool) -> usize {
     let attempts = Arc::new(AtomicUsize::new(0));
     let counted = Arc::clone(&attempts);

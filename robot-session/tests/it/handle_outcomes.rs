@@ -150,7 +150,7 @@ enum Peer {
 type Connecting = Pin<Box<dyn Future<Output = io::Result<DuplexStream>> + Send>>;
 type Cell = (Handle<Calls>, Task<Calls, Dial<Box<dyn FnMut() -> Connecting + Send>>>, Arc<AtomicUsize>);
 
-/// A handle and its task, and the number of bytes that the peers get. The last peer stays.
+/// Returns a handle and its task, and the number of bytes that the peers get. The last peer stays.
 fn cell(disk: Disk, peers: impl IntoIterator<Item = Peer>) -> Cell {
     let mut peers: VecDeque<_> = peers.into_iter().collect();
     let received = Arc::new(AtomicUsize::new(0));

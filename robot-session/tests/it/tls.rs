@@ -45,7 +45,7 @@ impl Authority {
         self.path("authority.pem")
     }
 
-    /// The files of a certificate for this name and until this year, and of its key.
+    /// Returns the files of a certificate for this name that expires in this year, and of its key.
     fn sign(&self, name: &str, until: i32) -> [PathBuf; 2] {
         let mut params = CertificateParams::new([name.to_owned()]).unwrap();
         params.not_after = date_time_ymd(until, 1, 1);
@@ -61,7 +61,7 @@ fn identity([certificate, key]: &[PathBuf; 2]) -> Identity<'_> {
     Identity { certificate, key }
 }
 
-/// The words of a client and of a server about their connection.
+/// Returns the messages of a client and of a server about their connection.
 async fn meet(
     own: &[PathBuf; 2],
     clients: Option<PathBuf>,

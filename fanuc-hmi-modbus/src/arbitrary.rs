@@ -121,14 +121,14 @@ impl<'a> Arbitrary<'a> for Exception {
     }
 }
 
-/// An address, and a quantity that a function allows from there.
+/// Returns an address, and a quantity that a function allows from that address.
 fn run(u: &mut Unstructured<'_>, most: u16) -> Result<(u16, u16)> {
     let address: u16 = u.arbitrary()?;
     let quantity = u.int_in_range(1..=most.min((u16::MAX - address).saturating_add(1)))?;
     Ok((address, quantity))
 }
 
-/// This many registers, or as many as there are bytes for.
+/// Returns this many registers, or as many as there are bytes for.
 fn words<'a>(u: &mut Unstructured<'a>, quantity: u16) -> Result<Words<'a>> {
     data(u, (2 * usize::from(quantity)).min(u.len() & !1)).map(Words::from_wire)
 }
@@ -160,7 +160,7 @@ fn records<'a, T: Group<'a>>(u: &mut Unstructured<'a>, others: &'a [T]) -> Resul
     }
 }
 
-/// A function without a type of its own, and its bytes.
+/// Returns a function without a type of its own, and its bytes.
 fn other<'a>(u: &mut Unstructured<'a>) -> Result<(u8, &'a [u8])> {
     let function = u.int_in_range(7..=127)?;
     // None of the typed ones is 50 above another.
@@ -169,7 +169,7 @@ fn other<'a>(u: &mut Unstructured<'a>) -> Result<(u8, &'a [u8])> {
     Ok((function, u.bytes(length.min(u.len()))?))
 }
 
-/// This many bytes, or as many as there are, if there is one.
+/// Returns this many bytes, or as many as there are, if there is one.
 fn data<'a>(u: &mut Unstructured<'a>, length: usize) -> Result<&'a [u8]> {
     match length.min(u.len()) {
         0 => Err(Error::NotEnoughData),

@@ -208,7 +208,7 @@ impl<'a> Slots<'a> {
         Ok(all)
     }
 
-    /// The slots that assign something, with their numbers.
+    /// Returns the used slots, with their numbers.
     pub fn used(&self) -> impl Iterator<Item = (u8, &Assignment<'a>)> {
         (1..).zip(&self.slots).filter(|(_, slot)| slot.size > 0 && !slot.var_name.is_empty())
     }

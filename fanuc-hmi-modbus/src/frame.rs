@@ -82,7 +82,7 @@ impl<'a> Frame<&'a [u8]> {
         }
     }
 
-    /// The parts of a TCP frame whose header was checked.
+    /// Returns the parts of a TCP frame whose header was checked.
     #[inline]
     pub(crate) fn from_tcp_parts(bytes: &'a [u8]) -> Option<Self> {
         let (&[t0, t1, _, _, _, _, unit], pdu) = bytes.split_first_chunk()?;
@@ -131,7 +131,7 @@ impl<'a> Frame<&'a [u8]> {
         }
     }
 
-    /// The parts of an RTU frame whose CRC was checked.
+    /// Returns the parts of an RTU frame whose CRC was checked.
     #[inline]
     pub(crate) fn from_rtu_parts(bytes: &'a [u8]) -> Option<Self> {
         let (unit, pdu) = bytes.split_last_chunk::<2>()?.0.split_first()?;

@@ -45,7 +45,7 @@ impl Line {
         }
     }
 
-    /// As `ends_at`, for a change.
+    /// Returns `ends_at` as a mutable reference.
     pub(crate) const fn ends_at_mut(&mut self) -> Option<&mut Duration> {
         match self {
             Self::Silent => None,

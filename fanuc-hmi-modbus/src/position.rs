@@ -78,7 +78,7 @@ pub struct Configuration {
 }
 
 impl Default for Configuration {
-    /// `N U T, 0, 0, 0`.
+    /// Returns `N U T, 0, 0, 0`.
     fn default() -> Self {
         Self { flip: 0, left: 0, up: 1, front: 1, turns: [0; 3] }
     }

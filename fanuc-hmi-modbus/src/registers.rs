@@ -30,22 +30,22 @@ use crate::message::{
 /// }
 /// ```
 pub trait Registers {
-    /// Function 1.
+    /// Reads coils (function 1).
     fn read_coils(&mut self, _address: u16, _out: &mut BitsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 2.
+    /// Reads discrete inputs (function 2).
     fn read_discrete_inputs(&mut self, _address: u16, _out: &mut BitsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 3, and the reading half of 23.
+    /// Reads holding registers (function 3, and the reading half of 23).
     fn read_holding_registers(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 4.
+    /// Reads input registers (function 4).
     fn read_input_registers(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
@@ -60,7 +60,7 @@ pub trait Registers {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 7, of a serial line: eight outputs that the device chooses.
+    /// Returns the exception status (function 7, of a serial line): eight outputs that the device chooses.
     fn exception_status(&mut self) -> Result<u8, Exception> {
         Err(Exception::IllegalFunction)
     }
@@ -71,43 +71,45 @@ pub trait Registers {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 8: a diagnostic of the serial line. `out` has the words of the request, which are the reply unless they are changed.
+    /// Performs a diagnostic of the serial line (function 8). `out` has the words of the request, which are the reply unless
+    /// they are changed.
     fn diagnose(&mut self, _subfunction: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 17: writes the 1 to 250 bytes of the device's description of itself, first an id, and FF if it runs; returns
-    /// their number.
+    /// Writes the 1 to 250 bytes of the device's description of itself (function 17): an id, FF if the device runs, further
+    /// bytes. Returns their number.
     fn server_id(&mut self, _out: &mut [u8]) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// A run of function 20. The specification has the files 1 to 65535 and the records 0 to 9999: others are refused here, with
-    /// [`IllegalDataAddress`](Exception::IllegalDataAddress).
+    /// Reads a run of records (function 20). The specification has the files 1 to 65535 and the records 0 to 9999: others
+    /// are refused here, with [`IllegalDataAddress`](Exception::IllegalDataAddress).
     fn read_file(&mut self, _file: u16, _record: u16, _out: &mut WordsMut<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// A run of function 21. If one of several runs is refused, those before it are written.
+    /// Writes a run of records (function 21). If one of several runs is refused, those before it are written.
     fn write_file(&mut self, _file: u16, _record: u16, _values: Words<'_>) -> Result<(), Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 24: the registers of the queue whose count has this address, the oldest first; they stay in it. Returns their
-    /// number: more than 31, which do not fit `out`, are answered with exception 3.
+    /// Reads the queue whose count has this address (function 24): its registers, the oldest first; they stay in the queue.
+    /// Returns their number: more than 31, which do not fit `out`, are answered with exception 3.
     fn read_fifo(&mut self, _address: u16, _out: &mut WordsMut<'_>) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
 
-    /// Function 43, MEI type 14: writes the value of an object of the device's identification, at most 244 bytes, and returns
-    /// its length. 0 is the name of its vendor, 1 the code of the product, 2 the revision, all in ASCII; 3 to 6 are the
-    /// vendor's address in the web, the names of product, model and application; those from 128 on are the device's own.
+    /// Writes the value of an object of the device's identification (function 43, MEI type 14), at most 244 bytes, and
+    /// returns its length. 0 is the name of its vendor, 1 the code of the product, 2 the revision, all in ASCII; 3 to 6 are
+    /// the vendor's address in the web, the names of product, model and application; those from 128 on are the device's own.
     /// `None`: there is no such object; without object 0 the answer is exception 1.
     fn device_object(&mut self, _id: u8, _out: &mut [u8]) -> Option<usize> {
         None
     }
 
-    /// A function without a type of its own: writes the bytes after the function code, at most 252, and returns their number.
+    /// Executes a function without a type of its own: writes the bytes after the function code, at most 252, and returns
+    /// their number.
     fn other(&mut self, _function: u8, _data: &[u8], _out: &mut [u8]) -> Result<usize, Exception> {
         Err(Exception::IllegalFunction)
     }
@@ -348,7 +350,7 @@ fn in_table(address: u16, quantity: usize) -> Result<(), Exception> {
     if usize::from(address) + quantity <= 1 << 16 { Ok(()) } else { Err(Exception::IllegalDataAddress) }
 }
 
-/// The registers of a reply, whose head is written, and its length.
+/// Writes the head of a reply; returns its registers and its length.
 #[inline(always)] // with `serve`
 fn words(
     function: u8,
@@ -361,7 +363,7 @@ fn words(
     Ok((WordsMut::from_wire(data), len))
 }
 
-/// The bits of a reply, whose head is written, and its length.
+/// Writes the head of a reply; returns its bits and its length.
 #[inline]
 fn bits(
     function: u8,

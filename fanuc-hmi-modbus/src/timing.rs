@@ -5,7 +5,7 @@ use core::time::Duration;
 /// The bits of a character: start, 8 data bits, parity or a second stop bit, stop.
 pub const CHARACTER_BITS: u32 = 11;
 
-/// The silence that separates frames: 3.5 characters, and 1.75 ms above 19200 baud.
+/// Returns the silence that separates frames: 3.5 characters, and 1.75 ms above 19200 baud.
 ///
 /// ```
 /// use core::time::Duration;

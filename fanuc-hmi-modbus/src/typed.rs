@@ -28,7 +28,7 @@ impl WordOrder {
         }
     }
 
-    /// The two registers that hold these 32 bits.
+    /// Returns the two registers that contain these 32 bits.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "each half is taken separately")]
     pub const fn split(self, bits: u32) -> [u16; 2] {
@@ -82,7 +82,7 @@ impl Multiply {
         multiply.check().map(|()| multiply)
     }
 
-    /// The number.
+    /// Returns the number.
     pub const fn value(self) -> f32 {
         match self {
             Self::Real => 0.0,

@@ -111,7 +111,7 @@ impl ClientConfig {
         }
     }
 
-    /// RTU on a serial line.
+    /// Returns the configuration of RTU on a serial line.
     #[cfg(feature = "rtu")]
     pub const fn rtu(baud: u32) -> Self {
         let config = Self::of(Framing::Rtu { silence: timing::silence(baud) });
@@ -124,7 +124,7 @@ impl ClientConfig {
         }
     }
 
-    /// RTU frames over TCP.
+    /// Returns the configuration of RTU frames over TCP.
     #[cfg(feature = "rtu")]
     pub const fn rtu_over_tcp() -> Self {
         let settle = Duration::from_secs(10);

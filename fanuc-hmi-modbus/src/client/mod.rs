@@ -57,7 +57,7 @@ pub struct Client<const N: usize = 8> {
 const EVENTS: usize = 16;
 
 impl<const N: usize> Client<N> {
-    /// A client without a connection and without requests.
+    /// Creates a client without a connection and without requests.
     ///
     /// # Errors
     /// No request can be in flight, or more than there are slots; the timeout is zero; the configuration sets `echo` over

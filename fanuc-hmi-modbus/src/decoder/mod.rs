@@ -75,7 +75,7 @@ impl Decoder {
 }
 
 impl Decoder {
-    /// A decoder of the frames that `side` sends.
+    /// Creates a decoder of the frames that `side` sends.
     pub const fn new(framing: Framing, side: Side) -> Self {
         Self {
             framing,
@@ -98,7 +98,7 @@ impl Decoder {
         self.stream.pending()
     }
 
-    /// As [`pending`](Self::pending), without the bytes that an exception with a wrong length may have in addition.
+    /// Returns [`pending`](Self::pending) without the bytes that an exception with a wrong length may have in addition.
     pub(crate) const fn pending_reply(&self) -> usize {
         self.stream.pending().saturating_sub(self.excess)
     }

@@ -13,7 +13,7 @@ enum WordsIn<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// The registers in these bytes, high byte first; an odd last byte is left out.
+    /// Returns the registers in these bytes, high byte first; an odd last byte is omitted.
     #[inline]
     pub const fn from_wire(bytes: &'a [u8]) -> Self {
         Self(WordsIn::Wire(bytes.as_chunks().0))
@@ -34,7 +34,7 @@ impl<'a> Words<'a> {
         self.len() == 0
     }
 
-    /// The register at `index`.
+    /// Returns the register at `index`, if there is one.
     #[inline]
     pub fn get(&self, index: usize) -> Option<u16> {
         match self.0 {
@@ -43,7 +43,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The registers in order.
+    /// Returns the registers in sequence.
     #[inline]
     pub fn iter(&self) -> impl ExactSizeIterator<Item = u16> + use<'a> {
         let words = *self;
@@ -69,7 +69,7 @@ impl<'a> Words<'a> {
         self.len().min(out.len())
     }
 
-    /// The first `N` registers, if there are as many.
+    /// Returns the first `N` registers, if there are as many.
     #[inline]
     pub fn first_chunk<const N: usize>(&self) -> Option<[u16; N]> {
         let mut out = [0; N];
@@ -134,7 +134,7 @@ enum BitsIn<'a> {
 }
 
 impl<'a> Bits<'a> {
-    /// The first `len` bits of these bytes, or as many as there are.
+    /// Returns the first `len` bits of these bytes, or as many as there are.
     #[inline]
     pub const fn from_wire(bytes: &'a [u8], len: usize) -> Self {
         let held = bytes.len() * 8;
@@ -162,7 +162,7 @@ impl<'a> Bits<'a> {
         self.len().div_ceil(8)
     }
 
-    /// The first `len` bits.
+    /// Returns the first `len` bits.
     #[must_use]
     pub fn truncated(&self, len: usize) -> Self {
         match self.0 {
@@ -171,7 +171,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// The bit at `index`.
+    /// Returns the bit at `index`, if there is one.
     #[inline]
     pub fn get(&self, index: usize) -> Option<bool> {
         match self.0 {
@@ -183,7 +183,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// The bits in order.
+    /// Returns the bits in sequence.
     #[inline]
     pub fn iter(&self) -> impl ExactSizeIterator<Item = bool> + use<'a> {
         let bits = *self;
@@ -268,7 +268,7 @@ pub(super) fn format_list(f: defmt::Formatter<'_>, values: impl Iterator<Item = 
 pub struct WordsMut<'a>(&'a mut [[u8; 2]]);
 
 impl<'a> WordsMut<'a> {
-    /// The registers that these bytes will hold, high byte first.
+    /// Returns the registers that these bytes will contain, high byte first.
     #[inline]
     pub const fn from_wire(bytes: &'a mut [u8]) -> Self {
         Self(bytes.as_chunks_mut().0)
@@ -317,7 +317,7 @@ pub struct BitsMut<'a> {
 }
 
 impl<'a> BitsMut<'a> {
-    /// The first `len` bits that these bytes will hold.
+    /// Returns the first `len` bits that these bytes will contain.
     pub fn from_wire(bytes: &'a mut [u8], len: usize) -> Self {
         bytes.fill(0);
         Self { bytes, len }

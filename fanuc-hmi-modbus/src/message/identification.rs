@@ -38,7 +38,7 @@ impl<'a> DeviceObjects<'a> {
         Self(bytes.get(..length).unwrap_or_default())
     }
 
-    /// The objects in order: id and value.
+    /// Returns the objects in sequence: id and value.
     pub fn iter(&self) -> impl Iterator<Item = (u8, &'a [u8])> + use<'a> {
         let mut rest = self.0;
         core::iter::from_fn(move || {

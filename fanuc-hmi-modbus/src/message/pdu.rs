@@ -5,7 +5,7 @@ use crate::error::EncodeError;
 /// The contents of a [`Frame`](crate::Frame): a [`Request`](crate::Request), a [`Reply`](crate::Reply), a
 /// [`PduBuf`](crate::PduBuf), or the raw bytes.
 pub trait Pdu: sealed::Sealed {
-    /// The bytes that [`encode`](Self::encode) writes, whether or not the specification allows them.
+    /// Returns the number of bytes that [`encode`](Self::encode) writes, whether or not the specification allows them.
     fn encoded_len(&self) -> usize;
 
     /// Writes the PDU to the beginning of `out`, and returns the number of its bytes.

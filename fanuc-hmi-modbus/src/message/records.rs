@@ -152,12 +152,12 @@ impl<'a> Group<'a> for Words<'a> {
 }
 
 impl<'a, T: Group<'a>> Records<'a, T> {
-    /// The groups in these bytes; an incomplete last group is omitted.
+    /// Returns the groups in these bytes; an incomplete last group is omitted.
     pub const fn from_wire(bytes: &'a [u8]) -> Self {
         Self(RecordsIn::Wire(bytes))
     }
 
-    /// The groups in order.
+    /// Returns the groups in sequence.
     pub fn iter(&self) -> impl Iterator<Item = T> + use<'a, T> {
         let (mut wire, mut memory) = match self.0 {
             RecordsIn::Wire(bytes) => (bytes, [].iter()),
@@ -172,7 +172,7 @@ impl<'a, T: Group<'a>> Records<'a, T> {
         })
     }
 
-    /// The groups after a byte count.
+    /// Decodes the groups after a byte count.
     pub(super) fn decode(body: &'a [u8]) -> Result<Self, DecodeError> {
         let (function, found) = (T::FUNCTION, 1 + body.len());
         let length = |expected| DecodeError::PduLength { function, expected, found };

@@ -386,7 +386,7 @@ fn words(function: u8, body: &[u8]) -> Result<Words<'_>, DecodeError> {
     counted(function, body).map(Words::from_wire)
 }
 
-/// The registers of a queue, after a byte count and their number.
+/// Decodes the registers of a queue, after a byte count and their number.
 fn queue(body: &[u8]) -> Result<Words<'_>, DecodeError> {
     let (function, max) = (function::READ_FIFO_QUEUE, limit::FIFO);
     let length = |expected| DecodeError::PduLength { function, expected, found: 1 + body.len() };

@@ -320,7 +320,7 @@ fn word(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), Decode
     }
 }
 
-/// A quantity, its byte count and exactly the data that they announce, `offset` after the function code.
+/// Decodes a quantity, its byte count and exactly the data that they announce, `offset` after the function code.
 #[inline]
 fn data(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), DecodeError> {
     let row = Row::of(function);
@@ -362,7 +362,7 @@ fn put_coils(out: &mut [u8], address: u16, values: Bits<'_>) -> Result<usize, En
     Ok(len)
 }
 
-/// A write of registers, or a read and write: the last of the words in front is the address of the first register written.
+/// Encodes a write of registers, or a read and write: the last of `words` is the address of the first register written.
 fn put_words<const N: usize>(
     out: &mut [u8],
     words: &[u16; N],

@@ -4,35 +4,35 @@ use super::function::{self, MEI};
 use super::limit;
 use crate::error::{DecodeError, EncodeError};
 
-/// The first `needed` bytes of `out`.
+/// Returns the first `needed` bytes of `out`.
 #[inline]
 pub(super) fn room(out: &mut [u8], needed: usize) -> Result<&mut [u8], EncodeError> {
     let available = out.len();
     out.get_mut(..needed).ok_or(EncodeError::Space { needed, available })
 }
 
-/// The first `N` bytes of `out`.
+/// Returns the first `N` bytes of `out`.
 #[inline]
 pub(super) fn room_for<const N: usize>(out: &mut [u8]) -> Result<&mut [u8; N], EncodeError> {
     let available = out.len();
     out.first_chunk_mut().ok_or(EncodeError::Space { needed: N, available })
 }
 
-/// The bytes after the function code, exactly `N` of them.
+/// Returns the bytes after the function code, exactly `N` of them.
 #[inline]
 pub(super) fn exactly<const N: usize>(function: u8, body: &[u8]) -> Result<&[u8; N], DecodeError> {
     let length = DecodeError::PduLength { function, expected: N + 1, found: body.len() + 1 };
     body.try_into().map_err(|_| length)
 }
 
-/// An address and a quantity, value or second half, as most functions have them.
+/// Decodes an address and a quantity, value or second half, as most functions have them.
 #[inline]
 pub(super) fn pair(function: u8, body: &[u8]) -> Result<(u16, u16), DecodeError> {
     let [a, b, c, d] = *exactly(function, body)?;
     Ok((u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d])))
 }
 
-/// An address and a quantity within 1 to `max`.
+/// Decodes an address and a quantity within 1 to `max`.
 #[inline(always)] // with `serve`
 pub(crate) fn run(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
     let (address, quantity) = pair(function, body)?;

@@ -59,7 +59,7 @@ impl ServerConfig {
         Self::of(Framing::Tcp, None)
     }
 
-    /// RTU on a serial line.
+    /// Returns the configuration of RTU on a serial line.
     #[cfg(feature = "rtu")]
     pub const fn rtu(unit: u8, baud: u32) -> Self {
         let framing = Framing::Rtu { silence: timing::silence(baud) };
@@ -70,7 +70,7 @@ impl ServerConfig {
         }
     }
 
-    /// RTU frames over TCP.
+    /// Returns the configuration of RTU frames over TCP.
     #[cfg(feature = "rtu")]
     pub const fn rtu_over_tcp(unit: u8) -> Self {
         Self::of(Framing::RTU_OVER_TCP, Some(unit))

@@ -57,7 +57,7 @@ pub struct Server<R, const N: usize = 8> {
 }
 
 impl<R: Registers, const N: usize> Server<R, N> {
-    /// A server without a connection.
+    /// Creates a server without a connection.
     ///
     /// # Errors
     /// The unit would be 0, which is the broadcast; or the configuration sets `echo` over TCP.

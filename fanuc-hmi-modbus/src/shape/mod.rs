@@ -161,7 +161,7 @@ impl<'de> Deserialize<'de> for Frame<PduBuf> {
 pub struct FrameObject(pub Result<Frame<PduBuf>, EncodeError>);
 
 impl FrameObject {
-    /// The keys of a message of `side` beside transaction, unit and function.
+    /// Returns the keys of a message of `side` besides transaction, unit and function.
     pub fn keys(function: u8, side: Side) -> impl Iterator<Item = impl fmt::Display> + Clone {
         Key::of(function, side).iter()
     }
@@ -265,7 +265,7 @@ impl Key {
     /// The keys with a number.
     const NUMBERS: usize = Self::Value as usize + 1;
 
-    /// The keys of a message of `side` beside transaction, unit and function.
+    /// Returns the keys of a message of `side` besides transaction, unit and function.
     const fn of(code: u8, side: Side) -> &'static [Self] {
         match (code, side) {
             (1..=4, Side::Client) => &[Self::Address, Self::Quantity],

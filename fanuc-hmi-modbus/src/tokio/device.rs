@@ -7,7 +7,7 @@ use crate::message::{FileRange, FileRecord, Reply, Request, Words};
 use crate::registers::CommEvents;
 
 impl Client {
-    /// Function 7, of a serial line: eight outputs of the device.
+    /// Reads the exception status (function 7, of a serial line): eight outputs of the device.
     pub async fn read_exception_status(&self) -> Result<u8, Error> {
         let status = |reply: Reply<'_>| match reply {
             Reply::ExceptionStatus(status) => Some(status),
@@ -16,13 +16,14 @@ impl Client {
         self.read(&Request::ReadExceptionStatus, status).await
     }
 
-    /// Function 8: the words of a diagnostic of the serial line; 1 to 125 for subfunction 0, which returns them, otherwise 1.
+    /// Performs a diagnostic of the serial line (function 8) and returns its words; sends 1 to 125 words for subfunction 0,
+    /// which returns them, otherwise 1.
     pub async fn diagnose(&self, subfunction: u16, words: &[u16]) -> Result<Vec<u16>, Error> {
         self.words(&Request::Diagnostics { subfunction, data: Words::from(words) }).await
     }
 
-    /// Function 11, of a serial line: FFFF if the device is busy, otherwise 0; and the number of requests that it has
-    /// executed.
+    /// Reads the event counter (function 11, of a serial line): FFFF if the device is busy, otherwise 0; and the number of
+    /// requests that it has executed.
     pub async fn comm_event_counter(&self) -> Result<(u16, u16), Error> {
         let counter = |reply: Reply<'_>| match reply {
             Reply::CommEventCounter { status, events } => Some((status, events)),
@@ -31,7 +32,8 @@ impl Client {
         self.read(&Request::GetCommEventCounter, counter).await
     }
 
-    /// Function 12, of a serial line: the counters of the device, and its last events, the last one first.
+    /// Reads the event log (function 12, of a serial line): the counters of the device, and its last events, the last one
+    /// first.
     pub async fn comm_event_log(&self) -> Result<(CommEvents, Vec<u8>), Error> {
         let log = |reply: Reply<'_>| match reply {
             Reply::CommEventLog { status, events, messages, log } => {
@@ -42,7 +44,7 @@ impl Client {
         self.read(&Request::GetCommEventLog, log).await
     }
 
-    /// Function 17: the bytes of the device's description of itself, first an id, and FF if it runs.
+    /// Reads the device's description of itself (function 17): an id, FF if the device runs, further bytes.
     pub async fn report_server_id(&self) -> Result<Vec<u8>, Error> {
         let id = |reply: Reply<'_>| match reply {
             Reply::ServerId(id) => Some(id.to_vec()),
@@ -51,7 +53,7 @@ impl Client {
         self.read(&Request::ReportServerId, id).await
     }
 
-    /// Function 20: the registers of these runs in files, 1 to 35 of them.
+    /// Reads the registers of these runs in files, 1 to 35 of them (function 20).
     pub async fn read_files(&self, ranges: &[FileRange]) -> Result<Vec<Vec<u16>>, Error> {
         let groups = |reply: Reply<'_>| match reply {
             Reply::FileRecords(groups) => Some(groups.iter().map(Words::to_vec).collect()),
@@ -60,18 +62,19 @@ impl Client {
         self.read(&Request::ReadFileRecord(ranges.into()), groups).await
     }
 
-    /// Function 21: registers in files.
+    /// Writes registers in files (function 21).
     pub async fn write_files(&self, records: &[FileRecord<'_>]) -> Result<(), Error> {
         self.request(&Request::WriteFileRecord(records.into())).await.map(drop)
     }
 
-    /// Function 24: the registers of the queue whose count has this address, at most 31, the oldest first. They stay in it.
+    /// Reads the queue whose count has this address (function 24): its registers, at most 31, the oldest first. They stay in
+    /// the queue.
     pub async fn read_fifo_queue(&self, address: u16) -> Result<Vec<u16>, Error> {
         self.words(&Request::ReadFifoQueue { address }).await
     }
 
-    /// Function 43: id and value of the objects of the device's identification of a category (1 basic, 2 regular, 3 extended), in as many
-    /// requests as the device needs.
+    /// Reads the id and value of the objects of the device's identification of a category (1 basic, 2 regular, 3 extended)
+    /// by function 43, in as many requests as the device needs.
     pub async fn read_device_identification(&self, category: u8) -> Result<Vec<(u8, Vec<u8>)>, Error> {
         let (mut objects, mut object) = (Vec::new(), 0);
         loop {

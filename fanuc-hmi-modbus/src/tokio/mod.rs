@@ -160,27 +160,27 @@ impl Client {
         &self.handle
     }
 
-    /// Function 1: up to 2000 coils.
+    /// Reads up to 2000 coils (function 1).
     pub async fn read_coils(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<bool>, Error> {
         let (address, quantity) = run(&addresses);
         self.bits(&Request::ReadCoils { address, quantity }).await
     }
 
-    /// Function 2: up to 2000 discrete inputs.
+    /// Reads up to 2000 discrete inputs (function 2).
     pub async fn read_discrete_inputs(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<bool>, Error> {
         let (address, quantity) = run(&addresses);
         self.bits(&Request::ReadDiscreteInputs { address, quantity }).await
     }
 
-    /// Function 3: up to 125 holding registers.
+    /// Reads up to 125 holding registers (function 3).
     pub async fn read_holding_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadHoldingRegisters { address, quantity }).await
     }
 
-    /// Several ranges of holding registers by function 3, in as few requests as the limit of 125 registers allows, one after the other. A
-    /// range of up to 125 registers is read by one request; others that are at most `gap` registers away are read with it. With a gap, the
-    /// server must have the registers between them too.
+    /// Reads several ranges of holding registers by function 3, in as few requests as the limit of 125 registers allows, one
+    /// after the other. A range of up to 125 registers is read by one request; others that are at most `gap` registers away
+    /// are read with it. With a gap, the server must have the registers between them too.
     ///
     /// ```no_run
     /// # async fn run(robot: fanuc_hmi_modbus::tokio::Client) -> Result<(), fanuc_hmi_modbus::tokio::Error> {
@@ -215,28 +215,28 @@ impl Client {
         Ok(blocks)
     }
 
-    /// Function 4: up to 125 input registers.
+    /// Reads up to 125 input registers (function 4).
     pub async fn read_input_registers(&self, addresses: impl RangeBounds<u16>) -> Result<Vec<u16>, Error> {
         let (address, quantity) = run(&addresses);
         self.words(&Request::ReadInputRegisters { address, quantity }).await
     }
 
-    /// The telemetry block whose first holding register has this address: 37 registers. [`Assignment::TELEMETRY`](crate::Assignment::TELEMETRY)
-    /// has it at [`TelemetryBlock::ADDRESS`].
+    /// Reads the telemetry block whose first holding register has this address: 37 registers.
+    /// [`Assignment::TELEMETRY`](crate::Assignment::TELEMETRY) has it at [`TelemetryBlock::ADDRESS`].
     pub async fn read_telemetry(&self, address: u16, order: WordOrder) -> Result<TelemetryBlock, Error> {
         let request = Request::ReadHoldingRegisters { address, quantity: TelemetryBlock::QUANTITY };
         let words = self.words(&request).await?;
         TelemetryBlock::from_words(&Words::from(words.as_slice()), order).ok_or(misfit(&request, &words))
     }
 
-    /// The position register whose first holding register has this address: 50 registers.
+    /// Reads the position register whose first holding register has this address: 50 registers.
     pub async fn read_position(&self, address: u16, order: WordOrder) -> Result<PositionRegister, Error> {
         let request = PositionRegister::request(address);
         let words = self.words(&request).await?;
         PositionRegister::from_words(&Words::from(words.as_slice()), order).ok_or(misfit(&request, &words))
     }
 
-    /// The numeric variable whose first holding register has this address. `number` is its assignment:
+    /// Reads the numeric variable whose first holding register has this address. `number` is its assignment:
     /// [`Kind`](crate::typed::Kind) lists the `$VAR_NAME` and the `$MULTIPLY` of each kind.
     pub async fn read_number(&self, address: u16, number: Number) -> Result<f64, Error> {
         let quantity = number.kind.registers();
@@ -248,8 +248,9 @@ impl Client {
         }
     }
 
-    /// The string, alarm or program name in these holding registers, two characters each, up to the first NUL: that of an assignment
-    /// with `$MULTIPLY` −1. A string register takes [`text::QUANTITY`] registers. Bytes that are not UTF-8 are read as Latin-1.
+    /// Reads the string, alarm or program name in these holding registers, two characters each, up to the first NUL: that of
+    /// an assignment with `$MULTIPLY` −1. A string register takes [`text::QUANTITY`] registers. Bytes that are not UTF-8 are
+    /// read as Latin-1.
     pub async fn read_text(&self, addresses: impl RangeBounds<u16>) -> Result<String, Error> {
         let words = self.read_holding_registers(addresses).await?;
         let mut bytes = vec![0; 2 * words.len()];
@@ -291,32 +292,32 @@ impl Client {
         self.write_registers(address, &position.to_registers(order)).await
     }
 
-    /// Function 5: one coil.
+    /// Writes one coil (function 5).
     pub async fn write_coil(&self, address: u16, value: bool) -> Result<(), Error> {
         self.request(&Request::WriteCoil { address, value }).await.map(drop)
     }
 
-    /// Function 15: 1 to 1968 coils.
+    /// Writes 1 to 1968 coils (function 15).
     pub async fn write_coils(&self, address: u16, values: &[bool]) -> Result<(), Error> {
         self.request(&Request::WriteCoils { address, values: Bits::from(values) }).await.map(drop)
     }
 
-    /// Function 6: one holding register.
+    /// Writes one holding register (function 6).
     pub async fn write_register(&self, address: u16, value: u16) -> Result<(), Error> {
         self.request(&Request::WriteRegister { address, value }).await.map(drop)
     }
 
-    /// Function 16: 1 to 123 holding registers.
+    /// Writes 1 to 123 holding registers (function 16).
     pub async fn write_registers(&self, address: u16, values: &[u16]) -> Result<(), Error> {
         self.request(&Request::WriteRegisters { address, values: Words::from(values) }).await.map(drop)
     }
 
-    /// Function 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
+    /// Sets a register to (register AND `and`) OR (`or` AND NOT `and`) (function 22).
     pub async fn mask_write_register(&self, address: u16, and: u16, or: u16) -> Result<(), Error> {
         self.request(&Request::MaskWriteRegister { address, and, or }).await.map(drop)
     }
 
-    /// Function 23: 1 to 121 registers are written from an address on, then up to 125 are read.
+    /// Writes 1 to 121 registers from an address on, then reads up to 125 (function 23).
     pub async fn read_write_registers(
         &self,
         addresses: impl RangeBounds<u16>,
@@ -327,8 +328,8 @@ impl Client {
         self.words(&Request::ReadWriteRegisters { address, quantity, write_address, values }).await
     }
 
-    /// Any request: returns the reply as a PDU, which is not an exception. For a broadcast, which has no reply, returns the
-    /// request.
+    /// Sends any request, and returns the reply as a PDU, which is not an exception. For a broadcast, which has no reply,
+    /// returns the request.
     pub async fn request(&self, request: &Request<'_>) -> Result<PduBuf, Error> {
         self.ask(request).await.map(|pdu| *pdu)
     }

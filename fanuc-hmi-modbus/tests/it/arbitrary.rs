@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree as _;
 use proptest::test_runner::TestRunner;
 
-/// A fuzzer's bytes.
+/// Returns the bytes of a fuzzer.
 fn inputs(count: usize) -> impl Iterator<Item = Vec<u8>> {
     let (mut runner, bytes) = (TestRunner::deterministic(), prop::collection::vec(any::<u8>(), 0..300));
     (0..count).map(move |_| bytes.new_tree(&mut runner).unwrap().current())

@@ -9,7 +9,7 @@ use fanuc_hmi_modbus::{
     Bits, Client, ClientConfig, ClientEvent, DecodeError, Exception, Failure, Mismatch, Reply, Request, Words,
 };
 
-/// Every request with a reply of its own, and that reply.
+/// Returns every request with a reply of its own, and that reply.
 fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
     let reply = |reply: Reply<'_>| bytes(None, 1, reply);
     let words: Vec<u16> = (0..37).collect();

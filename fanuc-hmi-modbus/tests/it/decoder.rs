@@ -31,19 +31,19 @@ fn pieces<'a>(framing: Framing, side: Side, pieces: impl Iterator<Item = &'a [u8
     items
 }
 
-/// All of these bytes.
+/// Pushes all of these bytes.
 fn push(decoder: &mut Decoder, bytes: &[u8]) {
     assert_eq!(decoder.push(bytes), bytes.len());
 }
 
-/// The items of a stream that ends; they are the same when it arrives byte by byte.
+/// Returns the items of a stream that ends; they are the same when it arrives byte by byte.
 fn decode(framing: Framing, side: Side, stream: &[u8]) -> Items {
     let items = pieces(framing, side, [stream].into_iter());
     assert_eq!(pieces(framing, side, stream.chunks(1)), items);
     items
 }
 
-/// An RTU frame around these bytes.
+/// Returns an RTU frame around these bytes.
 fn sealed(body: &[u8]) -> Vec<u8> {
     [body, &crc16(body).to_le_bytes()].concat()
 }

@@ -33,7 +33,7 @@ pub(crate) fn reply(reply: Reply<'_>) -> Vec<u8> {
     bytes(None, 1, reply)
 }
 
-/// Every request whose reply can equal it, and one of each other kind, with the reply.
+/// Returns every request whose reply can equal it, and one of each other kind, with the reply.
 pub(crate) fn exchanges() -> Vec<(Request<'static>, Vec<u8>)> {
     vec![
         (read(0, 2), reply(Reply::HoldingRegisters(Words::from(&[1, 2])))),

@@ -29,7 +29,7 @@ const LONG: Duration = Duration::from_secs(20);
 const ANY: SocketAddr = SocketAddr::new(core::net::IpAddr::V4(core::net::Ipv4Addr::LOCALHOST), 0);
 const MS: Duration = Duration::from_millis(1);
 
-/// A server of its own registers for every connection.
+/// Serves every connection with its own registers.
 async fn server(address: SocketAddr) -> (SocketAddr, impl Future<Output = io::Result<()>>) {
     let listener = TcpListener::bind(address).await.unwrap();
     let address = listener.local_addr().unwrap();

@@ -14,7 +14,7 @@ use fanuc_hmi_modbus::{
 
 const BAUDS: [u32; 7] = [1200, 2400, 9600, 19_200, 38_400, 57_600, 115_200];
 
-/// A write of 0BADh to register 10 of a unit.
+/// Returns a write of 0BADh to register 10 of a unit.
 fn write(unit: u8) -> Vec<u8> {
     bytes(None, unit, Request::WriteRegister { address: 10, value: 0x0BAD })
 }

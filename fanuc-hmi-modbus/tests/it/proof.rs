@@ -37,7 +37,7 @@ fn configs() -> [ClientConfig; 4] {
     [each[0], each[1], ClientConfig { echo: true, ..each[0] }, ClientConfig { echo: true, ..each[1] }]
 }
 
-/// Every request that can equal its reply.
+/// Returns every request that can equal its reply.
 fn mirrored() -> Vec<Request<'static>> {
     let equal = exchanges().into_iter().map(|(request, _)| request);
     let is_mirrored = |request: &Request<'_>| !matches!(request.function(), 3 | 16);

@@ -140,7 +140,7 @@ fn asked() -> impl Strategy<Value = Asked> {
         })
 }
 
-/// The RTU frame of a small request whose function shows its length.
+/// Returns the RTU frame of a small request whose function shows its length.
 fn small() -> impl Strategy<Value = Vec<u8>> {
     vec(any::<u8>(), 6..24).prop_filter_map("no such request", |bytes| {
         let request = Unstructured::new(&bytes).arbitrary::<Request<'_>>().ok()?;

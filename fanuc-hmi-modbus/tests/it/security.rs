@@ -18,7 +18,7 @@ use crate::common::Bank;
 
 const ROLE: [u64; 9] = [1, 3, 6, 1, 4, 1, 50316, 802, 1];
 
-/// A certificate whose extension of the role has this content.
+/// Returns a certificate whose extension for the role has this content.
 fn certificate(
     issuer: &CertifiedIssuer<'_, KeyPair>,
     key: &KeyPair,

@@ -17,7 +17,7 @@ use fanuc_hmi_modbus::{
     Words, WordsMut, function, limit, serve,
 };
 
-/// The reply PDU to a request PDU.
+/// Returns the reply PDU to a request PDU.
 fn answer(bank: &mut Bank, pdu: &[u8]) -> Vec<u8> {
     let mut out = [0xAA; limit::PDU];
     let len = serve(pdu, bank, &mut out);

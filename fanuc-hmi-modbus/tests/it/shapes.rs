@@ -3,7 +3,7 @@
 use fanuc_hmi_modbus::{Bits, Frame, PduBuf, Reply, Request, Words};
 use serde_json::{Value, json};
 
-/// An object of each function, and whether it is a request.
+/// Returns an object of each function, and whether it is a request.
 fn objects() -> Vec<(Value, bool)> {
     let requests = [
         json!({"transaction":1,"unit":2,"function":1,"address":3,"quantity":4}),

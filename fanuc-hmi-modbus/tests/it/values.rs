@@ -11,7 +11,7 @@ use fanuc_hmi_modbus::{ClientConfig, Server, ServerConfig, TelemetryBlock, WordO
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpListener;
 
-/// A client of the server with this listener.
+/// Creates a client of the server with this listener.
 fn to(listener: &TcpListener) -> Client {
     let address = listener.local_addr().unwrap();
     let (client, task) = client(ClientConfig::tcp(), Tcp::new(address.to_string())).unwrap();

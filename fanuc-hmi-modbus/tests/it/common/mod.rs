@@ -114,7 +114,7 @@ pub fn transmitted<S: Session>(session: &mut S, now: Duration) -> Vec<Vec<u8>> {
     core::iter::from_fn(|| session.poll_transmit(now, &mut out).map(|len| out[..len].to_vec())).collect()
 }
 
-/// A client with a connection, and with nothing left on its line.
+/// Creates a client with a connection, and without unsent bytes on its line.
 pub fn connected<const N: usize>(config: ClientConfig) -> Client<N> {
     let mut client = Client::new(config).unwrap();
     client.handle_connected(Duration::ZERO);
@@ -130,7 +130,7 @@ pub fn tcp(in_flight: usize) -> ClientConfig {
     ClientConfig { in_flight, ..ClientConfig::tcp() }
 }
 
-/// 19200 baud, with times that are easy to add.
+/// Returns the configuration of RTU at 19200 baud, with times that are easy to add.
 pub fn rtu() -> ClientConfig {
     ClientConfig { timeout: 1000 * MS, turnaround: 100 * MS, settle: 100 * MS, ..ClientConfig::rtu(19_200) }
 }

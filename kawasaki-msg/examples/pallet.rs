@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
     ends::main(&pallet())
 }
 
-/// 4 layers of 5 by 5 boxes: above each, down with the box, up without it.
+/// 4 layers of 5 by 5 boxes: three motions for each box: above it, down with the box, up without it.
 pub(crate) fn pallet() -> Vec<PalletMove> {
     let tool = |name| Text::new(name).unwrap_or_default();
     let moves = (0..100).flat_map(|place| {

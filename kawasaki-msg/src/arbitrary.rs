@@ -18,8 +18,8 @@ use crate::text::Text;
 use crate::value::Charset;
 
 impl Message<'_> {
-    /// The bytes of a message in ASCII that fits a packet. Half of the names are those of the default table; each part ends at the first
-    /// byte that it cannot have.
+    /// Generates the bytes of a message in ASCII that fits a packet. Half of the names are those of the default table; each
+    /// part ends at the first byte that it cannot have.
     ///
     /// # Errors
     /// The errors of `u`.
@@ -59,7 +59,7 @@ impl Dialect {
 }
 
 impl<W: Work> Job<W> {
-    /// A job whose fields are within these ranges, in ASCII.
+    /// Generates a job whose fields are within these ranges, in ASCII.
     ///
     /// # Errors
     /// [`Error::IncorrectFormat`] when a range is empty, or the job refuses a value in its range, such as the code of an enum.
@@ -109,7 +109,7 @@ impl Fields for Filler<'_, '_> {
     }
 }
 
-/// Text up to the first byte that a part of a message cannot have, which is left out.
+/// Text up to the first byte that a part of a message cannot have, which is omitted.
 fn part<'a>(u: &mut Unstructured<'a>, free: usize, ends: impl Fn(u8) -> bool) -> Result<&'a [u8]> {
     let length = u.arbitrary_len::<u8>()?.min(free);
     let bytes = u.peek_bytes(length).unwrap_or_default();

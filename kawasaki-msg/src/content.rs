@@ -66,7 +66,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// The values of a message.
+    /// Returns the values of a message.
     pub(crate) fn read(params: &Params) -> Self {
         let code = params.number(Field::Phase).and_then(|code| u8::try_from(code).ok());
         Self {
@@ -87,7 +87,7 @@ impl Status {
     }
 }
 
-/// The values of a message about an order.
+/// Returns the values of a message about an order.
 fn of(order: u16) -> Params {
     Params::default().with(Field::Order, order)
 }
@@ -123,7 +123,7 @@ impl FromPc {
 }
 
 impl FromRobot {
-    /// The meaning of a message's values.
+    /// Returns the meaning of a message's values.
     pub fn read(role: Role, params: &Params) -> Self {
         let (order, number) = (params.or_zero(Field::Order), params.or_zero(Field::Number));
         match role {
@@ -143,7 +143,7 @@ impl FromRobot {
         }
     }
 
-    /// The message's role and values.
+    /// Returns the message's role and values.
     pub(crate) fn write(self) -> (Role, Params) {
         match self {
             FromRobot::JobAck { order, number } => (Role::JobAck, of(order).with(Field::Number, number)),

@@ -39,14 +39,14 @@ pub struct Decoder<const MESSAGE: usize = { Message::MAX_LEN }> {
 }
 
 impl Decoder {
-    /// An empty decoder at the beginning of a stream, for messages of every length.
+    /// Creates an empty decoder at the beginning of a stream, for messages of any length.
     pub const fn new(charset: Charset) -> Self {
         Self::sized(charset)
     }
 }
 
 impl<const MESSAGE: usize> Decoder<MESSAGE> {
-    /// An empty decoder at the beginning of a stream, for messages of `MESSAGE` bytes at most.
+    /// Creates an empty decoder at the beginning of a stream, for messages of `MESSAGE` bytes at most.
     pub const fn sized(charset: Charset) -> Self {
         let buffer = StreamBuffer::new();
         Self { buffer, charset, progress: Progress::NONE, skipped: 0, corruption: None, finished: false }

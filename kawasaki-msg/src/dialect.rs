@@ -120,7 +120,7 @@ impl Dialect {
         Ok(Self { entries, charset: Charset::Ascii })
     }
 
-    /// The same table in another character set.
+    /// Returns the table in another character set.
     #[must_use]
     pub const fn with_charset(mut self, charset: Charset) -> Self {
         self.charset = charset;
@@ -152,22 +152,22 @@ impl Dialect {
         }
     }
 
-    /// The character set of names and fields.
+    /// Returns the character set of names and fields.
     pub const fn charset(&self) -> Charset {
         self.charset
     }
 
-    /// All messages of the table.
+    /// Returns all messages of the table.
     pub const fn entries(&self) -> &'static [Entry] {
         self.entries
     }
 
-    /// The message with this role.
+    /// Returns the message with this role.
     pub fn entry(&self, role: Role) -> Option<&'static Entry> {
         self.entries.iter().find(|entry| entry.role == role)
     }
 
-    /// The message with this name.
+    /// Returns the message with this name.
     #[inline(always)]
     fn find(&self, name: Value<'_>) -> Option<&'static Entry> {
         // A letter above 127 is one byte on the wire and two in the table.

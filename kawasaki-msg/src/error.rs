@@ -43,7 +43,7 @@ pub enum DecodeError {
 }
 
 impl DecodeError {
-    /// The same error seen from `base` bytes earlier.
+    /// Returns the error with its position moved by `base` bytes: the error as seen from `base` bytes earlier.
     pub(crate) fn moved(mut self, base: usize) -> Self {
         match &mut self {
             Self::Garbage { offset, .. }

@@ -128,7 +128,7 @@ impl Frame {
         }
     }
 
-    /// The number of bytes that the message has.
+    /// Returns the number of bytes that the message has.
     #[inline(always)]
     pub(crate) const fn len(&self) -> usize {
         self.end + "#>".len()
@@ -145,12 +145,12 @@ impl Frame {
     }
 }
 
-/// More bytes are needed.
+/// Returns `None` if more bytes are needed, or an error if the message is longer than `limit`.
 fn more(bytes: &[u8], limit: usize) -> Result<Option<Frame>, DecodeError> {
     if bytes.len() < limit { Ok(None) } else { Err(DecodeError::TooLong { offset: 0, limit }) }
 }
 
-/// The error of a byte that is in place of a `#`.
+/// Returns the error of a byte that is in place of a `#`.
 fn wrong(bytes: &[u8], offset: usize, charset: Charset) -> DecodeError {
     let found = bytes.get(offset).copied().unwrap_or(DATA);
     if charset.has(found) {

@@ -57,7 +57,7 @@ impl<'a> Message<'a> {
         Ok(frame.map(|frame| (Self::of(frame, bytes), frame.len())))
     }
 
-    /// The message of a frame that these bytes begin with.
+    /// Returns the message of a frame at the beginning of these bytes.
     #[inline(always)]
     pub(crate) fn of(frame: Frame, bytes: &'a [u8]) -> Self {
         let (name, header, fields) = frame.parts(bytes);

@@ -34,7 +34,7 @@ pub struct JobQueue<W, const N: usize> {
 }
 
 impl<W, const N: usize> JobQueue<W, N> {
-    /// An empty queue whose jobs are numbered `1..=max_number`, then 1 again, as both ends of the link have agreed.
+    /// Creates an empty queue whose jobs are numbered `1..=max_number`, then 1 again, as both ends of the link have agreed.
     ///
     /// # Errors
     /// As [`WorkQueue::new`].
@@ -42,23 +42,24 @@ impl<W, const N: usize> JobQueue<W, N> {
         Ok(Self { jobs: WorkQueue::new(max_number)?, executed: WorkQueue::new(max_number)? })
     }
 
-    /// As [`new`](Self::new), for a `static`: invalid parameters do not compile.
+    /// Creates a queue as [`new`](Self::new) does, for a `static`: invalid parameters do not compile.
     #[must_use]
     pub const fn numbered<const MAX_NUMBER: u16>() -> Self {
         Self { jobs: WorkQueue::numbered::<MAX_NUMBER>(), executed: WorkQueue::numbered::<MAX_NUMBER>() }
     }
 
-    /// The two ends. Each split empties the queue.
+    /// Splits the queue into its two ends. Each split empties the queue.
     pub fn split(&mut self) -> Ends<'_, W> {
         self.split_with(NoWake, NoWake)
     }
 
-    /// As [`split`](Self::split), for ends that sleep: `motion` wakes the motion task, `session` the driver of the session.
+    /// Splits the queue as [`split`](Self::split) does, for ends that sleep: `motion` wakes the motion task, `session` the
+    /// driver of the session.
     pub fn split_with<M: Wake, S: Wake>(&mut self, motion: M, session: S) -> Ends<'_, W, M, S> {
         ends(self.jobs.split_with(motion, session), self.executed.split())
     }
 
-    /// The two ends of a queue in a `static`; `None` while it has ends.
+    /// Returns the two ends of a queue in a `static`; `None` while it has ends.
     #[cfg(target_has_atomic = "8")]
     pub fn split_static<M: Wake, S: Wake>(
         &'static self,
@@ -70,8 +71,8 @@ impl<W, const N: usize> JobQueue<W, N> {
     }
 }
 
-/// The two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again. They own it together and can
-/// be moved to different threads. Nothing is allocated later.
+/// Returns the two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again. The ends
+/// own the queue together and can be moved to different threads. Nothing is allocated later.
 ///
 /// # Errors
 /// As [`robot_work_queue::boxed`].
@@ -80,7 +81,8 @@ pub fn boxed<W>(capacity: usize, max_number: u16) -> Result<Ends<'static, W>, Co
     boxed_with(capacity, max_number, NoWake, NoWake)
 }
 
-/// As [`boxed`], for ends that sleep: `motion` wakes the motion task, `session` the driver of the session.
+/// Creates a queue as [`boxed`] does, for ends that sleep: `motion` wakes the motion task, `session` the driver of the
+/// session.
 ///
 /// # Errors
 /// As [`boxed`].
@@ -151,7 +153,7 @@ impl<W, S: Wake> Motion<'_, W, S> {
         executing(self.report.claim(), self.jobs.take_where(|_, job| predicate(job)))
     }
 
-    /// The waiting jobs, oldest first.
+    /// Returns the waiting jobs, oldest first.
     pub fn iter(&self) -> impl Iterator<Item = &Job<W>> {
         Iter::map(self.jobs.iter(), |(_, job)| job)
     }

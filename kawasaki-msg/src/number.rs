@@ -100,7 +100,7 @@ fn digits(mut text: &[u8], mut number: u32) -> (u32, &[u8]) {
     (number, text)
 }
 
-/// A number of up to this many decimals in any form, with the blanks around it left out.
+/// Parses a number of up to this many decimals in any form; the blanks around it are ignored.
 ///
 /// No sign but `-`: AS's `VAL` knows more, but nothing in the source sends more.
 pub(crate) fn parse(text: &[u8], places: u8) -> Result<i32, Fault> {

@@ -13,7 +13,7 @@ impl Numbering {
         Self { max: if max == 0 { 1 } else { max } }
     }
 
-    /// The highest number.
+    /// Returns the highest number.
     pub const fn max(self) -> u16 {
         self.max
     }
@@ -23,13 +23,13 @@ impl Numbering {
         1 <= number && number <= self.max
     }
 
-    /// The number of the job that is the `count`-th of its order; `None` for the zeroth. 0 is never sent.
+    /// Returns the number of the job that is the `count`-th of its order; `None` for the zeroth, since 0 is never sent.
     pub fn number(self, count: u32) -> Option<u16> {
         let before = count.checked_sub(1)?;
         u16::try_from(before % u32::from(self.max)).ok().map(|n| n + 1)
     }
 
-    /// The number of the job that follows the `count`-th.
+    /// Returns the number of the job that follows the `count`-th.
     pub fn next(self, count: u32) -> u16 {
         self.number(count + 1).unwrap_or(1)
     }

@@ -114,7 +114,7 @@ pub struct Packet<'a> {
 }
 
 impl<'a> Packet<'a> {
-    /// An empty packet of messages of this table. A buffer shorter than `limits.packet` is a lower limit.
+    /// Creates an empty packet of messages of this table. A buffer shorter than `limits.packet` lowers the limit.
     pub fn new(buffer: &'a mut [u8], limits: Limits, dialect: Dialect) -> Self {
         let limit = limits.packet.min(buffer.len());
         Self { buffer: buffer.get_mut(..limit).unwrap_or_default(), length: 0, limits, dialect }
@@ -161,17 +161,17 @@ impl<'a> Packet<'a> {
         }
     }
 
-    /// The bytes of the packet so far.
+    /// Returns the bytes of the packet so far.
     pub fn as_bytes(&self) -> &[u8] {
         self.buffer.get(..self.length).unwrap_or_default()
     }
 
-    /// The strings that an AS program would send: at most [`Limits::element`] bytes each, none of them empty.
+    /// Returns the strings that an AS program would send: at most [`Limits::element`] bytes each, without empty strings.
     pub fn elements(&self) -> impl Iterator<Item = &[u8]> {
         self.as_bytes().chunks(self.limits.element.max(1))
     }
 
-    /// Whether no message was added.
+    /// Returns whether no message was added.
     pub fn is_empty(&self) -> bool {
         self.length == 0
     }

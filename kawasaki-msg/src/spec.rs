@@ -50,7 +50,7 @@ impl Configure for RecoveryLimits {
     }
 }
 
-/// The fields `dialect`, `limits`, `datagrams` and `max_number`, on which both ends agree.
+/// Visits the fields `dialect`, `limits`, `datagrams` and `max_number`, on which both ends agree.
 fn agreed(fields: &mut impl Fields, limits: &mut Limits, datagrams: &mut bool, max_number: &mut u16) {
     let shape = "a table that `Dialect::new` takes (KM-27, KM-28)";
     fields.source("§10.1; ours").code("dialect", shape, "the table of messages", "the plant's messages");

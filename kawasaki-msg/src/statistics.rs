@@ -43,13 +43,13 @@ impl Times {
         self.since = None;
     }
 
-    /// The last round; `None` before the first.
+    /// Returns the last round; `None` before the first round.
     pub fn last(&self) -> Option<Duration> {
         let before = self.count.checked_sub(1)? % Self::ROUNDS as u64;
         self.rounds.get(usize::try_from(before).ok()?).copied()
     }
 
-    /// The mean of the last 20 rounds, or of as many as there were.
+    /// Returns the mean of the last 20 rounds, or of as many as were measured.
     pub fn mean(&self) -> Option<Duration> {
         let rounds = u32::try_from(self.count.min(Self::ROUNDS as u64)).ok()?;
         let last = self.rounds.iter().take(usize::try_from(rounds).ok()?);

@@ -29,7 +29,7 @@ impl<const N: usize> Text<N> {
         Some(new)
     }
 
-    /// The beginning of a text, with a `?` in place of each character that [`new`](Self::new) does not take.
+    /// Returns the beginning of a text, with a `?` in place of each character that [`new`](Self::new) rejects.
     pub fn of(text: &str) -> Self {
         Self::beginning(text.chars())
     }
@@ -43,22 +43,22 @@ impl<const N: usize> Text<N> {
         new
     }
 
-    /// The characters.
+    /// Returns the characters.
     pub fn chars(&self) -> impl Iterator<Item = char> + '_ {
         self.as_bytes().iter().map(|byte| char::from(*byte))
     }
 
-    /// The bytes on the wire.
+    /// Returns the bytes on the wire.
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.length)).unwrap_or_default()
     }
 
-    /// Whether there is no character.
+    /// Returns whether the text is empty.
     pub const fn is_empty(&self) -> bool {
         self.length == 0
     }
 
-    /// The text of these bytes; `None` if they are more than `N` or 255.
+    /// Returns the text of these bytes; `None` if they are more than `N` or 255.
     #[inline]
     pub(crate) fn from_wire(bytes: &[u8]) -> Option<Self> {
         let mut text = Self { bytes: [0; N], length: u8::try_from(bytes.len()).ok()? };

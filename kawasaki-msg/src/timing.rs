@@ -32,7 +32,7 @@ pub const fn packets(jobs: usize, message_len: usize, packet_limit: usize) -> us
     }
 }
 
-/// The time to send `jobs` messages of `message_len` bytes when each exchange carries a full packet: batching pays in
+/// Returns the time to send `jobs` messages of `message_len` bytes when each exchange carries a full packet: batching pays in
 /// proportion (thesis, section 9.4).
 pub fn transfer_time(jobs: usize, message_len: usize, packet_limit: usize) -> Duration {
     EXCHANGE.saturating_mul(u32::try_from(packets(jobs, message_len, packet_limit)).unwrap_or(u32::MAX))

@@ -22,24 +22,25 @@ pub enum Charset {
 }
 
 impl Charset {
-    /// Whether a byte from the wire is a character of this set.
+    /// Returns whether a byte from the wire is a character of this set.
     pub const fn has(self, byte: u8) -> bool {
         byte <= self as u8
     }
 
-    /// Whether this byte cannot be in the text of a header or a data part: a mark that ends one, or not a character of this set.
+    /// Returns whether this byte cannot be in the text of a header or a data part: a mark that ends the text, or not a
+    /// character of this set.
     #[inline(always)]
     pub(crate) const fn ends_text(self, byte: u8) -> bool {
         (byte == START) | (byte == END) | (byte == DATA) | (byte > self as u8)
     }
 
-    /// Whether this byte may end a text: it is not a letter, but it may be a digit or a blank.
+    /// Returns whether this byte may end a text: a byte that is not a letter, but may be a digit or a blank.
     #[inline(always)]
     pub(crate) const fn ends_letters(self, byte: u8) -> bool {
         byte <= END || byte > self as u8
     }
 
-    /// The offset of the first byte that [ends a text](Self::ends_text).
+    /// Returns the offset of the first byte that [ends a text](Self::ends_text).
     #[inline]
     pub(crate) fn text_end(self, bytes: &[u8]) -> Option<usize> {
         bytes.iter().position(|byte| self.ends_text(*byte))
@@ -69,12 +70,12 @@ impl Charset {
 pub struct Value<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Value<'a> {
-    /// The bytes on the wire.
+    /// Returns the bytes on the wire.
     pub const fn as_bytes(&self) -> &'a [u8] {
         self.0
     }
 
-    /// The characters.
+    /// Returns the characters.
     pub fn chars(&self) -> impl Iterator<Item = char> + use<'a> {
         self.0.iter().map(|byte| char::from(*byte))
     }
@@ -130,29 +131,29 @@ impl<'a> Values<'a> {
     /// No value.
     pub(crate) const NONE: Self = Self(&[]);
 
-    /// The values in sequence.
+    /// Returns the values in sequence.
     pub fn iter(&self) -> impl Iterator<Item = Value<'a>> + use<'a> {
         let mut rest = *self;
         core::iter::from_fn(move || rest.text())
     }
 
-    /// The number of values.
+    /// Returns the number of values.
     pub fn count(&self) -> usize {
         self.0.iter().filter(|byte| is_end(**byte)).count()
     }
 
-    /// The number of bytes, a mark for each value counted.
+    /// Returns the number of bytes, including a mark for each value.
     pub(crate) const fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there is no value.
+    /// Returns whether there are no values.
     #[inline(always)]
     pub(crate) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The values before the last `count` ones, and these; `None` if there are fewer.
+    /// Returns the values before the last `count` ones, and the last `count` ones; `None` if there are fewer.
     #[cold]
     pub(crate) fn split(self, count: usize) -> Option<(Self, Self)> {
         let first = self.count().checked_sub(count)?;
@@ -195,7 +196,7 @@ impl<'a> Values<'a> {
         }
     }
 
-    /// A number in another form, or a value that is not a number.
+    /// Parses a number in another form; an error if the value is not a number.
     #[cold]
     #[inline(never)]
     fn other_number(&mut self, places: u8) -> Result<i32, number::Fault> {
@@ -203,7 +204,7 @@ impl<'a> Values<'a> {
     }
 }
 
-/// Whether this mark ends a value.
+/// Returns whether this mark ends a value.
 #[inline(always)]
 const fn is_end(byte: u8) -> bool {
     matches!(byte, SEPARATOR | DATA)

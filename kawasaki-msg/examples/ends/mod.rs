@@ -16,7 +16,7 @@ use std::net::{TcpListener, TcpStream, UdpSocket};
 use kawasaki_msg::robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
 use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work, motion};
 
-/// `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
+/// Runs an example: `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
 pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
@@ -45,7 +45,7 @@ pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u3
     }
 }
 
-/// The same over UDP, where there is no connection to accept.
+/// Has the jobs executed as order 50 over UDP, where there is no connection to accept; returns the number of executed jobs.
 pub(crate) fn pc_udp<S: JobSource>(socket: UdpSocket, jobs: S) -> Result<u32, Box<dyn Error>> {
     let mut pc = Pc::new(PcConfig::udp())?;
     pc.start(50, jobs)?;
@@ -128,12 +128,12 @@ pub(crate) fn robot<W: Work + Send + 'static>(
     }
 }
 
-/// A new connection.
+/// Returns a new connection.
 pub(crate) fn tcp(address: &str) -> io::Result<Box<dyn Transport>> {
     Ok(Box::new(TcpStream::connect(address)?))
 }
 
-/// A socket for datagrams to this address.
+/// Returns a socket for datagrams to this address.
 pub(crate) fn udp(address: &str) -> io::Result<Box<dyn Transport>> {
     let peer = address.parse().map_err(|_| io::Error::from(ErrorKind::InvalidInput))?;
     Ok(Box::new(Udp { socket: UdpSocket::bind("0.0.0.0:0")?, peer: Some(peer) }))

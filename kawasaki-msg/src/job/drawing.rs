@@ -74,7 +74,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// A point from hundredths of a millimetre.
+    /// Creates a point from hundredths of a millimetre.
     pub const fn new(x: i32, y: i32) -> Self {
         Self { x, y }
     }

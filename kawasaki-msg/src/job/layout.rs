@@ -72,7 +72,7 @@ impl Fields for Layout {
         Unfit(())
     }
 
-    /// The default of an enum or a number is not a code to check.
+    /// Checks the range alone: the default of an enum or a number is not a code to check.
     fn whole<T: Copy + Into<i32> + TryFrom<i32>>(
         &mut self,
         name: &str,

@@ -61,7 +61,7 @@ robot_session::rules! {
 }
 
 impl PcConfig {
-    /// Over TCP, as the source's application.
+    /// Returns the configuration over TCP, as in the source's application.
     pub const fn tcp() -> Self {
         Self {
             dialect: Dialect::DEFAULT,
@@ -79,7 +79,7 @@ impl PcConfig {
         }
     }
 
-    /// Over UDP.
+    /// Returns the configuration over UDP.
     pub const fn udp() -> Self {
         Self { limits: Limits::UDP, datagrams: true, ..Self::tcp() }
     }
@@ -92,13 +92,13 @@ impl PcConfig {
         self.limits.check(&self.dialect, work, held)
     }
 
-    /// The numbers of the jobs.
+    /// Returns the numbers of the jobs.
     pub(crate) const fn numbering(&self) -> Numbering {
         Numbering::new(self.max_number)
     }
 
-    /// The maximum number of jobs in flight: with all numbers in use one job could be executed twice. A late datagram may
-    /// bring an old number back: half the numbers are reserved for that.
+    /// Returns the maximum number of jobs in flight: with all numbers in use one job could be executed twice. Half the
+    /// numbers are reserved over UDP, where a late datagram may bring an old number back.
     pub(super) fn window(&self) -> u32 {
         let max = u32::from(self.max_number);
         let window = match self.datagrams {

@@ -61,7 +61,7 @@ type Ranges<S> = <<S as JobSource>::Work as Work>::Ranges;
 const OUTCOMES: usize = 2 + Commands::MAX as usize;
 
 impl<S: JobSource> Pc<S> {
-    /// A session without an order that listens. The ranges of a job's fields are the default ones.
+    /// Creates a session that listens, without an order. The ranges of a job's fields are the defaults.
     ///
     /// # Errors
     /// When the configuration cannot work.
@@ -71,7 +71,8 @@ impl<S: JobSource> Pc<S> {
 }
 
 impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
-    /// As [`new`](Pc::new), of the size of its type, with other ranges of a job's fields: those of the robot.
+    /// Creates a session as [`new`](Pc::new) does, of the size of its type, with other ranges of a job's fields: those of
+    /// the robot.
     ///
     /// # Errors
     /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
@@ -399,7 +400,7 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
         }
     }
 
-    /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
+    /// Returns a buffer shorter than [`Limits::packet`](crate::Limits) is too small.
     fn write(&mut self, _now: Duration, mut answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.core.config.limits.packet)?;
         let mut sent = Sent::default();

@@ -195,7 +195,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// The answer that ends the order; its [`Sent::rest`] is [`Rest::End`].
+    /// Returns the answer that ends the order; its [`Sent::rest`] is [`Rest::End`].
     #[must_use]
     pub fn at_end(self) -> Self {
         let status = self.status.map(|status| Status { phase: Phase::Ending, ..status });

@@ -86,7 +86,7 @@ robot_session::rules! {
 }
 
 impl RobotConfig {
-    /// Over TCP, as the source's application.
+    /// Returns the configuration over TCP, as in the source's application.
     pub const fn tcp() -> Self {
         Self {
             dialect: Dialect::DEFAULT,
@@ -110,7 +110,7 @@ impl RobotConfig {
         }
     }
 
-    /// Over UDP.
+    /// Returns the configuration over UDP.
     pub const fn udp() -> Self {
         Self { limits: Limits::UDP, datagrams: true, ..Self::tcp() }
     }
@@ -139,12 +139,12 @@ impl RobotConfig {
         self.limits.check(&self.dialect, work, held)
     }
 
-    /// The numbers of the jobs.
+    /// Returns the numbers of the jobs.
     pub(crate) const fn numbering(&self) -> Numbering {
         Numbering::new(self.max_number)
     }
 
-    /// The recovery step after this many failures.
+    /// Returns the recovery step after this many failures.
     pub(super) fn step(&self, failures: u32) -> RecoveryStep {
         let RecoveryLimits { resends, pauses, clears } = self.recovery;
         let (resends, pauses, clears) = (u32::from(resends), u32::from(pauses), u32::from(clears));

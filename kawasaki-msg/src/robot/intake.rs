@@ -7,8 +7,8 @@ use super::state::{Action, Flow, Gap, Link, Machine, Order, Recovery, Rejection,
 use crate::numbering::Ahead;
 
 impl Machine {
-    /// "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet is destroyed"
-    /// (thesis, sections 7.2 and 12).
+    /// Handles a job: "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet
+    /// is destroyed" (thesis, sections 7.2 and 12).
     pub(super) fn on_job(
         &mut self,
         (order, number): (u16, u16),
@@ -71,7 +71,8 @@ impl Machine {
         Action::Rejected(why)
     }
 
-    /// "If the order went through, its number is returned, otherwise 0 or the number of the active order" (thesis, section 10.1).
+    /// Handles the start of an order: "If the order went through, its number is returned, otherwise 0 or the number of the
+    /// active order" (thesis, section 10.1).
     ///
     /// A late datagram may name an order that is over: a start with a number that has just ended is refused. A robot that has
     /// just been started knows no such numbers, and ignores all starts for as long as such a datagram may still come.

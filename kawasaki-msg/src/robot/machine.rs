@@ -121,7 +121,7 @@ impl robot_session::end::Machine for Machine {
 }
 
 impl Machine {
-    /// A robot that requests a connection at once.
+    /// Creates a robot that requests a connection at once.
     pub fn new(config: &RobotConfig) -> Self {
         let starts = if config.datagrams {
             Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }

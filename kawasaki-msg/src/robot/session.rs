@@ -60,8 +60,8 @@ pub struct Robot<'q, W: Work, const MESSAGE: usize = 256, R: Wake = NoWake> {
 pub type LargeRobot<'q, W, R = NoWake> = Robot<'q, W, { Message::MAX_LEN }, R>;
 
 impl<'q, W: Work, R: Wake> Robot<'q, W, 256, R> {
-    /// A session that requests a connection at once. `jobs` is its end of a queue, whose highest job number is the one on
-    /// which both ends have agreed. The ranges of a job's fields are the default ones.
+    /// Creates a session that requests a connection at once. `jobs` is its end of a queue, whose highest job number is the
+    /// one on which both ends have agreed. The ranges of a job's fields are the defaults.
     ///
     /// # Errors
     /// When the configuration cannot work.
@@ -71,7 +71,8 @@ impl<'q, W: Work, R: Wake> Robot<'q, W, 256, R> {
 }
 
 impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
-    /// As [`new`](Robot::new), of the size of its type, with other ranges of a job's fields: those that the robot can reach.
+    /// Creates a session as [`new`](Robot::new) does, of the size of its type, with other ranges of a job's fields: those
+    /// that the robot can reach.
     ///
     /// # Errors
     /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
@@ -104,8 +105,8 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         self.executed_one(now, number).map_err(|_| SessionError::NotQueued { number })
     }
 
-    /// The first reset: clears the queue of all jobs but the one that is being executed; those not executed come again. Ends
-    /// an alarm.
+    /// Performs the first reset: clears the queue of all jobs except the one being executed; jobs not executed are sent
+    /// again. Ends an alarm.
     ///
     /// # Errors
     /// When no order is active, or it is ending or being cleared; when the event queue is full.
@@ -116,7 +117,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
         self.ask(Duration::ZERO, Input::ClearQueue).map_err(|_| SessionError::NoOrder)
     }
 
-    /// The second reset: clears the queue and discards the order, as an interruption by the PC does.
+    /// Performs the second reset: clears the queue and discards the order, as an interruption by the PC does.
     ///
     /// # Errors
     /// When no order is active, or it is interrupted already.
@@ -305,7 +306,7 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
         }
     }
 
-    /// A buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
+    /// Returns a buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
     fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.core.config.limits.packet.min(MESSAGE))?;
         let mut packet = Packet::new(out, self.core.config.limits, self.core.config.dialect);

@@ -8,7 +8,7 @@ use crate::content::{FromRobot, Status};
 use crate::numbering::Ahead;
 
 impl Machine {
-    /// The messages of the packet that is due.
+    /// Returns the messages of the packet that is due.
     pub(super) fn due(&self, now: Duration, config: &RobotConfig) -> Due {
         let numbering = config.numbering();
         let Link::Connected { synced, status_at, .. } = self.link else { return Due::default() };
@@ -36,8 +36,8 @@ impl Machine {
         }
     }
 
-    /// The acknowledgements in a packet, each with the number of jobs that it is the first to cover: every k-th job, or all "at least
-    /// when there is nothing else to send" (thesis, section 11.2) or to execute.
+    /// Returns the acknowledgements in a packet, each with the number of jobs that it is the first to cover: every k-th job,
+    /// or all "at least when there is nothing else to send" (thesis, section 11.2) or to execute.
     pub fn acks(&self, due: &Due, config: &RobotConfig) -> impl Iterator<Item = (u32, FromRobot)> {
         let order = if let Order::Active { number, .. } = self.order {
             Some(number)

@@ -62,7 +62,7 @@ pub struct Pc<W: Job, K: Keep> {
     handle: Handle<Orders<W, K>>,
 }
 
-/// A PC, and its task. Nothing is sent before `keep` has stored it.
+/// Creates a PC, and its task. Nothing is sent before `keep` has stored it.
 ///
 /// # Errors
 /// As [`LargePc::new`].
@@ -75,7 +75,7 @@ where
     pc_with_ranges(config, Default::default(), keep, connector)
 }
 
-/// As [`pc`], for jobs whose fields are in `ranges`.
+/// Creates a PC as [`pc`] does, for jobs whose fields are in `ranges`.
 ///
 /// # Errors
 /// As [`LargePc::with_ranges`].
@@ -95,8 +95,8 @@ where
     Ok((Pc { handle }, task))
 }
 
-/// The connector of a [`pc`] over UDP, whose robot sends first: its peer is the sender of the first datagram that is a
-/// message of this dialect. Datagrams of others are not answered.
+/// Returns the connector of a [`pc`] over UDP, whose robot sends first: its peer is the sender of the first datagram that is
+/// a message of this dialect. Datagrams from other senders are not answered.
 pub fn udp(address: impl Into<String>, dialect: Dialect) -> UdpListen<impl FnMut(&[u8]) -> bool + Send> {
     UdpListen::at(address, move |datagram| {
         let message = Message::decode(datagram, dialect.charset());
@@ -247,7 +247,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
         self.handle.call(|reply| Call::Command { id, value, reply }).await?
     }
 
-    /// The generic handle: events, the state of the connection, shutdown.
+    /// Returns the generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Orders<W, K>> {
         &self.handle
     }

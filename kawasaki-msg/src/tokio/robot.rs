@@ -69,7 +69,7 @@ impl<W: Job> Robot<W> {
         self.handle.call(Call::ResetOrder).await?
     }
 
-    /// The generic handle: events, the state of the connection, shutdown.
+    /// Returns the generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Queueing<W>> {
         &self.handle
     }
@@ -190,7 +190,7 @@ impl<W: Job> Service for Queueing<W> {
         reports.event(event);
     }
 
-    /// The task has ended: a call that is dropped is [`Closed`].
+    /// Drops the call, because the task has ended: its outcome is [`Closed`].
     fn refuse(&mut self, _call: Call, _why: &Arc<io::Error>) {}
 }
 

@@ -12,7 +12,7 @@ use proptest::test_runner::TestRunner;
 
 use super::decoded;
 
-/// A fuzzer's bytes, of which as many as one in two are digits and separators.
+/// Returns a fuzzer's bytes, of which as many as one in two are digits and separators.
 fn inputs() -> impl Iterator<Item = Vec<u8>> {
     let byte = prop_oneof![any::<u8>(), prop::sample::select(&b"0123456789$"[..])];
     let (mut runner, bytes) = (TestRunner::deterministic(), prop::collection::vec(byte, 0..100));

@@ -15,7 +15,7 @@ fn read(dialect: &Dialect, name: &str, data: &str) -> Result<(Role, Params), Mes
     dialect.read(&message)
 }
 
-/// The default table and a command with these fields.
+/// Returns the default table and a command with these fields.
 fn with_command(fields: &'static [Field]) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let role = Role::Command(1);
@@ -88,7 +88,7 @@ fn both_ends_of_a_fields_range_are_in_it() {
     limit("Tyo", "1$0$1$0$0$0$0", 1, 0, 1, 9999);
 }
 
-/// The default table with this name.
+/// Returns the default table with this name.
 fn with_name(role: Role, name: &'static str) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     table.iter_mut().filter(|entry| entry.role == role).for_each(|entry| entry.name = name);

@@ -34,7 +34,7 @@ fn over_udp<W: Work + Send + Sync + PartialEq + core::fmt::Debug + 'static>(jobs
     });
 }
 
-/// Every job once, in its place, under its number and that of its order.
+/// Asserts that every job was executed once, in sequence, under its number and that of its order.
 fn executed<W: Work + PartialEq + core::fmt::Debug>(jobs: &[W], executed: &[Job<W>]) {
     assert_eq!(executed.len(), jobs.len());
     for ((work, job), number) in jobs.iter().zip(executed).zip(1..) {

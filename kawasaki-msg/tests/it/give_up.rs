@@ -26,7 +26,7 @@ fn jobs(count: i32) -> Vec<Line> {
 
 type Connecting = Pin<Box<dyn Future<Output = io::Result<DuplexStream>> + Send>>;
 
-/// A PC whose connections have their other ends from `robot`.
+/// Returns a PC whose connections lead to the ends that `robot` returns.
 fn a_pc<K: Keep>(keep: K, mut robot: impl FnMut(DuplexStream) -> Option<()> + Send + 'static) -> Pc<Line, K> {
     let dial = Dial(move || {
         let (near, far) = duplex(1 << 16);

@@ -55,12 +55,12 @@ async fn a_job_out_of_the_ranges_of_the_plant_is_not_sent() {
     assert_eq!(robot.join().unwrap().len(), 2);
 }
 
-/// A robot that executes one order.
+/// Starts a robot that executes one order.
 fn robot(address: SocketAddr) -> thread::JoinHandle<Vec<Job<Line>>> {
     robot_until(address, Arc::new(AtomicBool::new(true)))
 }
 
-/// The same robot, which dials its PC until the test reports that the PC has received the end.
+/// Starts the same robot, which dials its PC until the test reports that the PC has received the end.
 fn robot_until(address: SocketAddr, is_over: Arc<AtomicBool>) -> thread::JoinHandle<Vec<Job<Line>>> {
     let address = address.to_string();
     let connect = move || loop {
@@ -192,7 +192,7 @@ async fn an_interrupt_passes_the_queue() {
     assert!(matches!(pc.run(51, jobs(1)).await, Err(Error::Closed(_))));
 }
 
-/// A line of a journal.
+/// Returns a line of a journal.
 fn line(text: &str) -> String {
     format!("{text} *{:08x}\n", crc32fast::hash(text.as_bytes()))
 }

@@ -73,7 +73,7 @@ impl Bench {
     }
 }
 
-/// A job as the default table writes it.
+/// Returns a job in the default table's form.
 fn job(number: u16) -> String {
     job_to(number, 100)
 }

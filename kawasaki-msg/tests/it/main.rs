@@ -34,7 +34,7 @@ mod uart;
 #[cfg(all(feature = "alloc", feature = "std"))]
 mod wake;
 
-/// The bytes of a message with these texts.
+/// Returns the bytes of a message with these texts.
 fn wire(
     charset: kawasaki_msg::Charset,
     name: &str,

@@ -14,7 +14,7 @@ use kawasaki_msg::{Acks, Line, Robot, RobotConfig, RobotEvent};
 
 const MS: Duration = Duration::from_millis(1);
 
-/// The robot has order 50, and these jobs come in one packet.
+/// Starts order 50 at the robot, and sends it these jobs in one packet.
 fn give<R: Wake>(robot: &mut Robot<'_, Line, 256, R>, jobs: u16) {
     robot.handle_timeout(MS);
     robot.handle_connected(MS);

@@ -14,7 +14,7 @@ const SECOND: Duration = Duration::from_secs(1);
 const COMMAND: Entry =
     Entry { role: Role::Command(7), name: "Nopeus", header: &[], fields: &[Field::Order, Field::Value] };
 
-/// The default table with a command 7, changed.
+/// Returns the default table with a command 7, changed.
 fn dialect(change: impl FnMut(&mut Entry)) -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     table.push(COMMAND);
@@ -48,7 +48,7 @@ impl Bench {
         String::from_utf8(out[..length].to_vec()).unwrap()
     }
 
-    /// The outcomes of commands, by their values.
+    /// Returns the outcomes of commands, by their values.
     fn outcomes(&mut self) -> Vec<(i32, CommandOutcome)> {
         let all = core::iter::from_fn(|| self.pc.poll_event());
         all.filter_map(|event| match event {
@@ -137,7 +137,7 @@ const IDLE: &[u8] = b"<Tila$6#0$0$$$#>";
 const STARTED: &[u8] = b"<TilausKuittaus$2#50#><TyoPyynto$4#50$1#>";
 const LINE: Line = Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(1, 0) };
 
-/// A PC in order 50, of whose jobs it has sent the first `sent`; their numbers go up to this one, and any may overtake others.
+/// Returns a PC in order 50, whose job numbers go up to `max_number`, and whose jobs may overtake others.
 fn overtaking(max_number: u16, jobs: &'static [Line]) -> Bench {
     let config = PcConfig { cumulative_acks: false, max_number, ..PcConfig::tcp() };
     let mut bench = Bench::with(config, |_| {});

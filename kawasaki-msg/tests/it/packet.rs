@@ -68,7 +68,7 @@ impl Work for Filling {
     }
 }
 
-/// A table whose jobs are `<X$n#1$…#>`.
+/// Returns a table whose jobs are `<X$n#1$…#>`.
 pub(super) fn fillings() -> Dialect {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     (table[0].name, table[0].fields) = ("X", &[Field::Number, Field::Work]);

@@ -78,7 +78,7 @@ struct Owned {
 }
 
 impl Owned {
-    /// The wire form in the character set.
+    /// Returns the wire form in the character set.
     fn encode(&self, charset: Charset) -> Result<Vec<u8>, EncodeError> {
         let texts =
             |texts: &'_ [String]| texts.iter().map(|text| text.clone().leak() as &str).collect::<Vec<_>>();
@@ -295,13 +295,13 @@ fn every_split_point_of_a_full_packet_gives_the_same_messages() {
     gives(&expected, &bytes.chunks(1).collect::<Vec<_>>());
 }
 
-/// The data part as it stands on the wire.
+/// Returns the data part in its wire form.
 fn data(message: &Message<'_>) -> Vec<u8> {
     let fields: Vec<&[u8]> = message.fields.iter().map(|field| field.as_bytes()).collect();
     fields.join(&b'$')
 }
 
-/// The pieces give messages with these data parts and nothing else.
+/// Asserts that the pieces give messages with these data parts and nothing else.
 fn gives(expected: &[Vec<u8>], pieces: &[&[u8]]) {
     let (mut decoder, mut found) = (Decoder::new(Charset::Ascii), 0);
     for mut piece in pieces.iter().copied() {

@@ -49,7 +49,7 @@ impl Cell {
         self.robot.handle_disconnected(self.now);
     }
 
-    /// An exchange, then this many jobs of the motion task. With `cut`, the PC's answer is lost.
+    /// Runs an exchange, then this many jobs of the motion task. With `cut`, the PC's answer is lost.
     fn cycle(&mut self, pc: &mut PcEnd<'_>, jobs: usize, cut: bool) {
         self.now += CYCLE;
         self.robot.handle_timeout(self.now);

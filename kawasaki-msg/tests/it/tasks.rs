@@ -189,7 +189,7 @@ async fn a_change_whose_future_was_dropped_is_written_once() {
     assert_eq!(lines, (1..=20).map(|sent| format!("50 0 0 {sent}")).collect::<Vec<_>>());
 }
 
-/// A PC in the middle of order 50, three jobs of which were sent.
+/// Returns a PC in the middle of order 50, after three of its jobs were sent.
 async fn running(config: PcConfig, jobs: Vec<Line>) -> (Pc<Line, ()>, Peer, Order) {
     let (pc, gate, _task) = a_pc(config, ());
     let mut robot = open(gate);
@@ -260,7 +260,7 @@ async fn a_journal_has_the_outcome_of_its_last_order() {
     }
 }
 
-/// Over TCP, with a command of the plant: number 7.
+/// Returns the configuration over TCP, with a command of the plant: number 7.
 pub(crate) fn with_command() -> PcConfig {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     let fields = &[Field::Order, Field::Value];

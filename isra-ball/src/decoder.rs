@@ -23,7 +23,7 @@ impl Decoder {
     /// The longest run of bytes that one error covers: a header after it must fit the buffer.
     const MAX_SKIP: usize = Frame::MAX_LEN;
 
-    /// An empty decoder.
+    /// Creates an empty decoder.
     pub const fn new() -> Self {
         let buffer = StreamBuffer::new();
         Self { buffer, corruption: None, searched: 0, finished: false }

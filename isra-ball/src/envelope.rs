@@ -12,7 +12,7 @@ pub(crate) const DATA_LEN: usize = 8;
 
 const XOR: u8 = 0x55;
 
-/// Whether up to three bytes can begin a packet.
+/// Returns whether up to three bytes can begin a packet.
 #[inline]
 pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
     let Some(n) = bytes.first() else { return Ok(()) };
@@ -43,14 +43,14 @@ pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
     [n, minus_n, xor_n, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
 }
 
-/// The data of a packet with a right envelope.
+/// The data of a packet whose envelope is valid.
 #[inline]
 pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
     let [n, minus_n, xor_n, data @ .., found] = packet;
     ([*n, *minus_n, *xor_n] == header(8) && checksum(data) == *found).then_some(data)
 }
 
-/// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
+/// Returns −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
 #[inline]
 pub(crate) fn checksum(data: &[u8]) -> u8 {
     let n = data.len().to_le_bytes()[0];

@@ -53,17 +53,17 @@ impl<'a> Frame<'a> {
         Ok(Some((Self { data }, data.len() + Self::OVERHEAD)))
     }
 
-    /// A frame around data bytes; at most 255 fit.
+    /// Creates a frame around data bytes; at most 255 fit.
     pub fn new(data: &'a [u8]) -> Option<Self> {
         u8::try_from(data.len()).is_ok().then_some(Self { data })
     }
 
-    /// The data bytes: ID, forces, moments and keys when there are 8 of them.
+    /// Returns the data bytes: ID, forces, moments and keys if there are 8 of them.
     pub fn data(&self) -> &'a [u8] {
         self.data
     }
 
-    /// The typed view.
+    /// Returns the typed view.
     ///
     /// # Errors
     /// [`DecodeError::Layout`] unless there are 8 data bytes.

@@ -18,12 +18,12 @@ impl Keys {
         Self(self.0 | Self::bit(key))
     }
 
-    /// Whether key 1..=8 is down.
+    /// Returns whether a key, 1..=8, is down.
     pub const fn is_down(self, key: u8) -> bool {
         self.0 & Self::bit(key) != 0
     }
 
-    /// The numbers, 1..=8, of the keys that are down.
+    /// Returns the numbers, 1..=8, of the keys that are down.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         (1..=8).filter(move |key| self.is_down(*key))
     }

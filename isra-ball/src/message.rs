@@ -35,7 +35,7 @@ impl Packet {
     /// The bytes on the wire.
     pub const LEN: usize = DATA_LEN + OVERHEAD;
 
-    /// The packet in its envelope.
+    /// Returns the packet in its envelope.
     ///
     /// # Errors
     /// [`EncodeError::SensorType`], [`EncodeError::Sensor`].
@@ -57,7 +57,7 @@ impl Packet {
         Ok(())
     }
 
-    /// X, Y, Z, MX, MY, MZ.
+    /// Returns X, Y, Z, MX, MY, MZ.
     pub fn axes(&self) -> [i8; 6] {
         let ([x, y, z], [mx, my, mz]) = (self.force, self.moment);
         [x, y, z, mx, my, mz]
@@ -127,7 +127,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether the values are new. An unknown status is not.
+    /// Returns whether the values are new. The values of an unknown status are not.
     pub fn is_fresh(self) -> bool {
         self == Self::Fresh
     }

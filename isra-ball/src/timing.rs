@@ -7,7 +7,7 @@ use crate::message::Packet;
 /// The baud rate of the source's DIP setting (§4.1).
 pub const BAUD: u32 = 9600;
 
-/// The time that `bytes` take on the line. A rate of 0 never ends.
+/// Returns the time that `bytes` take on the line. Without limit at a rate of 0.
 pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     match (bytes as u64).saturating_mul(10_000_000_000).checked_div(baud as u64) {
         Some(nanos) => Duration::from_nanos(nanos),
@@ -15,12 +15,12 @@ pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     }
 }
 
-/// ENQ and its packet: 13.54 ms at 9600.
+/// Returns the time of ENQ and its packet: 13.54 ms at 9600.
 pub const fn exchange_time(baud: u32) -> Duration {
     transmission_time(1 + Packet::LEN, baud)
 }
 
-/// The shortest poll period in whole milliseconds: 14 ms at 9600.
+/// Returns the shortest poll period in whole milliseconds: 14 ms at 9600.
 pub const fn min_period(baud: u32) -> Duration {
     let exchange = exchange_time(baud);
     let millis = exchange.as_secs().saturating_mul(1000).saturating_add(exchange.subsec_millis() as u64);

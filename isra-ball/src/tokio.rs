@@ -40,7 +40,7 @@ pub struct Ball {
     pub handle: Handle<Polling>,
 }
 
-/// A ball, and the task that polls it.
+/// Creates a ball, and the task that polls it.
 ///
 /// # Errors
 /// As [`Host::new`].

@@ -30,7 +30,7 @@ robot_session::rules! {
 }
 
 impl BallConfig {
-    /// A packet of a ball at rest that has measured nothing.
+    /// Returns a packet of a ball at rest that has not measured anything.
     pub(crate) fn packet(&self) -> Result<Packet, ConfigError> {
         let Self { sensor_type, sensor, .. } = *self;
         let (force, moment) = ([0; 3], [0; 3]);

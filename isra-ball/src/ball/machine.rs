@@ -129,7 +129,7 @@ impl Machine for BallMachine {
         (self.link == Link::Replying).then_some(Reply { fresh: self.values == Values::New })
     }
 
-    /// Never: the ball waits for ENQ.
+    /// Returns `None`: the ball waits for ENQ without a timeout.
     fn deadline(&self) -> Option<Duration> {
         None
     }

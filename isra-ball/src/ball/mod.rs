@@ -71,7 +71,7 @@ robot_session::counters! {
 }
 
 impl Ball {
-    /// A ball at rest, without a connection.
+    /// Creates a ball at rest, without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Identity`] if sensor type or number is out of range.
@@ -84,7 +84,7 @@ impl Ball {
         })
     }
 
-    /// New values from the sensor, for the next reply.
+    /// Stores new values of the sensor for the next reply.
     pub fn measure(&mut self, force: [i8; 3], moment: [i8; 3], keys: Keys) {
         self.packet = Packet { force, moment, keys, ..self.packet };
         self.advance(Duration::ZERO, Input::Measured, None);

@@ -60,23 +60,24 @@ robot_session::rules! {
 }
 
 impl HostConfig {
-    /// From a poll until its reply can come no more.
+    /// Returns the time from a poll until its reply can no longer come.
     pub fn reply_window(&self) -> Duration {
         timing::exchange_time(self.baud).saturating_add(self.max_delay)
     }
 
-    /// From a connection to the first poll, and from a poll without a reply to the next one: 44.71 ms with the defaults. Other polls are
-    /// closer together by more than replies may differ, so that no delay fits both.
+    /// Returns the time from a connection to the first poll, and from a poll without a reply to the next one: 44.71 ms with
+    /// the defaults. Other polls follow one another sooner, by more than the delays of replies may differ, so that no delay
+    /// fits both.
     pub fn quiet(&self) -> Duration {
         self.period.max(self.reply_window()).saturating_add(self.spread())
     }
 
-    /// More than replies that count may differ: by as much again as is left to clocks.
+    /// Returns a time that is longer than the difference between the delays of two valid replies, by the tolerance for clocks.
     pub(crate) fn spread(&self) -> Duration {
         self.max_delay.saturating_add(timing::exchange_time(self.baud) / 5)
     }
 
-    /// From a poll until its reply can come.
+    /// Returns the time from a poll until its reply can come.
     pub(crate) fn earliest_reply(&self) -> Duration {
         let exact = timing::exchange_time(self.baud);
         exact.saturating_sub(exact / 10)

@@ -94,7 +94,7 @@ robot_session::counters! {
 }
 
 impl Host {
-    /// A host without a connection.
+    /// Creates a host without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Period`] if a poll and its packet do not fit the line in the period, [`ConfigError::MaxAge`] if the values of a

@@ -30,12 +30,12 @@ struct Seen {
     live: Duration,
 }
 
-/// Ten seconds of a ball that measures when it is polled, and whose packets are this late.
+/// Simulates ten seconds of a ball that measures when it is polled, and whose packets are this late.
 fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Seen {
     ten_seconds_called(|at| at, late, fate)
 }
 
-/// The same with a host that is called later than it asks for: `called` is the time of its call.
+/// Simulates the same with a host that is called after its deadline: `called` returns the time of the call.
 fn ten_seconds_called(
     called: impl Fn(Duration) -> Duration,
     late: impl Fn(u32) -> Duration,

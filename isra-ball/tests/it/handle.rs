@@ -14,14 +14,14 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
 
 const LONG: Duration = Duration::from_secs(20);
-/// A line that takes no time: TCP.
+/// Returns the configuration of a line without delay: TCP.
 fn fast() -> HostConfig {
     HostConfig { baud: u32::MAX, ..HostConfig::default() }
 }
 
 const MS: Duration = Duration::from_millis(1);
 
-/// A ball that always measures the same.
+/// Serves a ball that always measures the same.
 async fn measuring(stream: TcpStream, x: i8) {
     let mut driver = Driver::new(stream);
     let mut session = Ball::new(BallConfig::default()).unwrap();

@@ -26,7 +26,7 @@ fn events<S: Session>(session: &mut S) -> Vec<S::Event> {
     core::iter::from_fn(|| session.poll_event()).collect()
 }
 
-/// A host that has just been connected.
+/// Returns a host that has just been connected.
 fn host() -> Host {
     let mut host = Host::new(HostConfig::default()).unwrap();
     host.handle_connected(Duration::ZERO);
@@ -46,7 +46,7 @@ fn poll(host: &mut Host) -> Duration {
     panic!("no poll: {host:?}");
 }
 
-/// One exchange; when the poll was sent.
+/// Runs one exchange; returns the time at which the poll was sent.
 fn exchange(host: &mut Host, reply: Packet) -> Duration {
     let now = poll(host);
     host.handle_input(now + 14 * MS, &bytes(reply));

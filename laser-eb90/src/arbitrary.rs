@@ -40,7 +40,7 @@ impl<'b> Payload<'b> {
     }
 }
 
-/// A command word of the default ones, or any word.
+/// Returns one of the default command words, or any word.
 fn word(u: &mut Unstructured<'_>) -> Result<u16> {
     if u.ratio(7u8, 8)? { u.int_in_range(0x0100..=0x03FF) } else { u.arbitrary() }
 }

@@ -26,13 +26,13 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder at offset 0 of a stream.
+    /// Creates a decoder at offset 0 of a stream.
     pub fn new(profile: &Profile) -> Self {
         let (raw, payload) = (StreamBuffer::new(), [0; MAX_PAYLOAD]);
         Self { profile: *profile, raw, scan: Scan::NEW, hunted: 0, finished: false, payload }
     }
 
-    /// Whether no byte waits for the rest of a frame.
+    /// Returns whether there are no bytes that wait for the rest of a frame.
     pub fn is_empty(&self) -> bool {
         self.raw.is_empty()
     }

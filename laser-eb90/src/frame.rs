@@ -27,7 +27,7 @@ impl<'a> Frame<'a> {
     /// The longest frame: every byte of the longest payload is a 90h; flag, tail and checksum take five.
     pub const MAX_LEN: usize = HEAD.len() + 2 * MAX_PAYLOAD + 5;
 
-    /// The frame of a payload that is known to begin with a tag.
+    /// Returns the frame of a payload that is known to begin with a tag.
     pub(crate) fn new(payload: &'a [u8], profile: &Profile) -> Self {
         Self { payload, profile: *profile }
     }
@@ -51,7 +51,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Out of line, so that the short way is short.
+    /// Decodes a frame in steps; out of line, so that the usual path is short.
     #[inline(never)]
     fn decode_in_steps(
         bytes: &'a [u8],
@@ -77,7 +77,7 @@ impl<'a> Frame<'a> {
         Items::new(self.payload, &self.profile)
     }
 
-    /// The unstuffed payload.
+    /// Returns the unstuffed payload.
     pub fn payload(&self) -> &'a [u8] {
         self.payload
     }
@@ -131,8 +131,8 @@ impl Encode for Frame<'_> {
     }
 }
 
-/// The payload and the length of a whole frame without fault and without doubled bytes, as most are. Any other is looked at a
-/// second time, in steps.
+/// Returns the payload and the length of a whole frame without faults and without doubled bytes, as most are. Any other
+/// frame is decoded a second time, in steps.
 #[inline(always)]
 pub(crate) fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> Option<(&'a [u8], usize)> {
     let mut rest = bytes.strip_prefix(&HEAD)?;
@@ -260,20 +260,20 @@ impl Scan {
 }
 
 impl Body {
-    /// The payload, where it has been copied.
+    /// Returns the payload, from `copied` if it has been copied.
     #[inline]
     pub(crate) fn payload<'a>(&self, copied: &'a [u8]) -> &'a [u8] {
         copied.get(..self.len).unwrap_or_default()
     }
 }
 
-/// The length of everything in front of a payload.
+/// Returns the length of everything before a payload.
 #[inline]
 pub(crate) fn prefix_len(profile: &Profile) -> usize {
     HEAD.len() + usize::from(profile.flag == Flag::Separate)
 }
 
-/// The length of everything in front of the payload, once it and the first tag are there and as they must be.
+/// Returns the length of everything before the payload, when these bytes and the first tag are complete and valid.
 fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Corrupt> {
     let len = prefix_len(profile);
     let (error, examined) = match *raw {
@@ -305,7 +305,7 @@ pub(crate) fn find_head(bytes: &[u8]) -> usize {
     }
 }
 
-/// Whether `bytes` begin with a whole head.
+/// Returns whether `bytes` begin with a whole head.
 pub(crate) fn has_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD)
 }
@@ -390,7 +390,7 @@ fn place_of_mark(block: &[u8]) -> usize {
     place
 }
 
-/// The lowest bit that is set is the top of the first byte that is 90h (Mycroft's test for a zero byte).
+/// Returns a word whose lowest set bit is the top bit of the first byte that is 90h (Mycroft's test for a zero byte).
 #[inline]
 fn marks(word: [u8; 8]) -> u64 {
     const ONES: u64 = u64::from_le_bytes([0x01; 8]);
@@ -399,7 +399,7 @@ fn marks(word: [u8; 8]) -> u64 {
     zero_at_mark.wrapping_sub(ONES) & !zero_at_mark & TOPS
 }
 
-/// The check word that `bytes` begin with.
+/// Returns the check word at the beginning of `bytes`.
 #[inline]
 fn check_word(bytes: &[u8], profile: &Profile) -> Option<u16> {
     Some(match (profile.checksum, bytes) {
@@ -431,7 +431,7 @@ fn checksum_of(mut sum: u32, profile: &Profile) -> u16 {
     }
 }
 
-/// The sum of all bytes, in blocks of a fixed size: each becomes a vector sum.
+/// Returns the sum of all bytes, in blocks of a fixed size: each block becomes a vector sum.
 fn sum(bytes: &[u8]) -> u32 {
     let (mut rest, mut sum) = (bytes, 0);
     while let Some((block, after)) = rest.split_first_chunk::<64>() {

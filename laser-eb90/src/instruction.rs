@@ -16,7 +16,7 @@ pub struct Instruction<'a> {
 }
 
 impl<'a> Instruction<'a> {
-    /// The payload as one instruction: everything after the word is its parameters, which are not read yet.
+    /// Reads the payload as one instruction: everything after the word is its parameters, which are not decoded yet.
     ///
     /// # Errors
     /// The payload does not begin with a word.
@@ -67,7 +67,7 @@ impl<'a> Instructions<'a> {
     }
 }
 
-/// The word that an item is: a short of its own.
+/// Returns the word that an item is, if the item is one short.
 pub(crate) fn word_of(item: &Item<'_>) -> Option<u16> {
     match item {
         Item::I16(values) => values.array::<1>().map(|[word]| word.cast_unsigned()),

@@ -30,17 +30,17 @@ pub struct Items<'a> {
 }
 
 impl<'a> Items<'a> {
-    /// The items of an unstuffed payload.
+    /// Returns the items of an unstuffed payload.
     pub fn new(payload: &'a [u8], profile: &Profile) -> Self {
         Self { rest: payload, whole: payload.len(), tags: profile.tags, order: profile.byte_order }
     }
 
-    /// The items that are left, as they are in the payload.
+    /// Returns the items that remain, in the form of the payload.
     pub fn as_bytes(&self) -> &'a [u8] {
         self.rest
     }
 
-    /// No item is left.
+    /// Returns whether no items remain.
     pub fn is_empty(&self) -> bool {
         self.rest.is_empty()
     }
@@ -72,7 +72,7 @@ impl<'a> Items<'a> {
         Ok(item.get(2..).unwrap_or_default())
     }
 
-    /// A tag without a count.
+    /// Returns the error of a tag without a count.
     #[cold]
     fn no_count(&mut self, tag: u8) -> DecodeError {
         if is_tag(tag, &self.tags) { self.cut_short(2) } else { self.no_tag(tag) }
@@ -136,13 +136,13 @@ impl<'a, T: Number> Values<'a, T> {
         self.bytes.is_empty()
     }
 
-    /// The numbers in order.
+    /// Returns the numbers in sequence.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = T> + use<'a, T> {
         let order = self.order;
         self.bytes.chunks_exact(size_of::<T>()).map(move |bytes| T::read(bytes, order))
     }
 
-    /// All of them, when there are exactly `N`.
+    /// Returns all numbers, if there are exactly `N`.
     #[inline]
     pub fn array<const N: usize>(&self) -> Option<[T; N]> {
         T::read_array(self.bytes, self.order)
@@ -201,7 +201,8 @@ macro_rules! number {
 number!(f32);
 number!(i16);
 
-/// Out of line: the other order then is a branch that is not taken, for one number as for many.
+/// Reads numbers of the other byte order; out of line, so that the usual order costs one branch that is not taken, for one
+/// number as for many.
 #[cold]
 fn read_big<B: Copy, T, const N: usize>(numbers: &[B; N], read: impl FnMut(B) -> T) -> [T; N] {
     numbers.map(read)
@@ -211,7 +212,8 @@ mod private {
     pub trait Sealed {}
 }
 
-/// Whether a payload can begin with this byte: what distinguishes a head from a false one. Nearly all begin with a command word.
+/// Returns whether a payload can begin with this byte: which distinguishes a head from a false one. Nearly all payloads
+/// begin with a command word.
 #[inline]
 pub(crate) fn is_tag(byte: u8, tags: &Tags) -> bool {
     byte == tags.i16 || is_tag_of_values(byte, tags)

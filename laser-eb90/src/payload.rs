@@ -24,7 +24,7 @@ pub struct Payload<'b> {
 }
 
 impl<'b> Payload<'b> {
-    /// An empty payload in `buffer`, of which it uses [`MAX_PAYLOAD`] bytes at most.
+    /// Creates an empty payload in `buffer`, of which it uses [`MAX_PAYLOAD`] bytes at most.
     pub fn new(buffer: &'b mut [u8], profile: &Profile) -> Self {
         Self::with_len(buffer, 0, profile)
     }
@@ -105,7 +105,7 @@ impl<'b> Payload<'b> {
         self.buffer.get(..self.len).unwrap_or_default()
     }
 
-    /// The frame that carries it.
+    /// Returns the frame that contains the payload.
     ///
     /// # Errors
     /// A payload without items.

@@ -46,7 +46,7 @@ pub enum Tail {
 }
 
 impl Tail {
-    /// The byte after 90h that is written.
+    /// Returns the byte after 90h that is written.
     pub(crate) fn byte(self) -> u8 {
         match self {
             Tail::Printed | Tail::Either => 0x82,
@@ -54,7 +54,7 @@ impl Tail {
         }
     }
 
-    /// Whether 90h and this byte end a frame.
+    /// Returns whether 90h and this byte end a frame.
     pub(crate) fn ends_with(self, byte: u8) -> bool {
         byte == self.byte() || (self == Tail::Either && byte == 0x83)
     }
@@ -90,7 +90,7 @@ pub struct Tags {
 }
 
 impl Tags {
-    /// A map of tags; `None` unless all four differ.
+    /// Creates a map of tags; `None` unless all four differ.
     pub const fn new(f32: u8, i16: u8, u8: u8, char: u8) -> Option<Self> {
         let same = f32 == i16 || f32 == u8 || f32 == char || i16 == u8 || i16 == char || u8 == char;
         if same { None } else { Some(Self { f32, i16, u8, char }) }
@@ -120,7 +120,7 @@ pub enum Width {
 }
 
 impl Width {
-    /// The bytes that a checksum of this width takes.
+    /// Returns the length of a checksum of this width, in bytes.
     pub const fn len(self) -> usize {
         match self {
             Width::U8 => 1,
@@ -128,7 +128,7 @@ impl Width {
         }
     }
 
-    /// A checksum always takes at least one byte.
+    /// Returns false: a checksum has at least one byte.
     pub const fn is_empty(self) -> bool {
         false
     }

@@ -51,7 +51,7 @@ impl Configure for ErrorCodes {
     }
 }
 
-/// The fields `words` and `batch`, which both ends have.
+/// Visits the fields `words` and `batch`, which both ends have.
 fn instructions(fields: &mut impl Fields, words: &mut Words, batch: &mut u8) {
     let shape = "{commands: [{first, last, class}], errors: {bad_checksum, …}}";
     let about = "command words by class in up to 32 ranges (by default 0100h to 01FFh interpreted, 0200h to 02FFh immediate, 0300h to 03FFh query), and error codes";
@@ -60,7 +60,7 @@ fn instructions(fields: &mut impl Fields, words: &mut Words, batch: &mut u8) {
     fields.source("§3(6)").whole("batch", 1..=u8::MAX, "instructions", about, batch);
 }
 
-/// The field `profile`, which both ends have.
+/// Visits the field `profile`, which both ends have.
 fn profile_of(fields: &mut impl Fields, profile: &mut Profile) {
     fields.source("§3(2)").inline("profile", "Profile", "how frames are written", profile);
 }

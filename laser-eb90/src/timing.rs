@@ -11,7 +11,7 @@ pub const BAUD: u32 = 9600;
 /// An answer without values, in bytes: 11, and two more where its word has a 90h twice.
 pub(crate) const SHORT_ANSWER: usize = 13;
 
-/// The time that `bytes` take on the line, ten bits each (8N1). A rate of 0 never ends.
+/// Returns the time that `bytes` take on the line, ten bits each (8N1). Without limit at a rate of 0.
 pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     match (bytes as u64).saturating_mul(10_000_000_000).checked_div(baud as u64) {
         Some(nanos) => Duration::from_nanos(nanos),
@@ -19,20 +19,20 @@ pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     }
 }
 
-/// From the first byte of a frame to the last of its answer, when the controller finds the whole frame just after its
-/// cycle began: the longest that an instruction which is queued can take.
+/// Returns the time from the first byte of a frame to the last byte of its answer if the controller finds the whole frame
+/// just after its cycle began: the longest time for an instruction that is queued.
 pub const fn exchange_time(frame: usize, answer: usize, baud: u32, tick: Duration) -> Duration {
     transmission_time(frame + answer, baud).saturating_add(tick)
 }
 
-/// From one answer to the next when the host sends the next frame at once: frame and answer on the line, then the end of
-/// the cycle. What batches gain follows from it.
+/// Returns the time from one answer to the next if the host sends the next frame at once: frame and answer on the line, then
+/// the rest of the cycle. The gain of batches follows from it.
 pub const fn period(frame: usize, answer: usize, baud: u32, tick: Duration) -> Duration {
     end_of_tick(transmission_time(frame + answer, baud), tick)
 }
 
-/// The end of the cycle that `now` falls into; `now` itself when a cycle ends just then or has no length, or `now` lies centuries ahead. A
-/// cycle of centuries ends never.
+/// Returns the end of the cycle that contains `now`; `now` itself if a cycle ends just then or has no length, or if `now` is
+/// centuries ahead. A cycle of centuries never ends.
 pub const fn end_of_tick(now: Duration, tick: Duration) -> Duration {
     // A division of 128 bits is a kilobyte of a small processor's code.
     let Some(at) = nanos(now) else { return now };

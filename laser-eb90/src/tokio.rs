@@ -44,7 +44,7 @@ pub struct Laser {
     handle: Handle<Instructions>,
 }
 
-/// A laser, and the task that it works through.
+/// Creates a laser, and the task that executes its calls.
 ///
 /// # Errors
 /// As [`Host::new`].
@@ -159,7 +159,7 @@ impl Command {
         Self { word, parameters: Box::new(parameters) }
     }
 
-    /// An instruction without parameters.
+    /// Creates an instruction without parameters.
     pub fn bare(word: u16) -> Self {
         Self::new(word, |_| Ok(()))
     }
@@ -176,7 +176,7 @@ impl fmt::Debug for Command {
 }
 
 impl Answer {
-    /// The values.
+    /// Returns the values.
     pub fn items(&self) -> Items<'_> {
         Items::new(&self.bytes, &self.profile)
     }
@@ -226,7 +226,7 @@ impl Instructions {
         while self.fill_with_single(session) || self.fill_with_run(session) {}
     }
 
-    /// Whether there is more to do.
+    /// Returns whether there is more to send.
     fn fill_with_single(&mut self, session: &mut Host) -> bool {
         let Some(single) = self.singles.pop_front() else { return false };
         if single.reply.is_abandoned() {
@@ -265,14 +265,14 @@ impl Instructions {
         true
     }
 
-    /// The first run has an outcome. If it is no longer awaited, its events report it.
+    /// Ends the first run with its outcome. If the run is no longer awaited, its events report the outcome.
     fn end_run(&mut self, outcome: Result<(), Error>) {
         if let Some(Run { reply, unfit, .. }) = self.runs.pop_front() {
             let _ = reply.send(unfit.map_or(outcome, Err));
         }
     }
 
-    /// The first run has failed, and those after it are not sent.
+    /// Fails the first run; the runs after it are not sent.
     fn end_runs(&mut self, error: Error) {
         self.end_run(Err(error));
         while !self.runs.is_empty() {
@@ -280,7 +280,7 @@ impl Instructions {
         }
     }
 
-    /// How many instructions, which were one frame, have an outcome.
+    /// Called when `count` instructions of one frame have an outcome.
     fn taken(&mut self, session: &mut Host, count: u8, answer: &[u8]) {
         for _ in 0..count {
             match self.submitted.pop_front().flatten() {
@@ -298,7 +298,7 @@ impl Instructions {
         self.fill(session);
     }
 
-    /// A frame of this many instructions was not queued, or its outcome is unknown.
+    /// Called when a frame of `count` instructions was not queued, or its outcome is unknown.
     fn failed(&mut self, session: &mut Host, count: u8, error: impl FnOnce(usize) -> Error) {
         let mut is_of_run = false;
         let mut single = None;

@@ -100,7 +100,7 @@ impl Words {
     /// The most ranges of command words.
     pub const MAX_RANGES: usize = 32;
 
-    /// A set of words, of ranges of command words and the error codes.
+    /// Creates a set of words, of ranges of command words and the error codes.
     ///
     /// # Errors
     /// A word that would have two meanings, or more than [`MAX_RANGES`](Self::MAX_RANGES) ranges.
@@ -120,7 +120,7 @@ impl Words {
         self.ranges().iter().find(|range| range.contains(word)).map(|range| range.class)
     }
 
-    /// The error codes.
+    /// Returns the error codes.
     pub fn errors(&self) -> &ErrorCodes {
         &self.errors
     }
@@ -183,7 +183,7 @@ impl Range {
 }
 
 impl ErrorCodes {
-    /// The code of a refusal.
+    /// Returns the code of a refusal.
     pub const fn code(&self, refusal: Refusal) -> u16 {
         match refusal {
             Refusal::BadChecksum => self.bad_checksum,
@@ -195,7 +195,7 @@ impl ErrorCodes {
         }
     }
 
-    /// The refusal that a code means.
+    /// Returns the refusal of a code.
     pub fn refusal(&self, code: u16) -> Option<Refusal> {
         ALL.into_iter().find(|refusal| self.code(*refusal) == code)
     }

@@ -303,7 +303,7 @@ impl Machine for ControllerMachine {
         self.silent_at().is_some_and(|at| is_due(at, now))
     }
 
-    /// The beginning of a frame is dropped when the line has been silent.
+    /// Returns whether the beginning of a frame is dropped when the line has been silent.
     fn cuts(&self) -> bool {
         true
     }
@@ -341,7 +341,7 @@ impl ControllerMachine {
     /// A controller without a connection.
     pub const NEW: Self = Self { work: Work::Listening { rest: false }, line: Receiving::Disconnected };
 
-    /// Whether there is a connection: without one nothing is read.
+    /// Returns whether there is a connection: without one no bytes are read.
     pub fn is_connected(&self) -> bool {
         self.line != Receiving::Disconnected
     }
@@ -352,7 +352,7 @@ impl ControllerMachine {
         !self.line.fault().is_some_and(|fault| fault.is_enough()) || !config.keeps(Rule::TrustSilence)
     }
 
-    /// The answer that is to be put on the line. It waits while the rest of a frame may come.
+    /// Returns the answer to put on the line. The answer waits while the rest of a frame may come.
     fn due(&self, now: Duration) -> Option<Answer> {
         let is_receiving = matches!(self.line, Receiving::Bytes(Stretch { partial: true, .. }));
         match self.work {
@@ -375,7 +375,7 @@ impl ControllerMachine {
 }
 
 impl Receiving {
-    /// The same, unless it is silent now.
+    /// Returns the state at `now`: unchanged, unless the line has become silent.
     fn at(self, now: Duration) -> Self {
         match self {
             Self::Bytes(stretch) if is_due(stretch.silent_at, now) => Self::Silent,

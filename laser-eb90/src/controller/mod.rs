@@ -118,7 +118,7 @@ impl<'q, T, R: Wake> Controller<'q, T, R>
 where
     T: for<'a> TryFrom<Instruction<'a>>,
 {
-    /// A controller without a connection that queues into `queue`.
+    /// Creates a controller without a connection that queues into `queue`.
     ///
     /// # Errors
     /// An invalid configuration.
@@ -133,7 +133,8 @@ where
         })
     }
 
-    /// The instruction is executed: the answer echoes its command word, and of a query carries what `values` writes.
+    /// Answers an instruction that was executed: the answer echoes its command word, and for a query contains the values
+    /// that `values` writes.
     ///
     /// # Errors
     /// Nothing is being executed, its event has not been taken, or the values do not fit a frame; the instruction still waits
@@ -154,7 +155,7 @@ where
         Ok(())
     }
 
-    /// The instruction could not be executed: the answer is an error code.
+    /// Answers an instruction that could not be executed, with an error code.
     ///
     /// # Errors
     /// Nothing is being executed, or its event has not been taken.
@@ -164,7 +165,7 @@ where
         Ok(())
     }
 
-    /// The instruction to execute, if any.
+    /// Returns the instruction to execute, if any.
     pub fn instruction(&self) -> Option<Instruction<'_>> {
         match self.core.machine.work {
             Work::Executing { word, .. } => {
@@ -297,7 +298,8 @@ where
         Some((len, Input::Sent))
     }
 
-    /// Also while an instruction is executed: a frame that comes before the answer withdraws it, and so it must not wait in the port.
+    /// Returns true also while an instruction is executed: a frame that comes before the answer withdraws the instruction,
+    /// so it must not wait in the port.
     fn takes_input(&self) -> bool {
         true
     }

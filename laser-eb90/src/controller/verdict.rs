@@ -14,7 +14,7 @@ pub(super) enum Verdict<'a> {
     Execute { class: Class, instruction: Instruction<'a> },
 }
 
-/// Interpreted instructions are queued on the way: all of them, or none.
+/// Checks the items of a frame. Queues interpreted instructions: all of them, or none.
 pub(super) fn judge<'a, T, R: Wake>(
     items: Items<'a>,
     config: &ControllerConfig,
@@ -56,13 +56,13 @@ where
     Ok(Verdict::Queued { word, count })
 }
 
-/// Whether a command word is among the parameters: another instruction begins there.
+/// Returns whether a command word is among the parameters, so that another instruction begins there.
 fn holds_command(parameters: Items<'_>, config: &ControllerConfig) -> bool {
     let mut words = parameters.flatten().filter_map(|item| word_of(&item));
     words.any(|word| config.words.class(word).is_some())
 }
 
-/// No position, no angle and no power is a NaN or an infinity.
+/// Checks that no position, no angle and no power is a NaN or an infinity.
 fn check_values(parameters: Items<'_>) -> Result<(), Refusal> {
     let finite = parameters.flatten().all(|item| match item {
         Item::F32(values) => values.iter().all(f32::is_finite),

@@ -94,7 +94,8 @@ robot_session::rules! {
 }
 
 impl HostConfig {
-    /// The defaults for a line of this rate: below 9600 baud, an answer is given the time that it takes longer.
+    /// Returns the defaults for a line of this rate: below 9600 baud, the timeout of an answer is longer by the additional
+    /// time of the transmission.
     pub fn at_baud(baud: u32) -> Self {
         let answer = |baud| timing::transmission_time(timing::SHORT_ANSWER, baud);
         let longer = answer(baud).saturating_sub(answer(timing::BAUD));
@@ -130,7 +131,7 @@ impl HostConfig {
         }
     }
 
-    /// The execution time of an instruction before its answer.
+    /// Returns the execution time of an instruction before its answer.
     pub(crate) fn execution(&self, class: Class) -> Duration {
         match class {
             Class::Interpreted => Duration::ZERO,
@@ -138,7 +139,7 @@ impl HostConfig {
         }
     }
 
-    /// The timeout of an answer.
+    /// Returns the timeout of an answer.
     pub(crate) fn timeout(&self, class: Class) -> Duration {
         match class {
             Class::Interpreted => self.answer_timeout,

@@ -209,7 +209,7 @@ impl Batch {
 }
 
 impl Sent {
-    /// A frame whose last byte leaves the port at `left` if nothing pauses.
+    /// Creates a frame whose last byte leaves the port at `left` if nothing pauses.
     pub(super) fn new(batch: Batch, tries: Tries, left: Duration, config: &HostConfig) -> Self {
         let sent = Self {
             batch,
@@ -224,7 +224,7 @@ impl Sent {
         Self { deadline: sent.transmitted(left, config).deadline, ..sent.transmitted(received_by, config) }
     }
 
-    /// A frame whose last byte has left the port.
+    /// Returns a frame whose last byte has left the port.
     pub(super) fn transmitted(self, now: Duration, config: &HostConfig) -> Self {
         Self {
             received_by: now,

@@ -173,7 +173,7 @@ impl Machine for HostMachine {
         }
     }
 
-    /// An answer that is not whole shows that something came.
+    /// Returns true while an answer is awaited: an incomplete answer shows that bytes came.
     fn cuts(&self) -> bool {
         matches!(self.link, HostLink::Awaiting(_))
     }
@@ -216,7 +216,7 @@ impl HostMachine {
     pub const NEW: Self =
         Self { link: HostLink::Disconnected { quiet_until: Duration::ZERO, held: false }, next: None };
 
-    /// Whether an answer with this word is that of the query that was sent last.
+    /// Returns whether an answer with this word belongs to the query that was sent last.
     pub fn is_asked(&self, word: u16) -> bool {
         match self.link {
             HostLink::Awaiting(Sent { batch, .. })
@@ -226,7 +226,7 @@ impl HostMachine {
         }
     }
 
-    /// Whether a frame was sent whose answer may come.
+    /// Returns whether a frame was sent whose answer may still come.
     pub const fn is_in_flight(&self) -> bool {
         matches!(
             self.link,
@@ -234,14 +234,15 @@ impl HostMachine {
         )
     }
 
-    /// Whether the next frame can take an instruction of this class: interpreted ones travel together, others alone (§3(6)).
+    /// Returns whether the next frame can take an instruction of this class: interpreted ones share a frame, others alone
+    /// (§3(6)).
     pub fn has_room(&self, class: Class, config: &HostConfig) -> bool {
         self.next.is_none_or(|next| {
             (next.class, class) == (Class::Interpreted, Class::Interpreted) && next.count < config.batch
         })
     }
 
-    /// The frame that is to be put on the line.
+    /// Returns the frame to put on the line.
     #[inline]
     fn due(&self, now: Duration) -> Option<Due> {
         match self.link {

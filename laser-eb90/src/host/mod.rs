@@ -130,7 +130,7 @@ robot_session::counters! {
 const EVENTS: usize = 8;
 
 impl Host {
-    /// A host without a connection.
+    /// Creates a host without a connection.
     ///
     /// # Errors
     /// An invalid configuration.
@@ -194,24 +194,24 @@ impl Host {
         count
     }
 
-    /// The values of the query that was answered last.
+    /// Returns the values of the query that was answered last.
     pub fn answer(&self) -> Items<'_> {
         Items::new(self.answer.as_bytes(), &self.core.config.profile)
     }
 
-    /// Whether the host waits for [`resume`](Self::resume).
+    /// Returns whether the host waits for [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
         matches!(self.core.machine.link, HostLink::Held { .. } | HostLink::Disconnected { held: true, .. })
     }
 
-    /// Whether nothing is submitted, in flight or unreported.
+    /// Returns whether nothing is submitted, in flight or unreported.
     pub fn is_idle(&self) -> bool {
         matches!(self.core.machine.link, HostLink::Idle { .. } | HostLink::Disconnected { held: false, .. })
             && self.core.machine.next.is_none()
             && self.core.events.has_room(EVENTS)
     }
 
-    /// The event of a frame's outcome.
+    /// Reports the event of a frame's outcome.
     fn report(&mut self, batch: Batch, outcome: Outcome) {
         let (first, count) = (batch.first, batch.count);
         self.core.push_outcome(match outcome {
@@ -308,7 +308,7 @@ impl End for Host {
     }
 }
 
-/// Whether a frame is the one that was sent, which the line has returned: an answer has one item, unless it has values.
+/// Returns whether a frame is the frame that was sent, returned by the line: an answer has one item, unless it has values.
 fn is_own(frame: &Frame<'_>, sent: &Buffer) -> bool {
     frame.payload() == sent.as_bytes() && frame.items().count() > 1
 }

@@ -74,7 +74,7 @@ fn what_the_controller_refuses() {
     assert_eq!(refused(not_finite(STOP, 0)), echo(0xE005));
 }
 
-/// A frame with a NaN, which our own end would not write.
+/// Returns a frame with a NaN, which the encoder rejects.
 fn not_finite(word: u16, shorts: usize) -> Vec<u8> {
     let mut bytes = vec![0xF1, 1];
     bytes.extend(word.to_le_bytes());

@@ -309,7 +309,7 @@ impl TryFrom<Instruction<'_>> for Any {
     }
 }
 
-/// A frame of one word.
+/// Returns a frame of one word.
 fn word(word: u16) -> Vec<u8> {
     let (mut buffer, mut out) = ([0; 4], vec![0; 16]);
     let mut payload = Payload::new(&mut buffer, &Profile::default());

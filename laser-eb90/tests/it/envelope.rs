@@ -5,13 +5,13 @@ use laser_eb90::{DecodeError, Frame, MAX_PAYLOAD, Profile, Width};
 
 const LONGEST: usize = 256;
 
-/// A tag, and bytes of which none is 90h and most weigh differently in the sum.
+/// Returns a tag, and bytes none of which is 90h, and most of which weigh differently in the sum.
 fn payload(length: usize) -> Vec<u8> {
     let bytes = (1..length).map(|at| 0x91 + u8::try_from(at * 37 % 0x6F).unwrap());
     [0xF2].into_iter().chain(bytes).collect()
 }
 
-/// The frame of a payload, byte by byte, and its checksum.
+/// Returns the frame of a payload, byte by byte, and its checksum.
 fn frame(payload: &[u8]) -> (Vec<u8>, u16) {
     let (mut bytes, mut sum) = (vec![0xEB, 0x90, 0x82, 0xF0], 0);
     for byte in payload {

@@ -19,7 +19,7 @@ fn transmit(host: &mut Host, now: Duration) -> Option<Vec<u8>> {
     host.poll_transmit(now, &mut out).map(|length| out[..length].to_vec())
 }
 
-/// One cut, in flight since `READY`.
+/// Creates a host that has one cut in flight, sent at `READY`.
 fn awaiting(config: HostConfig) -> (Host, Duration) {
     let mut host = host(config);
     submit(&mut host, 0).unwrap();

@@ -50,14 +50,14 @@ pub fn write_cut(payload: &mut Payload<'_>, cut: Cut) -> Result<(), EncodeError>
     payload.i16(&index)?.f32(&[cut.x]).map(drop)
 }
 
-/// A host that was connected at 0.
+/// Returns a host that was connected at 0.
 pub fn host(config: HostConfig) -> Host {
     let mut host = Host::new(config).unwrap();
     host.handle_connected(Duration::ZERO);
     host
 }
 
-/// A controller that was connected at 0.
+/// Returns a controller that was connected at 0.
 pub fn controller(
     config: ControllerConfig,
     capacity: usize,
@@ -75,7 +75,7 @@ pub fn encoded(payload: &Payload<'_>) -> Vec<u8> {
     out
 }
 
-/// A frame with one word.
+/// Returns a frame with one word.
 pub fn echo(word: u16) -> Vec<u8> {
     let mut buffer = [0; 16];
     let mut payload = Payload::new(&mut buffer, &Profile::default());
@@ -83,7 +83,7 @@ pub fn echo(word: u16) -> Vec<u8> {
     encoded(&payload)
 }
 
-/// A frame of cuts, and what else it is to hold.
+/// Returns a frame of cuts, and `extra` after them.
 pub fn frame(indices: &[u32], extra: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
     let mut buffer = [0; 512];
     let mut payload = Payload::new(&mut buffer, &Profile::default());

@@ -8,7 +8,7 @@ pub(crate) fn percent(u: &mut Unstructured<'_>) -> Result<u8> {
     u.int_in_range(0..=100)
 }
 
-/// One of the few numbers that cameras, grippers and errors have, or any of 16 bits.
+/// Returns one of the few numbers that cameras, grippers and errors have, or any of 16 bits.
 pub(crate) fn integer(u: &mut Unstructured<'_>) -> Result<i32> {
     if u.arbitrary()? { u.int_in_range(0..=3) } else { u.arbitrary::<i16>().map(Into::into) }
 }

@@ -26,14 +26,14 @@ pub struct LineDecoder<const N: usize> {
 }
 
 impl<const N: usize> LineDecoder<N> {
-    /// A decoder at the beginning of a stream.
+    /// Creates a decoder at the beginning of a stream.
     pub const fn new(dialect: Dialect) -> Self {
         const { assert!(N >= Line::MAX_LEN, "a line has to fit") };
         let buffer = StreamBuffer::new();
         Self { dialect, buffer, searched: 0, position: 0, finished: false }
     }
 
-    /// Out of line, so that the short way is short.
+    /// Finds the next line; out of line, so that the usual path is short.
     #[inline(never)]
     fn next_line(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
         let Some((content, used)) = find_end(self.buffer.bytes(), self.searched, &self.dialect) else {
@@ -132,7 +132,7 @@ mod tests {
 
     use super::*;
 
-    /// The lines of a stream that comes in these pieces.
+    /// Returns the lines of a stream that arrives in these pieces.
     fn lines<'a>(
         pieces: impl IntoIterator<Item = &'a [u8]>,
         dialect: Dialect,
@@ -163,7 +163,7 @@ mod tests {
         lines
     }
 
-    /// Whole, byte by byte, and in two pieces at every byte.
+    /// Returns the ways to read `bytes`: whole, byte by byte, and in two pieces at every byte.
     fn chunkings(bytes: &[u8]) -> impl Iterator<Item = Vec<&[u8]>> {
         let halves = (1..bytes.len()).map(|at| vec![&bytes[..at], &bytes[at..]]);
         [vec![bytes], bytes.chunks(1).collect()].into_iter().chain(halves)

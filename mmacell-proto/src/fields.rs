@@ -68,7 +68,7 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// An integer: a sign and five digits.
+    /// Reads an integer: a sign and five digits.
     #[inline(always)]
     pub(crate) fn integer(&mut self) -> Result<i32, DecodeError> {
         let (value, at) = match self.strict_integer() {
@@ -79,7 +79,7 @@ impl<'a> Reader<'a> {
         Ok(value)
     }
 
-    /// The override: an integer from 0 to 100.
+    /// Reads the override: an integer from 0 to 100.
     pub(crate) fn percent(&mut self) -> Result<u8, DecodeError> {
         let offset = self.at;
         let found = self.integer()?;
@@ -89,7 +89,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The override and the number of an error, which end a status. An error is looked at a second time.
+    /// Reads the override and the number of an error, which end a status. If they do not fit, decodes them a second time to
+    /// find the error.
     #[inline(always)]
     pub(crate) fn percent_and_error(&mut self) -> Result<(u8, i32), DecodeError> {
         if let Some([percent, error]) = self.two_words()
@@ -104,7 +105,7 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// `T` or `F`.
+    /// Reads `T` or `F`.
     #[inline(always)]
     pub(crate) fn flag(&mut self) -> Result<bool, DecodeError> {
         let offset = self.offset();
@@ -115,7 +116,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The rest of the line, which is one of `words`.
+    /// Reads the rest of the line, which must be one of `words`.
     pub(crate) fn word<T: Copy>(
         &mut self,
         words: &[(&[u8], T)],
@@ -142,8 +143,8 @@ impl<'a> Reader<'a> {
         if self.at == self.line.len() { Ok(()) } else { Err(DecodeError::Trailing { offset: self.at }) }
     }
 
-    /// An integer that begins here and 0 if its characters fit. Two characters stand before every integer: with them it fills
-    /// a word.
+    /// Returns the integer that begins here, and 0 if its characters fit. Two characters precede every integer: with them it
+    /// fills a word.
     #[inline(always)]
     fn strict_integer(self) -> Option<(i32, u64)> {
         let word = self.line.get(self.at.checked_sub(2)?..)?.first_chunk()?;
@@ -182,7 +183,7 @@ impl<'a> Reader<'a> {
         Ok((values, self.at))
     }
 
-    /// The first character here that does not fit these fields.
+    /// Returns the error of the first character that does not fit these fields.
     #[cold]
     fn misfit(self, formats: &'static [Format]) -> DecodeError {
         let (mut offset, mut characters) = (self.at, self.rest());
@@ -209,7 +210,7 @@ impl<'a> Reader<'a> {
 }
 
 impl<'a> Writer<'a> {
-    /// A writer of `needed` bytes at the beginning of `buffer`.
+    /// Creates a writer of `needed` bytes at the beginning of `buffer`.
     pub(crate) fn new(
         buffer: &'a mut [u8],
         needed: usize,
@@ -256,7 +257,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// The end of the line.
+    /// Writes the end of the line.
     pub(crate) fn end(&mut self) {
         if self.dialect.lone_lf { self.put(b"\n") } else { self.put(b"\r\n") }
     }
@@ -270,22 +271,22 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Whether a coordinate in units of its last digit has a form on the wire.
+/// Returns whether a coordinate in units of its last digit has a form on the wire.
 pub(crate) fn coordinate_fits(value: i32) -> bool {
     value.unsigned_abs() <= 999_999
 }
 
-/// Whether an integer has a form on the wire.
+/// Returns whether an integer has a form on the wire.
 pub(crate) fn integer_fits(value: i32, dialect: &Dialect) -> bool {
     i16::try_from(value).is_ok() || dialect.wide_integers && value.unsigned_abs() <= 99_999
 }
 
-/// The length of an integer, in bytes.
+/// Returns the length of an integer, in bytes.
 pub(crate) fn integer_len(dialect: &Dialect) -> usize {
     6 + usize::from(dialect.blank)
 }
 
-/// The length of the end of a line, in bytes.
+/// Returns the length of the end of a line, in bytes.
 pub(crate) fn end_len(dialect: &Dialect) -> usize {
     2 - usize::from(dialect.lone_lf)
 }

@@ -63,7 +63,7 @@ impl Format {
         Self { zero: u64::from_le_bytes(zero), sign_at, limit, excess, split, scale, minus, layout }
     }
 
-    /// The value of a field, and 0 if all its characters fit; otherwise the value means nothing.
+    /// Returns the value of a field, and 0 if all its characters fit; otherwise the value is meaningless.
     #[inline(always)]
     pub(crate) const fn value(self, field: u64) -> (i32, u64) {
         let (number, misfit) = self.number(field);
@@ -71,8 +71,8 @@ impl Format {
         (value.cast_signed(), misfit)
     }
 
-    /// The number that a field's digits are with its sign among them, a minus as a 2: without one, its value. As of
-    /// [`value`](Self::value), 0 if all its characters fit.
+    /// Returns the number that a field's digits and its sign are, with a minus as a 2 among the digits; without a sign, the
+    /// value of the field. The second number is as in [`value`](Self::value): 0 if all characters fit.
     #[inline(always)]
     pub(crate) const fn number(self, field: u64) -> (u32, u64) {
         // A character below that of `zero` borrows from the next one, and shows a high bit itself.
@@ -87,13 +87,13 @@ impl Format {
         (number, misfit)
     }
 
-    /// Whether a field is the value +0.
+    /// Returns whether a field is the value +0.
     #[inline(always)]
     pub(crate) const fn is_zero(self, field: u64) -> bool {
         (field ^ self.zero) >> self.sign_at == 0
     }
 
-    /// The field of a value that fits into it.
+    /// Returns the field of a value that fits.
     #[inline(always)]
     pub(crate) const fn text(self, value: i32) -> u64 {
         let magnitude = value.unsigned_abs();
@@ -108,7 +108,7 @@ impl Format {
     }
 }
 
-/// The four digits of a number below 10000, one a byte, the first one lowest.
+/// Returns the four digits of a number below 10000, one per byte, the first one lowest.
 const fn four(number: u32) -> u64 {
     let pairs = ((number % 100) << 16) + number / 100;
     // 103 / 1024 is a tenth, near enough for all below 100.
@@ -117,7 +117,7 @@ const fn four(number: u32) -> u64 {
 }
 
 impl Expected {
-    /// Whether a field of digits allows this character here.
+    /// Returns whether a field of digits allows this character here.
     pub(crate) fn allows(self, found: u8) -> bool {
         match self {
             Self::Sign => matches!(found, b'+' | b'-'),

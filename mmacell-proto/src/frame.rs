@@ -9,12 +9,12 @@ impl<'a> Line<'a> {
     /// The longest line that is looked at, its end included: the longest message has 50 bytes.
     pub const MAX_LEN: usize = 64;
 
-    /// A line of these bytes, which hold no end.
+    /// Creates a line of these bytes, which do not contain an end of line.
     pub const fn new(content: &'a [u8]) -> Self {
         Self(content)
     }
 
-    /// The first line, and the bytes that it used with its end. `None`: more bytes needed.
+    /// Decodes the first line, and the number of bytes up to its end. `None` if more bytes are needed.
     ///
     /// # Errors
     /// [`DecodeError::TooLong`] when the first [`MAX_LEN`](Self::MAX_LEN) bytes hold no end.
@@ -28,7 +28,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// The bytes between the ends.
+    /// Returns the bytes between the ends.
     pub const fn content(self) -> &'a [u8] {
         self.0
     }
@@ -59,7 +59,7 @@ fn find_end_within<'a>(bytes: &'a [u8], searched: usize, dialect: &Dialect) -> O
     })
 }
 
-/// Sixteen bytes are compared at a time, without a branch for each.
+/// Returns whether there is a line feed. Sixteen bytes are compared at a time, without a branch for each.
 #[inline(always)]
 fn has_line_feed(bytes: &[u8]) -> bool {
     let (blocks, rest) = bytes.as_chunks::<16>();

@@ -4,13 +4,13 @@ use crate::units::{Angle, Length};
 
 /// The pose of one kind of device's axes. It determines the messages and their lengths.
 pub trait Pose: Copy + Eq + core::hash::Hash + core::fmt::Debug + sealed::Axes {
-    /// The sum, axis by axis: where a relative motion leads. `None` when an axis leaves the range of its field.
+    /// Returns the sum, axis by axis: the target of a relative motion. `None` if an axis leaves the range of its field.
     fn plus(self, by: Self) -> Option<Self>;
 
-    /// Whether every axis fits its field.
+    /// Returns whether every axis fits its field.
     fn has_form(self) -> bool;
 
-    /// Whether no axis differs by more than `tolerance` units of its last digit: 1 µm, 0.1 mrad.
+    /// Returns whether all axes are equal within `tolerance` units of its last digit: 1 µm, 0.1 mrad.
     fn is_near(self, other: Self, tolerance: u32) -> bool;
 }
 
@@ -68,13 +68,13 @@ impl RobotPose {
     /// Every axis at 0.
     pub const ORIGIN: Self = Self::from_units([0; 4]);
 
-    /// A pose of millimetres and radians, each rounded to its last digit.
+    /// Creates a pose of millimetres and radians, each rounded to its last digit.
     pub fn from_mm_rad(x: f64, y: f64, z: f64, c: f64) -> Self {
         let [x, y, z] = [x, y, z].map(Length::from_mm);
         Self { x, y, z, c: Angle::from_rad(c) }
     }
 
-    /// The axes in units of their last digit: µm, µm, µm, 0.1 mrad.
+    /// Returns the axes in units of their last digit: µm, µm, µm, 0.1 mrad.
     pub const fn units(self) -> [i32; 4] {
         [self.x.um(), self.y.um(), self.z.um(), self.c.tenths_mrad()]
     }
@@ -90,12 +90,12 @@ impl PlatformPose {
     /// Every axis at 0.
     pub const ORIGIN: Self = Self::from_units([0; 2]);
 
-    /// A pose of radians, each rounded to its last digit.
+    /// Creates a pose of radians, each rounded to its last digit.
     pub fn from_rad(a: f64, b: f64) -> Self {
         Self { a: Angle::from_rad(a), b: Angle::from_rad(b) }
     }
 
-    /// The axes in units of their last digit: 0.1 mrad.
+    /// Returns the axes in units of their last digit: 0.1 mrad.
     pub const fn units(self) -> [i32; 2] {
         [self.a.tenths_mrad(), self.b.tenths_mrad()]
     }
@@ -233,7 +233,7 @@ impl sealed::Axes for NoPose {
 }
 
 impl sealed::Axes for AnyPose {
-    /// Four axes are 32 characters; two, with all that follows them in a status, are at most 31.
+    /// Reads a pose. Four axes are 32 characters; two, with all that follows them in a status, are at most 31.
     fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
         if reader.rest().len() >= 4 * 8 {
             RobotPose::read(reader).map(Self::Robot)

@@ -21,7 +21,7 @@ impl Configure for Dialect {
     }
 }
 
-/// The fields `accepts` and `writes`, which both ends have.
+/// Visits the fields `accepts` and `writes`, which both ends have.
 fn dialects(fields: &mut impl Fields, accepts: &mut Dialect, writes: &mut Dialect) {
     fields.source("§4").part("accepts", "Dialect", "variants that are read beside the source's", accepts);
     fields.source("§4").part(

@@ -42,7 +42,7 @@ pub struct Device<P: Pose + Send + 'static> {
 /// A handle, and the task that it works through.
 pub type Spawned<P, C> = (Device<P>, Task<Commands<P>, C>);
 
-/// A device, and the task that it works through.
+/// Creates a device, and the task that executes its calls.
 ///
 /// # Errors
 /// As [`Central::new`].
@@ -116,7 +116,7 @@ impl<P: Pose + Send + 'static> Device<P> {
         arrived.map(|(status, _)| status).ok_or(Error::Stopped)
     }
 
-    /// The generic handle: events, the state of the connection, shutdown.
+    /// Returns the generic handle: events, the state of the connection, shutdown.
     pub const fn handle(&self) -> &Handle<Commands<P>> {
         &self.handle
     }
@@ -169,7 +169,7 @@ pub struct Commands<P> {
 }
 
 impl<P: Pose> Commands<P> {
-    /// The outcome of the outstanding command; if it is no longer awaited, it is an event.
+    /// Ends the outstanding command with its outcome; if the command is no longer awaited, reports the outcome as an event.
     fn end(&mut self, outcome: Outcome<P>) {
         if let Some(asked) = self.asked.take() {
             let _ = asked.reply.send(outcome);
@@ -182,7 +182,7 @@ impl<P: Pose> Commands<P> {
         }
     }
 
-    /// The command is executed, or has started.
+    /// Called when the command is executed, or has started.
     fn done(&mut self) {
         match self.asked.take() {
             Some(Asked { until: Until::Arrived, reply, .. }) => {

@@ -18,13 +18,13 @@ impl Length {
     /// The largest length that fits its field; the smallest is its negative.
     pub const MAX: Self = Self(999_999);
 
-    /// A length of this many micrometres.
+    /// Creates a length of this many micrometres.
     pub const fn from_um(um: i32) -> Self {
         Self(um)
     }
 
-    /// The nearest length to this many millimetres, halves away from zero. What is not a number, or is too large for
-    /// any length, becomes a length that encoding refuses.
+    /// Returns the nearest length to this many millimetres, halves away from zero. A value that is not a number, or is too
+    /// large for any length, becomes a length that encoding rejects.
     pub fn from_mm(mm: f64) -> Self {
         Self(nearest(mm * 1000.0))
     }
@@ -57,13 +57,13 @@ impl Angle {
     /// The largest angle that fits its field; the smallest is its negative.
     pub const MAX: Self = Self(999_999);
 
-    /// An angle of this many tenths of a milliradian (0.0057° each).
+    /// Creates an angle of this many tenths of a milliradian (0.0057° each).
     pub const fn from_tenths_mrad(tenths: i32) -> Self {
         Self(tenths)
     }
 
-    /// The nearest angle to this many radians, halves away from zero. What is not a number, or is too large for any
-    /// angle, becomes an angle that encoding refuses.
+    /// Returns the nearest angle to this many radians, halves away from zero. A value that is not a number, or is too large
+    /// for any angle, becomes an angle that encoding rejects.
     pub fn from_rad(rad: f64) -> Self {
         Self(nearest(rad * 10_000.0))
     }
@@ -79,14 +79,15 @@ impl Angle {
     }
 }
 
-/// A number that fits its field.
+/// Generates a number that fits its field.
 #[cfg(feature = "arbitrary")]
 fn coordinate(u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<i32> {
     let most = Length::MAX.um();
     u.int_in_range(-most..=most)
 }
 
-/// Not a number becomes the smallest `i32`, never 0: a robot must not move to its origin because a sum went wrong.
+/// Rounds to the nearest `i32`. Not a number becomes the smallest `i32`, never 0: a robot must not move to its origin
+/// because a sum went wrong.
 fn nearest(value: f64) -> i32 {
     if value.is_nan() {
         return i32::MIN;

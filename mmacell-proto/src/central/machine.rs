@@ -318,7 +318,7 @@ impl<P: Pose> CentralMachine<P> {
         Action::Report(event)
     }
 
-    /// The device has agreed to a command.
+    /// Called when the device has agreed to a command.
     fn agree(&mut self, now: Duration, command: Command<P>, config: &CentralConfig) {
         let believed_from = now.saturating_add(config.settle);
         self.motion = match (command, self.motion) {
@@ -357,7 +357,8 @@ impl<P: Pose> CentralMachine<P> {
         };
     }
 
-    /// A status is not older than the question: one that is asked for late enough is believed, however long its reply takes.
+    /// Called when a status is requested. A status is not older than its request: a status that is requested late enough is
+    /// accepted, however long its reply takes.
     fn ask(&mut self, now: Duration, command: Command<P>) {
         if let (Command::Status, Motion::Starting { target, believed_from }) = (command, self.motion)
             && now >= believed_from

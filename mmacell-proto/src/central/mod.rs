@@ -56,7 +56,7 @@ robot_session::counters! {
 }
 
 impl<P: Pose> Central<P> {
-    /// An end without a connection.
+    /// Creates an end without a connection.
     ///
     /// # Errors
     /// The configuration is invalid.
@@ -89,17 +89,17 @@ impl<P: Pose> Central<P> {
         self.advance(now, Input::Abort, None);
     }
 
-    /// Whether a command may be requested.
+    /// Returns whether a command may be requested.
     pub fn is_idle(&self) -> bool {
         matches!(self.core.machine.link, CentralLink::Idle) && self.core.events.has_room(OUTCOMES)
     }
 
-    /// Whether there is a connection that has not ended.
+    /// Returns whether the connection is open.
     pub const fn is_connected(&self) -> bool {
         !matches!(self.core.machine.link, CentralLink::Down | CentralLink::Ended)
     }
 
-    /// Whether the connection has ended, and is to be closed.
+    /// Returns whether the session has ended the connection, which must be closed.
     pub const fn is_ended(&self) -> bool {
         matches!(self.core.machine.link, CentralLink::Ended)
     }

@@ -284,7 +284,7 @@ impl<P: Pose> DeviceMachine<P> {
     /// Without a connection, servo motors off, the override at 100 %, its pose unknown.
     pub const NEW: Self = Self { link: DeviceLink::Down, axes: Axes::Off, pose: None, percent: 100 };
 
-    /// The device's status; `None` while its pose is unknown.
+    /// Returns the device's status; `None` while its pose is unknown.
     pub fn status(&self) -> Option<Status<P>> {
         Some(Status {
             moving: self.axes.moving(),
@@ -382,17 +382,17 @@ impl Axes {
         })
     }
 
-    /// Whether the servo motors are on.
+    /// Returns whether the servo motors are on.
     pub const fn servo(self) -> bool {
         matches!(self, Self::Still | Self::Moving | Self::Stopping)
     }
 
-    /// Whether a motion is under way.
+    /// Returns whether a motion is under way.
     pub const fn moving(self) -> bool {
         matches!(self, Self::Moving | Self::Stopping)
     }
 
-    /// The error that the status shows.
+    /// Returns the error that the status shows.
     pub const fn error(self) -> ErrorCode {
         match self {
             Self::Fault { error } => error,
@@ -400,7 +400,7 @@ impl Axes {
         }
     }
 
-    /// The name of the state.
+    /// Returns the name of the state.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "Off",

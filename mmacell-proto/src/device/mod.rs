@@ -66,7 +66,7 @@ impl<P: Pose> Device<P> {
     /// The bytes that wait for the replies before them, at most.
     pub const BACKLOG: usize = BACKLOG;
 
-    /// A device without a connection, with its servo motors off, its override at 100 %, and its pose unknown.
+    /// Creates a device without a connection, with its servo motors off, its override at 100 %, and its pose unknown.
     ///
     /// # Errors
     /// The configuration is invalid.
@@ -105,24 +105,24 @@ impl<P: Pose> Device<P> {
         self.advance(Duration::ZERO, Input::Pose(pose.has_form().then_some(pose)), None);
     }
 
-    /// The axes are at rest.
+    /// Called when the axes are at rest.
     pub fn arrived(&mut self) {
         self.advance(Duration::ZERO, Input::Arrived, None);
     }
 
-    /// An error has occurred; it shows in the status until a reset. A number that has no form on the wire shows as
+    /// Called when an error has occurred; the status shows it until a reset. A number without a form on the wire is shown as
     /// [`ErrorCode::Generic`].
     pub fn fail(&mut self, error: ErrorCode) {
         let error = if error.has_form(&self.core.config.writes) { error } else { ErrorCode::Generic };
         self.advance(Duration::ZERO, Input::Failed(error), None);
     }
 
-    /// The device's status; `None` while its pose is unknown.
+    /// Returns the device's status; `None` while its pose is unknown.
     pub fn status(&self) -> Option<Status<P>> {
         self.core.machine.status()
     }
 
-    /// Whether the connection has ended, and is to be closed.
+    /// Returns whether the session has ended the connection, which must be closed.
     pub const fn is_ended(&self) -> bool {
         matches!(self.core.machine.link, DeviceLink::Ended)
     }

@@ -100,7 +100,7 @@ impl<P: Pose> Command<P> {
     /// The longest command with its end, in any dialect, in bytes.
     pub const MAX_LEN: usize = 38;
 
-    /// The command that a line holds.
+    /// Decodes the command in a line.
     ///
     /// # Errors
     /// The line is no command of such a device.
@@ -123,7 +123,7 @@ impl<P: Pose> Command<P> {
         Ok(command)
     }
 
-    /// The command as a dialect writes it: each of its readings that is on instead of the source's own.
+    /// Returns the command in the form of a dialect: with each of the dialect's readings in place of the source's own.
     pub const fn in_dialect(self, dialect: Dialect) -> InDialect<Self> {
         InDialect { message: self, dialect }
     }
@@ -137,7 +137,7 @@ impl<P: Pose> Command<P> {
         self.in_dialect(Dialect::STRICT).append_to(buffer)
     }
 
-    /// Whether it holds numbers; one without them has a form in every dialect.
+    /// Returns whether the command contains numbers; a command without numbers has a form in every dialect.
     pub(crate) const fn has_values(&self) -> bool {
         !matches!(self, Self::Status | Self::Servo { .. } | Self::Stop | Self::Reset | Self::Close)
     }

@@ -79,7 +79,7 @@ impl<P: Pose> Reply<P> {
     /// The longest reply with its end, in any dialect, in bytes: 50, and two blanks.
     pub const MAX_LEN: usize = 52;
 
-    /// The reply that a line holds.
+    /// Decodes the reply in a line.
     ///
     /// # Errors
     /// The line is no reply of such a device.
@@ -102,7 +102,7 @@ impl<P: Pose> Reply<P> {
         Ok(reply)
     }
 
-    /// The reply as a dialect writes it: each of its readings that is on instead of the source's own.
+    /// Returns the reply in the form of a dialect: with each of the dialect's readings in place of the source's own.
     pub const fn in_dialect(self, dialect: Dialect) -> InDialect<Self> {
         InDialect { message: self, dialect }
     }
@@ -165,7 +165,7 @@ impl<P: Pose> Encode for Reply<P> {
 }
 
 impl ErrorCode {
-    /// Whether an error reply can carry it: not 0, and within its field.
+    /// Returns whether an error reply can contain the number: not 0, and within its field.
     pub fn has_form(self, dialect: &Dialect) -> bool {
         let number = self.into();
         number != 0 && integer_fits(number, dialect)
@@ -208,7 +208,7 @@ impl core::fmt::Display for ErrorCode {
     }
 }
 
-/// Out of line, because most replies are `OK`.
+/// Reads an error reply; out of line, because most replies are `OK`.
 #[cold]
 fn read_error(reader: &mut Reader<'_>) -> Result<ErrorCode, DecodeError> {
     match reader.integer()?.into() {
@@ -224,7 +224,7 @@ impl<'a> arbitrary::Arbitrary<'a> for ErrorCode {
     }
 }
 
-/// The number of an error reply: not 0.
+/// Generates the number of an error reply: not 0.
 #[cfg(feature = "arbitrary")]
 fn failure(u: &mut arbitrary::Unstructured<'_>) -> arbitrary::Result<ErrorCode> {
     let error = u.arbitrary()?;

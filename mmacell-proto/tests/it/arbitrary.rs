@@ -43,7 +43,7 @@ where
     kinds
 }
 
-/// The kind of a pose, and about where two of its axes are: -1, 0 or 1 each.
+/// Returns the kind of a pose, and the rough position of two of its axes: -1, 0 or 1 each.
 fn place(pose: &AnyPose) -> String {
     let (kind, [first, last]) = match pose {
         AnyPose::Robot(pose) => ("robot", [pose.x.um(), pose.c.tenths_mrad()]),
@@ -52,7 +52,7 @@ fn place(pose: &AnyPose) -> String {
     format!("{kind} {} {}", first / 500_000, last / 500_000)
 }
 
-/// The name of a command, its words, and about what its values are.
+/// Returns the name of a command, its words, and its rough values.
 fn command<P>(command: &Command<P>, place: impl Fn(&P) -> String) -> String
 where
     Command<P>: Debug,

@@ -21,7 +21,7 @@ use tokio::time::{sleep, timeout};
 
 const LONG: Duration = Duration::from_secs(20);
 
-/// A robot that takes 150 ms for a motion; towards 13 mm it stops half way, and 999 mm it refuses.
+/// Serves a robot that takes 150 ms for a motion; a motion towards 13 mm stops half way, and one to 999 mm is refused.
 async fn device(stream: TcpStream) {
     let mut device = Device::<RobotPose>::new(DeviceConfig::DEFAULT).unwrap();
     let mut driver = Driver::new(stream);
@@ -114,7 +114,7 @@ async fn a_device_that_goes_in_a_motion_is_found_again_and_nothing_is_said_to_ha
     assert!(matches!(robot.status().await, Err(Error::Closed(_))));
 }
 
-/// A device that receives these commands, and replies so.
+/// Serves a device that receives these commands and sends these replies.
 async fn script(listener: &TcpListener, commands: &[(&str, &str)]) -> TcpStream {
     let mut stream = listener.accept().await.unwrap().0;
     for (command, reply) in commands {

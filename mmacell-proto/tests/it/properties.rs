@@ -14,12 +14,12 @@ use proptest::prelude::*;
 
 use crate::arbitrary::arbitrary;
 
-/// Uniform bytes, as many as the longest message needs.
+/// Returns messages of uniform bytes, as many as the longest message needs.
 fn messages<M: for<'a> Arbitrary<'a> + Debug>() -> impl Strategy<Value = M> {
     arbitrary(vec(any::<u8>(), 32))
 }
 
-/// The lines of a stream cut at these places.
+/// Returns the lines of a stream split at these offsets.
 fn lines(stream: &[u8], cuts: &[prop::sample::Index], dialect: Dialect) -> Vec<Result<Vec<u8>, DecodeError>> {
     let mut places: Vec<_> = cuts.iter().map(|cut| cut.index(stream.len() + 1)).collect();
     places.extend([0, stream.len()]);
@@ -40,7 +40,7 @@ fn lines(stream: &[u8], cuts: &[prop::sample::Index], dialect: Dialect) -> Vec<R
     lines
 }
 
-/// Nearly a message: one with a few bytes changed.
+/// Returns almost valid messages: a message with a few bytes changed.
 fn corrupt() -> impl Strategy<Value = Vec<u8>> {
     let message = prop_oneof![
         messages::<Command<AnyPose>>().prop_map(|c| {

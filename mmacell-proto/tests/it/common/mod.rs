@@ -25,7 +25,7 @@ pub fn by(pose: RobotPose) -> Command<RobotPose> {
     Command::Move { mode: Mode::Relative, pose }
 }
 
-/// A central controller's end with a connection.
+/// Returns a central controller's end with a connection.
 pub fn central() -> Central<RobotPose> {
     central_with(CentralConfig::DEFAULT)
 }
@@ -47,7 +47,7 @@ pub fn connect<P: Pose>(central: &mut Central<P>) -> Option<CentralEvent<P>> {
     Some(first)
 }
 
-/// A device with a connection, and its axes here.
+/// Returns a device with a connection, and its axes at `pose`.
 pub fn device_at<P: Pose>(pose: P) -> Device<P> {
     device_with(DeviceConfig::DEFAULT, pose)
 }
@@ -85,7 +85,7 @@ pub fn ask<P: Pose>(device: &mut Device<P>, line: &str) -> (String, Option<Devic
     answer(device, line, None)
 }
 
-/// The same; its owner refuses with `error`, if given.
+/// Returns the device's answer to a line; its owner refuses with `error`, if given.
 pub fn answer<P: Pose>(
     device: &mut Device<P>,
     line: &str,

@@ -72,7 +72,7 @@ impl Channel {
         self.flight = Flight::Nothing;
     }
 
-    /// The answer to a question of this step.
+    /// Handles the answer to a request of this step.
     pub(crate) fn observe(&mut self, motion: Progress) -> Result<(), Failure> {
         match motion {
             Progress::Starting | Progress::Moving | Progress::Stopping => self.at_rest = false,

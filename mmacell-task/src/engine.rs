@@ -45,7 +45,7 @@ pub struct Task {
 }
 
 impl Task {
-    /// A task at step 1.
+    /// Creates a task at step 1.
     pub fn new(config: TaskConfig) -> Self {
         let mut task = Self {
             config,
@@ -69,7 +69,7 @@ impl Task {
         task
     }
 
-    /// Something has happened.
+    /// Called when an event has come.
     pub fn handle_event(&mut self, now: Duration, event: Event) {
         match event {
             Event::Ready(device) => self.channel(device).ready = true,
@@ -120,7 +120,7 @@ impl Task {
         self.advance(now);
     }
 
-    /// The time has come that [`poll_timeout`](Self::poll_timeout) gave.
+    /// Called when the time that [`poll_timeout`](Self::poll_timeout) returned has come.
     pub fn handle_timeout(&mut self, now: Duration) {
         self.advance(now);
     }
@@ -350,7 +350,7 @@ impl Task {
         self.order(Device::Gripper, Output::Grip { gripper, open });
     }
 
-    /// An order to a device that is not there is not given.
+    /// Gives an order to a device, unless the device is absent.
     fn order(&mut self, device: Device, order: Output) {
         let networked = matches!(device, Device::Robot | Device::Platform | Device::Conditioning);
         let channel = self.channel(device);
@@ -381,7 +381,7 @@ impl Task {
         self.all_answered() && self.watched().iter().all(at_rest)
     }
 
-    /// The orders are answered, and the devices that are there are at rest, wherever that is.
+    /// Returns whether the orders are answered, and all present devices are at rest, in any position.
     fn all_stopped(&self) -> bool {
         let [robot, platform, ..] = &self.channels;
         self.all_answered() && [robot, platform].iter().all(|device| !device.ready || device.at_rest)

@@ -137,7 +137,7 @@ impl fmt::Display for Failure {
 }
 
 impl Failure {
-    /// Whether a device with axes may still execute an earlier motion.
+    /// Returns whether a device with axes may still execute an earlier motion.
     const fn may_move(self) -> bool {
         !matches!(self, Self::Missed(_))
     }

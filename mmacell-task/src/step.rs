@@ -170,7 +170,7 @@ impl Step {
         Self::Finished,
     ];
 
-    /// The table: what leads on from this step, and where to. When several triggers hold, the first counts.
+    /// Returns the transitions from this step: triggers and next steps. If several triggers apply, the first one counts.
     pub const fn transitions(self) -> &'static [(Trigger, Self)] {
         use Trigger as T;
         match self {
@@ -319,12 +319,12 @@ impl Step {
         }
     }
 
-    /// The step after a trigger; `None` when the trigger means nothing here.
+    /// Returns the step after a trigger; `None` if the trigger has no effect in this step.
     pub fn next(self, trigger: Trigger) -> Option<Self> {
         self.transitions().iter().find(|(on, _)| *on == trigger).map(|(_, next)| *next)
     }
 
-    /// The step's number in §6; `None` for what surrounds the 21 steps.
+    /// Returns the step's number in §6; `None` for the states around the 21 steps.
     pub const fn number(self) -> Option<u8> {
         Some(match self {
             Self::AwaitDevices => 1,
@@ -358,7 +358,7 @@ impl Step {
         })
     }
 
-    /// A few words for people.
+    /// Returns a short name of the step for people.
     pub const fn label(self) -> &'static str {
         match self {
             Self::AwaitDevices => "wait for devices",
@@ -420,7 +420,7 @@ impl Trigger {
         Self::TimedOut,
     ];
 
-    /// A few words for people.
+    /// Returns a short name for people.
     pub const fn label(self) -> &'static str {
         match self {
             Self::Failed => "failed or aborted",

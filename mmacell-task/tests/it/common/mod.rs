@@ -61,7 +61,7 @@ pub fn poll(task: &mut Task, now: Duration) -> Vec<Output> {
     core::iter::from_fn(|| task.poll_output(now)).collect()
 }
 
-/// The answer of a cell in which everything goes well, without a part on the gripper.
+/// Returns the answer of a faultless cell without a part on the gripper.
 pub fn answer(output: Output, task: &Task) -> Option<Event> {
     Some(match output {
         Output::Robot(Command::Status) => status(Device::Robot, false),
@@ -104,7 +104,7 @@ pub fn run_to(task: &mut Task, end: Step) -> Vec<Output> {
     panic!("{end:?} is not reached from {:?}: {outputs:?}", task.step());
 }
 
-/// A task that has just entered a step, with nothing answered in it.
+/// Returns a task that has just entered a step, without an answer in it.
 pub fn task_at(step: Step) -> Task {
     let mut task = Task::new(CONFIG);
     ready(&mut task, ZERO);

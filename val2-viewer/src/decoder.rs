@@ -17,7 +17,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// An empty decoder.
+    /// Creates an empty decoder.
     pub const fn new() -> Self {
         Self { buffer: StreamBuffer::new(), searched: 0, limit: PosePacket::MAX_LEN }
     }
@@ -81,7 +81,8 @@ impl Default for Decoder {
     }
 }
 
-/// The first line, or what there is instead up to where one may begin, and its length. `end` is where it ends or another begins.
+/// Returns the first line, or the error of the bytes before the next possible beginning of a line, and their length. `end`
+/// is the offset at which the line ends or another one begins.
 fn item(window: &[u8], end: Option<usize>) -> (usize, Result<PosePacket, DecodeError>) {
     let is_line = window.first() == Some(&b'$');
     let length = match end {

@@ -51,7 +51,7 @@ pub enum DecodeError {
 }
 
 impl DecodeError {
-    /// Whether the bytes were a whole line: then they were a packet, and are an answer that cannot be read.
+    /// Returns whether the bytes were a whole line: a packet that cannot be decoded, so an answer.
     pub const fn is_line(&self) -> bool {
         match self {
             Self::Format { .. } | Self::Number { .. } | Self::Checksum { .. } | Self::TooLong { .. } => true,

@@ -22,7 +22,7 @@ pub enum Flow {
 }
 
 impl Flow {
-    /// XOFF has come.
+    /// Called when XOFF has come.
     pub(crate) fn hold(&mut self, until: Duration, prolongs: bool) {
         if *self == Self::Free || prolongs {
             *self = Self::Held { until };

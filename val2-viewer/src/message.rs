@@ -149,7 +149,7 @@ impl Line<'_> {
         Ok(())
     }
 
-    /// A comma and up to five digits, after a minus sign or not, written in the one way that `encode` has.
+    /// Reads a comma and up to five digits, with or without a minus sign, in exactly the form that `encode` writes.
     #[inline(always)]
     fn number<N: TryFrom<i32>>(&mut self) -> Result<N, DecodeError> {
         // Eight bytes contain all of it and the bytes after it, or more digits than allowed.
@@ -185,7 +185,8 @@ impl Line<'_> {
     }
 }
 
-/// The number of one to five digits at the beginning of these bytes, without a zero in front, and how many they are.
+/// Returns the number of one to five digits at the beginning of these bytes, without a leading zero, and the number of
+/// digits.
 #[inline(always)]
 fn digits(word: u64) -> Option<(i32, usize)> {
     let digits = word ^ u64::from_le_bytes([b'0'; 8]);

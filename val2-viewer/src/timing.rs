@@ -10,7 +10,7 @@ pub const BAUD: u32 = 19_200;
 /// The approximate time for which the workstation draws one picture (§5).
 pub const CYCLE: Duration = Duration::from_millis(200);
 
-/// The time that `bytes` take on the line. A rate of 0 never ends.
+/// Returns the time that `bytes` take on the line. Without limit at a rate of 0.
 pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     match (bytes as u64).saturating_mul(10_000_000_000).checked_div(baud as u64) {
         Some(nanos) => Duration::from_nanos(nanos),
@@ -18,7 +18,7 @@ pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     }
 }
 
-/// ENQ and the longest packet: 52.6 ms at 19200.
+/// Returns the time of ENQ and the longest packet: 52.6 ms at 19200.
 pub const fn exchange_time(baud: u32) -> Duration {
     transmission_time(1 + PosePacket::MAX_LEN, baud)
 }

@@ -227,7 +227,7 @@ impl Machine for HostMachine {
         }
     }
 
-    /// Whether the line is held is not in it.
+    /// Returns the state's name, which does not show whether XOFF stops the line.
     fn name(&self) -> &'static str {
         match (self.link, self.pose) {
             (Link::Disconnected, Pose::Unknown) => "DisconnectedUnknown",

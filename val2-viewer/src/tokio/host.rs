@@ -20,7 +20,7 @@ pub struct Screen {
     handle: Handle<Poses>,
 }
 
-/// A screen, and the task that answers its workstation.
+/// Creates a screen, and the task that answers its workstation.
 ///
 /// # Errors
 /// As [`Host::new`].
@@ -57,7 +57,7 @@ impl Screen {
         self.handle.call(|reply| Show { pose, reply }).await?
     }
 
-    /// All events, the state of the connection, and the end of the task.
+    /// Returns all events, the state of the connection, and the end of the task.
     pub const fn handle(&self) -> &Handle<Poses> {
         &self.handle
     }

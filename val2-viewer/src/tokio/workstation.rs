@@ -27,7 +27,7 @@ pub struct Arm {
     pub handle: Handle<Display>,
 }
 
-/// An arm, and the task that asks for its pose in every display cycle, 200 ms.
+/// Creates an arm, and the task that requests its pose in every display cycle, 200 ms.
 ///
 /// # Errors
 /// As [`Workstation::new`].

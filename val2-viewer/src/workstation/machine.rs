@@ -182,7 +182,7 @@ impl Machine for WorkstationMachine {
         }
     }
 
-    /// Whether the line is held is not in it.
+    /// Returns the state's name, which does not show whether XOFF stops the line.
     fn name(&self) -> &'static str {
         let Self::Connected(display) = self else { return "Disconnected" };
         match (display.request, display.picture) {
@@ -301,7 +301,7 @@ impl Display {
         }
     }
 
-    /// An answer has come too late, and another request may be sent.
+    /// Called when an answer has come too late: another request may be sent.
     fn is_alive(&mut self, config: &WorkstationConfig) {
         if config.keeps(Rule::LateIsAlive) {
             self.request = Request::Allowed;

@@ -91,7 +91,7 @@ robot_session::counters! {
 }
 
 impl Workstation {
-    /// A workstation without a connection.
+    /// Creates a workstation without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Pause`], [`ConfigError::StaleAfter`], [`ConfigError::MaxHold`].
@@ -101,7 +101,7 @@ impl Workstation {
         Ok(Self { core, echo: Echo::new(config.echo) })
     }
 
-    /// A display cycle, about five times a second while the display is on, and not while it is paused.
+    /// Starts a display cycle: called about five times a second while the display is on, and not while it is paused.
     pub fn draw(&mut self, now: Duration) {
         self.request(now, Input::Draw);
     }

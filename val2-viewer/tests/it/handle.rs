@@ -20,7 +20,7 @@ use val2_viewer::{ENQ, Host, HostConfig, HostEvent, WorkstationConfig};
 const LONG: Duration = Duration::from_secs(20);
 const MS: Duration = Duration::from_millis(1);
 
-/// A host whose arm has always the same pose.
+/// Serves a host whose arm always has the same pose.
 async fn posing(stream: TcpStream, x: i16) {
     let mut driver = Driver::new(stream);
     let mut session = Host::new(HostConfig::default()).unwrap();

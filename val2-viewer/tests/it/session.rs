@@ -24,7 +24,7 @@ fn workstation() -> Workstation {
     workstation
 }
 
-/// A host whose first interval is over.
+/// Returns a host whose first interval is over.
 fn host() -> Host {
     let mut host = Host::new(HostConfig::default()).unwrap();
     host.handle_connected(Duration::ZERO);

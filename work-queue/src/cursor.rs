@@ -11,7 +11,8 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// 2^16 laps, below 2^30: a lap begins there, and the low half of a position goes on counting.
+    /// Returns the number of positions before they wrap: 2^16 laps, below 2^30. A lap begins there, and the low half of a
+    /// position continues to count.
     const fn wrap(self) -> u32 {
         self.capacity << 16
     }
@@ -23,13 +24,13 @@ impl Limits {
         if later < position { distance.wrapping_add(self.wrap()) } else { distance }
     }
 
-    /// Whether a position is before another one.
+    /// Returns whether a position is before another one.
     pub(crate) const fn is_before(self, position: u32, other: u32) -> bool {
         let distance = self.distance(position, other);
         0 < distance && distance < self.wrap() / 2
     }
 
-    /// A position this many jobs later, at most a lap.
+    /// Returns the position this many jobs later, at most a lap.
     #[inline(always)]
     pub(crate) const fn after(self, position: u32, jobs: u32) -> u32 {
         let after = position + jobs;
@@ -54,7 +55,7 @@ pub(crate) struct Cursor {
 }
 
 impl Cursor {
-    /// At this position, where the job has this number. None is queued before it.
+    /// Creates a cursor at this position, whose job has this number. No jobs are queued before it.
     pub(crate) const fn new(at: u32, number: u16, limits: Limits) -> Self {
         let lap = at - at % limits.capacity;
         let mut cursor = Cursor { at, end: at, stop: at, lap, zero: 0, wrapped: false };
@@ -62,14 +63,14 @@ impl Cursor {
         cursor
     }
 
-    /// The job here has this number, and none is before the first.
+    /// Sets the number of the job here; no jobs precede the first one.
     pub(crate) const fn number_from(&mut self, number: u16, limits: Limits) {
         self.zero = self.at.wrapping_sub(number as u32);
         self.wrapped = false;
         self.turn(limits);
     }
 
-    /// The same end one lap or less before, without a reset in between. No slots are known to be its own.
+    /// Returns the same end one lap or less before, without a reset in between. No slots are known to belong to the end.
     pub(crate) const fn back_at(self, position: u32, limits: Limits) -> Self {
         let max = limits.max as u32;
         let back = limits.distance(position, self.at) % max;
@@ -96,7 +97,7 @@ impl Cursor {
         self.stop = self.at + if slots < numbers { slots } else { numbers };
     }
 
-    /// Whether the slot here is this end's.
+    /// Returns whether the slot here belongs to this end.
     #[inline(always)]
     pub(crate) const fn is_open(&self) -> bool {
         self.at != self.end
@@ -114,13 +115,13 @@ impl Cursor {
         (self.at - self.lap) as usize
     }
 
-    /// The number of the job here.
+    /// Returns the number of the job here.
     #[inline(always)]
     pub(crate) const fn number(&self) -> u16 {
         (self.at.wrapping_sub(self.zero) & 0xFFFF) as u16
     }
 
-    /// The number of the job before.
+    /// Returns the number of the job before.
     pub(crate) const fn last(&self, limits: Limits) -> Option<u16> {
         match self.number() {
             1 if self.wrapped => Some(limits.max),

@@ -3,8 +3,8 @@
 /// `wake` is called after the change that it reports. An end that looks once more after it was registered, and then
 /// sleeps, misses nothing.
 pub trait Wake {
-    /// The reader is woken after each publication, each reset, and when the writer leaves; the writer after jobs were completed, also
-    /// before their turn, or discarded, and when the reader leaves.
+    /// Wakes the other end's task. The reader is woken after each publication, each reset, and when the writer leaves; the
+    /// writer after jobs were completed, also before their turn, or discarded, and when the reader leaves.
     fn wake(&self);
 }
 

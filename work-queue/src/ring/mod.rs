@@ -132,12 +132,12 @@ impl<T> Shared<T> {
         at(&self.control.0.slots, cursor)
     }
 
-    /// Whether the job of a slot of the reader's was completed before its turn.
+    /// Returns whether the job of one of the reader's slots was completed before its turn.
     fn done(&self, cursor: &Cursor) -> &AtomicBool {
         at(&self.control.0.done, cursor)
     }
 
-    /// The slots of a row, to go through without looking each time where they are.
+    /// Returns the slots of a row, to iterate over them without computing each index.
     #[inline(always)]
     fn row(&self, cursor: &Cursor, slots: u32) -> &[Slot<T>] {
         // SAFETY: as in `at`, up to the stop of the cursor; slots hold cells, so that others may write to theirs.
@@ -199,7 +199,7 @@ impl<T> core::ops::Deref for Hold<T> {
 }
 
 impl<T> Hold<T> {
-    /// An end leaves.
+    /// Called when an end leaves.
     #[cold]
     #[inline(never)]
     fn leave(self) {

@@ -79,7 +79,7 @@ impl<T, W: Wake> Reader<'_, T, W> {
         None
     }
 
-    /// The waiting jobs with their numbers, oldest first.
+    /// Returns the waiting jobs with their numbers, oldest first.
     pub fn iter(&self) -> Iter<'_, T> {
         let mut front = self.front;
         let (tail, limits) = (self.end.hold.tail(), self.end.hold.limits());
@@ -103,7 +103,7 @@ impl<T, W: Wake> Reader<'_, T, W> {
         }
     }
 
-    /// Whether no job waits.
+    /// Returns whether no jobs wait.
     pub fn is_empty(&self) -> bool {
         self.iter().next().is_none()
     }
@@ -113,15 +113,16 @@ impl<T, W: Wake> Reader<'_, T, W> {
         self.end.hold.limits().capacity as usize
     }
 
-    /// Whether the writer is gone. If [`take`](Self::take) returns `None` *after* this was true, it always will.
+    /// Returns whether the writer is gone. If [`take`](Self::take) returns `None` *after* this returned true, it always
+    /// will.
     pub fn is_abandoned(&self) -> bool {
         self.end.hold.is_abandoned()
     }
 }
 
 impl Front {
-    /// Whether a job waits. Looks at the tail where none is known, then at the mark: in this order no job is found before the marks
-    /// that were stored before it.
+    /// Returns whether a job waits. Reads the tail if no job is known, then the mark: in this sequence no job is found
+    /// before the marks that were stored before it.
     #[inline(always)]
     fn find<T>(&mut self, hold: &Hold<T>, writer: &impl Wake, obeys: bool) -> bool {
         if !self.look(hold) {
@@ -146,7 +147,7 @@ impl Front {
         Iter { hold, cursor: self.cursor, skips: self.ahead > 0 }
     }
 
-    /// Whether the job at the cursor was completed before its turn, which is now.
+    /// Returns whether the job at the cursor was completed before its turn, which is now.
     fn passes<T>(&mut self, hold: Hold<T>) -> bool {
         let done = hold.done(&self.cursor);
         let passes = self.ahead > 0 && done.load(Relaxed);
@@ -242,7 +243,7 @@ pub struct Taken<'a, T, W: Wake = NoWake> {
 }
 
 impl<T, W: Wake> Taken<'_, T, W> {
-    /// The number of the job: `1..=max_number`.
+    /// Returns the number of the job: `1..=max_number`.
     #[inline(always)]
     pub fn number(&self) -> u16 {
         self.here.number()
@@ -303,7 +304,7 @@ pub struct TakenBatch<'a, T, W: Wake = NoWake> {
 }
 
 impl<T, W: Wake> TakenBatch<'_, T, W> {
-    /// The jobs with their numbers, oldest first. At least one.
+    /// Returns the jobs with their numbers, oldest first; at least one.
     #[inline(always)]
     pub fn iter_mut(&mut self) -> impl ExactSizeIterator<Item = (u16, &mut T)> {
         let first = self.front.cursor.number();
@@ -354,7 +355,7 @@ pub struct Iter<'a, T> {
 }
 
 impl<'a, T> Iter<'a, T> {
-    /// The place of the next job that was not completed.
+    /// Advances to the next job that was not completed.
     fn step(&mut self) -> Option<Cursor> {
         while self.cursor.is_open() {
             let here = self.cursor;

@@ -94,7 +94,7 @@ const fn check_config(capacity: usize, max_number: u16) -> Result<(), ConfigErro
 }
 
 impl<T, const N: usize> WorkQueue<T, N> {
-    /// An empty queue whose jobs are numbered `1..=max_number`, then 1 again.
+    /// Creates an empty queue whose jobs are numbered `1..=max_number`, then 1 again.
     ///
     /// Both ends of a link must use the same `max_number`. If possible, it should be at least the number of jobs of an order.
     ///
@@ -107,7 +107,7 @@ impl<T, const N: usize> WorkQueue<T, N> {
     }
 
     constant! {
-        /// As [`new`](Self::new), for a `static`: what [`new`](Self::new) would refuse does not compile.
+        /// Creates a queue as [`new`](Self::new) does, for a `static`: invalid parameters do not compile.
         ///
         /// ```
         /// use robot_work_queue::{NoWake, WorkQueue};
@@ -139,17 +139,18 @@ impl<T, const N: usize> WorkQueue<T, N> {
         }
     }
 
-    /// The two ends. Each split empties the queue: the remaining jobs are dropped, and the next number is 1.
+    /// Splits the queue into its two ends. Each split empties the queue: the remaining jobs are dropped, and the next number
+    /// is 1.
     pub fn split(&mut self) -> Ends<'_, T> {
         self.split_with(NoWake, NoWake)
     }
 
-    /// As [`split`](Self::split), for ends that sleep: `reader` wakes the reader, `writer` the writer.
+    /// Splits the queue as [`split`](Self::split) does, for ends that sleep: `reader` wakes the reader, `writer` the writer.
     pub fn split_with<R: Wake, W: Wake>(&mut self, reader: R, writer: W) -> Ends<'_, T, R, W> {
         self.split_at(0, reader, writer)
     }
 
-    /// As [`split`](Self::split), beginning at a given lap, for tests in which laps wrap around.
+    /// Splits the queue as [`split`](Self::split) does, beginning at a given lap, for tests in which laps wrap around.
     #[doc(hidden)]
     pub fn split_at_lap(&mut self, lap: u16) -> Ends<'_, T> {
         self.split_at(u32::from(lap) * self.0.shared.limits().capacity, NoWake, NoWake)
@@ -160,8 +161,8 @@ impl<T, const N: usize> WorkQueue<T, N> {
         Hold(NonNull::from(&self.0).cast()).ends(start, reader, writer)
     }
 
-    /// The two ends of a queue in a `static`, as [`split_with`](Self::split_with); `None` while it has ends. The end that is dropped
-    /// last drops the remaining jobs.
+    /// Returns the two ends of a queue in a `static`, as [`split_with`](Self::split_with); `None` while it has ends. The end
+    /// that is dropped last drops the remaining jobs.
     #[cfg(target_has_atomic = "8")]
     pub fn split_static<R: Wake, W: Wake>(
         &'static self,
@@ -191,7 +192,7 @@ impl<T, const N: usize> fmt::Debug for WorkQueue<T, N> {
     }
 }
 
-/// The two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again.
+/// Returns the two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again.
 ///
 /// The ends own the queue together and can be moved to different threads. The end that is dropped last drops the remaining
 /// jobs. Nothing is allocated later.
@@ -204,7 +205,7 @@ pub fn boxed<T>(capacity: usize, max_number: u16) -> Result<Ends<'static, T>, Co
     boxed_with(capacity, max_number, NoWake, NoWake)
 }
 
-/// As [`boxed`], for ends that sleep: `reader` wakes the reader, `writer` the writer.
+/// Creates a queue as [`boxed`] does, for ends that sleep: `reader` wakes the reader, `writer` the writer.
 ///
 /// # Errors
 ///
@@ -269,7 +270,7 @@ impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
 }
 
 impl<T> Hold<T> {
-    /// The two ends of a ring that begins at `start`.
+    /// Returns the two ends of a ring that begins at `start`.
     fn ends<'q, R: Wake, W: Wake>(self, start: u32, reader: R, writer: W) -> Ends<'q, T, R, W> {
         let cursor = Cursor::new(start, 1, self.limits());
         (Writer::new(self, cursor, reader), Reader::new(self, cursor, writer))

@@ -87,23 +87,23 @@ impl<T, R: Wake> Writer<'_, T, R> {
         self.clear();
     }
 
-    /// Whether the last [`clear`](Self::clear) or [`reset`](Self::reset) has taken effect: no job from before it is
-    /// queued or being executed any more. Also true if neither was ever called.
+    /// Returns whether the last [`clear`](Self::clear) or [`reset`](Self::reset) has taken effect: no job from before it is
+    /// still queued or being executed. Also true if neither was ever called.
     pub fn is_settled(&self) -> bool {
         self.end.hold.mark().ahead_of(self.end.hold.head()) <= 0
     }
 
-    /// The number that the next job must have: `1..=max_number`.
+    /// Returns the number that the next job must have: `1..=max_number`.
     pub fn next_number(&self) -> u16 {
         self.cursor.number()
     }
 
-    /// The number of the job queued last; `None` before the first, never 0.
+    /// Returns the number of the job queued last; `None` before the first, never 0.
     pub fn last_number(&self) -> Option<u16> {
         self.cursor.last(self.end.hold.limits())
     }
 
-    /// The highest job number: 1 follows it.
+    /// Returns the highest job number: 1 follows it.
     pub fn max_number(&self) -> u16 {
         self.end.hold.limits().max
     }
@@ -119,7 +119,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
         self.end.hold.limits().distance(self.end.hold.head(), self.cursor.at) as usize
     }
 
-    /// Whether no slot is taken.
+    /// Returns whether all slots are free.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -129,12 +129,12 @@ impl<T, R: Wake> Writer<'_, T, R> {
         self.capacity() - self.len()
     }
 
-    /// Whether no slot is free.
+    /// Returns whether all slots are taken.
     pub fn is_full(&self) -> bool {
         self.free() == 0
     }
 
-    /// Whether at most `low_water` jobs are left in the queue, the one being executed included.
+    /// Returns whether the queue has at most `low_water` jobs, including the one being executed.
     ///
     /// Wait for this after [`Full`], not for one free slot: then the missing jobs are sent as a whole batch, and the reader's
     /// progress is read once for all of them.
@@ -142,7 +142,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
         self.len() <= low_water
     }
 
-    /// Whether the reader is gone: jobs queued now are never executed.
+    /// Returns whether the reader is gone: jobs queued now are never executed.
     pub fn is_abandoned(&self) -> bool {
         self.end.hold.is_abandoned()
     }
@@ -190,7 +190,7 @@ pub struct Claim<'a, T, R: Wake = NoWake> {
 }
 
 impl<T, R: Wake> Claim<'_, T, R> {
-    /// The number that the job must have.
+    /// Returns the number that the job must have.
     #[inline(always)]
     pub fn number(&self) -> u16 {
         self.cursor.number()
@@ -227,7 +227,7 @@ impl<T, R: Wake> Claim<'_, T, R> {
         self.push_with(|| job)
     }
 
-    /// As [`push`](Self::push), built in the slot.
+    /// Queues a job as [`push`](Self::push) does, built in the slot.
     #[inline(always)]
     pub fn push_with(self, job: impl FnOnce() -> T) -> u16 {
         let number = self.number();
@@ -277,7 +277,7 @@ pub struct Batch<'a, T, R: Wake = NoWake> {
 }
 
 impl<T, R: Wake> Batch<'_, T, R> {
-    /// The next of the slots. What is committed there counts as queued for the numbers of this batch.
+    /// Claims the next of the slots. A job committed there counts as queued for the numbers of this batch.
     ///
     /// # Errors
     ///

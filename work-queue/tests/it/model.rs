@@ -131,7 +131,7 @@ impl Model {
         self.unsettled = self.entries.len();
     }
 
-    /// The reader takes a job: it looks for more, at least where it knows of none, and resets take effect.
+    /// Models the reader taking a job: it looks for more jobs, at least if it knows of none, and resets take effect.
     fn apply_resets(&mut self, looks: bool) {
         self.look(looks);
         while self.unsettled > 0 {
@@ -251,7 +251,8 @@ impl<'j> Run<'_, 'j> {
         }
     }
 
-    /// The same for the oldest jobs: one only where that is known, or the lap, the numbers or a completed job end the row.
+    /// Models the same for the oldest jobs: one job only, if that one is known, or the lap, the numbers or a completed job
+    /// end the row.
     fn executing_batch(&mut self, mut batch: TakenBatch<'_, Job<'j>>) {
         let jobs: Vec<_> = batch.iter_mut().map(|(number, job)| (number, job.serial)).collect();
         let entries = &self.model.entries;

@@ -64,7 +64,7 @@ impl Model {
         self.last = Some(number);
     }
 
-    /// The reader looks: resets take effect, and completed slots become free.
+    /// Lets the reader look: resets take effect, and completed slots become free.
     fn settle(&mut self) {
         self.slots.drain(..core::mem::take(&mut self.cleared));
         while self.slots.front().is_some_and(|slot| slot.completed) {

@@ -75,7 +75,7 @@ fn model(run: impl Fn() + Send + Sync + 'static) {
     model_with(None, run);
 }
 
-/// With at most this many preemptions: every interleaving of a longer model takes minutes to hours.
+/// Explores a model with at most this many preemptions: every interleaving of a longer model takes minutes to hours.
 fn model_with(preemptions: Option<usize>, run: impl Fn() + Send + Sync + 'static) {
     let mutant = std::env::var("WEAKEN").ok().map(|index| order::MUTANTS[index.parse::<usize>().unwrap()]);
     order::weaken(mutant);
@@ -86,7 +86,7 @@ fn model_with(preemptions: Option<usize>, run: impl Fn() + Send + Sync + 'static
     builder.check(run);
 }
 
-/// A model of a queue of this capacity, and of its two ends: each job is dropped once when both are gone.
+/// Explores a model of a queue of this capacity, and of its two ends: each job is dropped once when both are gone.
 fn model_of(
     capacity: usize,
     run: impl Fn(&Arc<Counter>, Writer<'static, Job>, Reader<'static, Job>) + Send + Sync + 'static,

@@ -64,7 +64,7 @@ fn full_then_low_water() {
     });
 }
 
-/// The second job overtakes the first; its slot is filled again only after that of the first.
+/// Explores a queue in which the second job overtakes the first; its slot is filled again only after that of the first.
 fn out_of_order(capacity: usize, count: u16) {
     model_of_with((capacity > 2).then_some(3), capacity, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {
@@ -104,7 +104,7 @@ fn out_of_order_capacity_3() {
     out_of_order(3, 4);
 }
 
-/// Two jobs, a reset, a third job: the reset comes before, during and after the execution of each of the first two.
+/// Explores two jobs, a reset, a third job: the reset comes before, during and after the execution of each of the first two.
 fn abort(capacity: usize) {
     model_of(capacity, move |jobs, mut writer, mut reader| {
         let world = World::new();
@@ -170,7 +170,7 @@ fn queued_behind_a_reset() {
     });
 }
 
-/// Two jobs, a reset, a third job: a reader that has seen the third looks for a job.
+/// Explores two jobs, a reset, a third job: a reader that has seen the third looks for a job.
 fn look_after_a_reset(look: fn(&mut Reader<'_, Job>) -> Option<u16>) {
     model_of(3, move |jobs, mut writer, mut reader| {
         let reader = thread::spawn(move || {

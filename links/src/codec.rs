@@ -20,28 +20,28 @@ pub trait Codec {
     /// Writes the next message object, or error object; `None` when more bytes are needed.
     fn next(&mut self, json: &mut Vec<u8>) -> Option<Kind>;
 
-    /// The stream has ended: an incomplete frame becomes an error of `next`.
+    /// Called when the stream has ended: an incomplete frame becomes an error of `next`.
     fn finish(&mut self);
 
-    /// The stream offset of the first byte after what `next` returned last.
+    /// Returns the stream offset after the frame or error that `next` returned last.
     fn position(&self) -> u64;
 
     /// Discards the bytes that are held; they count in [`position`](Self::position).
     fn clear(&mut self);
 
-    /// The bytes of one message object.
+    /// Encodes one message object.
     ///
     /// # Errors
     /// When the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
-    /// See [`Messages::names`].
+    /// Implements [`Messages::names`].
     fn names(&self, message: &Value) -> Vec<(String, &'static str)>;
 
-    /// See [`Messages::is_filler`].
+    /// Implements [`Messages::is_filler`].
     fn is_filler(&self, message: &Value) -> bool;
 
-    /// A message object from a fuzzer's bytes: as the decoder shows it, and [`encode`](Self::encode) accepts it.
+    /// Generates a message object from a fuzzer's bytes, in the decoder's form, which [`encode`](Self::encode) accepts.
     ///
     /// # Errors
     /// When there are too few bytes for the message that they begin.
@@ -66,7 +66,7 @@ pub enum EncodeError {
 }
 
 impl EncodeError {
-    /// The error object: `{"kind":"message"}`, or the encoder's.
+    /// Returns the error object: `{"kind":"message"}`, or the encoder's.
     pub fn json(&self) -> &str {
         match self {
             Self::Message(_) => r#"{"kind":"message"}"#,
@@ -74,7 +74,7 @@ impl EncodeError {
         }
     }
 
-    /// The error of a link's encoder.
+    /// Creates the error of a link's encoder.
     pub fn refused(error: impl core::error::Error + Serialize) -> Self {
         Self::Refused { text: error.to_string(), json: json::text(&error) }
     }
@@ -97,24 +97,25 @@ pub trait Messages {
     /// Writes a frame of the decoder, with [`message`] or [`error`].
     fn show(&self, frame: <Self::Decoder as Decoder>::Frame<'_>, json: &mut Vec<u8>) -> Kind;
 
-    /// The bytes of one message object.
+    /// Encodes one message object.
     ///
     /// # Errors
     /// When the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
-    /// The names of the values that the object shows under other keys, each with its JSON pointer. Values of one name repeat one another:
-    /// the order number of a header and that of a field.
+    /// Returns the names of the values that the object has under other keys, each with its JSON pointer. Values of one name
+    /// repeat one another, such as the order number of a header and that of a field.
     fn names(&self, _message: &Value) -> Vec<(String, &'static str)> {
         Vec::new()
     }
 
-    /// Whether a message has no content, and is sent only because something has to be: how many there are depends on the times alone.
+    /// Returns whether a message has no content, and is sent only because a packet must be sent: the number of such messages
+    /// depends on the times alone.
     fn is_filler(&self, _message: &Value) -> bool {
         false
     }
 
-    /// A message object from a fuzzer's bytes, with [`object`].
+    /// Generates a message object from a fuzzer's bytes, with [`object`].
     ///
     /// # Errors
     /// When there are too few bytes for the message that they begin.
@@ -148,7 +149,7 @@ pub fn bytes<E: core::error::Error + Serialize>(
     Ok(bytes)
 }
 
-/// The object of a message, with numbers as they are written.
+/// Returns the object of a message, with numbers as the encoder expects them.
 ///
 /// # Errors
 /// None: every message has an object.
@@ -169,7 +170,7 @@ pub fn error(error: &impl Serialize, json: &mut Vec<u8>) -> Kind {
     Kind::Error
 }
 
-/// The decoder and the messages of a link as a codec.
+/// Joins the decoder and the messages of a link to a codec.
 pub fn codec<M>(decoder: M::Decoder, messages: M) -> Box<dyn Codec>
 where
     M: Messages + 'static,
@@ -274,7 +275,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// The object as a value: of a message, or of an error.
+    /// Returns the object as a JSON value: of a message, or of an error.
     ///
     /// # Errors
     /// None: it is an object.
@@ -286,7 +287,7 @@ impl Found {
     }
 }
 
-/// Everything that a codec makes of a stream that arrives in these pieces; after each part comes an end.
+/// Returns all items of a stream that arrives in these pieces, and ends after each part.
 ///
 /// # Errors
 /// When the decoder makes no progress, or the items do not cover every byte.
@@ -320,12 +321,12 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// A stream at offset 0.
+    /// Creates a stream at offset 0.
     pub fn new(codec: Box<dyn Codec>) -> Self {
         Self::starting_at(codec, 0)
     }
 
-    /// A stream that goes on at another's offset, with a decoder that knows nothing of what was before.
+    /// Creates a stream that continues at another's offset, with a new decoder.
     pub fn starting_at(codec: Box<dyn Codec>, begin: u64) -> Self {
         Self { codec, begin, taken: 0, json: Vec::new(), flow_control: None }
     }
@@ -336,7 +337,7 @@ impl Stream {
         Self { flow_control, ..self }
     }
 
-    /// The offset of the next byte.
+    /// Returns the offset of the next byte.
     pub fn offset(&self) -> u64 {
         self.begin + self.taken
     }
@@ -396,7 +397,7 @@ impl Stream {
     }
 }
 
-/// Every value of the links is one of numbers, texts and names, which JSON has.
+/// Writes a value as JSON: every value of the links consists of numbers, texts and names, which JSON has.
 fn write(value: &impl Serialize, json: &mut Vec<u8>) {
     if json::write(value, json).is_err() {
         json.clear();

@@ -86,10 +86,10 @@ pub trait End {
     fn max_input(&self) -> usize;
     fn max_transmit(&self) -> usize;
 
-    /// The next event, as JSON.
+    /// Removes and returns the next event, as JSON.
     fn poll_event(&mut self) -> Option<String>;
 
-    /// The counters, as JSON.
+    /// Returns the counters as JSON.
     fn statistics(&self) -> String;
 
     /// Makes a call by its name. The inner error is the object of a refusal.
@@ -98,14 +98,14 @@ pub trait End {
     /// There is no such call, or it has another argument.
     fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called;
 
-    /// The name of the machine's state.
+    /// Returns the name of the machine's state.
     fn state(&self) -> &'static str;
 
-    /// The machine.
+    /// Returns the machine.
     #[cfg(feature = "model")]
     fn machine(&self) -> &dyn Any;
 
-    /// `moves` of [`robot_session::end::Core`].
+    /// Returns the field `moves` of [`robot_session::end::Core`].
     #[cfg(feature = "model")]
     fn moves(&mut self) -> &mut dyn Any;
 }
@@ -133,7 +133,7 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     /// The items that the end begins and ends.
     const ONCE: &'static [Once] = &[];
 
-    /// With what is given of a configuration, and the defaults of everything else.
+    /// Creates the end with the given fields of a configuration, and the defaults of all others.
     fn new(given: Given, rules: Rules<Self::Rule>) -> Result<Self>;
 
     /// Returns a value of the session that a story shows beside an event: a key, and JSON.
@@ -141,7 +141,7 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
         None
     }
 
-    /// The user's immediate reaction after each step.
+    /// Performs the user's immediate reaction after each step.
     fn then(&mut self) {}
 
     /// Removes and returns an event beside the session, such as a job that the motion task took, as JSON.
@@ -151,7 +151,7 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
 }
 
 impl EndRow {
-    /// The end of this owner.
+    /// Returns the end of this owner.
     pub(crate) const fn of<O: Owner>() -> Self {
         Self {
             name: <O::End as Session>::END,
@@ -176,7 +176,7 @@ fn make<O: Owner>(config: &Map<String, Value>, left_out: Option<usize>) -> Resul
     Ok(Box::new(Boxed(owner)))
 }
 
-/// All rules but the one of this number.
+/// Returns all rules except the one with this number.
 fn kept<R: Rule>(left_out: Option<usize>) -> Result<Rules<R>> {
     #[cfg(feature = "model")]
     if let Some(rule) = left_out.and_then(|number| R::ALL.get(number)) {
@@ -276,12 +276,12 @@ impl<O: Owner> End for Boxed<O> {
     }
 }
 
-/// The result of a call that the session may refuse.
+/// Returns the result of a call that the session may refuse.
 pub(crate) fn called<T>(result: Result<T, impl Serialize>) -> Called {
     Ok(result.map(drop).map_err(|refusal| json::text(&refusal)))
 }
 
-/// The result of a call that is never refused.
+/// Returns the result of a call that is never refused.
 pub(crate) fn done<T>(_: T) -> Called {
     Ok(Ok(()))
 }

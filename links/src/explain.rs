@@ -31,7 +31,7 @@ pub struct Explained {
     pub parts: Vec<Part>,
 }
 
-/// Everything that a side's codec makes of a whole stream.
+/// Explains all items that a side's codec finds in a stream.
 ///
 /// # Errors
 /// When the link has no such side or setting.

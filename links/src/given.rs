@@ -15,7 +15,7 @@ impl Given {
         Ok(self.0.remove(name).map(|value| T::deserialize(&value)).transpose()?)
     }
 
-    /// The configuration with everything that is left; times are nanoseconds.
+    /// Applies all remaining values to a configuration; times are in nanoseconds.
     pub(crate) fn configure<C: Configure>(self, config: C) -> Result<C> {
         Ok(read_as(Form::Nanoseconds, "the configuration", config, &self.0)?)
     }

@@ -5,12 +5,12 @@ use std::io::Write as _;
 use serde::Serialize;
 use serde_json::Value;
 
-/// A value that is only ever made of numbers and names.
+/// Converts a value that consists of numbers and names.
 pub fn value(value: impl Serialize) -> Value {
     serde_json::to_value(value).unwrap_or_default()
 }
 
-/// A value as JSON, as [`write()`] has it; every value of the links is one of numbers, texts and names.
+/// Returns a value as JSON, in the form of [`write()`]; every value of the links consists of numbers, texts and names.
 pub fn text(value: &impl Serialize) -> String {
     let mut out = Vec::new();
     match write(value, &mut out) {

@@ -163,7 +163,7 @@ type GuessValues = fn(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Valu
 type MakeCodec = fn(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>>;
 
 impl Link {
-    /// The link of this name, or whose crate has it.
+    /// Returns the link with this name, or whose crate has this name.
     ///
     /// # Errors
     /// If there is no such link.
@@ -175,7 +175,7 @@ impl Link {
         })
     }
 
-    /// An end by its name.
+    /// Returns an end by its name.
     ///
     /// # Errors
     /// When the link has no such end.
@@ -208,24 +208,24 @@ impl Link {
         Ok(if by_keeper { keeper } else { other })
     }
 
-    /// The side that sent the bytes which a trace of this name has as sent (`by_keeper`), or as received. `None` if this link has no such
-    /// trace; the inner `None` if that end sends no messages.
+    /// Returns the side that sent the bytes that a trace of this name lists as sent (`by_keeper`), or as received. `None` if
+    /// this link has no such trace; the inner `None` if that end sends no messages.
     pub fn traced(&self, name: &str, by_keeper: bool) -> Option<Option<&'static str>> {
         let (_, [sent, received]) = self.traces.iter().find(|(known, _)| *known == name)?;
         Some(if by_keeper { *sent } else { *received })
     }
 
-    /// The clause of the specification that is broken by bytes with this kind of error.
+    /// Returns the clause of the specification that bytes with this kind of error break.
     pub fn clause(&self, kind: &str) -> Option<&'static str> {
         self.clauses.iter().find(|(known, _)| *known == kind).map(|(_, clause)| *clause)
     }
 
-    /// Whether a message that was accepted is written by its codec as it was read, or may have been read so nevertheless.
+    /// Returns whether an accepted message is written by its codec as it was read, or is allowed to differ.
     pub fn accepts(&self, accepted: &Accepted<'_>) -> bool {
         accepted.written == Some(accepted.bytes) || (self.tolerates)(accepted)
     }
 
-    /// A side by its name, or the first.
+    /// Returns a side by its name, or the first.
     ///
     /// # Errors
     /// When the link has no such side.

@@ -72,12 +72,12 @@ impl<'a> Parts<'a> {
         self.single.saturating_sub(self.at)
     }
 
-    /// The next byte.
+    /// Returns the next byte.
     pub fn peek(&self) -> Option<u8> {
         self.bytes.get(*self.places.get(self.at)?).copied()
     }
 
-    /// The next bytes are this.
+    /// Adds the next bytes as this part.
     pub fn take(&mut self, length: usize, name: impl Into<String>, clause: &'static str) {
         let wire = |at| self.places.get(at).copied().unwrap_or(self.bytes.len());
         let end = (self.at + length).min(self.places.len());
@@ -88,12 +88,12 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// The bytes up to one of these are this.
+    /// Adds the bytes up to one of `ends` as this part.
     pub fn until(&mut self, ends: &[u8], name: impl Into<String>, clause: &'static str) {
         self.after(0, ends, name, clause);
     }
 
-    /// The same, where the first bytes end nothing.
+    /// Adds the bytes up to one of `ends` as this part; the first bytes do not end it.
     pub fn after(&mut self, first: usize, ends: &[u8], name: impl Into<String>, clause: &'static str) {
         let is_end = |place: &usize| self.bytes.get(*place).is_some_and(|byte| ends.contains(byte));
         let left = self.places.get(self.at..).unwrap_or_default();
@@ -101,21 +101,21 @@ impl<'a> Parts<'a> {
         self.take(length, name, clause);
     }
 
-    /// The last part is this, too.
+    /// Adds another part with the bytes of the last one.
     pub fn also(&mut self, name: impl Into<String>, clause: &'static str) {
         if let Some(last) = self.parts.last() {
             self.parts.push(Part { name: name.into(), bytes: last.bytes.clone(), clause });
         }
     }
 
-    /// The values of a list, each of so many bytes.
+    /// Adds the values of a list, each of `size` bytes.
     pub fn list(&mut self, length: usize, size: usize, name: &str, clause: &'static str) {
         for at in 0..length {
             self.take(size, format!("{name}/{at}"), clause);
         }
     }
 
-    /// The parts; bytes that are left are `rest`.
+    /// Returns the parts; remaining bytes are the part `rest`.
     #[must_use]
     pub fn end(mut self, rest: &str, clause: &'static str) -> Vec<Part> {
         self.take(self.left(), rest, clause);

@@ -3,7 +3,7 @@
 
 pub use robot_session::settings::*;
 
-/// The line of a TOML text in which a setting is, or else the table that it would be in.
+/// Returns the line of a TOML text that has a setting, otherwise the line of the table in which it would be.
 pub fn line_of(text: &str, name: &str) -> Option<usize> {
     let document = toml::de::DeTable::parse(text).ok()?;
     let (mut table, mut at) = (document.get_ref(), None);
@@ -24,7 +24,7 @@ pub fn line_of(text: &str, name: &str) -> Option<usize> {
     Some(text.get(..at?)?.matches('\n').count() + 1)
 }
 
-/// Two lines for each setting: its name, values and default, and what it is for.
+/// Returns two lines for each setting: its name, values and default, and its purpose.
 pub fn lines(settings: &[Setting]) -> String {
     let line = |setting: &Setting| {
         let (Setting { name, values, about, .. }, default) = (setting, setting.default_text());

@@ -121,17 +121,17 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// A rule is broken.
+    /// Reports that a rule is broken.
     pub fn rule(&mut self, end: &'static str, clause: &'static str, text: impl Into<String>) {
         self.say(Kind::Rule, end, clause, text.into());
     }
 
-    /// A budget was missed.
+    /// Reports that a budget was missed.
     pub fn budget(&mut self, end: &'static str, clause: &'static str, text: impl Into<String>) {
         self.say(Kind::Budget, end, clause, text.into());
     }
 
-    /// A session that assumes this would have been wrong.
+    /// Reports that a session that assumes this would have been wrong.
     pub fn assumption(&mut self, end: &'static str, clause: &'static str, text: impl Into<String>) {
         self.say(Kind::Assumption, end, clause, text.into());
     }
@@ -155,7 +155,7 @@ impl Watcher {
         Self { shadow, complaints: Vec::new(), now: Duration::ZERO }
     }
 
-    /// Something has happened; returns what is wrong with it. A clock that goes back counts as stopped.
+    /// Called when an event has happened; returns the complaints about it. A clock that goes back counts as stopped.
     pub fn see(&mut self, at: Duration, seen: &Seen<'_>) -> Vec<Complaint> {
         self.now = self.now.max(at);
         let mut report = Report { now: self.now, complaints: &mut self.complaints };
@@ -164,7 +164,7 @@ impl Watcher {
         core::mem::take(&mut self.complaints)
     }
 
-    /// Nothing has happened until now.
+    /// Called when no event has happened until `at`.
     pub fn pass(&mut self, at: Duration) -> Vec<Complaint> {
         self.now = self.now.max(at);
         self.shadow.pass(&mut Report { now: self.now, complaints: &mut self.complaints });
@@ -178,24 +178,24 @@ impl Watcher {
 }
 
 impl Setup<'_> {
-    /// The configuration of an end: `made` with the fields that are given of it, but for some that are beside it.
+    /// Returns the configuration of an end: `made` with the given fields, except for those of `beside`.
     pub(crate) fn config<C: Configure>(&self, end: &str, made: C, beside: &[&str]) -> Result<C> {
         let Given(mut given) = self.given(end);
         given.retain(|name, _| !beside.contains(&name.as_str()));
         Given(given).configure(made)
     }
 
-    /// The fields that are given of an end.
+    /// Returns the fields given for an end.
     pub(crate) fn given(&self, end: &str) -> Given {
         Given(self.configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default())
     }
 
-    /// Whether a field of an end is given.
+    /// Returns whether a field of an end is given.
     pub(crate) fn has(&self, end: &str, field: &str) -> bool {
         self.configs.get(end).is_some_and(|end| end.get(field).is_some())
     }
 
-    /// The rate of the line, as it is given with one of the ends or beside them.
+    /// Returns the rate of the line, given with one of the ends or beside them.
     pub(crate) fn baud(&self) -> Option<u32> {
         let given = self.configs.values().find_map(|end| end.get("baud")?.as_u64()?.try_into().ok());
         given.or(self.baud)
@@ -205,7 +205,7 @@ impl Setup<'_> {
 /// Two things may be seen so much closer to each other than they were, or farther: adapters and drivers deliver bytes late.
 pub(crate) const JITTER: Duration = Duration::from_millis(20);
 
-/// A time as a text for people.
+/// Returns a time as a text for people.
 pub(crate) fn ms(time: Duration) -> String {
     format!("{} ms", (time.as_secs_f64() * 1e4).round() / 10.0)
 }

@@ -57,7 +57,7 @@ pub enum Outcome {
     Invalid,
 }
 
-/// The vectors of a file.
+/// Reads the vectors of a file.
 ///
 /// # Errors
 /// When it cannot be read, or is not a file of vectors.
@@ -65,7 +65,7 @@ pub fn vectors(file: impl AsRef<Path>) -> Result<Vec<Vector>> {
     vectors_in(&fs::read_to_string(&file).with_context(|| file.as_ref().display().to_string())?)
 }
 
-/// The vectors of a file's text.
+/// Reads the vectors of a file's text.
 ///
 /// # Errors
 /// If the text is not a file of vectors.
@@ -78,7 +78,7 @@ pub fn vectors_in(text: &str) -> Result<Vec<Vector>> {
 }
 
 impl Vector {
-    /// The codec of the side that sends it.
+    /// Returns the codec of the side that sends the vector's bytes.
     ///
     /// # Errors
     /// When the link has no such side or setting.
@@ -117,8 +117,8 @@ impl Vector {
     }
 }
 
-/// True when `found` contains everything that `expected` contains: a vector pins down an error's kind and, where it matters,
-/// its fields.
+/// Returns whether `found` contains everything that `expected` contains: a vector pins down an error's kind and, where it
+/// matters, its fields.
 pub fn includes(found: &Value, expected: &Value) -> bool {
     match (found, expected) {
         (Value::Object(found), Value::Object(expected)) => {
@@ -128,7 +128,7 @@ pub fn includes(found: &Value, expected: &Value) -> bool {
     }
 }
 
-/// Bytes of hex digits; spaces mean nothing.
+/// Parses hex digits; spaces are ignored.
 ///
 /// # Errors
 /// If a character is not a hex digit, or their number is odd.

@@ -18,7 +18,7 @@ pub(super) const ENDS: &[EndRow] = &[
     EndRow { make: by_places::<Server<Tables, 2>, Server<Tables, 8>>, ..EndRow::of::<Server<Tables, 8>>() },
 ];
 
-/// `places` of a configuration is how many places the end has.
+/// Creates the end with as many slots as the key `places` of its configuration gives.
 fn by_places<Two: Owner, Eight: Owner>(
     config: &Map<String, Value>,
     left_out: Option<usize>,
@@ -76,7 +76,7 @@ impl<const N: usize> Owner for Server<Tables, N> {
     }
 }
 
-/// The configuration of a client.
+/// Returns the configuration of a client.
 pub(super) fn client_config(mut given: Given) -> Result<ClientConfig> {
     let (framing, baud) = transport(&mut given)?;
     given.configure(match framing.as_str() {
@@ -108,7 +108,7 @@ impl Tables {
     }
 }
 
-/// The items of a request, if the table has all of them.
+/// Returns the items of a request, if the table has all of them.
 fn items<T>(table: &mut [T], address: u16, count: usize) -> Result<&mut [T], Exception> {
     let first = usize::from(address);
     table.get_mut(first..first + count).ok_or(Exception::IllegalDataAddress)

@@ -65,7 +65,7 @@ const COUNTS: f64 = 4.0;
 /// The registers of the block.
 const BLOCK_SIZE: u64 = 37;
 
-/// The values of a number in the requests that pass, each once.
+/// Returns the values of a number in the requests for which `passes` is true, each once.
 fn numbers(messages: &[(&'static str, Value)], name: &str, passes: impl Fn(&Value) -> bool) -> Vec<u64> {
     let mut found: Vec<u64> = Vec::new();
     for (_, message) in messages.iter().filter(|(side, message)| *side == "client" && passes(message)) {
@@ -74,13 +74,13 @@ fn numbers(messages: &[(&'static str, Value)], name: &str, passes: impl Fn(&Valu
     found
 }
 
-/// Whether a request reads the telemetry block.
+/// Returns whether a request reads the telemetry block.
 fn reads_block(request: &Value) -> bool {
     let number = |name| request.get(name).and_then(Value::as_u64);
     number("function") == Some(3) && number("quantity") == Some(BLOCK_SIZE)
 }
 
-/// The unit that the client asks, and the address of the block, if there is only one.
+/// Returns the unit that the client requests, and the address of the block, if there is only one.
 fn places(messages: &[(&'static str, Value)]) -> Vec<Place> {
     let units = numbers(messages, "unit", |_| true);
     let addresses = numbers(messages, "address", reads_block);

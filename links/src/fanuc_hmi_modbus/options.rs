@@ -29,7 +29,7 @@ pub struct ViewSettings {
 }
 
 impl ViewSettings {
-    /// The framing of a stream without times.
+    /// Returns the framing of a stream without times.
     pub fn framing(&self) -> Framing {
         match self.frames {
             Frames::Tcp => Framing::Tcp,
@@ -68,7 +68,7 @@ pub fn client_settings() -> Vec<Setting> {
     client_settings_of([ClientConfig::tcp(), ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()])
 }
 
-/// The settings of clients that begin with these configurations, each name once.
+/// Returns the settings of clients that begin with these configurations, each name once.
 pub fn client_settings_of(configs: impl IntoIterator<Item = ClientConfig>) -> Vec<Setting> {
     let mut settings: Vec<Setting> = Vec::new();
     for mut config in configs {
@@ -81,13 +81,13 @@ pub fn client_settings_of(configs: impl IntoIterator<Item = ClientConfig>) -> Ve
     settings
 }
 
-/// The setting `framing`.
+/// Visits the setting `framing`.
 pub fn frames(fields: &mut impl Fields, frames: &mut Frames) {
     let about = "with MBAP headers, or as on a serial line";
     fields.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
 }
 
-/// The setting `word_order`.
+/// Visits the setting `word_order`.
 pub fn word_order(fields: &mut impl Fields, order: &mut WordOrder) {
     let choices = [("low_first", WordOrder::LowFirst), ("high_first", WordOrder::HighFirst)];
     fields.choice("word_order", &choices, "which register of a 32-bit value comes first", order);

@@ -219,7 +219,7 @@ impl Modbus {
         }
     }
 
-    /// The place of the request that a reply seems to belong to.
+    /// Returns the index of the request to which a reply seems to belong.
     fn request_of(&self, frame: &Frame<PduBuf>, reply: &Reply<'_>) -> Option<usize> {
         let is_its = |request: &Request| request.frame.transaction == frame.transaction;
         let fits = |request: &Request| {
@@ -235,7 +235,7 @@ impl Modbus {
     }
 }
 
-/// A reply, also one that is shown as the telemetry block.
+/// Returns a reply, even if it is shown as the telemetry block.
 fn reply(message: &Value) -> Option<Frame<PduBuf>> {
     let mut message = message.clone();
     if let Some(object) = message.as_object_mut()

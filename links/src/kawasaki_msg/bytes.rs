@@ -4,7 +4,7 @@
 use kawasaki_msg::{Bounds, Dialect, Job, Line};
 use kawasaki_msg::{Charset, Message, Writer};
 
-/// The bytes of a message of a table, half of them jobs.
+/// Generates the bytes of a message of a table; half of the messages are jobs.
 #[cfg(feature = "arbitrary")]
 pub(super) fn arbitrary_of(
     dialect: Dialect,
@@ -21,7 +21,7 @@ pub(super) fn arbitrary_of(
     Ok(wire)
 }
 
-/// The bytes of a message with these texts.
+/// Returns the bytes of a message with these texts.
 pub(super) fn written(
     charset: Charset,
     name: &str,

@@ -13,7 +13,7 @@ use crate::codec::{self, Codec, EncodeError, Kind, codec, message};
 use crate::link::Accepted;
 use crate::settings;
 
-/// Both sides send the same messages. The settings are those of [`CodecSettings`].
+/// Creates the codec of either side: both send the same messages. The settings are those of [`CodecSettings`].
 ///
 /// # Errors
 /// When a setting is another.

@@ -267,7 +267,7 @@ pub(super) fn plant(given: &mut Given) -> Result<(Dialect, Layout)> {
     Ok((plant.dialect()?, plant.layout()?))
 }
 
-/// The jobs of a list of objects, numbers as counts of their last decimal.
+/// Reads the jobs of a list of objects, with numbers as counts of their last decimal.
 fn read(layout: &Layout, jobs: &Value) -> Result<Vec<AnyWork>> {
     let one = |job: &Value| -> Result<AnyWork> {
         let mut work = AnyWork::default();
@@ -289,7 +289,7 @@ fn read(layout: &Layout, jobs: &Value) -> Result<Vec<AnyWork>> {
     jobs.as_array().context("jobs are a list")?.iter().map(one).collect()
 }
 
-/// A job as an object of its fields.
+/// Returns a job as an object of its fields.
 fn show(layout: &Layout, work: &AnyWork) -> Map<String, Value> {
     let value = |place| match work.get(place) {
         AnyValue::Number(units) => Value::from(units),

@@ -98,7 +98,7 @@ impl Layout {
         Self([number("kind", 1, 2), x("x1"), y("y1"), x("x2"), y("y2")].into())
     }
 
-    /// The layout of the tables `[[job]]`.
+    /// Reads the layout of the tables `[[job]]`.
     ///
     /// # Errors
     /// The contradiction, with the name of the setting.
@@ -158,12 +158,12 @@ impl Layout {
         self.0.iter().enumerate().filter_map(|field_at| field(field_at).ok()).collect()
     }
 
-    /// In the order of the wire.
+    /// Returns the fields in the sequence of the wire.
     pub fn fields(&self) -> &[Field] {
         &self.0
     }
 
-    /// Whether a job is a line of a drawing, which kawasaki-msg has as a type.
+    /// Returns whether a job is a line of a drawing, for which kawasaki-msg has a type.
     pub fn is_line(&self) -> bool {
         let line = Self::default();
         let is_alike = |(field, of_line): (&Field, &Field)| {
@@ -172,12 +172,12 @@ impl Layout {
         self.0.len() == line.0.len() && self.0.iter().zip(&*line.0).all(is_alike)
     }
 
-    /// The place of a field.
+    /// Returns the index of a field.
     pub fn place(&self, name: &str) -> Option<usize> {
         self.0.iter().position(|field| field.name == name)
     }
 
-    /// The job whose fields have these texts, as they would be read from the wire.
+    /// Returns the job whose fields have these texts, read as from the wire.
     ///
     /// # Errors
     /// The first field that does not fit.
@@ -209,7 +209,7 @@ impl Layout {
         })
     }
 
-    /// A value as it is on the wire.
+    /// Returns a value in its form on the wire.
     pub fn show(&self, place: usize, work: &AnyWork) -> String {
         match (self.0.get(place).map(|field| field.holds), work.get(place)) {
             (Some(Holds::Number { places, .. }), AnyValue::Number(units)) => {
@@ -231,7 +231,7 @@ impl Default for Layout {
 }
 
 impl Given {
-    /// The field; or the key that is wrong, and why.
+    /// Returns the field; or the invalid key, and the reason.
     fn field(self, charset: Charset) -> Result<Field, (&'static str, String)> {
         let Self { name, kind, places, range, length, default } = self;
         let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -279,7 +279,7 @@ impl Given {
     }
 }
 
-/// The end of a range, in units of the last decimal.
+/// Returns the end of a range, in units of the last decimal.
 fn units(value: &Value, places: u8) -> Result<i32, (&'static str, String)> {
     let holds = Holds::Number { places, min: i32::MIN, max: i32::MAX };
     let any = Layout([Field { name: "range".into(), holds, default: None }].into());
@@ -307,7 +307,7 @@ fn refused(name: &str, text: &str) -> Refused {
 }
 
 impl AnyWork {
-    /// The value of a field by its place.
+    /// Returns the value of a field by its index.
     pub fn get(&self, place: usize) -> AnyValue {
         self.values.get(place).copied().unwrap_or_default()
     }
@@ -319,7 +319,7 @@ impl AnyWork {
         }
     }
 
-    /// The number of a field by its place; 0 where it is a text.
+    /// Returns the number of a field by its index; 0 if the field is a text.
     pub fn number(&self, place: usize) -> i32 {
         if let AnyValue::Number(units) = self.get(place) { units } else { 0 }
     }

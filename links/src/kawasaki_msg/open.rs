@@ -22,7 +22,7 @@ pub(super) const OPEN: Open = Open {
     ..Open::NOTHING
 };
 
-/// The names that the default table of messages does not have.
+/// Returns the names that the default table of messages does not have.
 fn notes(messages: &[(&'static str, Value)]) -> Vec<String> {
     let is_own = |name: &&str| Dialect::DEFAULT.entries().iter().all(|entry| entry.name != *name);
     let names = messages.iter().filter_map(|(_, message)| message["name"].as_str());

@@ -125,7 +125,7 @@ impl Configure for Message {
 }
 
 impl Plant {
-    /// The table of messages. It is made once, and kept as long as the tool runs.
+    /// Returns the table of messages. The table is made once, and stays in memory as long as the tool runs.
     ///
     /// # Errors
     /// When the table contradicts itself, or lacks what no session can do without.
@@ -177,7 +177,8 @@ impl Plant {
         }
     }
 
-    /// Whether both ends can work in this plant; a PC with the [`Takeover`](kawasaki_msg::Takeover) that the plant's messages allow.
+    /// Checks that both ends can work in this plant; a PC with the [`Takeover`](kawasaki_msg::Takeover) that the plant's
+    /// messages allow.
     ///
     /// # Errors
     /// When the plant contradicts itself, or lacks a message or a field that no end can do without.
@@ -186,7 +187,7 @@ impl Plant {
         self.pc(PcConfig { takeover, ..PcConfig::tcp() }).map(drop)
     }
 
-    /// A PC's configuration in this plant.
+    /// Returns a PC's configuration in this plant.
     ///
     /// # Errors
     /// When it cannot work.
@@ -203,7 +204,7 @@ impl Plant {
         Ok(config)
     }
 
-    /// A robot's configuration in this plant.
+    /// Returns a robot's configuration in this plant.
     ///
     /// # Errors
     /// When it cannot work.
@@ -216,7 +217,7 @@ impl Plant {
     }
 }
 
-/// The setting that cannot be.
+/// Returns the refusal of the setting that an error is about.
 fn refused(error: ConfigError) -> Refused {
     let name = match error {
         ConfigError::MaxNumber { .. } => "max_number".into(),
@@ -306,7 +307,7 @@ impl From<FieldSetting> for String {
     }
 }
 
-/// The message that cannot be.
+/// Returns the role of the message that an error is about.
 fn role(error: &ConfigError) -> Option<Role> {
     match *error {
         ConfigError::Role { role }
@@ -334,7 +335,7 @@ pub(super) fn role_name(role: Role) -> String {
     }
 }
 
-/// The name that a field has in common with those that repeat its value.
+/// Returns the name that a field has in common with those that repeat its value.
 pub(super) fn repeated_name(field: Field) -> &'static str {
     match field {
         Field::Order | Field::Ended => "order",

@@ -10,7 +10,8 @@ use super::layout::{Holds, Layout};
 use super::options::CodecSettings;
 use crate::settings;
 
-/// The module of a program whose plant has these settings. A table of messages or a job that is the default one is left out.
+/// Returns the module of a program whose plant has these settings. A table of messages or a job that is the default is
+/// omitted.
 pub(super) fn rust(given: &Map<String, Value>) -> Result<String> {
     let plant = settings::read("kawasaki", CodecSettings::default(), given)?.plant;
     let (dialect, layout) = (plant.dialect()?, plant.layout()?);
@@ -38,7 +39,7 @@ fn charset(charset: Charset) -> String {
     format!("pub fn charset() -> Charset {{\n    Charset::{charset:?}\n}}")
 }
 
-/// The table of messages, as the plant's dialect.
+/// Returns the table of messages, as the plant's dialect.
 fn table(dialect: &Dialect, charset: Charset) -> Result<String> {
     let mut text = format!("static MESSAGES: [Entry; {}] = [\n", dialect.entries().len());
     for Entry { role, name, header, fields } in dialect.entries() {
@@ -57,7 +58,7 @@ fn table(dialect: &Dialect, charset: Charset) -> Result<String> {
     Ok(text)
 }
 
-/// The type of a job, and its fields in the order of the wire.
+/// Returns the type of a job, and its fields in the sequence of the wire.
 fn work(layout: &Layout) -> Result<String> {
     let mut members = String::new();
     let mut visits = Vec::new();
@@ -84,7 +85,7 @@ fn work(layout: &Layout) -> Result<String> {
     ))
 }
 
-/// A field's name as one of Rust: letters, digits and `_` are all that it has.
+/// Returns a field's name as an identifier of Rust: only letters, digits and `_`.
 fn identifier(name: &str) -> String {
     let lower = name.to_ascii_lowercase();
     let is_keyword = matches!(

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message};
 use crate::settings::{self, Configure, Fields};
 
-/// Both directions have the same frames.
+/// Creates the codec of either direction: both have the same frames.
 ///
 /// # Errors
 /// When a setting is not a field of `Profile`.

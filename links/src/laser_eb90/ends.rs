@@ -140,7 +140,7 @@ impl TryFrom<Instruction<'_>> for Job {
     }
 }
 
-/// The parameters of an instruction, as the items of a message object.
+/// Writes the parameters of an instruction, as the items of a message object.
 fn write(payload: &mut Payload<'_>, items: Option<&Value>) -> Result<(), EncodeError> {
     fn numbers<T: serde::de::DeserializeOwned>(values: &Value) -> Vec<T> {
         Vec::deserialize(values).unwrap_or_default()

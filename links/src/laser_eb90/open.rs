@@ -66,7 +66,7 @@ const SUGGESTED: usize = 6;
 /// A tag and the size of its values.
 type Sizes = Vec<(u8, usize)>;
 
-/// The tags with which most payloads fall into items.
+/// Returns the tags with which most payloads can be divided into items.
 fn tags(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Value> {
     let Ok(profile) = settings::read("laser", Profile::default(), given) else { return Vec::new() };
     let payloads: Vec<Vec<u8>> =
@@ -163,7 +163,7 @@ fn stop(payload: &[u8], sizes: &[(u8, usize)]) -> Option<Option<u8>> {
     None
 }
 
-/// The values of the setting; the tags of what was not seen are the defaults, or what is free.
+/// Returns the values of the setting; tags of unseen kinds are the defaults, or free bytes.
 fn named(sizes: &[(u8, usize)]) -> Vec<Value> {
     let of = |size| sizes.iter().filter(move |(_, other)| *other == size).map(|(tag, _)| Some(*tag));
     let (real, short) = (of(4).next().flatten(), of(2).next().flatten());

@@ -41,7 +41,7 @@ fn length(values: &Value) -> usize {
     }
 }
 
-/// The bytes of a value.
+/// Returns the length of a value, in bytes.
 fn size(kind: &str) -> usize {
     match kind {
         "f32" => 4,

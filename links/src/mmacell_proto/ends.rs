@@ -74,7 +74,7 @@ impl Owner for Device<PlatformPose> {
     }
 }
 
-/// The order that is asked; without one, one that is not.
+/// Returns the pending order; without one, an order that is not pending.
 fn asked(device: &Device<PlatformPose>) -> Order<PlatformPose> {
     match device.machine().link {
         DeviceLink::Asked { order } => order,

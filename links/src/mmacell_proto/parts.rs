@@ -43,7 +43,7 @@ pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
 struct Line<'a>(Parts<'a>);
 
 impl Line<'_> {
-    /// A sign, blanks and digits; before it may be the last letter of another reading of the command.
+    /// Adds a number: a sign, blanks and digits; the last letter of another reading of the command may precede it.
     fn number(&mut self, name: impl Into<String>, clause: &'static str) {
         if !matches!(self.0.peek(), None | Some(b'+' | b'-' | b'\r' | b'\n')) {
             self.0.until(b"+-\r\n", "letter", "MM-29");

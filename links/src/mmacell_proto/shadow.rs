@@ -166,7 +166,7 @@ impl Cell {
         }
     }
 
-    /// A status that was asked for at a time, held against the table of the axes (MM-74).
+    /// Checks a status that was requested at a time against the table of the axes (MM-74).
     fn status(&mut self, device: &'static str, asked: Duration, status: &Value, report: &mut Report<'_>) {
         let flag = |name: &str| status[name].as_bool().unwrap_or_default();
         let (moving, servo, fault) = (flag("moving"), flag("servo"), status["error"] != 0);
@@ -218,7 +218,7 @@ impl Cell {
         self.percent = percent;
     }
 
-    /// An order is accepted.
+    /// Called when an order is accepted.
     fn obeyed(&mut self, device: &'static str, command: &Value, report: &mut Report<'_>) {
         let name = command["command"].as_str().unwrap_or_default();
         let is_on = command["on"] == true;

@@ -16,12 +16,12 @@ impl Default for Object {
 }
 
 impl Object {
-    /// An empty one.
+    /// Creates an empty object.
     pub fn new() -> Self {
         Self("{".into())
     }
 
-    /// A key and a value that is JSON already.
+    /// Adds a key and a value that is JSON already.
     #[must_use]
     pub fn raw(mut self, key: &str, json: impl core::fmt::Display) -> Self {
         let comma = if self.0.len() > 1 { ", " } else { "" };
@@ -30,7 +30,7 @@ impl Object {
         self
     }
 
-    /// A key and a value.
+    /// Adds a key and a value.
     ///
     /// # Errors
     /// When the value cannot be JSON.
@@ -39,7 +39,7 @@ impl Object {
         Ok(self.raw(key, json))
     }
 
-    /// The key is left out when there is nothing to say.
+    /// Adds a key and a value, if there is one.
     ///
     /// # Errors
     /// When the value cannot be JSON.
@@ -50,19 +50,19 @@ impl Object {
         }
     }
 
-    /// A list of values that are JSON already; an empty one is left out.
+    /// Adds a list of values that are JSON already, unless it is empty.
     #[must_use]
     pub fn list(self, key: &str, items: &[String]) -> Self {
         if items.is_empty() { self } else { self.raw(key, format_args!("[{}]", items.join(", "))) }
     }
 
-    /// The text.
+    /// Returns the text.
     pub fn end(self) -> String {
         self.0 + "}"
     }
 }
 
-/// A value as JSON, with a space after each comma and colon outside of its strings.
+/// Returns a value as JSON, with a space after each comma and colon outside its strings.
 ///
 /// # Errors
 /// When the value cannot be JSON.
@@ -70,7 +70,7 @@ pub fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
     Ok(spaced(&serde_json::to_string(value)?))
 }
 
-/// JSON with those spaces.
+/// Returns JSON with a space after each comma and colon outside its strings.
 pub fn spaced(dense: &str) -> String {
     let (mut text, mut in_string, mut escaped) = (String::with_capacity(dense.len()), false, false);
     for c in dense.chars() {
@@ -86,7 +86,7 @@ pub fn spaced(dense: &str) -> String {
     text
 }
 
-/// The head of a file and its list, one item a line.
+/// Returns the head of a file and its list, one item per line.
 pub fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[String]) -> String {
     let mut text = format!("{{\n  \"$schema\": \"../{schema}\",\n");
     for (key, json) in head {

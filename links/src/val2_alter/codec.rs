@@ -23,8 +23,8 @@ pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dy
     }
 }
 
-/// More DLEs before a message, or one less: that one was the checksum before. The source does not say what may follow the control byte
-/// of an end, and a start may lack its mark.
+/// Returns whether a difference is tolerated: more DLEs before a message; or one less, if it was the checksum of the
+/// previous one. The source does not state which bytes may follow the control byte of an end, and a start may lack its mark.
 pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
     let Some([_, written @ ..]) = it.written else { return false };
     let is_open = it.message["kind"] == "end" || it.message["marked"] == false;

@@ -122,7 +122,7 @@ impl Shadow for Alter {
 }
 
 impl Alter {
-    /// A message of the controller.
+    /// Checks a message of the controller.
     fn told(&mut self, length: u64, message: &Value, report: &mut Report<'_>) {
         let kind = message["kind"].as_str().unwrap_or_default();
         let error = message["error"].as_u64().unwrap_or_default();
@@ -194,7 +194,7 @@ impl Alter {
             Some(Asked { at: report.now, is_start, is_interrupted, sure, closes, answer, is_damaged });
     }
 
-    /// Standard messages are 28 ms apart.
+    /// Checks the cycle: standard messages are 28 ms apart.
     fn cycle(&mut self, report: &mut Report<'_>) {
         let now = report.now;
         if let Some(last) = self.last.replace(now) {

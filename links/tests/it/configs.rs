@@ -9,7 +9,7 @@ use cellwire_links::settings::{Configure, Form, Setting, list, list_as, read_as}
 use cellwire_links::{LINKS, Link};
 use serde_json::{Map, Value, json};
 
-/// Every configuration of the table, and whose it is.
+/// Returns every configuration of the table, each with its owner.
 fn configs() -> Vec<(String, &'static Config)> {
     let of = |link: &'static Link| {
         link.configs.iter().map(|config| (format!("{} {}", link.name, config.name), config))
@@ -23,7 +23,7 @@ fn fields(config: &Config, given: Value) -> Result<Vec<Setting>, String> {
     (config.fields)(given.as_object().unwrap()).map_err(|error| error.to_string())
 }
 
-/// Other values of the same kind, some of which a field takes.
+/// Other values of the same kind, some of which a field accepts.
 fn others(value: &Value, range: &str) -> Vec<Value> {
     match value {
         Value::Null => vec![json!(1)],
@@ -81,7 +81,8 @@ fn each_field_is_read_by_its_name() {
     }
 }
 
-/// The fields of a struct, as its `Debug` form names them; of the model alone are `rules`, and how many transactions there are.
+/// Returns the fields of a struct, in its `Debug` form, without those that only the model uses: `rules`, and the number of
+/// transactions.
 fn declared(config: &impl Debug) -> Vec<String> {
     let text = format!("{config:#?}");
     let lines = text.lines().filter(|line| line.starts_with("    ") && !line.starts_with("     "));
@@ -91,7 +92,7 @@ fn declared(config: &impl Debug) -> Vec<String> {
     names
 }
 
-/// A field is listed by its name.
+/// Asserts that a field is listed under its name.
 fn named(config: impl Configure + Debug) {
     let declared = declared(&config);
     let mut names: Vec<String> =

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::link;
 
-/// The tags that streams suggest: of floats, shorts, bytes and characters.
+/// Returns the tags that streams suggest: for floats, shorts, bytes and characters.
 fn tags(settings: &Value, payloads: &[(usize, &[u8])], end: u8) -> Vec<[u64; 4]> {
     let mut stream = Vec::new();
     for (times, payload) in payloads {

@@ -175,7 +175,7 @@ impl Shadow for Orders {
 }
 
 impl Orders {
-    /// The packet that a message of an end belongs to.
+    /// Returns the packet to which a message of an end belongs.
     fn packet(&mut self, from: &'static str, report: &mut Report<'_>) -> &mut Packet {
         let now = report.now;
         if self.packet.as_ref().is_some_and(|packet| packet.from != from) {
@@ -187,7 +187,7 @@ impl Orders {
         packet
     }
 
-    /// A packet has ended.
+    /// Called when a packet has ended.
     fn close(&mut self, report: &mut Report<'_>) {
         let Some(packet) = self.packet.take() else { return };
         packet.judge(report);
@@ -197,7 +197,7 @@ impl Orders {
         }
     }
 
-    /// A packet of the robot.
+    /// Checks a packet of the robot.
     fn told(&mut self, packet: &Packet, report: &mut Report<'_>) {
         let begun = packet.begun;
         match self.talk {
@@ -307,7 +307,7 @@ impl Orders {
         }
     }
 
-    /// An answer of the PC.
+    /// Checks an answer of the PC.
     fn answered(&mut self, packet: &Packet, report: &mut Report<'_>) {
         match self.talk {
             Talk::Robot(_) => report.rule(PC, "KM-92", "an answer, and the robot has said nothing"),
@@ -374,7 +374,7 @@ impl Orders {
     }
 }
 
-/// The configurations of both ends: those of the plant that is set, or of the one that the configuration of an end has.
+/// Returns the configurations of both ends: with the plant that is set, or the plant in the configuration of an end.
 fn configs(setup: &Setup<'_>) -> Result<(PcConfig, RobotConfig)> {
     let (mut pc, mut robot) = (setup.given(PC), setup.given(ROBOT));
     robot.take::<Value>("queue")?;

@@ -47,7 +47,7 @@ pub(super) fn items(message: &Value) -> impl Iterator<Item = &Value> {
     message.get("items").and_then(Value::as_array).into_iter().flatten()
 }
 
-/// The value of an item that is a single short (LE-18).
+/// Returns the value of an item that is a single short (LE-18).
 fn single(item: &Value) -> Option<u16> {
     match item.get("i16")?.as_array()?.as_slice() {
         [value] => Some(i16::try_from(value.as_i64()?).ok()?.cast_unsigned()),

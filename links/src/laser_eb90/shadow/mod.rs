@@ -158,7 +158,7 @@ impl Asked {
 }
 
 impl Laser {
-    /// A frame of the host.
+    /// Checks a frame of the host.
     fn ask(&mut self, length: u64, message: &Value, report: &mut Report<'_>) {
         let now = report.now;
         if let Some(asked) = self.asked.as_ref().filter(|asked| !asked.is_answered && !asked.is_missed)
@@ -209,7 +209,7 @@ impl Laser {
         self.opened = None;
     }
 
-    /// An answer of the controller.
+    /// Checks an answer of the controller.
     fn answer(&mut self, message: &Value, report: &mut Report<'_>) {
         let now = report.now;
         let sent = self.open.held + self.open.corrupt;

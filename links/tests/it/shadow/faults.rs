@@ -135,14 +135,14 @@ fn faults_are_found_where_they_can_be_seen() {
     compare(&rows, COUNTS);
 }
 
-/// Whether both ends keep the rules in it, and everything in it is a message.
+/// Returns whether both ends follow the rules in a story, and all its bytes are messages.
 fn is_kept(link: &'static Link, story: &Story) -> bool {
     // A story may end before an answer has come.
     let is_early = |said: &Said| said.place < story.told.len();
     !story.say(link, &story.told).iter().any(is_early) && !is_error(link, story, &story.told)
 }
 
-/// Whether a decoder gives an error, also for what it holds when the connection ends.
+/// Returns whether a decoder returns an error, including for the bytes in its buffer when the connection ends.
 fn is_error(link: &Link, story: &Story, told: &[Told]) -> bool {
     link.sides.iter().any(|side| {
         let mut parts: Vec<Vec<&[u8]>> = vec![Vec::new()];
@@ -178,7 +178,7 @@ fn alone(link: &Link, story: &Story, from: &str, bytes: &[u8]) -> Option<Value> 
     }
 }
 
-/// The story with the fault.
+/// Returns the story with the fault.
 fn faulty(case: &mut Case<'_>, bytes: &[u8]) -> Option<Vec<Told>> {
     let mut told = case.story.told.clone();
     let place = case.place;
@@ -211,7 +211,7 @@ fn faulty(case: &mut Case<'_>, bytes: &[u8]) -> Option<Vec<Told>> {
     Some(told)
 }
 
-/// So late is later than any budget, and than what any session assumes.
+/// Returns a delay that is longer than any budget, and than any session assumes.
 pub(crate) fn late(link: &Link) -> Duration {
     Duration::from_millis(match link.name {
         "laser-eb90" => 60_000,
@@ -247,7 +247,7 @@ fn leaves(value: &Value) -> usize {
     }
 }
 
-/// The value with another one at this leaf.
+/// Returns the value with another one at this leaf.
 fn change(value: &Value, leaf: usize) -> Option<Value> {
     fn visit(value: &mut Value, leaf: &mut usize) -> bool {
         match value {

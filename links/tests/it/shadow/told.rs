@@ -43,7 +43,7 @@ pub(crate) struct Said {
     pub(crate) complaint: Complaint,
 }
 
-/// The stories of a link.
+/// Returns the stories of a link.
 pub(crate) fn stories(link: &Link) -> Vec<Story> {
     let path = format!("{}/../reference/sessions/{}.json", env!("CARGO_MANIFEST_DIR"), link.name);
     let file: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();

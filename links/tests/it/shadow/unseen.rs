@@ -20,7 +20,7 @@ const HOLD: &str = "XON and XOFF may come at any time, and again";
 pub(crate) const REASONS: [&str; 8] =
     [AS_GOOD, NO_ANSWER, CLOSED, ANY_TIME, FIRST, NOTHING, NO_CHECKSUM, HOLD];
 
-/// Why the fault cannot be seen; `None` where it should be.
+/// Returns the reason why the fault cannot be seen; `None` if it must be seen.
 pub(crate) fn unseen(case: &Case<'_>) -> Option<&'static str> {
     let asks = case.from == asker(case.link.name);
     let is_hold = matches!(&case.story.told[case.place].what, What::Bytes(_, bytes) if bytes.iter().all(|byte| [0x11, 0x13].contains(byte)));
@@ -40,7 +40,7 @@ pub(crate) fn unseen(case: &Case<'_>) -> Option<&'static str> {
     }
 }
 
-/// The end that asks, and waits for an answer.
+/// Returns the end that requests, and waits for an answer.
 fn asker(link: &str) -> &'static str {
     match link {
         "laser-eb90" | "isra-ball" => "host",
@@ -51,7 +51,7 @@ fn asker(link: &str) -> &'static str {
     }
 }
 
-/// Whether a request may come at any time: the controller of ALTER and the robot of Kawasaki have a cycle.
+/// Returns whether a request may come at any time: the controller of ALTER and the robot of Kawasaki have a cycle.
 fn may_wait(case: &Case<'_>) -> bool {
     let is_start = case.message.as_ref().is_some_and(|message| message["kind"] == "start");
     !["val2-alter", "kawasaki-msg"].contains(&case.link.name) || is_start
@@ -76,7 +76,7 @@ fn is_answered(case: &Case<'_>) -> bool {
     behind(case).next().is_some_and(|from| from != case.from)
 }
 
-/// Whether its connection ends before it is due.
+/// Returns whether its connection ends before it is due.
 fn closes(case: &Case<'_>) -> bool {
     let told = &case.story.told;
     let end = told.iter().skip(case.place + 1).find(|told| !matches!(told.what, What::Bytes(..)));
@@ -86,7 +86,8 @@ fn closes(case: &Case<'_>) -> bool {
 /// The longest that any of these stories waits for an answer.
 const MOST: Duration = Duration::from_secs(60);
 
-/// Whether no exchange of this connection was seen before it, where an end may have been at work before.
+/// Returns whether no exchange of this connection was seen before the message, on a link on which an end may have worked
+/// before.
 fn is_first(case: &Case<'_>) -> bool {
     let before = case.story.told[..case.place].iter().rev();
     let before = before.take_while(|told| matches!(told.what, What::Bytes(..)));
@@ -105,7 +106,7 @@ fn is_first(case: &Case<'_>) -> bool {
     is_serial && !has_both
 }
 
-/// Whether the bytes of this side have a checksum.
+/// Returns whether the bytes of this side have a checksum.
 fn has_checksum(case: &Case<'_>) -> bool {
     match case.link.name {
         "kawasaki-msg" | "mmacell-proto" => false,
@@ -115,7 +116,7 @@ fn has_checksum(case: &Case<'_>) -> bool {
     }
 }
 
-/// Whether what was changed is nothing that the other end, or what comes next, depends on.
+/// Returns whether neither the other end nor the following messages depend on the changed value.
 fn is_as_good(case: &Case<'_>) -> bool {
     let (Some(message), Some(other)) = (&case.message, &case.other) else { return false };
     let path = difference(message, other).unwrap_or_default();
@@ -151,7 +152,7 @@ fn is_as_good(case: &Case<'_>) -> bool {
     free.iter().any(|name| path.split('/').any(|part| part == *name))
 }
 
-/// The path to the leaf that differs.
+/// Returns the path to the leaf that differs.
 fn difference(a: &Value, b: &Value) -> Option<String> {
     match (a, b) {
         (Value::Object(a), Value::Object(b)) => {

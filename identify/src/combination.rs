@@ -21,7 +21,8 @@ pub(super) enum Level {
 }
 
 impl Level {
-    /// Each byte counts twice in what is written so, and once in what is only read.
+    /// Returns the weight of a piece: each byte counts twice if the piece is written as it was read, and once if it is only
+    /// read.
     fn weight(self, len: usize) -> u64 {
         len as u64 * self as u64
     }
@@ -79,7 +80,8 @@ impl Piece {
         self.level.weight(self.bytes.len())
     }
 
-    /// Whether it is the better explanation of bytes that both have: it is written so, or it is not a part of the other.
+    /// Returns whether this is the better explanation of bytes that both have: it is written as it was read, or it is not a
+    /// part of the other.
     pub(super) fn explains_more_than(&self, other: &Self) -> bool {
         let is_part = other.begin <= self.begin && self.end() <= other.end();
         self.level > other.level || self.level == other.level && !is_part
@@ -91,7 +93,7 @@ impl Piece {
 }
 
 impl Reading {
-    /// Twice the bytes of what is written as it was read, and those of what is not.
+    /// Returns twice the number of bytes that are written as they were read, and once the number of the others.
     pub(super) fn weight(&self) -> u64 {
         self.pieces.iter().map(Piece::weight).sum()
     }
@@ -100,7 +102,7 @@ impl Reading {
         self.pieces.iter().map(|piece| piece.bytes.len() as u64).sum()
     }
 
-    /// The messages that overlap one of another reading.
+    /// Returns the messages that overlap a message of another reading.
     pub(super) fn overlapping(&self, piece: &Piece) -> &[Piece] {
         let before = |other: &Piece| (other.stream, other.end()) <= (piece.stream, piece.begin);
         let rest = self.pieces.get(self.pieces.partition_point(before)..).unwrap_or_default();
@@ -108,7 +110,7 @@ impl Reading {
         rest.get(..count).unwrap_or_default()
     }
 
-    /// The piece of these bytes.
+    /// Returns the piece of these bytes.
     pub(super) fn same(&self, piece: &Piece) -> Option<&Piece> {
         let key = |it: &Piece| (it.stream, it.begin);
         let at = self.pieces.binary_search_by_key(&key(piece), key).ok()?;
@@ -117,7 +119,8 @@ impl Reading {
 }
 
 impl Stream {
-    /// The sides of a link that may have sent it, the likeliest first: where nothing is known, those that have sent no other stream.
+    /// Returns the sides of a link that may have sent the stream, the likeliest first: if nothing is known, the sides that
+    /// have sent no other stream.
     pub(super) fn sides(&self, link: &Link, of_others: &[Vec<&'static str>]) -> Vec<&'static str> {
         let all = || {
             let mut sides = link.sides.to_vec();
@@ -155,7 +158,7 @@ impl Stream {
     }
 }
 
-/// JSON has no number for NaN.
+/// Returns whether a value contains null, which stands for NaN: JSON has no number for it.
 fn has_null(value: &Value) -> bool {
     match value {
         Value::Null => true,
@@ -175,12 +178,12 @@ impl Combination {
         self.codecs.iter_mut().find(|(name, _)| *name == side).map(|(_, codec)| codec)
     }
 
-    /// The bytes of a message.
+    /// Encodes a message, and returns the bytes.
     pub(super) fn encode(&mut self, side: &str, message: Value) -> Option<Vec<u8>> {
         self.codec(side)?.encode(message).ok()
     }
 
-    /// The message in bytes that is explained best, if there is any.
+    /// Finds the message in some bytes that is explained best, if there is one.
     pub(super) fn within(&mut self, side: &str, bytes: &[u8]) -> Within {
         let mut found = Vec::new();
         let Some(codec) = self.codec(side) else { return Within::default() };
@@ -218,7 +221,7 @@ impl Combination {
         best
     }
 
-    /// A message without the bytes that another one has already, if it is one without them.
+    /// Removes the bytes that another message has already; `None` if the rest is not a message.
     fn trimmed(&mut self, taken: &[Piece], mut piece: Piece) -> Option<Piece> {
         let at = taken.partition_point(|other| other.end() <= piece.begin);
         let Some(other) = taken.get(at).filter(|other| other.begin < piece.end()) else { return Some(piece) };

@@ -45,7 +45,7 @@ fn returned(sent: &Stream, received: &Stream) -> Option<Vec<Range<usize>>> {
     (is_echo && answered * 2 >= found.len()).then_some(found)
 }
 
-/// A stream of one part without these bytes.
+/// Returns a stream of one part without these bytes.
 fn without(stream: &Stream, taken: &[Range<usize>]) -> Stream {
     let before =
         |at: usize| taken.iter().map(|range| range.end.min(at).saturating_sub(range.start)).sum::<usize>();

@@ -19,13 +19,13 @@ const TRIALS: [u32; 2] = [64, 8192];
 /// The number of messages that are examined.
 const MESSAGES: usize = 200;
 
-/// Whether the evidence for `a` rules `b` out, less that against it.
+/// Returns whether the evidence for `a` rules `b` out, less that against it.
 pub(super) fn rules_out(a: &mut Combination, of_a: &Reading, b: &mut Combination, of_b: &Reading) -> bool {
     let bits = evidence(a, of_a, b, of_b);
     bits >= ENOUGH && bits - evidence(b, of_b, a, of_a) >= ENOUGH
 }
 
-/// The evidence for `a` against `b`, in bits, from what `a` explains better.
+/// Returns the evidence for `a` against `b`, in bits, from the bytes that `a` explains better.
 pub(super) fn evidence(a: &mut Combination, of_a: &Reading, b: &mut Combination, of_b: &Reading) -> f64 {
     let better = |piece: &&Piece| match of_b.same(piece) {
         Some(same) => piece.level > same.level,
@@ -86,7 +86,7 @@ fn chance(a: &mut Combination, b: &mut Combination, base: &[(&'static str, Vec<u
     (f64::from(better) + 0.5) / (f64::from(trials) + 1.0)
 }
 
-/// One byte is another, and sometimes a second one.
+/// Changes one byte, and sometimes a second one.
 pub(super) fn corrupt(bytes: &mut [u8], random: &mut Random) {
     let count = if random.below(5) == 0 { 2 } else { 1 };
     for _ in 0..count {
@@ -97,7 +97,7 @@ pub(super) fn corrupt(bytes: &mut [u8], random: &mut Random) {
     }
 }
 
-/// The bits of at least `k` out of `n` where one has this chance: not less than they are.
+/// Returns the bits of at least `k` out of `n` if each has this chance: an upper bound of the exact figure.
 fn tail(k: usize, n: usize, chance: f64) -> f64 {
     let real = |count: usize| u32::try_from(count).map_or(f64::MAX, f64::from);
     let ways: f64 = (0..k).map(|i| (real(n - i) / real(i + 1)).log2()).sum();
@@ -127,7 +127,7 @@ fn repeated(only: &[&Piece], b: &mut Combination) -> f64 {
     again
 }
 
-/// The places of the numbers and texts of a message.
+/// Returns the paths of the numbers and texts of a message.
 fn leaves(value: &Value) -> Vec<String> {
     let below = |key: String, value| leaves(value).into_iter().map(move |rest| format!("/{key}{rest}"));
     match value {
@@ -147,7 +147,7 @@ fn leaves(value: &Value) -> Vec<String> {
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    /// A number below this; 0 below nothing.
+    /// Returns a number below this; 0 if `end` is 0.
     pub(super) fn below(&mut self, end: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let high = usize::try_from(self.0 >> 33).unwrap_or_default();

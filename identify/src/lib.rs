@@ -96,7 +96,7 @@ impl Finding {
     /// messages of a hundred bytes is left, and of a few messages less.
     pub const SHARE: f64 = 0.1;
 
-    /// The share of the bytes that are in messages.
+    /// Returns the share of the bytes within messages.
     pub fn share(&self) -> f64 {
         let [explained, all] = self.bytes.map(|bytes| u32::try_from(bytes).map_or(f64::MAX, f64::from));
         if all > 0.0 { explained / all } else { 0.0 }
@@ -107,7 +107,7 @@ impl Finding {
         self.share() * self.bits.min(100.0)
     }
 
-    /// Whether what was read was not read by chance.
+    /// Returns whether the bytes were not read by chance.
     pub fn is_sure(&self) -> bool {
         self.bits >= Self::SURE && self.share() >= Self::SHARE
     }

@@ -25,8 +25,8 @@ const SENSE_OF_ONE: f64 = 5.0;
 const SHUFFLED: usize = 64 * 1024;
 const MOST_SHUFFLES: usize = 1024;
 
-/// The settings of a link that explain most of what the ends of a conversation sent; among them `echo`, if the line returns what one of
-/// them sends, and the link has that setting.
+/// Finds the settings of a link that explain most of the bytes of a conversation; among them `echo`, if the line returns the
+/// bytes of one end, and the link has that setting.
 ///
 /// # Errors
 /// Where a decoder makes no progress: it is a defect.
@@ -112,7 +112,7 @@ fn sort(likely: &mut [Likely]) {
         .sort_by_key(|it| (Reverse(it.makes_sense), Reverse(it.reading.weight()), changes(&it.combination)));
 }
 
-/// The beginnings of the streams.
+/// Returns the beginnings of the streams.
 fn sample(streams: &[Stream]) -> Vec<Stream> {
     let begin = |stream: &Stream| {
         let mut left = SAMPLE;
@@ -126,7 +126,7 @@ fn sample(streams: &[Stream]) -> Vec<Stream> {
     streams.iter().map(begin).collect()
 }
 
-/// Every combination of the settings that the source leaves open.
+/// Returns every combination of the settings that the source leaves open.
 fn candidates(link: &Link, sample: &[Stream]) -> Result<Vec<Map<String, Value>>> {
     let open = link.open;
     let known = (link.settings)();
@@ -275,7 +275,7 @@ fn surely(best: Option<&mut Likely>, sample: &[Stream]) -> Result<f64> {
     Ok((1..=found).map(|count| (real(count) / usual).log2()).sum::<f64>().max(0.0))
 }
 
-/// The settings one by one, those in a table by themselves.
+/// Returns the open settings one by one, and those in a table by themselves.
 fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) -> Result<Vec<Open>> {
     let link = first.link;
     let mut options = Vec::new();
@@ -307,7 +307,7 @@ fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) ->
     Ok(options)
 }
 
-/// A setting, or a value of its table.
+/// Returns an open setting, or an open value of its table.
 fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Option<&str>) -> Result<Open> {
     let of = |settings: &Map<String, Value>| {
         let value = settings.get(setting)?;
@@ -349,7 +349,7 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
     Ok(Open { name, value, decided })
 }
 
-/// A value of a table of bytes that explains nothing: any other byte would do.
+/// Returns a value of a table of bytes that has no effect: any other byte would do.
 fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) -> Result<Option<Decided>> {
     let Some(Value::Object(table)) = first.settings.get(setting).cloned() else { return Ok(None) };
     let Some(free) = (0..=u8::MAX).find(|byte| table.values().all(|used| used != byte)) else {
@@ -367,13 +367,13 @@ fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) ->
     Ok(Some(Decided::Not { others: Vec::new(), message: deciding(first, &mut other) }))
 }
 
-/// The bytes that are read with one value alone, where every value writes the same.
+/// Returns the bytes that are read with one value only, if every value writes the same.
 fn reads_more(link: &Link, setting: &str) -> Option<String> {
     let found = link.open.reads_more.iter().find(|(name, ..)| *name == setting);
     found.map(|(.., about)| (*about).to_owned())
 }
 
-/// A message that only one of two combinations writes so, or makes sense of.
+/// Returns a message that only one of two combinations writes as it was read, or can read.
 fn deciding(first: &mut Combination, other: &mut Combination) -> Option<String> {
     let decides = |side: &str, message: &Value, a: &mut Combination, b: &mut Combination| {
         let Some(bytes) = a.encode(side, message.clone()) else { return false };

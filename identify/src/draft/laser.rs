@@ -29,7 +29,7 @@ struct Word {
     values: usize,
 }
 
-/// The words of a conversation.
+/// Returns the words of a conversation.
 pub(super) fn draft(said: &[Said]) -> Result<String> {
     let mut words: Vec<Word> = Vec::new();
     let mut codes: Vec<(u16, usize)> = Vec::new();
@@ -113,12 +113,12 @@ fn errors(text: &mut String, codes: Vec<(u16, usize)>, words: &[Word]) -> Result
     Ok(())
 }
 
-/// A number of times.
+/// Returns a number of times as text.
 fn times(count: usize) -> String {
     if count == 1 { "once".into() } else { format!("{count} times") }
 }
 
-/// The class of a word, why, and whether that is a guess.
+/// Returns the class of a word, the reason, and whether it is a guess.
 fn class(word: &Word) -> (&'static str, String, &'static str) {
     let mut answers = word.answers.clone();
     answers.sort_unstable();
@@ -152,7 +152,8 @@ fn known(words: &mut Vec<Word>, word: u16) -> &mut Word {
     &mut words[at]
 }
 
-/// The command words of a frame: each instruction begins with a short of its own. A word has no sign, a short has one.
+/// Returns the command words of a frame: each instruction begins with a short of its own. A word is unsigned, a short is
+/// signed.
 fn words_of(message: &Value) -> Vec<u16> {
     let items = message.get("items").and_then(Value::as_array).into_iter().flatten();
     let shorts = items.filter_map(|item| item.get("i16")?.as_array());

@@ -56,7 +56,7 @@ pub fn toml_text(text: &str) -> String {
     quoted
 }
 
-/// The messages of both ends, as they followed each other.
+/// Returns the messages of both ends, in sequence.
 fn said(finding: &Finding, streams: &[Stream], settings: &Map<String, Value>) -> Result<Vec<Said>> {
     let mut all = Vec::new();
     for (stream, sides) in streams.iter().zip(&finding.senders) {

@@ -24,7 +24,8 @@ fn exchanges(writes: bool) -> Vec<[Vec<u8>; 2]> {
         .collect()
 }
 
-/// Both streams, as the client's adapter has them; with the client's bytes in front of each reply, in one piece or in two.
+/// Returns both streams as the client's adapter receives them: with the client's bytes before each reply, in one piece or in
+/// two.
 fn conversation(exchanges: &[[Vec<u8>; 2]], echo: Option<bool>) -> Vec<Stream> {
     let stream = || Stream { sender: Sender::Unknown, parts: vec![Vec::new()], arrivals: Vec::new() };
     let mut streams = [stream(), stream()];

@@ -45,7 +45,7 @@ enum Kind {
     Crc(&'static super::crc::Crc),
 }
 
-/// The check of messages that end with a mark of this length.
+/// Finds the check of messages that end with a mark of this length.
 pub(super) fn find(messages: &[&[u8]], end: usize, doubled: Option<u8>) -> Option<Check> {
     let mut different: Vec<&[u8]> = Vec::new();
     for message in messages {
@@ -116,7 +116,7 @@ pub(super) fn find(messages: &[&[u8]], end: usize, doubled: Option<u8>) -> Optio
     with_constant
 }
 
-/// The value of the check's bytes.
+/// Returns the value of the check's bytes.
 fn value(message: &[u8], from_end: usize, width: usize, order: &str) -> Option<u32> {
     let end = message.len().checked_sub(from_end)?;
     let bytes = message.get(end.checked_sub(width)?..end)?;
@@ -131,7 +131,7 @@ fn value(message: &[u8], from_end: usize, width: usize, order: &str) -> Option<u
     }
 }
 
-/// A check has several values.
+/// Returns whether values can be checks: a check has several values.
 fn is_check(values: &[Option<u32>]) -> bool {
     let mut known: Vec<u32> = values.iter().flatten().copied().collect();
     known.sort_unstable();
@@ -153,7 +153,7 @@ fn body(message: &[u8], first: usize, behind: usize, once: Option<u8>) -> Vec<u8
     found
 }
 
-/// Whether nearly all values are those of their bodies, but for a constant.
+/// Returns whether nearly all values are those of their bodies, except for a constant.
 fn agrees(
     kind: Kind,
     bodies: &[Vec<u8>],

@@ -32,7 +32,7 @@ impl Crc {
         }
     }
 
-    /// The CRC of bytes.
+    /// Returns the CRC of bytes.
     pub(super) fn of_bytes(&self, bytes: &[u8]) -> u32 {
         let top = 1 << (self.bits - 1);
         let mask = u32::MAX >> (32 - self.bits);

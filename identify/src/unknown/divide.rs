@@ -78,7 +78,7 @@ struct Bounds {
     whole: bool,
 }
 
-/// The ways to divide what one end sent that explain most, those that seem the best first.
+/// Returns the divisions of one end's bytes that explain most, the best first.
 pub(super) fn divide(stream: &Stream) -> Vec<Division> {
     let symbols = Symbols::of(&stream.parts);
     let arrivals: Vec<Vec<Vec<usize>>> = pauses(&stream.arrivals)
@@ -141,7 +141,7 @@ fn pauses(arrivals: &[(usize, Duration)]) -> Vec<Vec<usize>> {
     found
 }
 
-/// The most frequent strings of a few symbols.
+/// Returns the most frequent strings of a few symbols.
 fn marks(symbols: &Symbols) -> Vec<Vec<u32>> {
     let mut found = Vec::new();
     for length in 1..=MARK {
@@ -231,7 +231,7 @@ impl Bounds {
         Division { messages, rank }
     }
 
-    /// The share of the places where a message or an arrival begins at which both do.
+    /// Returns the share of offsets at which both a message and an arrival begin, among those at which one of them begins.
     fn agreement(&self, arrivals: &[Vec<usize>]) -> f64 {
         let both = |(cuts, arrivals): (&Vec<usize>, &Vec<usize>)| {
             cuts.iter().filter(|at| arrivals.binary_search(at).is_ok()).count()
@@ -242,7 +242,7 @@ impl Bounds {
     }
 }
 
-/// The bits that a division saves, with the place of the kinds that saves most.
+/// Returns the number of bits that a division saves with the best position of the kinds.
 fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
     let all = bounds.messages(symbols).count();
     let messages: Vec<&[u32]> = bounds
@@ -274,8 +274,8 @@ fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
     (best.fold(0.0, f64::max) - lengths) * real(all) / real(messages.len().max(1))
 }
 
-/// The bits that are saved at each place, counted from the beginning or from the end, where it depends on the kind; in order, so that
-/// their sum is the same each time.
+/// Returns the number of bits saved at each position, counted from the beginning or from the end, that depends on the kind;
+/// sorted, so that their sum is the same each time.
 fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> BTreeMap<(bool, usize), f64> {
     let [first, last] = if symbols.is_text { PLACES_OF_TEXT } else { PLACES };
     let mut values: BTreeMap<(bool, usize), Vec<OfKind>> = BTreeMap::new();
@@ -294,7 +294,7 @@ fn places(symbols: &Symbols, messages: &[&[u32]], kind: Option<usize>) -> BTreeM
     values.into_iter().map(|(place, values)| (place, saved(values))).collect()
 }
 
-/// The bits that are saved when each value is written with what was seen before it, of the same kind.
+/// Returns the number of bits saved if each value is encoded after the earlier values of the same kind.
 fn saved(values: impl Iterator<Item = OfKind>, share: &dyn Fn(u32) -> f64) -> f64 {
     let (mut counts, mut totals) = (HashMap::<OfKind, f64>::new(), HashMap::<Option<u32>, f64>::new());
     let mut bits = 0.0;

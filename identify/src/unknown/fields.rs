@@ -47,7 +47,7 @@ const PLACES: usize = 24;
 /// Fewer messages do not show that a number changes slowly.
 const FEWEST: usize = 8;
 
-/// A field that grows with the length of its message.
+/// Finds a field that grows with the length of its message.
 pub(super) fn length(messages: &[&[u8]]) -> Option<Length> {
     let usual = most_frequent(messages.iter().map(|it| it.len()))?;
     let others = messages.iter().filter(|it| it.len() != usual).count();
@@ -143,14 +143,14 @@ pub(super) fn numbers(messages: &[&[u8]], begin: usize, end: usize, counters: &[
     found
 }
 
-/// The bytes between the marks that are the same in nearly all messages.
+/// Returns the bytes between the marks that are equal in nearly all messages.
 pub(super) fn constant(messages: &[&[u8]], begin: usize, end: usize) -> Vec<(usize, u8)> {
     let shortest = messages.iter().map(|it| it.len()).min().unwrap_or_default();
     let byte = |at: usize| Some((at, same(messages.iter().map(|it| it.get(at)))?));
     (begin..shortest.saturating_sub(end).min(PLACES)).filter_map(byte).collect()
 }
 
-/// The value that is there most often.
+/// Returns the most frequent value.
 fn most_frequent<T: PartialEq>(values: impl Iterator<Item = T> + Clone) -> Option<T> {
     values.clone().max_by_key(|it| values.clone().filter(|other| other == it).count())
 }
@@ -166,7 +166,7 @@ fn are_reals(messages: &[&[u8]], at: usize, order: &str) -> bool {
     enough(values.iter().filter(sense).count(), values.len()) && different * 2 > values.len()
 }
 
-/// The order in which two bytes are a number that changes by little, and by much less than in the other.
+/// Returns the byte order in which two bytes are a number that changes by little, and by much less than in the other order.
 fn are_slow(messages: &[&[u8]], at: usize) -> Option<&'static str> {
     let steps = |little: bool| {
         let read = |message: &&[u8]| {
@@ -198,7 +198,7 @@ fn text(message: &[u8]) -> bool {
         >= message.len() * 9
 }
 
-/// The numbers of a text.
+/// Returns the numbers of a text.
 fn digits(message: &[u8]) -> impl Iterator<Item = i64> {
     message
         .split(|byte| !byte.is_ascii_digit())

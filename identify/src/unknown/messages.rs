@@ -2,7 +2,7 @@
 
 use super::enough;
 
-/// The bytes that messages begin with, and those that they end with.
+/// Returns the first bytes that messages have in common, and the last ones.
 pub(super) fn marks(messages: &[&[u8]]) -> (Vec<u8>, Vec<u8>) {
     let begin = constant(messages, |message, at| message.get(at));
     let mut end = constant(messages, |message, at| message.iter().rev().nth(at));
@@ -13,7 +13,7 @@ pub(super) fn marks(messages: &[&[u8]]) -> (Vec<u8>, Vec<u8>) {
     (begin, end)
 }
 
-/// The bytes that nearly all messages have at the same places, one after the other.
+/// Returns the bytes that nearly all messages have at the same offsets, one after the other.
 fn constant(messages: &[&[u8]], byte: impl Fn(&[u8], usize) -> Option<&u8>) -> Vec<u8> {
     (0..).map_while(|at| same(messages.iter().map(|message| byte(message, at)))).collect()
 }

@@ -93,7 +93,7 @@ fn real(count: usize) -> f64 {
     u32::try_from(count).map_or(f64::MAX, f64::from)
 }
 
-/// Whether this many of all are enough.
+/// Returns whether `found` of `all` are enough.
 fn enough(found: usize, all: usize) -> bool {
     found > 0 && found * 100 >= all * SHARE
 }

@@ -65,7 +65,7 @@ pub fn nearest(links: &[&'static Link], streams: &[Stream]) -> Result<Vec<Neares
     Ok(found)
 }
 
-/// The defaults, and each of them changed alone.
+/// Returns the defaults, and the defaults with each open setting changed alone.
 fn one_changed(link: &Link) -> Vec<Map<String, Value>> {
     let known = (link.settings)();
     let open = known.iter().filter(|setting| link.open.settings.contains(&setting.name.as_str()));

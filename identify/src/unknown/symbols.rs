@@ -28,13 +28,13 @@ pub(super) struct Symbols {
 }
 
 impl Part {
-    /// The bytes of some symbols.
+    /// Returns the bytes of some symbols.
     pub(super) fn bytes(&self, from: usize, to: usize) -> &[u8] {
         let place = |at: usize| self.places.get(at).copied().unwrap_or(self.bytes.len());
         self.bytes.get(place(from)..place(to)).unwrap_or_default()
     }
 
-    /// The symbols that begin at these places of the stream.
+    /// Returns the symbols that begin at these offsets of the stream.
     pub(super) fn at<'a>(&self, places: impl Iterator<Item = &'a usize>) -> Vec<usize> {
         let inside = places.filter_map(|place| place.checked_sub(self.begin));
         inside.filter_map(|place| self.places.binary_search(&place).ok()).collect()
@@ -71,13 +71,14 @@ impl Symbols {
         Self { parts: divided, is_text, shares }
     }
 
-    /// The share of a symbol.
+    /// Returns the share of a symbol.
     pub(super) fn share(&self, symbol: u32) -> f64 {
         self.shares.get(&symbol).copied().unwrap_or(1.0)
     }
 }
 
-/// The length of the word, the number with its sign, or the character that a text begins with; and whether it is a number.
+/// Returns the length of the word, the signed number or the character at the beginning of a text; and whether it is a
+/// number.
 fn token(text: &[u8]) -> (usize, bool) {
     let run = |from: usize, is: fn(&u8) -> bool| text.iter().skip(from).take_while(|byte| is(byte)).count();
     // A checksum, as hexadecimal digits.

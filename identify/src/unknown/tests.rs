@@ -122,7 +122,7 @@ fn one_of_four(at: u8) -> u8 {
     at / 3 % 4 + 1
 }
 
-/// A number, and by how much it grows from message to message.
+/// Returns a number that grows by these steps from message to message.
 fn steps(from: u16, steps: &[u16]) -> Vec<u16> {
     core::iter::once(0)
         .chain(steps.iter().copied())

@@ -26,7 +26,7 @@ pub(super) struct Message {
     added: Vec<String>,
 }
 
-/// The tables of the messages, with those changed that a plant cannot have.
+/// Returns the tables of the messages, after changes to those that a plant cannot have.
 pub(super) fn accepted(guesses: &[Guess<'_>], fields: &Fields<'_>, charset: &str) -> Vec<Message> {
     let mut messages: Vec<Message> = guesses.iter().map(Message::new).collect();
     let plant = settings::list(Plant::default());
@@ -68,7 +68,7 @@ pub(super) fn accepted(guesses: &[Guess<'_>], fields: &Fields<'_>, charset: &str
     messages
 }
 
-/// A name that no message of the capture has.
+/// Returns a name that is not used by any message of the capture.
 fn unused_name(role: &str, fields: &Fields<'_>) -> String {
     let mut name = role.to_owned();
     while fields.kinds.iter().any(|kind| kind.name == name) {
@@ -77,7 +77,7 @@ fn unused_name(role: &str, fields: &Fields<'_>) -> String {
     name
 }
 
-/// The role whose message no plant can have.
+/// Returns the role whose message no plant can have.
 fn refused_role(messages: &[Message], charset: &str) -> Option<String> {
     let tables: Map<String, Value> = messages.iter().map(|it| (it.role.to_owned(), it.value())).collect();
     let given =
@@ -150,7 +150,7 @@ impl Message {
         }
     }
 
-    /// The table as TOML.
+    /// Returns the table as TOML.
     pub(super) fn text(&self) -> String {
         let Self { role, found, name, header, fields, added, .. } = self;
         let mut text = format!("\n[messages.{role}]\n");

@@ -50,7 +50,7 @@ impl Kind {
         self.values(at).filter_map(number).collect()
     }
 
-    /// The value at a place of the message that was the `when`th of the conversation.
+    /// Returns the value at an index of the `when`th message of the conversation.
     fn value_of(&self, when: usize, at: usize) -> Option<&str> {
         let (_, values) = self.all.iter().find(|(index, _)| *index == when)?;
         values.get(at).map(String::as_str)
@@ -74,24 +74,24 @@ impl Kind {
         self.first() < other.first()
     }
 
-    /// The value that is the same in all.
+    /// Returns the value that is the same in all messages.
     fn constant(&self, at: usize) -> Option<&str> {
         let first = self.values(at).next()?;
         self.values(at).all(|value| value == first).then_some(first)
     }
 
-    /// Whether a place has texts that are not numbers.
+    /// Returns whether the values at an index are texts that are not numbers.
     fn is_text(&self, at: usize) -> bool {
         self.values(at).all(|value| !value.is_empty() && number(value).is_none())
     }
 }
 
-/// A value as a number: blanks around it are allowed.
+/// Returns a value as a number: blanks around it are allowed.
 fn number(value: &str) -> Option<i64> {
     value.trim().parse().ok()
 }
 
-/// The draft of a conversation.
+/// Returns the draft of a conversation.
 pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
     let mut kinds = kinds(said);
     let proof = prove(&kinds);
@@ -249,7 +249,7 @@ impl Draft<'_> {
         Guess { role, kind, why, is_sure, ..self.lines(found, &named(found)) }
     }
 
-    /// The fields as they are proven, or else as they are guessed.
+    /// Returns the fields as proven, otherwise as guessed.
     fn lines<'k>(&self, kind: &Kind, guessed: &[String]) -> Guess<'k> {
         let line = |places: core::ops::Range<usize>| {
             let mut line = Line { fields: Vec::new(), is_sure: !self.proof.is_free((self.index)(kind)) };
@@ -360,12 +360,12 @@ impl Fields<'_> {
         is_constant.then(|| format!("={value}"))
     }
 
-    /// A field of a job that nothing but the plant knows.
+    /// Returns whether a field of a job is known to the plant alone.
     fn is_own(&self, job: &Kind, number: usize, at: usize) -> bool {
         at != number && !self.is_order(job, at) && self.as_constant(job, at).is_none()
     }
 
-    /// A field that is an order, a constant, or else the other.
+    /// Returns the kind of a field: an order, a constant, otherwise `other`.
     fn plain(&self, kind: &Kind, at: usize, other: &str) -> String {
         let numbers = kind.numbers(at);
         let fits = numbers.iter().all(|it| self.jobs.contains(it) || self.jobs.contains(&(it - 1)));
@@ -387,7 +387,7 @@ impl Fields<'_> {
         (0..kind.width()).map(named).collect()
     }
 
-    /// The fields of a status.
+    /// Returns the fields of a status.
     fn of_status(&self, both: &[&Kind], first_job: usize) -> Vec<String> {
         let Some(width) = both.iter().map(|kind| kind.width()).min() else { return Vec::new() };
         let mut all: Vec<&(usize, Vec<String>)> = both.iter().flat_map(|kind| &kind.all).collect();
@@ -433,7 +433,7 @@ impl Fields<'_> {
     }
 }
 
-/// The interval of acknowledgements: the number that most of them are multiples of.
+/// Returns the interval of acknowledgements: the number of which most of them are multiples.
 fn acks(job_ack: Option<&Kind>) -> Option<i64> {
     let kind = job_ack?;
     let at = (0..kind.width()).max_by_key(|at| steps(kind, *at))?;

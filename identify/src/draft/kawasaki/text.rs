@@ -18,7 +18,7 @@ const WIDEST: f64 = 9_999_999.0;
 /// The fields of a drawing's line, as the simulated ends and pictures have them.
 const LINE: [&str; 5] = ["kind", "x1", "y1", "x2", "y2"];
 
-/// The draft: `work` are the places of a job's own fields, `left` the messages without a role.
+/// Returns the draft: `work` has the indices of a job's own fields, `left` the messages without a role.
 pub(super) fn draft(
     guesses: &[Guess<'_>],
     job: &Kind,
@@ -68,14 +68,14 @@ pub(super) fn draft(
     Ok(text)
 }
 
-/// Whether a job's own fields are five whole numbers, the first of them 1 or 2: a line of a drawing.
+/// Returns whether a job's own fields are five whole numbers, the first of them 1 or 2: a line of a drawing.
 fn is_line(job: &Kind, work: &[usize]) -> bool {
     let is_whole = |at: &usize| job.values(*at).all(|value| number(value).is_some());
     let is_kind = |at: &usize| job.numbers(*at).iter().all(|kind| (1..=2).contains(kind));
     work.len() == LINE.len() && work.iter().all(is_whole) && work.first().is_some_and(is_kind)
 }
 
-/// The kind of a job's own field. It has no range: another job than those of the capture is accepted, too.
+/// Returns the kind of a job's own field, without a range, so that jobs other than those of the capture are accepted.
 fn own_field(job: &Kind, at: usize, is_divided: bool) -> String {
     let decimals = job.values(at).filter_map(|value| value.split_once('.')).map(|(_, places)| places.len());
     let numbers: Vec<f64> = job.values(at).filter_map(|value| value.trim().parse().ok()).collect();

@@ -33,8 +33,8 @@ struct Count {
     sure: BTreeSet<String>,
 }
 
-/// The drafts of captures that are drawn from these seeds, and have `shortest` messages to twice as many more, of orders of up to
-/// `longest` jobs.
+/// Returns the drafts of captures that are drawn from these seeds, and have from `shortest` messages to twice as many more,
+/// of orders of up to `longest` jobs.
 fn count(seeds: core::ops::Range<u64>, shortest: usize, longest: usize) -> Count {
     let mut count = Count::default();
     for seed in seeds {
@@ -213,7 +213,7 @@ fn plant(random: &mut Random) -> Drawn {
 }
 
 impl Drawn {
-    /// Whether a statement of a draft is right.
+    /// Returns whether a statement of a draft is right.
     fn says(&self, key: &str, value: &str) -> bool {
         let value: Value =
             toml::from_str::<Map<String, Value>>(&format!("it = {value}")).unwrap()["it"].clone();
@@ -367,7 +367,7 @@ fn talk(drawn: &Drawn, longest: usize, random: &mut Random) -> Vec<(Duration, bo
     bench.session_mut().talk.split_off(0)
 }
 
-/// Some messages from somewhere in the middle, and sometimes the end of one before them.
+/// Returns some messages from the middle of a conversation, and sometimes the end of one before them.
 fn capture(talk: &[(Duration, bool, Vec<u8>)], shortest: usize, random: &mut Random) -> [Stream; 2] {
     let messages: Vec<(Duration, bool, &[u8])> = talk
         .iter()
@@ -411,7 +411,7 @@ fn capture(talk: &[(Duration, bool, Vec<u8>)], shortest: usize, random: &mut Ran
     streams
 }
 
-/// Each value of a draft, and whether it has no question mark.
+/// Returns each value of a draft, and whether it is without a question mark.
 fn statements(text: &str) -> BTreeMap<String, (String, bool)> {
     let (mut found, mut table, mut jobs) = (BTreeMap::new(), String::new(), 0);
     for line in text.lines() {

@@ -287,7 +287,7 @@ fn three_jobs_are_too_few() {
     draft("pc Job 7 11; pc Job 7 12; pc Job 7 13; pc Job 7 14").unwrap();
 }
 
-/// The fields of a role in a draft, or nothing where no message has it.
+/// Returns the fields of a role in a draft; `None` if no message has the role.
 fn fields(text: &str, role: &str) -> Option<String> {
     let table = text.split("\n\n").find(|table| table.starts_with(&format!("[messages.{role}]"))).unwrap();
     let (_, fields) = table.split_once("fields = ")?;

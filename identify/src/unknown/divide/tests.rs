@@ -146,7 +146,7 @@ fn sum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
 }
 
-/// A counter and three bytes between marks, with their sum.
+/// Returns a counter and three bytes between marks, with their sum.
 fn framed(at: u8) -> Vec<u8> {
     let body = [&[at + 10][..], &bytes(at.into(), 3)].concat();
     [&[2], &body[..], &[sum(&body), 3]].concat()

@@ -24,17 +24,17 @@ pub(super) struct Proof {
 }
 
 impl Proof {
-    /// The message that has a role.
+    /// Returns the message with a role.
     pub(super) fn of(&self, role: &str) -> Option<usize> {
         self.roles.get(role).copied()
     }
 
-    /// Whether the message has no role that is proven.
+    /// Returns whether the message has no proven role.
     pub(super) fn is_free(&self, kind: usize) -> bool {
         !self.roles.values().any(|known| *known == kind)
     }
 
-    /// The field at a place of a message: of its header, then of its data.
+    /// Returns the field at an index of a message, counted from its header on, then its data.
     pub(super) fn field(&self, kind: usize, at: usize) -> Option<&str> {
         self.fields.get(&kind)?.get(at)?.as_deref()
     }
@@ -104,8 +104,8 @@ struct Run {
 }
 
 impl<'a> Conversation<'a> {
-    /// The only message that can be a job, if there is one: its numbers follow each other in one packet. Of several places that count
-    /// so, the number is what the other end asks for.
+    /// Returns the only message that can be a job, if there is one: its numbers follow each other in one packet. If several
+    /// fields count so, the number is the one that the other end requests.
     fn of(kinds: &'a [Kind]) -> Option<Self> {
         let (mut counted, mut asked) = (Vec::new(), Vec::new());
         let own = |kind: &Kind| !kinds.iter().any(|it| it.side != kind.side && it.name == kind.name);
@@ -142,7 +142,7 @@ impl<'a> Conversation<'a> {
         Some(conversation)
     }
 
-    /// The numbers that were asked for, and when.
+    /// Returns the requested numbers, and the index of each request.
     fn asks(&self) -> impl Iterator<Item = (usize, i64)> {
         let asks = self.request.and_then(|(index, at)| Some((self.kinds.get(index)?, at)));
         asks.into_iter().flat_map(|(kind, place)| {
@@ -162,7 +162,7 @@ impl<'a> Conversation<'a> {
         runs
     }
 
-    /// Whether the jobs of a run have one number there, other runs have others, and the robot repeats them.
+    /// Returns whether the jobs of a run have one number at an index, other runs have others, and the robot repeats them.
     fn is_order_of_jobs(&self, at: usize) -> bool {
         let Some(jobs) = self.kinds.get(self.job).filter(|_| at != self.number) else { return false };
         let of = |run: &Run| {
@@ -182,7 +182,7 @@ impl<'a> Conversation<'a> {
         })
     }
 
-    /// The run that a message is in; of a request, that of the job which answers it.
+    /// Returns the run that contains a message; for a request, the run of the job that answers it.
     fn run_at(&self, kind: usize, when: usize) -> Option<usize> {
         if self.request.is_none_or(|(request, _)| request != kind) {
             return self.runs.iter().position(|run| run.first < when && when < run.last);
@@ -202,7 +202,7 @@ impl<'a> Conversation<'a> {
         !self.kinds.iter().any(|it| it.side != kind.side && it.name == kind.name)
     }
 
-    /// The messages of one end that the other does not send, and whose roles are not known.
+    /// Returns the messages of one end that the other does not send, and whose roles are unknown.
     fn unknown(&self, of_pc: bool) -> impl Iterator<Item = (usize, &'a Kind)> {
         let known = [Some(self.job), self.request.map(|(request, _)| request)];
         let all = self.kinds.iter().enumerate();
@@ -281,7 +281,7 @@ impl<'a> Conversation<'a> {
         self.asks().filter(|(at, _)| run.first < *at && *at < until).map(|(_, asked)| asked).max()
     }
 
-    /// The only place of a message with numbers of jobs; everything else in it is the same throughout a run.
+    /// Returns the only place of a message with numbers of jobs; everything else in it is the same throughout a run.
     fn number_of(&self, kind: &Kind) -> Option<usize> {
         let has_numbers = |at: &usize| kind.values(*at).all(|it| number(it).is_some());
         let varies = |at: &usize| {
@@ -314,7 +314,8 @@ impl<'a> Conversation<'a> {
         in_run.values().any(|numbers| numbers.len() >= TWICE).then_some(place)
     }
 
-    /// The place of the number of the job that was queued last: jobs before it are executed later, and the next one is asked for.
+    /// Returns the index of the number of the job that was queued last: jobs before it are executed later, and the next one
+    /// is requested.
     fn queued(&self, kind: &Kind, (ack, executed): (usize, usize)) -> Option<usize> {
         let place = self.number_of(kind)?;
         let acks = self.kinds.get(ack)?;
@@ -335,13 +336,13 @@ impl<'a> Conversation<'a> {
     }
 }
 
-/// The only one.
+/// Returns the only item, if there is exactly one.
 fn only<T>(mut all: impl Iterator<Item = T>) -> Option<T> {
     let first = all.next();
     first.filter(|_| all.next().is_none())
 }
 
-/// Whether a place counts jobs, while another changes from one job to the next: an acknowledgement has nothing of the kind.
+/// Returns whether a field counts jobs, while another field changes from one job to the next, as in no acknowledgement.
 fn is_counted(kind: &Kind, at: usize) -> bool {
     // No job has the number 0.
     kind.values(at).all(|value| number(value).is_some_and(|it| it > 0))
@@ -349,8 +350,8 @@ fn is_counted(kind: &Kind, at: usize) -> bool {
         && (0..kind.width()).any(|other| other != at && changes_within(kind, at, other) >= TWICE)
 }
 
-/// Whether messages of the numbers after each other follow each other, so that none of the other end is between them: a robot sends
-/// nothing twice in a packet but acknowledgements.
+/// Returns whether messages with consecutive numbers follow each other without a message of the other end between them: a
+/// robot sends only acknowledgements twice in a packet.
 fn is_sent_at_once(kind: &Kind, counted: usize) -> bool {
     let pairs = kind.all.iter().zip(kind.all.iter().skip(1));
     let at_once = pairs.filter(|((at, before), (next, now))| {
@@ -370,7 +371,7 @@ fn changes_within(kind: &Kind, counted: usize, at: usize) -> usize {
     changes.count()
 }
 
-/// Whether the number of a message at a place is always that of the job which follows.
+/// Returns whether the number at an index of a message is always that of the next job.
 fn is_asked(asks: &Kind, at: usize, jobs: &Kind, counted: usize) -> bool {
     let mut numbers = BTreeSet::new();
     let mut next_ask = asks.all.iter().map(|(when, _)| *when).skip(1);
@@ -386,7 +387,7 @@ fn is_asked(asks: &Kind, at: usize, jobs: &Kind, counted: usize) -> bool {
     numbers.len() >= TWICE
 }
 
-/// Whether a place has the order of each message for which it is known, of two orders or more.
+/// Returns whether a field has the order of each message whose order is known, for two orders or more.
 fn repeats<'a>(kind: &Kind, at: usize, order: impl Fn(usize) -> Option<&'a str>) -> bool {
     let mut orders = BTreeSet::new();
     for (when, values) in &kind.all {

@@ -50,7 +50,7 @@ impl<'a> Conversation<'a> {
         (!is_within).then(|| (before, next.and_then(|at| self.runs.get(at))))
     }
 
-    /// Whether a message has this value.
+    /// Returns whether a message has this value.
     fn has(values: &[String], order: &str) -> bool {
         values.iter().any(|value| value == order)
     }
@@ -63,7 +63,8 @@ impl<'a> Conversation<'a> {
         all.map(|(_, values)| values.as_slice())
     }
 
-    /// The place of the order in a message that begins it: the first of the PC that names it, before the robot does.
+    /// Returns the index of the order in a message that begins it: the PC's first message that names the order, before the
+    /// robot does.
     fn begins(&self, kind: &Kind) -> Option<usize> {
         let places = (0..kind.width()).filter(|place| {
             let mut orders = BTreeSet::new();
@@ -88,7 +89,7 @@ impl<'a> Conversation<'a> {
         only(places)
     }
 
-    /// The place of the order in the robot's answer to that: its first message that names the order.
+    /// Returns the index of the order in the robot's answer to that message: its first message that names the order.
     fn accepts(&self, kind: &Kind, start: usize) -> Option<usize> {
         let starts = self.kinds.get(start)?;
         let places = (0..kind.width()).filter(|place| {
@@ -112,7 +113,8 @@ impl<'a> Conversation<'a> {
         only(places)
     }
 
-    /// The place of the order in the robot's report that it is over: nothing else of the robot's alone names it once the PC has said so.
+    /// Returns the index of the order in the robot's report of its end: no other message that only the robot sends names the
+    /// order after the PC has ended it.
     fn confirms(&self, index: usize, kind: &Kind) -> Option<usize> {
         let places = (0..kind.width()).filter(|place| {
             let mut orders = BTreeSet::new();

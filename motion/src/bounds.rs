@@ -37,8 +37,8 @@ impl Confidence {
     pub const LEAST_BLOCKS: usize = 8;
     const DRAWS: usize = 1000;
 
-    /// The bounds of deviations and of the recorded states that they belong to, in the order of their times. None when there are
-    /// too few.
+    /// Returns the bounds of deviations and of the recorded states to which they belong, in the order of their times. `None`
+    /// if there are too few.
     pub fn of(compared: &[(Deviation, State)]) -> Option<Self> {
         let mut blocks: Vec<Sums> = Vec::new();
         let mut end = f64::NEG_INFINITY;

@@ -26,7 +26,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// The limits of Fig. 13 with this scale.
+    /// Returns the limits of Fig. 13 with this scale.
     pub const fn new(mm_per_count: f64) -> Self {
         Self { mm_per_count, max_per_period: 0.20, max_per_path: 10.0 }
     }
@@ -45,7 +45,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults with these axes.
+    /// Creates the defaults with these axes.
     pub const fn new(axes: [Option<Axis>; 6]) -> Self {
         Self { axes, period: Duration::from_millis(8), timeout: Duration::from_millis(24) }
     }
@@ -120,10 +120,10 @@ impl Modifier {
         Ok(Self { config, demand: None, state: [AxisState::default(); 6] })
     }
 
-    /// The speeds from now on, in mm/s and degrees a second; those of an axis that is not modified are ignored.
+    /// Sets the speeds from now on, in mm/s and degrees a second; those of an axis that is not modified are ignored.
     ///
     /// # Errors
-    /// If a speed is not a number. The previous demand stays, and grows old.
+    /// If a speed is not a number. The previous demand stays valid until it is too old.
     pub fn demand(&mut self, now: Duration, speeds: [f64; 6]) -> Result<(), Error> {
         if let Some(index) = (0..).zip(speeds).find(|(_, speed)| !speed.is_finite()).map(|(index, _)| index) {
             return Err(Error::Speed { index });
@@ -132,7 +132,7 @@ impl Modifier {
         Ok(())
     }
 
-    /// The offsets of the period that begins now.
+    /// Returns the offsets of the period that begins now.
     pub fn next_period(&mut self, now: Duration) -> Offsets {
         let speeds = match self.demand {
             Some((speeds, at)) if now.saturating_sub(at) <= self.config.timeout => speeds,
@@ -209,7 +209,7 @@ pub enum Error {
     },
 }
 
-/// The counts that fit, allowing for the last digit: 0.20 / 0.001 is 200.
+/// Returns the number of counts that fit, allowing for the last digit: 0.20 / 0.001 is 200.
 fn whole(counts: f64) -> i64 {
     to_i64(floor(counts + 1e-6).min(9e15))
 }

@@ -27,14 +27,15 @@ pub struct State {
 }
 
 impl State {
-    /// A state at rest; [`differentiate`] gives it its speeds.
+    /// Creates a state at rest; [`differentiate`] gives it its speeds.
     pub fn at(time: f64, position: [f64; 3], orientation: Quaternion) -> Self {
         Self { time, position, orientation, velocity: [0.0; 3], angular_velocity: [0.0; 3] }
     }
 }
 
 impl From<&MotionSample> for State {
-    /// With the sample's speeds, which are those of the middle between it and the previous one.
+    /// Creates the state of a sample with the sample's speeds, which are those of the middle between it and the previous
+    /// one.
     fn from(sample: &MotionSample) -> Self {
         Self {
             time: sample.time.as_secs_f64(),
@@ -79,8 +80,8 @@ pub struct Deviation {
     pub angular_velocity: [f64; 3],
 }
 
-/// The deviation of each recorded state from the reference `delay` seconds earlier. Before its first state and after
-/// its last, the reference rests there. No items when the reference is empty.
+/// Returns the deviation of each recorded state from the reference `delay` seconds earlier. Before its first state and after
+/// its last, the reference rests there. No items if the reference is empty.
 pub fn deviations<'a>(
     reference: &'a [State],
     recording: &'a [State],
@@ -91,8 +92,8 @@ pub fn deviations<'a>(
         .filter_map(move |state| Some(deviation(state, &interpolate(reference, state.time - delay)?)))
 }
 
-/// The deviations, at a delay of zero, of the states that are recorded while the reference lasts and that one of the two moves at,
-/// each with its state; and how many states are left out because both are idle.
+/// Returns the deviations, at a delay of zero, of the states that are recorded while the reference lasts, and in which at
+/// least one of the two moves, each with its state; and the number of states that are omitted because both are idle.
 pub fn compare(reference: &[State], recording: &[State]) -> (Vec<(Deviation, State)>, u64) {
     let (Some(first), Some(last)) = (reference.first(), reference.last()) else { return (Vec::new(), 0) };
     let mut idle = 0;
@@ -129,8 +130,9 @@ pub enum Delay {
     AtBorder(f64),
 }
 
-/// The delay, within `range` in seconds, that leaves the least squares of position (mm) and orientation (degrees). It
-/// also takes up the offset between the two clocks. Recorded states that are [`moving`] count, the others say nothing of when.
+/// Finds the delay, within `range` in seconds, with the least squares of position (mm) and orientation (degrees). The delay
+/// includes the offset between the two clocks. Only recorded states that are [`moving`] count, since the others do not show
+/// the time.
 ///
 /// Searches the range in steps of `step` seconds, then closer around the best: a step of a tenth of the time in which the
 /// motion turns back finds the right valley. None when a motion is empty or at rest, or the range is none or of more than a million
@@ -169,7 +171,7 @@ pub fn fit_delay(
 
 const MAX_STEPS: f64 = 1e6;
 
-/// Whether a state is not at rest: above 1 mm/s or 0.2°/s, which the noise of a robot at rest does not reach.
+/// Returns whether a state moves: above 1 mm/s or 0.2°/s, which the noise of a robot at rest does not reach.
 pub fn moving(state: &State) -> bool {
     square(state.velocity) > 1.0 || square(state.angular_velocity) > 0.2 * 0.2
 }
@@ -225,7 +227,7 @@ impl Summary {
     }
 }
 
-/// The reference at a time: between two states, at rest before the first and after the last.
+/// Returns the reference at a time: between two states, at rest before the first and after the last.
 fn interpolate(reference: &[State], time: f64) -> Option<State> {
     let (first, last) = (reference.first()?, reference.last()?);
     let resting = |state: &State| State::at(time, state.position, state.orientation);
@@ -252,7 +254,7 @@ fn interpolate(reference: &[State], time: f64) -> Option<State> {
     })
 }
 
-/// The lowest place of a valley, to a microsecond or so.
+/// Finds the lowest point of a valley, to about a microsecond.
 fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
     const SHARE: f64 = 0.618_033_988_749_895;
     for _ in 0..64 {

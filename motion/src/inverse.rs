@@ -28,8 +28,8 @@ pub struct Solution {
 }
 
 impl Arm {
-    /// Every way to be at a pose, but for whole turns: 8, 4 or none. `near` decides where J4 and J6 can share a turn, with J5 at zero.
-    /// A wrist at most `slack` mm beyond the arm's reach, or inside of it, counts as at its border.
+    /// Returns every solution for a pose, except for whole turns: 8, 4 or none. `near` decides if J4 and J6 can share a
+    /// turn, with J5 at zero. A wrist at most `slack` mm beyond the arm's reach, or inside of it, counts as at its border.
     pub fn inverse(
         &self,
         pose: &Pose,
@@ -52,7 +52,7 @@ impl Arm {
         })
     }
 
-    /// The way to be at a pose that is nearest to `near`, whole turns included, within the joints' limits.
+    /// Returns the solution for a pose that is nearest to `near`, whole turns included, within the joints' limits.
     pub fn nearest(&self, pose: &Pose, near: &[f64; 6], limits: &Limits) -> Option<[f64; 6]> {
         let far = |joints: &[f64; 6]| joints.iter().zip(near).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         self.inverse(pose, near, 0.0)
@@ -60,13 +60,13 @@ impl Arm {
             .min_by(|a, b| far(a).total_cmp(&far(b)))
     }
 
-    /// Whether any joints within their limits bring the tool to a pose, give or take `slack` in mm and degrees.
+    /// Returns whether any joints within their limits bring the tool to a pose, within `slack` in mm and degrees.
     pub fn reaches(&self, pose: &Pose, limits: &Limits, slack: f64) -> bool {
         let zero = [0.0; 6];
         self.inverse(pose, &zero, slack).any(|found| limits.turned(found.joints, &zero, slack).is_some())
     }
 
-    /// J1 to J3, in radians, with the wrist's centre there.
+    /// Returns J1 to J3, in radians, with the wrist's centre at this point.
     fn fold(&self, [x, y, z]: [f64; 3], front: bool, up: bool, slack: f64) -> Option<[f64; 3]> {
         let side = if front { 1.0 } else { -1.0 };
         let out = side * sqrt(x * x + y * y) - self.shoulder;
@@ -88,7 +88,7 @@ impl Arm {
 }
 
 impl Limits {
-    /// The joints with the whole turns that bring each nearest to `near` within its limits, give or take `slack` degrees.
+    /// Returns the joints with the whole turns that bring each nearest to `near` within its limits, within `slack` degrees.
     pub fn turned(&self, mut joints: [f64; 6], near: &[f64; 6], slack: f64) -> Option<[f64; 6]> {
         for ((joint, near), limit) in joints.iter_mut().zip(near).zip(self.joints) {
             let fits = |value: &f64| (limit.min - slack..=limit.max + slack).contains(value);
@@ -101,7 +101,7 @@ impl Limits {
     }
 }
 
-/// J4 to J6, in radians, that give the wrist its orientation.
+/// Returns J4 to J6, in radians, that give the wrist its orientation.
 fn turn_wrist(wrist: &Pose, j1: f64, j3: f64, flip: bool, near: [f64; 6]) -> [f64; 3] {
     let arm = Pose::turn(2, j1.to_degrees()).then(Pose::turn(1, -j3.to_degrees()));
     // Rx(a)·Ry(b)·Rx(c), column by column.
@@ -127,7 +127,7 @@ fn turn_wrist(wrist: &Pose, j1: f64, j3: f64, flip: bool, near: [f64; 6]) -> [f6
     [wrap(-a), wrap(-b), wrap(-c)]
 }
 
-/// The same angle within ±180°.
+/// Returns the same angle within ±180°.
 fn wrap(angle: f64) -> f64 {
     if angle > PI {
         angle - 2.0 * PI

@@ -6,8 +6,8 @@ use super::orientation::Quaternion;
 
 /// The pose of the tool, from the six joints. Implement it for your robot; [`Arm`] covers the usual FANUC arm.
 pub trait Kinematics {
-    /// The pose of the tool in the robot's world frame, by the joints in degrees as the controller shows them: J3 from
-    /// the horizontal, not from the upper arm (see [`Arm`]).
+    /// Returns the pose of the tool in the robot's world frame, from the joints in degrees as the controller shows them: J3
+    /// from the horizontal, not from the upper arm (see [`Arm`]).
     fn forward(&self, joints: &[f64; 6]) -> Pose;
 }
 
@@ -24,12 +24,12 @@ impl Pose {
     /// Nowhere from here.
     pub const IDENTITY: Self = Self { position: [0.0; 3], orientation: [1.0, 0.0, 0.0, 0.0] };
 
-    /// A step along the axes, without a turn.
+    /// Returns a step along the axes, without a turn.
     pub const fn shift(x: f64, y: f64, z: f64) -> Self {
         Self { position: [x, y, z], ..Self::IDENTITY }
     }
 
-    /// A turn about one of the axes (0 for x, 1 for y, 2 for z), without a step.
+    /// Returns a turn about one of the axes (0 for x, 1 for y, 2 for z), without a step.
     pub fn turn(axis: usize, degrees: f64) -> Self {
         let half = degrees.to_radians() / 2.0;
         let mut orientation = [cos(half), 0.0, 0.0, 0.0];
@@ -39,13 +39,13 @@ impl Pose {
         Self { orientation, ..Self::IDENTITY }
     }
 
-    /// From X, Y, Z in mm and W, P, R in degrees, as a tool frame or a Cartesian position gives them: turns about the
-    /// fixed axes X, Y, Z in this order.
+    /// Creates a pose from X, Y, Z in mm and W, P, R in degrees, as a tool frame or a Cartesian position gives them: turns
+    /// about the fixed axes X, Y, Z in this order.
     pub fn from_xyzwpr([x, y, z, w, p, r]: [f64; 6]) -> Self {
         Self::shift(x, y, z).then(Self::turn(2, r)).then(Self::turn(1, p)).then(Self::turn(0, w))
     }
 
-    /// `next`, seen from this frame.
+    /// Returns `next`, which is given in this frame, in the frame of this pose.
     #[must_use]
     pub fn then(self, next: Self) -> Self {
         let [x, y, z] = rotate(self.orientation, next.position);
@@ -53,7 +53,7 @@ impl Pose {
         Self { position: [x0 + x, y0 + y, z0 + z], orientation: multiply(self.orientation, next.orientation) }
     }
 
-    /// From there, where this frame's origin is.
+    /// Returns the inverse pose: the outer frame as seen from this frame.
     #[must_use]
     pub fn inverse(self) -> Self {
         let [w, x, y, z] = self.orientation;
@@ -62,12 +62,12 @@ impl Pose {
         Self { position: [-x, -y, -z], orientation }
     }
 
-    /// A step in this frame, along the axes of the frame that this one is seen from.
+    /// Returns a step of this frame along the axes of the frame in which this one is given.
     pub fn direction(&self, step: Self) -> [f64; 3] {
         rotate(self.orientation, step.position)
     }
 
-    /// X, Y, Z in mm and W, P, R in degrees.
+    /// Returns X, Y, Z in mm and W, P, R in degrees.
     pub fn to_xyzwpr(self) -> [f64; 6] {
         let ([x, y, z], [w, p, r]) = (self.position, Quaternion::normalised(self.orientation).to_wpr());
         [x, y, z, w, p, r]
@@ -79,8 +79,8 @@ impl Pose {
         sqrt((a - x) * (a - x) + (b - y) * (b - y) + (c - z) * (c - z))
     }
 
-    /// The rotation from this orientation to the other, as a vector in the world frame: its direction is the axis, its
-    /// length the angle in degrees, 180 at most.
+    /// Returns the rotation from this orientation to the other, as a vector in the world frame: its direction is the axis,
+    /// its length the angle in degrees, 180 at most.
     pub fn rotation_to(&self, other: &Self) -> [f64; 3] {
         let [w, x, y, z] = self.orientation;
         let [mut w, x, y, z] = multiply(other.orientation, [w, -x, -y, -z]);
@@ -132,7 +132,8 @@ impl Arm {
         tool: Pose::IDENTITY,
     };
 
-    /// With every joint at zero the flange looks along X, its own x up: W 180, P -90, R 0.
+    /// Returns the orientation of the flange with every joint at zero: it points along X, with its own x up: W 180, P -90, R
+    /// 0.
     pub(super) fn flange_turn(&self) -> Pose {
         Pose::turn(1, -90.0).then(Pose::turn(0, 180.0))
     }

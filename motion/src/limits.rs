@@ -35,7 +35,7 @@ pub struct Dimensions {
 }
 
 impl Dimensions {
-    /// The arm with a tool frame.
+    /// Returns the arm with a tool frame.
     pub fn arm(self, tool: Pose) -> Arm {
         let Self { shoulder, upper_arm, elbow, forearm, flange } = self;
         Arm { shoulder, upper_arm, elbow, forearm, flange, tool }
@@ -92,7 +92,7 @@ impl Limits {
         Ok(limits)
     }
 
-    /// Whether a robot with these limits can move so.
+    /// Checks that a robot with these limits can execute the trajectory.
     ///
     /// # Errors
     /// The first joint that is out of its range, or has to move faster than it can from one sample to the next.

@@ -18,8 +18,8 @@ impl Quaternion {
     /// No rotation.
     pub const IDENTITY: Self = Self { w: 1.0, x: 0.0, y: 0.0, z: 0.0 };
 
-    /// From W, P, R in degrees: turns about the fixed axes X, Y, Z in this order, `Rz(R)·Ry(P)·Rx(W)` (Fig. 8, footnote
-    /// 4). The sign is as it comes; the background task makes `w` positive.
+    /// Creates an orientation from W, P, R in degrees: turns about the fixed axes X, Y, Z in this order, `Rz(R)·Ry(P)·Rx(W)`
+    /// (Fig. 8, footnote 4). The sign is as it comes; the background task makes `w` positive.
     pub fn from_wpr([w, p, r]: [f64; 3]) -> Self {
         let half = |degrees: f64| (sin(degrees.to_radians() / 2.0), cos(degrees.to_radians() / 2.0));
         let ((sr, cr), (sp, cp), (sy, cy)) = (half(w), half(p), half(r));
@@ -31,8 +31,8 @@ impl Quaternion {
         }
     }
 
-    /// W, P, R in degrees: W and R in -180..=180, P in -90..=90. At P = ±90° only their difference or sum means
-    /// something: R is 0 there, as controllers show it.
+    /// Returns W, P, R in degrees: W and R in -180..=180, P in -90..=90. At P = ±90° only their difference or sum is
+    /// defined: R is 0 there, as controllers show it.
     pub fn to_wpr(self) -> [f64; 3] {
         let Self { w, x, y, z } = self;
         let sine = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0);
@@ -47,8 +47,8 @@ impl Quaternion {
         [about_x.to_degrees(), asin(sine).to_degrees(), about_z.to_degrees()]
     }
 
-    /// From four numbers that are nearly a unit quaternion, such as the controller's registers; the identity when all
-    /// are zero.
+    /// Creates an orientation from four numbers that are nearly a unit quaternion, such as the controller's registers; the
+    /// identity if all are zero.
     pub fn normalised([w, x, y, z]: [f64; 4]) -> Self {
         let length = sqrt(w * w + x * x + y * y + z * z);
         if length > 0.0 && length.is_finite() {
@@ -58,25 +58,26 @@ impl Quaternion {
         }
     }
 
-    /// w, x, y, z.
+    /// Returns w, x, y, z.
     pub fn to_array(self) -> [f64; 4] {
         [self.w, self.x, self.y, self.z]
     }
 
-    /// The inverse rotation.
+    /// Returns the inverse rotation.
     #[must_use]
     pub fn conjugate(self) -> Self {
         Self { w: self.w, x: -self.x, y: -self.y, z: -self.z }
     }
 
-    /// The same orientation with the sign that is nearer to `other`: what follows another sample without a jump.
+    /// Returns the same orientation with the sign that is nearer to `other`, so that it follows another sample without a
+    /// jump.
     #[must_use]
     pub fn near(self, other: Self) -> Self {
         let dot = self.w * other.w + self.x * other.x + self.y * other.y + self.z * other.z;
         if dot < 0.0 { Self { w: -self.w, x: -self.x, y: -self.y, z: -self.z } } else { self }
     }
 
-    /// The rotation as a vector: its direction is the axis, its length the angle in degrees, 180 at most (footnote 5).
+    /// Returns the rotation as a vector: its direction is the axis, its length the angle in degrees, 180 at most (footnote 5).
     pub fn rotation_vector(self) -> [f64; 3] {
         let Self { w, x, y, z } = self.near(Self::IDENTITY);
         let sine = sqrt(x * x + y * y + z * z);
@@ -85,7 +86,7 @@ impl Quaternion {
         [x, y, z].map(|part| (part * scale).to_degrees())
     }
 
-    /// From a rotation vector in degrees.
+    /// Creates an orientation from a rotation vector in degrees.
     pub fn from_rotation_vector(vector: [f64; 3]) -> Self {
         let [x, y, z] = vector.map(f64::to_radians);
         let angle = sqrt(x * x + y * y + z * z);
@@ -93,27 +94,27 @@ impl Quaternion {
         Self::normalised([cos(angle / 2.0), x * scale, y * scale, z * scale])
     }
 
-    /// The rotation from this orientation to the other, in the world frame, as a vector in degrees.
+    /// Returns the rotation from this orientation to the other, in the world frame, as a vector in degrees.
     pub fn rotation_to(self, other: Self) -> [f64; 3] {
         (other * self.conjugate()).rotation_vector()
     }
 
-    /// The angular velocity in the world frame, in degrees a second, by Euler's kinematic equations: `2·q̇·q*`. `rate`
-    /// is the quaternion's derivative a second, such as the controller's `SPD_Q1` to `SPD_Q4` where they do not jump.
+    /// Returns the angular velocity in the world frame, in degrees a second, by Euler's kinematic equations: `2·q̇·q*`.
+    /// `rate` is the quaternion's derivative a second, such as the controller's `SPD_Q1` to `SPD_Q4` if they do not jump.
     pub fn angular_velocity_world(self, rate: [f64; 4]) -> [f64; 3] {
         let [w, x, y, z] = rate;
         let q = Self { w, x, y, z } * self.conjugate();
         [q.x, q.y, q.z].map(|part| (2.0 * part).to_degrees())
     }
 
-    /// The angular velocity in the tool's own frame, in degrees a second: `2·q*·q̇`.
+    /// Returns the angular velocity in the tool's own frame, in degrees a second: `2·q*·q̇`.
     pub fn angular_velocity_body(self, rate: [f64; 4]) -> [f64; 3] {
         let [w, x, y, z] = rate;
         let q = self.conjugate() * Self { w, x, y, z };
         [q.x, q.y, q.z].map(|part| (2.0 * part).to_degrees())
     }
 
-    /// A vector of the tool's frame, seen in the world frame.
+    /// Returns a vector of the tool's frame in the world frame.
     pub fn rotate(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let q = self * Self { w: 0.0, x, y, z } * self.conjugate();
         [q.x, q.y, q.z]
@@ -123,7 +124,7 @@ impl Quaternion {
 impl Mul for Quaternion {
     type Output = Self;
 
-    /// First `other`, then this one, both about the world's axes.
+    /// Returns the rotation by `other` first, then by this one, both about the world's axes.
     fn mul(self, other: Self) -> Self {
         let (a, b) = (self, other);
         Self {

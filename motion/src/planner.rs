@@ -121,25 +121,26 @@ const FASTEST_WAY: f64 = 2000.0;
 const PIECES: u32 = 25;
 
 impl Planner {
-    /// An arm at rest.
+    /// Creates an arm at rest.
     pub fn new(arm: Arm, limits: Limits, joints: [f64; 6]) -> Self {
         let (active, spline) = (Vec::new(), None);
         Self { arm, limits, base: joints, target: joints, active, spline, shown: joints, anywhere: None }
     }
 
-    /// The same for a tool that goes anywhere: its paths are those of poses, whatever an arm reaches. Joints are near where there are any.
+    /// Returns the same planner for a tool that goes anywhere: its paths are those of poses, regardless of the arm's reach.
+    /// Joints are the nearest ones, if there are any.
     pub fn anywhere(mut self) -> Self {
         let here = self.arm.forward(&self.target);
         self.anywhere = Some((here, here));
         self
     }
 
-    /// The joints where the last motion ends.
+    /// Returns the joints at the end of the last motion.
     pub fn target(&self) -> [f64; 6] {
         self.target
     }
 
-    /// The arm with its tool.
+    /// Returns the arm with its tool.
     pub fn arm(&self) -> Arm {
         self.arm
     }
@@ -151,7 +152,7 @@ impl Planner {
         self.arm.tool = tool;
     }
 
-    /// The tool's pose at a time that is not before the last one asked for.
+    /// Returns the tool's pose at a time that is not before the last requested one.
     pub fn pose(&mut self, now: f64) -> Pose {
         let joints = self.at(now);
         match self.anywhere {
@@ -199,7 +200,7 @@ impl Planner {
         Ok((next, end))
     }
 
-    /// Whether the tool goes [anywhere](Self::anywhere).
+    /// Returns whether the tool goes [anywhere](Self::anywhere).
     pub fn goes_anywhere(&self) -> bool {
         self.anywhere.is_some()
     }
@@ -228,7 +229,7 @@ impl Planner {
         Ok(times)
     }
 
-    /// The joints at a time that is not before the last one asked for.
+    /// Returns the joints at a time that is not before the last requested one.
     pub fn at(&mut self, now: f64) -> [f64; 6] {
         if let Some((begin, spline)) = &self.spline {
             let seconds = now - begin;
@@ -267,7 +268,7 @@ impl Planner {
         })
     }
 
-    /// The joints that a goal has, those nearest to where the arm comes from.
+    /// Returns the joints of a goal, nearest to those from which the arm comes.
     fn joints_of(&self, goal: &Goal, way: Way, from: &[f64; 6]) -> Result<[f64; 6], MoveError> {
         let joints = match goal {
             Goal::Joints(joints) => *joints,
@@ -321,7 +322,7 @@ impl Planner {
         Ok(joints)
     }
 
-    /// The time of the way at its speed.
+    /// Returns the time of the path at its speed.
     fn cruise(&self, segment: &Segment, pace: Pace) -> f64 {
         let (length, turn) = segment.length(&self.arm);
         let joints = segment.from.iter().zip(segment.to).zip(self.limits.joints);
@@ -371,7 +372,7 @@ impl Segment {
         }
     }
 
-    /// In mm and degrees.
+    /// Returns the length in mm and in degrees.
     fn length(&self, arm: &Arm) -> (f64, f64) {
         let (mut length, mut turn) = (0.0, 0.0);
         for piece in 0..PIECES {
@@ -385,7 +386,7 @@ impl Segment {
     }
 }
 
-/// An arc from one pose through a place to another pose.
+/// Returns an arc from one pose through a point to another pose.
 fn arc(from: Pose, via: [f64; 3], to: Pose) -> Result<Path, MoveError> {
     let (u, v) = (difference(via, from.position), difference(to.position, from.position));
     let normal = cross(u, v);
@@ -412,20 +413,20 @@ fn arc(from: Pose, via: [f64; 3], to: Pose) -> Result<Path, MoveError> {
     Ok(Path::Arc { from, to, center, turn: axis.map(|part| part * angle) })
 }
 
-/// A pose moved as from one pose to another.
+/// Returns a pose moved as from one pose to another.
 fn moved(pose: Pose, from: Pose, to: Pose) -> Pose {
     let ([x, y, z], [a, b, c]) = (pose.position, difference(to.position, from.position));
     let orientation = rotation(from.rotation_to(&to)).then(pose).orientation;
     Pose { position: [x + a, y + b, z + c], orientation }
 }
 
-/// The orientation on the way from one to another.
+/// Returns the orientation on the way from one to another.
 fn turned(from: Pose, to: Pose, share: f64) -> [f64; 4] {
     let turn = from.rotation_to(&to).map(|part| part * share);
     rotation(turn).then(from).orientation
 }
 
-/// A turn by a rotation vector in degrees.
+/// Returns a turn by a rotation vector in degrees.
 fn rotation(vector: [f64; 3]) -> Pose {
     let orientation = super::orientation::Quaternion::from_rotation_vector(vector).to_array();
     Pose { position: [0.0; 3], orientation }

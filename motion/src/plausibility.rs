@@ -79,7 +79,7 @@ impl Plausibility {
         })
     }
 
-    /// Called when a connection was made: the earlier life counter is of another time.
+    /// Called when a connection was made: the earlier life counter is no longer comparable.
     pub fn reconnected(&mut self) {
         self.run = None;
     }

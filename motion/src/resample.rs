@@ -68,12 +68,12 @@ pub struct Resampling {
 }
 
 impl Resampling {
-    /// The defaults with this sampling.
+    /// Creates the defaults with this sampling.
     pub fn new(sampling: Sampling) -> Self {
         Self { sampling, speed: SpeedStep::default(), user_frame: 0, user_tool: 1, approach: 2 }
     }
 
-    /// The program, with its name and comment, and what became of the trajectory in it.
+    /// Creates the program, with its name and comment, and a report of the differences from the trajectory.
     ///
     /// `J P[1]` goes to the first sample and stops there; an `S` with CNT100 goes to each point, the last with FINE. The
     /// speed of a move is the length of the tool's path from the point before, by the time that the trajectory takes
@@ -112,7 +112,7 @@ impl Resampling {
         Ok((builder.build(rules)?, report))
     }
 
-    /// The times of the points, the first and the last sample among them.
+    /// Returns the times of the points, including the first and the last sample.
     fn times(
         &self,
         path: &Path,
@@ -318,7 +318,7 @@ impl Path {
         }
     }
 
-    /// The times at which `of` has grown by another `step`.
+    /// Appends the times at which `of` has grown by another `step`.
     fn every(&self, step: f64, of: fn(&Knot) -> f64, times: &mut Vec<f64>) -> Result<(), ResampleError> {
         let mut count = 1.0;
         for pair in self.knots.windows(2) {
@@ -332,7 +332,7 @@ impl Path {
         Ok(())
     }
 
-    /// The time of the next point: the longest step that no acceleration on it forbids.
+    /// Returns the time of the next point: after the longest step that its accelerations allow.
     fn dynamic(&self, from: f64, min: f64, max: f64, shares: &[f64]) -> f64 {
         let mut end = from + max;
         let first = self.knots.partition_point(|knot| knot.time < from);
@@ -352,7 +352,7 @@ impl Path {
 /// shares are small.
 const LEAST_ACCELERATION: f64 = 1.0;
 
-/// The acceleration at each sample, as a share of the greatest. It is taken from `window` seconds before the sample to
+/// Returns the acceleration at each sample, as a share of the greatest. It is taken from `window` seconds before the sample to
 /// `window` seconds after it, within the trajectory.
 fn accelerations(
     trajectory: &Trajectory,

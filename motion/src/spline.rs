@@ -30,7 +30,7 @@ pub(crate) enum Stretch {
 }
 
 impl Spline {
-    /// From `start` through the joints of each stretch.
+    /// Creates a spline from `start` through the joints of each stretch.
     pub(crate) fn new(arm: &Arm, start: [f64; 6], stretches: &[([f64; 6], Stretch)]) -> Self {
         let joints = stretches.iter().map(|(joints, _)| *joints);
         let points = core::iter::once(start).chain(joints);
@@ -44,12 +44,12 @@ impl Spline {
         spline
     }
 
-    /// The times of the positions after the first, in s.
+    /// Returns the times of the positions after the first, in s.
     pub(crate) fn times(&self) -> impl Iterator<Item = f64> {
         self.points.iter().skip(1).map(|point| point.time)
     }
 
-    /// The joints at a time in s; at rest before the first position and after the last.
+    /// Returns the joints at a time in s; at rest before the first position and after the last.
     pub(crate) fn at(&self, seconds: f64) -> [f64; 6] {
         let next = self.points.partition_point(|point| point.time <= seconds);
         match (self.points.get(next.wrapping_sub(1)), self.points.get(next)) {
@@ -91,7 +91,7 @@ impl Spline {
     }
 }
 
-/// The cubic between two points that has their rates at its ends.
+/// Returns the cubic between two points that has their rates at its ends.
 fn between(a: &Point, b: &Point, share: f64) -> [f64; 6] {
     let (t, h) = (share.clamp(0.0, 1.0), b.time - a.time);
     let (t2, t3) = (t * t, t * t * t);
@@ -106,7 +106,7 @@ fn between(a: &Point, b: &Point, share: f64) -> [f64; 6] {
     joints
 }
 
-/// The length of the tool's path, in mm.
+/// Returns the length of the tool's path, in mm.
 fn length(arm: &Arm, a: &Point, b: &Point) -> f64 {
     let pose = |k: u32| arm.forward(&between(a, b, f64::from(k) / f64::from(PIECES)));
     (1..=PIECES).map(|k| pose(k - 1).distance(&pose(k))).sum()

@@ -93,17 +93,18 @@ pub struct Counts {
 }
 
 impl Tracker {
-    /// A tracker for a task that runs every 8 ms.
+    /// Creates a tracker for a task that runs every 8 ms.
     pub fn new() -> Self {
         Self::with_period(Duration::from_millis(8))
     }
 
-    /// A tracker for a task that runs with this period, which is not zero.
+    /// Creates a tracker for a task that runs with this period, which is not zero.
     pub fn with_period(period: Duration) -> Self {
         Self::with_polls(period, period)
     }
 
-    /// A tracker for a task that runs with this period, which is not zero, and whose blocks are read at this interval.
+    /// Creates a tracker for a task that runs with this period, which is not zero, and whose blocks are read at this
+    /// interval.
     pub fn with_polls(period: Duration, poll: Duration) -> Self {
         let expected = poll.as_nanos().div_ceil(period.as_nanos().max(1)).max(1);
         let expected = u32::try_from(expected).unwrap_or(u32::MAX);

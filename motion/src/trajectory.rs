@@ -19,7 +19,7 @@ pub struct JointSample {
 const MAX_SPAN: f64 = 86_400.0;
 
 impl Trajectory {
-    /// A trajectory of two samples at least, in the order of their times.
+    /// Creates a trajectory of at least two samples, in the order of their times.
     ///
     /// # Errors
     /// If there are fewer, a number is not finite, a time is not later than the previous one, or more than a day
@@ -69,7 +69,7 @@ impl Trajectory {
         Ok(Self { samples })
     }
 
-    /// The same trajectory, when J3 in it counts from the upper arm: J3 - J2 counts from the horizontal.
+    /// Converts a trajectory whose J3 counts from the upper arm: J3 - J2 counts from the horizontal.
     #[must_use]
     pub fn from_upper_arm(mut self) -> Self {
         for JointSample { joints: [_, j2, j3, ..], .. } in &mut self.samples {
@@ -83,13 +83,14 @@ impl Trajectory {
         &self.samples
     }
 
-    /// The time of the first and of the last sample, in seconds.
+    /// Returns the time of the first and of the last sample, in seconds.
     pub fn span(&self) -> (f64, f64) {
         let time = |sample: Option<&JointSample>| sample.map_or(0.0, |sample| sample.time);
         (time(self.samples.first()), time(self.samples.last()))
     }
 
-    /// The joints at a time, on the straight line between the samples beside it; the first or the last outside the span.
+    /// Returns the joints at a time, on the straight line between the samples beside it; the first or the last outside the
+    /// span.
     pub fn at(&self, time: f64) -> [f64; 6] {
         let next = self.samples.partition_point(|sample| sample.time <= time);
         let (Some(a), b) = (self.samples.get(next.saturating_sub(1)), self.samples.get(next)) else {
@@ -174,7 +175,7 @@ fn decode_row(row: &str) -> Result<JointSample, (usize, TrajectoryReason)> {
     if found == 7 { Ok(JointSample { time, joints }) } else { Err((1, TrajectoryReason::Columns { found })) }
 }
 
-/// A number as spreadsheets and MATLAB write it: `1.5`, `.5`, `1.5e-3`.
+/// Parses a number as spreadsheets and MATLAB write it: `1.5`, `.5`, `1.5e-3`.
 fn number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|value: &f64| value.is_finite())
 }

@@ -169,12 +169,12 @@ impl Latch {
         }
     }
 
-    /// Whether the hand's values may be used.
+    /// Returns whether the hand's values may be used.
     pub fn is_armed(&self, now: Duration) -> bool {
         matches!(self, Self::Armed { fresh_until } if !is_due(*fresh_until, now))
     }
 
-    /// Whether there is an ALTER.
+    /// Returns whether ALTER is active.
     pub fn is_on(&self) -> bool {
         !matches!(self, Self::Off(_) | Self::Ended)
     }
@@ -333,7 +333,7 @@ impl Latch {
 }
 
 impl LatchInput {
-    /// The rule by which it disarms, whatever the state is.
+    /// Returns the rule by which the input disarms, in any state.
     fn disarms_by(self) -> Option<Rule> {
         match self {
             Self::Connected => Some(Rule::Start),
@@ -367,7 +367,7 @@ impl Machine for Latch {
         Ok(Self::on(self, now, input, config))
     }
 
-    /// The arm follows the hand's last values so long as it is due, and else comes to rest.
+    /// Returns the values to send. The arm follows the hand's last values as long as it is due, and otherwise comes to rest.
     fn transmit(&self, now: Duration, config: &LatchConfig) -> Option<HandValues> {
         let is_armed = match self {
             Self::Armed { .. } if !config.keeps(Rule::FreshInUse) => true,

@@ -86,7 +86,8 @@ impl Oracle {
     }
 }
 
-/// Every state that any order of inputs at any pace leads to: armed only when the oracle allows it.
+/// Explores every state that any sequence of inputs at any pace leads to, and asserts that the latch is armed only if the
+/// oracle allows it; returns the number of states.
 fn explore(config: &LatchConfig) -> usize {
     const EPOCH: Duration = Duration::from_secs(1);
     let mut seen = HashSet::new();

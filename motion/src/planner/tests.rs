@@ -159,7 +159,7 @@ fn a_tool_without_an_arm_goes_anywhere_and_stops_where_it_is_told() {
     assert!((planner.pose(end).position[0] - 9000.0).abs() < 1e-6);
 }
 
-/// A tool without an arm that stands there at time 0.
+/// Returns a tool without an arm at rest at this position at time 0.
 fn tool_at(place: Pose) -> Planner {
     let mut planner = planner().anywhere();
     let there = Move { pace: Pace::Time(1.0), ..to(place, Way::Linear, Pace::Share(1.0)) };

@@ -5,12 +5,12 @@ use cellwire_motion::{
     fit_delay, moving,
 };
 
-/// A state every 8 ms, of whatever it is at its time.
+/// Returns a state every 8 ms, given by `at` at its time.
 fn states(count: u32, at: impl Fn(f64) -> State) -> Vec<State> {
     (0..count).map(|k| at(f64::from(k) * 0.008)).collect()
 }
 
-/// Along X at 100 mm/s and about Z at 10°/s, from the first state to the last.
+/// Returns a state on the way along X at 100 mm/s and about Z at 10°/s.
 fn line(time: f64) -> State {
     State {
         velocity: [100.0, 0.0, 0.0],
@@ -27,7 +27,7 @@ fn deviation(time: f64, [position, rotation, velocity, angular_velocity]: [[f64;
     Deviation { time, position, rotation, velocity, angular_velocity }
 }
 
-/// Every state off by the same.
+/// Returns the states, each off by the same deviation.
 fn off(states: &[State], by: [[f64; 3]; 4]) -> Vec<(Deviation, State)> {
     states.iter().map(|state| (deviation(state.time, by), *state)).collect()
 }

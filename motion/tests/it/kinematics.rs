@@ -85,7 +85,7 @@ fn close(found: [f64; 3], expected: [f64; 3], within: f64) {
     assert!(!far, "found {found:?}, expected {expected:?}");
 }
 
-/// An axis of the flange in the world: where a step of 1 mm along it leads.
+/// Returns an axis of the flange in the world: the direction of a step of 1 mm along it.
 fn axis(pose: Pose, step: Pose) -> [f64; 3] {
     let (to, from) = (pose.then(step).position, pose.position);
     [to[0] - from[0], to[1] - from[1], to[2] - from[2]]

@@ -9,7 +9,7 @@ fn path<const N: usize>(samples: [(f64, [f64; 6]); N]) -> Trajectory {
     Trajectory::new(samples.map(|(time, joints)| JointSample { time, joints }).to_vec()).unwrap()
 }
 
-/// One joint there, the others at zero.
+/// Returns one joint at this value, and the others at zero.
 fn only(joint: u8, value: f64) -> [f64; 6] {
     let mut joints = [0.0; 6];
     joints[usize::from(joint) - 1] = value;
@@ -62,7 +62,7 @@ fn the_limits_that_come_with_the_crate_are_those_of_any_arm_and_of_the_data_shee
     );
 }
 
-/// A file of six joints and what follows them.
+/// Returns a file of six joints and the fields after them.
 fn file(joints: [[f64; 3]; 6], more: &str) -> String {
     let rows = joints.map(|[min, max, speed]| format!(r#"{{"min": {min}, "max": {max}, "speed": {speed}}}"#));
     format!("{{\"joints\": [{}]{more}}}", rows.join(",\n"))

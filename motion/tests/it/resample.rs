@@ -166,7 +166,7 @@ fn an_even_motion_takes_the_longest_steps_and_a_last_one_of_the_shortest_at_leas
     assert_eq!(until(10.25, 0.5), [10.0, 10.25]);
 }
 
-/// A sample each second from 10 s, at such a rate until the next.
+/// Returns a sample each second from 10 s on, at these rates until the next.
 fn at_rates(rates: &[f64]) -> Vec<(f64, f64)> {
     let mut last = (10.0, 0.0);
     let next = |rate| {
@@ -363,7 +363,8 @@ fn the_sources_listing_takes_steps_between_its_shortest_and_its_longest() {
     assert!((second / first - 2.0).abs() < 0.25, "{first} s, {second} s");
 }
 
-/// From 0 to 100 mm/s at 125 mm/s², 1 s at that speed, and down again: the figures of the source's summary.
+/// Returns the position on a path from 0 to 100 mm/s at 125 mm/s², 1 s at that speed, and down again: the figures of the
+/// source's summary.
 fn trapezoid(t: f64) -> f64 {
     match t {
         t if t < 0.8 => 62.5 * t * t,

@@ -91,7 +91,7 @@ mod orientation {
 mod tracker {
     use super::*;
 
-    /// A block as the source's background task makes it: Q1 positive, speeds over a fixed 8 ms.
+    /// Creates a block as the source's background task does: Q1 positive, speeds over a fixed 8 ms.
     fn block(life_counter: u32, position: [f64; 3], wpr: [f64; 3], before: [f64; 3]) -> TelemetryBlock {
         let flipped = |wpr| {
             let q = Quaternion::from_wpr(wpr);
@@ -200,7 +200,7 @@ mod tracker {
 mod evaluate {
     use super::*;
 
-    /// An S-curve in X with a turn, at rest at both ends.
+    /// Returns a point of an S-curve in X with a turn, at rest at both ends.
     fn pose(t: f64) -> ([f64; 3], Quaternion) {
         let s = (t.clamp(0.0, 4.0) / 4.0 * core::f64::consts::PI).cos();
         ([200.0 * (1.0 - s), 30.0, 400.0], Quaternion::from_wpr([180.0, 0.0, 20.0 * (1.0 - s)]))

@@ -6,7 +6,7 @@ fn sample(time: f64, joints: [f64; 6]) -> JointSample {
     JointSample { time, joints }
 }
 
-/// The line, the column and the reason.
+/// Returns the line, the column and the reason.
 fn refused(result: Result<Trajectory, TrajectoryError>) -> (usize, usize, TrajectoryReason) {
     let error = result.unwrap_err();
     (error.line, error.column, error.reason)

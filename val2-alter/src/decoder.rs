@@ -67,7 +67,7 @@ const CAPACITY: usize = 2 * Frame::MAX_LEN;
 const SHORTEST: usize = 6;
 
 impl<M: Message> Decoder<M> {
-    /// A decoder at the beginning of a stream.
+    /// Creates a decoder at the beginning of a stream.
     pub fn new(framing: Framing) -> Self {
         Self {
             framing,
@@ -87,13 +87,13 @@ impl<M: Message> Decoder<M> {
         }
     }
 
-    /// The error of a corrupt frame, once, as soon as `next_frame` has found it; `next_frame` returns it when the bytes that it
-    /// covers are known. For an end that has to answer at once.
+    /// Returns the error of a corrupt frame, once, as soon as `next_frame` has found it; `next_frame` returns it when the
+    /// extent of the frame is known. For an end that must answer at once.
     pub fn corruption(&mut self) -> Option<DecodeError> {
         self.news.take()
     }
 
-    /// The number of bytes that are neither returned as a frame nor as an error.
+    /// Returns the number of bytes that were returned neither as a frame nor as an error.
     pub fn pending(&self) -> usize {
         whole(self.skipped).saturating_add(self.held())
     }
@@ -220,7 +220,7 @@ impl<M: Message> Decoder<M> {
         }
     }
 
-    /// Bytes at `start` belong to no frame, nor do the DLEs before them.
+    /// Skips `count` bytes at `start`, and the DLEs before them: they do not belong to a frame.
     fn skip(&mut self, count: usize) {
         if count > 0 {
             self.skipped += core::mem::take(&mut self.spare_dles) as u64;
@@ -258,7 +258,7 @@ impl<M: Message> Decoder<M> {
         count - usize::from(count > 0 && core::mem::take(&mut self.lent))
     }
 
-    /// The error for all that was skipped.
+    /// Removes and returns the error for all skipped bytes.
     fn take_error(&mut self) -> Option<DecodeError> {
         let (offset, skipped) = (self.offset(), core::mem::take(&mut self.skipped));
         let length = whole(skipped);

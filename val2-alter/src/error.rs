@@ -99,7 +99,7 @@ pub enum DecodeError {
 }
 
 impl DecodeError {
-    /// The code with which a controller reports this to its host (§3.2.2).
+    /// Returns the code with which a controller reports the error to its host (§3.2.2).
     pub fn code(self) -> ErrorCode {
         match self {
             Self::StartMark { .. } | Self::EndMark { .. } => ErrorCode::Mark,
@@ -130,7 +130,7 @@ impl DecodeError {
         }
     }
 
-    /// The same error, `by` bytes further on in the stream.
+    /// Returns the same error, `by` bytes later in the stream.
     pub(crate) fn shifted(mut self, by: usize) -> Self {
         match &mut self {
             Self::StartMark { offset, .. }

@@ -20,7 +20,7 @@ impl Frame {
 
     const SUMMED: usize = 32;
 
-    /// A frame around `data`.
+    /// Creates a frame around `data`.
     ///
     /// # Errors
     /// [`EncodeError::TooLong`] above [`Frame::MAX_DATA`] bytes.
@@ -42,7 +42,7 @@ impl Frame {
         Self::decode_limited(bytes, framing, Self::MAX_DATA)
     }
 
-    /// As [`Frame::decode`], for a side whose messages have at most `limit` data bytes.
+    /// Decodes a frame as [`Frame::decode`] does, for a side whose messages have at most `limit` data bytes.
     pub(crate) fn decode_limited(
         bytes: &[u8],
         framing: Framing,
@@ -100,26 +100,26 @@ impl Frame {
         Ok(needed)
     }
 
-    /// The length on the line, doubled DLEs included.
+    /// Returns the length on the line, including doubled DLEs.
     pub fn encoded_len(&self, framing: Framing) -> usize {
         let doubled = self.data().iter().filter(|byte| **byte == DLE).count();
         let checksum_len = framing.checksum_len(self.checksum(framing));
         framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum_len
     }
 
-    /// The data bytes, at most [`Frame::MAX_DATA`].
+    /// Returns the data bytes, at most [`Frame::MAX_DATA`].
     pub fn data(&self) -> &[u8] {
         self.data.get(..self.len).unwrap_or_default()
     }
 
-    /// The sum of the data modulo 256, or its two's complement.
+    /// Returns the sum of the data modulo 256, or its two's complement.
     pub fn checksum(&self, framing: Framing) -> u8 {
         let mut sum = Sum::default();
         self.words().for_each(|word| sum.add(word));
         framing.checksum(sum.total())
     }
 
-    /// Whether a data byte is doubled on the line.
+    /// Returns whether a data byte is doubled on the line.
     #[inline]
     pub(crate) fn has_dle(&self) -> bool {
         self.words().fold(0, |any, word| any | dles(word)) != 0
@@ -145,7 +145,7 @@ impl Frame {
         self.push_if(true, bytes);
     }
 
-    /// The same without a branch: unwanted bytes are zero, and are written after the end.
+    /// Appends bytes if they are wanted, without a branch: unwanted bytes are zero, and are written after the end.
     #[inline]
     pub(crate) fn push_if<const N: usize>(&mut self, wanted: bool, bytes: [u8; N]) {
         if let Some(room) = self.data.get_mut(self.len..).and_then(<[u8]>::first_chunk_mut) {
@@ -248,7 +248,7 @@ pub(crate) struct Reading {
 impl Reading {
     pub(crate) const NEW: Self = Self { frame: Frame::empty(), at: 0 };
 
-    /// A start mark was read.
+    /// Returns whether a start mark was read.
     pub(crate) const fn has_begun(&self) -> bool {
         self.at > 0
     }
@@ -268,7 +268,7 @@ impl Reading {
         false
     }
 
-    /// The bytes that were read.
+    /// Returns the number of bytes read.
     #[inline]
     pub(crate) const fn at(&self) -> usize {
         self.at
@@ -314,7 +314,7 @@ impl Reading {
     }
 }
 
-/// The start mark's length: a run of DLEs, at least the framing's number, then STX. `None`: more bytes are needed.
+/// Returns the start mark's length: a run of DLEs, at least the framing's number, then STX. `None` if more bytes are needed.
 fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, DecodeError> {
     match (leading, bytes) {
         (LeadingDle::One, [DLE, STX, ..]) => return Ok(Some(2)),
@@ -358,12 +358,12 @@ pub(crate) fn plain_data(bytes: &[u8], available: usize, framing: Framing) -> Op
     None
 }
 
-/// The length on the line of a frame without a DLE in its data.
+/// Returns the length on the line of a frame without a DLE in its data.
 pub(crate) const fn plain_len(data: &[u8], framing: Framing) -> usize {
     framing.leading_dle.count() + 1 + data.len() + 3
 }
 
-/// The place of the first DLE, or the length of `bytes`.
+/// Returns the offset of the first DLE, or the length of `bytes`.
 pub(crate) fn find_dle(bytes: &[u8]) -> usize {
     let mut at = 0;
     let mut rest = bytes;
@@ -378,7 +378,7 @@ pub(crate) fn find_dle(bytes: &[u8]) -> usize {
     at + rest.iter().position(|byte| *byte == DLE).unwrap_or(rest.len())
 }
 
-/// The place of the first DLE, or 8.
+/// Returns the offset of the first DLE, or 8.
 #[inline]
 const fn dle_in(word: [u8; 8]) -> usize {
     dles(u64::from_le_bytes(word)).trailing_zeros() as usize / 8
@@ -410,7 +410,7 @@ impl Sum {
         self.even += word & 0x00FF_00FF_00FF_00FF;
     }
 
-    /// The sum modulo 256.
+    /// Returns the sum modulo 256.
     #[inline]
     const fn total(self) -> u8 {
         let odd = self.words.wrapping_sub(self.even) >> 8;

@@ -63,7 +63,7 @@ pub enum LeadingDle {
 }
 
 impl LeadingDle {
-    /// The number.
+    /// Returns the number.
     pub const fn count(self) -> usize {
         match self {
             Self::One => 1,

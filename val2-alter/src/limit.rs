@@ -53,27 +53,27 @@ pub(crate) struct Axes {
 }
 
 impl Limiter {
-    /// At rest on the path.
+    /// Creates a limiter at rest on the path.
     pub fn new(limits: Limits) -> Self {
         let words = |limits: [u16; AXES]| limits.map(|limit| i16::try_from(limit).unwrap_or(i16::MAX));
         Self { limits, most: words(limits.velocity), change: words(limits.acceleration), axes: Axes::REST }
     }
 
-    /// The next values of cumulative ALTER, where a value is a speed: as near to `target` as the limits allow.
+    /// Returns the next values of cumulative ALTER, where a value is a speed: as near to `target` as the limits allow.
     pub fn speeds(&mut self, target: [i16; AXES]) -> [i16; AXES] {
         self.axes = self.speeds_from(self.axes, target);
         self.axes.speed
     }
 
-    /// The next values of non-cumulative ALTER, where a value is an offset from the path: on the way to `target` with a
-    /// speed from which it can stop there. A target that comes nearer than the arm can brake is passed and come back to. At
-    /// the ends of a word (±1024 mm) the arm stops at once.
+    /// Returns the next values of non-cumulative ALTER, where a value is an offset from the path: on the way to `target`
+    /// with a speed from which it can stop there. If a target comes nearer than the braking distance, the arm passes it and
+    /// returns. At the ends of a word (±1024 mm) the arm stops at once.
     pub fn positions(&mut self, target: [i16; AXES]) -> [i16; AXES] {
         self.axes = self.positions_from(self.axes, target);
         self.axes.position
     }
 
-    /// The controller could not read the last value: the arm did not move by it, and is at rest.
+    /// Called when the controller could not read the last value: the arm did not move by the value, and is at rest.
     pub fn rejected(&mut self) {
         let Axes { speed, position } = &mut self.axes;
         for (position, speed) in position.iter_mut().zip(speed) {
@@ -82,12 +82,13 @@ impl Limiter {
         self.rest();
     }
 
-    /// The controller had no value in the last cycle: the arm is at rest where it is.
+    /// Called when the controller had no value in the last cycle: the arm is at rest.
     pub fn rest(&mut self) {
         self.axes.speed = [0; AXES];
     }
 
-    /// The axes of this mask (bit *i* is axis *i*) must stay where they are on the path, at rest: their words were not sent.
+    /// Sets speed and offset of these axes (bit *i* is axis *i*) to zero: their words were not sent, so they must stay on
+    /// the path, at rest.
     pub fn hold(&mut self, axes: u8) {
         let Axes { speed, position } = &mut self.axes;
         for (axis, (speed, position)) in speed.iter_mut().zip(position).enumerate() {
@@ -102,17 +103,17 @@ impl Limiter {
         self.axes = Axes::REST;
     }
 
-    /// The offset of each axis: the last result of [`Limiter::positions`].
+    /// Returns the offset of each axis: the last result of [`Limiter::positions`].
     pub fn position(&self) -> [i16; AXES] {
         self.axes.position
     }
 
-    /// Whether no axis moves.
+    /// Returns whether all axes are at rest.
     pub fn is_at_rest(&self) -> bool {
         self.axes.speed == [0; AXES]
     }
 
-    /// The limits.
+    /// Returns the limits.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -127,7 +128,7 @@ impl Limiter {
         self.axes = axes;
     }
 
-    /// As [`Limiter::speeds`] moves the axes.
+    /// Moves the axes as [`Limiter::speeds`] does.
     pub(crate) fn speeds_from(&self, mut axes: Axes, target: [i16; AXES]) -> Axes {
         let limits = self.most.iter().zip(&self.change);
         for ((speed, target), (most, change)) in axes.speed.iter_mut().zip(&target).zip(limits) {
@@ -136,7 +137,7 @@ impl Limiter {
         axes
     }
 
-    /// As [`Limiter::positions`] moves the axes.
+    /// Moves the axes as [`Limiter::positions`] does.
     #[inline(never)]
     pub(crate) fn positions_from(&self, mut axes: Axes, target: [i16; AXES]) -> Axes {
         let limits = self.most.iter().zip(&self.change);
@@ -185,7 +186,7 @@ impl Reach {
         target
     }
 
-    /// The offsets (non-cumulative) nearest to `target` that are within reach.
+    /// Returns the offsets (non-cumulative) within reach that are nearest to `target`.
     pub fn offsets(&self, target: [i16; AXES]) -> [i16; AXES] {
         let mut offsets = target;
         for (offset, (low, high)) in offsets.iter_mut().zip(self.low.iter().zip(&self.high)) {
@@ -199,13 +200,14 @@ impl Reach {
 /// A way from which no speed of a word is too fast to stop at the least change.
 const LONGEST: u32 = 1 << 28;
 
-/// Not `clamp`: it checks its arguments, which keeps the axes from being done at once.
+/// Limits a change of speed. It does not call `clamp`, whose check of the arguments prevents that all axes are computed at
+/// once.
 fn approach(speed: i16, target: i16, most: i16, change: i16) -> i16 {
     let wanted = target.max(-most).min(most);
     wanted.max(speed.saturating_sub(change)).min(speed.saturating_add(change))
 }
 
-/// The highest speed from which `change` a cycle stops within `way`, this cycle's move included.
+/// Returns the highest speed from which `change` a cycle stops within `way`, this cycle's move included.
 ///
 /// From n·change + r, with r < change, the moves add up to change·n(n+1)/2 + (n+1)·r.
 fn braking_speed(way: u32, change: u32) -> i16 {

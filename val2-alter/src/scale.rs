@@ -27,7 +27,7 @@ impl Scale {
     /// 182.044 and 182.0444, which are this number, and calls it specific to the robot.
     pub const PUMA_562: Self = Self { per_mm: 32.0, per_degree: 65536.0 / 360.0 };
 
-    /// The nearest word to a length in mm.
+    /// Returns the nearest word to a length in mm.
     ///
     /// # Errors
     /// Outside ±1024 mm, at 32 units a mm; or no number.
@@ -35,7 +35,7 @@ impl Scale {
         word(mm * self.per_mm)
     }
 
-    /// The nearest word to an angle in degrees.
+    /// Returns the nearest word to an angle in degrees.
     ///
     /// # Errors
     /// Outside ±180°, at 65536/360 units a degree; or no number.
@@ -43,22 +43,22 @@ impl Scale {
         word(degrees * self.per_degree)
     }
 
-    /// As [`Scale::translation`], but values that are too large become the largest one. NaN becomes zero.
+    /// Converts as [`Scale::translation`] does, but values that are too large become the largest one, and NaN becomes zero.
     pub fn translation_saturating(&self, mm: f64) -> i16 {
         word_saturating(mm * self.per_mm)
     }
 
-    /// As [`Scale::rotation`], but values that are too large become the largest one. NaN becomes zero.
+    /// Converts as [`Scale::rotation`] does, but values that are too large become the largest one, and NaN becomes zero.
     pub fn rotation_saturating(&self, degrees: f64) -> i16 {
         word_saturating(degrees * self.per_degree)
     }
 
-    /// The length that a word moves.
+    /// Returns the length that a word stands for.
     pub fn millimetres(&self, word: i16) -> f64 {
         f64::from(word) / self.per_mm
     }
 
-    /// The angle that a word turns.
+    /// Returns the angle that a word stands for.
     pub fn degrees(&self, word: i16) -> f64 {
         f64::from(word) / self.per_degree
     }
@@ -82,7 +82,7 @@ fn word_saturating(units: f64) -> i16 {
     i16::try_from(rounded(units)).unwrap_or(if units < 0.0 { i16::MIN } else { i16::MAX })
 }
 
-/// To the nearest whole number, halves away from zero.
+/// Rounds to the nearest whole number, halves away from zero.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a float saturates when cast to an integer, and NaN gives 0"

@@ -35,7 +35,7 @@ impl Configure for Limits {
     }
 }
 
-/// The fields `baud` and `mode`, which both ends have.
+/// Visits the fields `baud` and `mode`, which both ends have.
 fn line(fields: &mut impl Fields, baud: &mut u32, mode: &mut Mode) {
     let about =
         "the rate of the serial line, 10 bits a byte; high enough for one value in the window of a reply";
@@ -44,13 +44,13 @@ fn line(fields: &mut impl Fields, baud: &mut u32, mode: &mut Mode) {
     fields.source("§10.4").whole("mode", 0..=31, "", about, &mut mode.0);
 }
 
-/// The field `gap`, which both ends have.
+/// Visits the field `gap`, which both ends have.
 fn gap_of(fields: &mut impl Fields, gap: &mut Option<Duration>) {
     let about = "the longest silence inside a frame; off if reads are further apart than bytes";
     fields.time_or("gap", ANY_TIME, "off", about, gap);
 }
 
-/// The field `framing`, which both ends have.
+/// Visits the field `framing`, which both ends have.
 fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
     fields.source("§3.2").inline("framing", "Framing", "the envelope", framing);
 }

@@ -17,12 +17,12 @@ pub(crate) const CYCLE_NANOS: u64 = 28_000_000;
 /// The baud rate of the source's line (§3.2), 8N1. Its reply table is for 19200.
 pub const BAUD: u32 = 38_400;
 
-/// From the end of the request to the end of the reply: 15 ms cumulative, 17 ms non-cumulative (§3.4).
+/// Returns the time from the end of the request to the end of the reply: 15 ms cumulative, 17 ms non-cumulative (§3.4).
 pub const fn window(accumulation: Accumulation) -> Duration {
     Duration::from_nanos(window_nanos(accumulation))
 }
 
-/// [`Budget::window`] in nanoseconds.
+/// Returns [`Budget::window`] in nanoseconds.
 pub(crate) const fn window_after_nanos(accumulation: Accumulation, baud: u32, request_len: usize) -> u64 {
     let left = CYCLE_NANOS.saturating_sub(transmission_nanos(request_len, baud));
     let window = window_nanos(accumulation);
@@ -41,13 +41,14 @@ pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     Duration::from_nanos(transmission_nanos(bytes, baud))
 }
 
-/// The same in nanoseconds: one number, where a `Duration` has two and carries between them.
+/// Returns the transmission time in nanoseconds: one number, where a `Duration` has two and carries between them.
 pub(crate) const fn transmission_nanos(bytes: usize, baud: u32) -> u64 {
     let baud = if baud == 0 { 1 } else { baud };
     (bytes as u64).saturating_mul(10_000_000_000) / baud as u64
 }
 
-/// This many nanoseconds after `now`: within the same second, as most deadlines are, no carry and no division is needed.
+/// Returns the time this many nanoseconds after `now`: within the same second, as for most deadlines, without a carry or a
+/// division.
 pub(crate) fn after(now: Duration, nanos: u64) -> Duration {
     match u32::try_from(u64::from(now.subsec_nanos()).saturating_add(nanos)) {
         Ok(nanos) if nanos < 1_000_000_000 => Duration::new(now.as_secs(), nanos),
@@ -68,7 +69,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// The budget of a cycle with a request and a reply of these lengths on the line.
+    /// Creates the budget of a cycle with a request and a reply of these lengths on the line.
     pub const fn new(accumulation: Accumulation, baud: u32, request_len: usize, reply_len: usize) -> Self {
         Self {
             request: transmission_time(request_len, baud),
@@ -77,7 +78,7 @@ impl Budget {
         }
     }
 
-    /// The budget when every byte that can be a DLE is one: what a host must be able to live with.
+    /// Creates the budget if every byte that can be a DLE is a DLE: the worst case for a host.
     pub const fn worst_case(
         accumulation: Accumulation,
         baud: u32,
@@ -89,45 +90,47 @@ impl Budget {
         Self::new(accumulation, baud, max_request_len(transform, framing), reply)
     }
 
-    /// The time that the host may think before it begins to send; `None`: the reply does not fit.
+    /// Returns the time that the host may compute before it begins to send; `None` if the reply does not fit.
     pub const fn slack(&self) -> Option<Duration> {
         self.window.checked_sub(self.reply)
     }
 }
 
-/// The time that the host may think before it begins a reply of `reply_len` bytes; `None`: the reply does not fit. This is
-/// what the source's table lists.
+/// Returns the time that the host may compute before it begins a reply of `reply_len` bytes; `None` if the reply does not
+/// fit. The source's table lists these times.
 pub const fn reply_slack(accumulation: Accumulation, baud: u32, reply_len: usize) -> Option<Duration> {
     window(accumulation).checked_sub(transmission_time(reply_len, baud))
 }
 
-/// The shortest standard message, without a doubled DLE: 12 bytes, with transformation 36 (two leading DLEs).
+/// Returns the length of the shortest standard message, without a doubled DLE: 12 bytes, with transformation 36 (two leading
+/// DLEs).
 pub const fn min_request_len(transform: bool, framing: Framing) -> usize {
     framing.leading_dle.count() + 4 + if transform { 30 } else { 6 }
 }
 
-/// The shortest reply with this number of values, without a doubled DLE: 8 bytes and two a value (two leading DLEs).
+/// Returns the length of the shortest reply with this number of values, without a doubled DLE: 8 bytes and two per value
+/// (two leading DLEs).
 pub const fn min_reply_len(values: usize, framing: Framing) -> usize {
     framing.leading_dle.count() + 6 + 2 * values
 }
 
-/// The longest standard message: 16 bytes, with transformation 64 (two leading DLEs, checksum not doubled). Control byte
-/// and segment status are never DLE; all other bytes can be. The source counts 14 and 52.
+/// Returns the length of the longest standard message: 16 bytes, with transformation 64 (two leading DLEs, checksum not
+/// doubled). Control byte and segment status are never DLE; all other bytes can be. The source counts 14 and 52.
 pub const fn max_request_len(transform: bool, framing: Framing) -> usize {
     let words = if transform { 2 + 12 } else { 2 };
     envelope(framing) + 2 + 4 * words
 }
 
-/// The longest reply with this number of values: 33 bytes for six (two leading DLEs, checksum not doubled). The exception
-/// code can be a DLE; so can the select byte, when it selects RY alone. The source counts 26 and 32.
+/// Returns the length of the longest reply with this number of values: 33 bytes for six (two leading DLEs, checksum not
+/// doubled). The exception code can be a DLE; so can the select byte, if it selects RY alone. The source counts 26 and 32.
 pub const fn max_reply_len(values: usize, framing: Framing) -> usize {
     let values = if values > AXES { AXES } else { values };
     let select = if values == 1 { 2 } else { 1 };
     envelope(framing) + 2 + select + 4 * values
 }
 
-/// The length of a reply with this number of values as the source's table counts it (§3.4.2): 8 bytes, and for each value
-/// 3 (cumulative: its high byte is taken never to be a DLE) or 4.
+/// Returns the length of a reply with this number of values as in the source's table (§3.4.2): 8 bytes, and for each value 3
+/// (cumulative: its high byte is assumed never to be a DLE) or 4.
 pub const fn printed_reply_len(accumulation: Accumulation, values: usize) -> usize {
     match accumulation {
         Accumulation::Cumulative => 8 + 3 * values,
@@ -135,7 +138,7 @@ pub const fn printed_reply_len(accumulation: Accumulation, values: usize) -> usi
     }
 }
 
-/// The length of a standard message as the source's table counts it (§3.4.1).
+/// Returns the length of a standard message as in the source's table (§3.4.1).
 pub const fn printed_request_len(transform: bool) -> usize {
     if transform { 52 } else { 14 }
 }

@@ -44,7 +44,8 @@ type Target = ([i16; AXES], Duration);
 /// A handle, and the task that it works through.
 pub type Spawned<C> = (Arm, Task<Moving, C>);
 
-/// An arm, and the task that answers its controller. With `reach`, no more is [commanded](Arm::commanded) than it allows.
+/// Creates an arm, and the task that answers its controller. With `reach`, values beyond it are not
+/// [commanded](Arm::commanded).
 ///
 /// # Errors
 /// As [`Host::new`].
@@ -84,7 +85,7 @@ impl Arm {
         self.target.send_replace(Some((target, now())));
     }
 
-    /// There is no target any more: speeds go to zero, an offset stays.
+    /// Removes the target: speeds go to zero, an offset stays.
     pub fn clear_target(&self) {
         self.target.send_replace(None);
     }
@@ -151,7 +152,7 @@ pub struct Moving {
 }
 
 impl Moving {
-    /// A message has come: the reply before it was read.
+    /// Counts a message that has come: the previous reply was read.
     fn count(&mut self, session: &Host) {
         let replies = robot_session::Session::statistics(session).replies;
         if replies == self.replies {
@@ -167,7 +168,7 @@ impl Moving {
         });
     }
 
-    /// The target of this moment, for the reply that is due.
+    /// Sets the current target for the reply that is due.
     fn aim(&self, session: &mut Host, now: Duration) {
         let Some((target, since)) = *self.to.borrow() else {
             session.clear_target(now);

@@ -70,7 +70,7 @@ impl ControllerConfig {
 }
 
 impl Default for ControllerConfig {
-    /// `ALTER(0, 23)`, no subroutine, on the source's line.
+    /// Returns the configuration of `ALTER(0, 23)`, without a subroutine, on the source's line.
     fn default() -> Self {
         Self {
             framing: Framing::DEFAULT,
@@ -103,7 +103,7 @@ pub enum Unselected {
 }
 
 impl Unselected {
-    /// Whether a word that is not transmitted stays as it was.
+    /// Returns whether a word that is not transmitted keeps its value.
     pub fn holds(self, accumulation: Accumulation) -> bool {
         match self {
             Self::ByMode => accumulation == Accumulation::NonCumulative,

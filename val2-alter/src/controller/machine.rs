@@ -139,7 +139,7 @@ impl Machine for ControllerMachine {
         self.gap_at.is_some_and(|at| is_due(at, now)) || self.closes(now)
     }
 
-    /// Bytes that came before the window closes may be the reply.
+    /// Returns true: bytes that came before the window closes may be the reply.
     fn cuts(&self) -> bool {
         true
     }
@@ -171,7 +171,7 @@ impl Machine for ControllerMachine {
 }
 
 impl ControllerMachine {
-    /// Whether the window is over.
+    /// Returns whether the window is over.
     fn closes(&self, now: Duration) -> bool {
         matches!(&self.phase, ControllerPhase::On(Alter { turn: Turn::Host { closes, .. }, .. }) if is_due(*closes, now))
     }
@@ -219,8 +219,9 @@ impl ControllerMachine {
 }
 
 impl Alter {
-    /// Whether an answer that has arrived can be one to the message that was sent last. One that arrives while that is still on
-    /// the line is late, and an answer to the message before: there are no numbers to see it by.
+    /// Returns whether an answer that has arrived can answer the message that was sent last. An answer that arrives while
+    /// that message is still on the line is late, and answers the previous message: messages have no numbers to distinguish
+    /// them.
     fn is_awaited(&self, now: Duration, config: &ControllerConfig) -> bool {
         match self.turn {
             Turn::Controller => false,
@@ -228,7 +229,7 @@ impl Alter {
         }
     }
 
-    /// The first fault of a window counts.
+    /// Stores the first fault of a window.
     fn note(&mut self, now: Duration, code: ErrorCode, config: &ControllerConfig) {
         let awaited = self.is_awaited(now, config);
         if let Turn::Host { corrupt, .. } = &mut self.turn
@@ -298,7 +299,7 @@ impl Alter {
         Action::Take(taken, Some(handling))
     }
 
-    /// The window closed without a good reply.
+    /// Handles the end of the window without a good reply.
     fn window_closed(&mut self, config: &ControllerConfig) -> Action {
         let Turn::Host { corrupt, .. } = self.turn else { return Action::Nothing };
         let code = corrupt.unwrap_or(ErrorCode::Timeout);

@@ -48,7 +48,7 @@ pub struct Controller {
 const OUTCOMES: usize = 3;
 
 impl Controller {
-    /// A controller whose port is not open.
+    /// Creates a controller whose port is not open.
     ///
     /// # Errors
     /// [`ConfigError::Window`]: no reply fits the line; [`ConfigError::Attempts`].
@@ -72,7 +72,7 @@ impl Controller {
         self.ask(now, Input::Start { has_room })
     }
 
-    /// The program ends ALTER: the end message is sent with the next cycle.
+    /// Ends ALTER, as the program does: the end message is sent with the next cycle.
     ///
     /// # Errors
     /// [`SessionError::NotRunning`]
@@ -80,7 +80,8 @@ impl Controller {
         self.ask(now, Input::Finish)
     }
 
-    /// The program runs a subroutine on its own, between two cycles: until [`resume`](Controller::resume) the replies move nothing.
+    /// Begins a subroutine of the program, which runs on its own between two cycles: until [`resume`](Controller::resume)
+    /// the replies do not move the arm.
     ///
     /// # Errors
     /// [`SessionError::NotRunning`]: also while a reply is awaited, because an exception in it would be lost.
@@ -88,7 +89,7 @@ impl Controller {
         self.ask(now, Input::Interrupt)
     }
 
-    /// The subroutine returns. At least one message says that it ran.
+    /// Ends the subroutine. At least one message reports that it ran.
     ///
     /// # Errors
     /// [`SessionError::NotRunning`]
@@ -107,12 +108,12 @@ impl Controller {
         self.transform = transform;
     }
 
-    /// The values that moved the arm in the last cycle (cumulative), or that hold it off the path (non-cumulative).
+    /// Returns the values that moved the arm in the last cycle (cumulative), or its offset from the path (non-cumulative).
     pub fn values(&self) -> [i16; AXES] {
         self.applied
     }
 
-    /// The state of the session.
+    /// Returns the state of the session.
     pub fn state(&self) -> ControllerState {
         match &self.core.machine.phase {
             ControllerPhase::Disconnected => ControllerState::Disconnected,
@@ -157,7 +158,7 @@ impl Controller {
         self.applied = self.words;
     }
 
-    /// Without a reply the arm is at rest: no increment, and an offset stays.
+    /// Handles a cycle without a reply: the arm is at rest, without an increment, and an offset stays.
     fn rest(&mut self) {
         if self.core.config.mode.accumulation() == Accumulation::Cumulative {
             self.applied = [0; AXES];

@@ -58,8 +58,8 @@ impl Active {
             && lost_at.saturating_add(config.max_delay) < after(self.lost_at, CYCLE_NANOS)
     }
 
-    /// If replies may be late, a message does not show which one was read: an axis leaves `kept` when all replies
-    /// that can have come in its window had a zero for it.
+    /// Updates `kept` if replies may be late: a message does not show which reply was read, so an axis leaves `kept` when
+    /// all replies that can have come in its window had a zero for it.
     #[cold]
     fn keep_late(&mut self, now: Duration, phase: MotionPhase, error: ErrorCode, config: &HostConfig) {
         self.kept |= self.sent;
@@ -72,8 +72,8 @@ impl Active {
         }
     }
 
-    /// Whether an error code is about the last reply. Behind a message that was not answered it is about the reply to that, and where
-    /// replies may be late, about any.
+    /// Returns whether an error code is about the last reply. After a message that was not answered, it is about the reply
+    /// to that message; if replies may be late, it may be about any reply.
     #[cold]
     fn follows(&self, lost_at: Duration, config: &HostConfig) -> bool {
         config.is_in_time() && self.in_sequence && self.is_next(lost_at, config)
@@ -119,7 +119,7 @@ impl Active {
         outcome.map(|outcome| (exception, outcome))
     }
 
-    /// A reply was sent.
+    /// Called when a reply was sent.
     #[inline(always)] // see `HostMachine::on`
     pub(super) fn replied(&mut self, moving: u8, at_rest: bool, config: &HostConfig) -> Action {
         let exception = self.to_send(config);
@@ -144,7 +144,7 @@ impl Active {
         Action::SentReply(exception)
     }
 
-    /// Bytes were corrupt: a message may have been among them.
+    /// Called when bytes were corrupt: a message may have been among them.
     pub(super) fn lose_sequence(&mut self) {
         self.in_sequence = false;
         if self.settles_at.is_some() {
@@ -166,7 +166,7 @@ impl Active {
         }
     }
 
-    /// The exception that the next reply carries.
+    /// Returns the exception of the next reply.
     pub(super) fn to_send(&self, config: &HostConfig) -> Exception {
         match self.exception {
             Pending::Unsent(exception)

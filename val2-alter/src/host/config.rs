@@ -107,13 +107,13 @@ impl HostConfig {
         after(now, timing::CYCLE_NANOS * u64::from(self.silence_cycles))
     }
 
-    /// The same while ALTER runs.
+    /// Returns the same time while ALTER runs.
     pub(super) fn lost_from(&self, now: Duration) -> Duration {
         if self.keeps(Rule::Lost) { self.lost_at(now) } else { Duration::MAX }
     }
 
-    /// Whether a reply arrives before the message after the one that it answers has left, so that it cannot be taken for the
-    /// reply to that.
+    /// Returns whether a reply arrives before the next message has left, so that it cannot be taken for the reply to the
+    /// next message.
     pub(super) fn is_in_time(&self) -> bool {
         self.max_delay < timing::CYCLE.saturating_sub(timing::window(self.mode.accumulation()))
     }
@@ -127,7 +127,7 @@ impl HostConfig {
         now.saturating_add(late.saturating_add(timing::CYCLE).saturating_mul(2))
     }
 
-    /// The length of a reply with this many values and no doubled DLE.
+    /// Returns the length of a reply with this many values and without doubled DLEs.
     pub(super) fn reply_len(&self, values: usize) -> usize {
         timing::min_reply_len(values, self.framing)
     }

@@ -16,13 +16,13 @@ pub struct Due {
 }
 
 impl Due {
-    /// The answer to a start message that arrived at `now`.
+    /// Returns the answer to a start message that arrived at `now`.
     pub(super) fn start(now: Duration, config: &HostConfig) -> Self {
         let window = window_nanos(config.mode.accumulation());
         Self::new(now, window, config.reply_len(0).saturating_sub(1), config)
     }
 
-    /// The reply, of this many values at least, to a standard message of `len` bytes that arrived at `now`.
+    /// Returns the reply, with at least this many values, to a standard message of `len` bytes that arrived at `now`.
     pub(super) fn reply(now: Duration, len: usize, values: u32, config: &HostConfig) -> Self {
         let window = window_after_nanos(config.mode.accumulation(), config.baud, len);
         Self::new(now, window, config.reply_len(values as usize), config)
@@ -34,7 +34,7 @@ impl Due {
         Self { begin_by: after(now, slack), end_by: after(now, window) }
     }
 
-    /// Whether an answer of `len` bytes that is sent at `now` ends in time, with something left.
+    /// Returns whether an answer of `len` bytes that is sent at `now` ends in time, with `reserve` left.
     pub(super) fn fits(&self, now: Duration, len: usize, reserve: Duration, config: &HostConfig) -> bool {
         let takes = u128::from(transmission_nanos(len, config.baud)) + reserve.as_nanos();
         now.as_nanos() + takes <= self.end_by.as_nanos()

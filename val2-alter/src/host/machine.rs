@@ -211,8 +211,8 @@ impl HostMachine {
         self.gap_at.map_or(at, |gap| gap.min(at))
     }
 
-    /// Whether a reply of `len` bytes ends in time that is sent at `now`, with the reserve left: then all words of a [`Draft`]
-    /// of that length are sent.
+    /// Returns whether a reply of `len` bytes that is sent at `now` ends in time, with the reserve left: then all words of a
+    /// [`Draft`] of that length are sent.
     #[inline]
     pub fn fits(&self, now: Duration, len: usize, config: &HostConfig) -> bool {
         match &self.phase {
@@ -223,8 +223,8 @@ impl HostMachine {
         }
     }
 
-    /// The words of an answer that are sent, and the axes that must stay at zero because their words do not fit; `None`: what must
-    /// be sent does not fit.
+    /// Returns the words of an answer to send, and the axes that must stay at zero because their words do not fit; `None` if
+    /// the words that must be sent do not fit.
     #[inline]
     pub fn select(&self, now: Duration, draft: &Draft, config: &HostConfig) -> Option<(u8, u8)> {
         match &self.phase {
@@ -267,8 +267,9 @@ impl HostMachine {
         Action::Lost { missed, outcome, reason }
     }
 
-    /// "Der externe Rechner hat einen Kommunikationsfehler entdeckt und erwartet, daß die Robotersteuerung die einleitende
-    /// Nachricht wiederholt" (§3.3.1). A corrupt standard message has no such answer: the controller's timeout is its answer.
+    /// Requests a message again: "Der externe Rechner hat einen Kommunikationsfehler entdeckt und erwartet, daß die
+    /// Robotersteuerung die einleitende Nachricht wiederholt" (§3.3.1). A corrupt standard message has no such answer: the
+    /// controller's timeout is its answer.
     fn ask_again(&mut self, now: Duration, asked: u8, config: &HostConfig) {
         if self.policy == Policy::Accept {
             let forget_at = if config.keeps(Rule::Forget) { config.lost_at(now) } else { Duration::MAX };

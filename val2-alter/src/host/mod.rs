@@ -51,7 +51,7 @@ pub struct Host {
 const OUTCOMES: usize = 2;
 
 impl Host {
-    /// A host without a connection.
+    /// Creates a host without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Window`]: not even one value fits the line; [`ConfigError::SilenceCycles`].
@@ -73,7 +73,8 @@ impl Host {
         self.advance(now, Input::Target, None);
     }
 
-    /// Call this when the source of targets is lost: speeds go to zero (cumulative), an offset stays (non-cumulative), until a target is set.
+    /// Called when the source of targets is lost: speeds go to zero (cumulative), an offset stays (non-cumulative), until a
+    /// target is set.
     pub fn clear_target(&mut self, now: Duration) {
         self.advance(now, Input::NoTarget, None);
     }
@@ -112,7 +113,7 @@ impl Host {
         self.advance(now, Input::Subroutine(installed), None);
     }
 
-    /// The state of the session.
+    /// Returns the state of the session.
     pub fn state(&self) -> HostState {
         match &self.core.machine.phase {
             HostPhase::Disconnected => HostState::Disconnected,
@@ -132,13 +133,13 @@ impl Host {
         self.core.machine.policy
     }
 
-    /// The values of the last reply, in units of their words.
+    /// Returns the values of the last reply, in units of their words.
     pub fn values(&self) -> [i16; AXES] {
         self.sent
     }
 
-    /// The time by which the answer that is due must begin to leave: the window less the time that the shortest possible answer
-    /// takes. `None` when none is due.
+    /// Returns the time by which the answer that is due must begin to leave: the window less the time of the shortest
+    /// possible answer. `None` if no answer is due.
     pub fn reply_by(&self) -> Option<Duration> {
         self.core.machine.reply_by()
     }
@@ -262,7 +263,7 @@ impl Host {
         Some((HostMessage::Reply(reply).encode(self.core.config.framing, out).ok()?, sent))
     }
 
-    /// The reply has these values, and the words that are selected.
+    /// Called when a reply with these values and the selected words was sent.
     #[inline]
     fn replied(&mut self, values: [i16; AXES], axes: Axes, select: u8) -> Input {
         self.core.statistics.replies += 1;
@@ -272,14 +273,14 @@ impl Host {
         Input::Sent { moving: moving & select, at_rest: moving == 0 && axes.speed == [0; AXES] }
     }
 
-    /// The length of a reply without words, whose exception is no DLE.
+    /// Returns the length of a reply without words, whose exception is not a DLE.
     fn bare(&self) -> u8 {
         let Framing { stuffed_checksum, .. } = self.core.config.framing;
         let len = timing::min_reply_len(0, self.core.config.framing) + usize::from(stuffed_checksum);
         u8::try_from(len).unwrap_or(u8::MAX)
     }
 
-    /// The next values, and how the axes move by them.
+    /// Returns the next values, and the motion of the axes by them.
     #[inline(always)] // most of it is one instruction for several axes
     fn next(&self, course: Course) -> ([i16; AXES], Axes) {
         let mut axes = self.limiter.axes();
@@ -305,7 +306,7 @@ impl Host {
     }
 }
 
-/// Bit *i*: value *i* is not zero.
+/// Returns a mask: bit *i* is set if value *i* is not zero.
 #[inline(always)]
 fn moving(values: &[i16; AXES]) -> u8 {
     values.iter().rev().fold(0, |mask, value| 2 * mask + u8::from(*value != 0))
@@ -328,7 +329,7 @@ impl End for Host {
 
     robot_session::core!(HostEvent::Unexpected);
 
-    /// A controller that was not heard of for so long has ended its ALTER.
+    /// Returns the time after which a silent controller has ended its ALTER.
     fn discards_after(&self) -> Option<Duration> {
         Some(self.core.config.lost_at(Duration::ZERO))
     }

@@ -138,7 +138,7 @@ pub struct Request {
 }
 
 impl HostMachine {
-    /// A host without a connection.
+    /// Creates a host without a connection.
     pub const fn new(policy: Policy, subroutine: bool) -> Self {
         Self { phase: HostPhase::Disconnected, policy, subroutine, gap_at: None }
     }

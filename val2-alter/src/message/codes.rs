@@ -101,9 +101,9 @@ codes! {
 }
 
 impl SegmentStatus {
-    /// Whether the arm is braked or was stopped: HALT, REACTI or BREAK, a fault, a panic stop, a signal; also
-    /// where the code is unknown. The others are those of a path that is followed, or
-    /// that has ended by itself, which ALTER moves (ours: the source does not say).
+    /// Returns whether the arm is braked or was stopped: HALT, REACTI or BREAK, a fault, a panic stop, a signal, or an
+    /// unknown code. With other codes the arm follows a path, or the path has ended by itself, and ALTER moves the arm (our
+    /// reading: the source does not state it).
     ///
     /// | code | the arm | |
     /// | --- | --- | --- |

@@ -74,7 +74,7 @@ pub struct Reply {
 }
 
 impl Reply {
-    /// A reply that transmits all six values.
+    /// Creates a reply that transmits all six values.
     pub fn all(values: [i16; AXES]) -> Self {
         Self { exception: Exception::None, values: values.map(Some) }
     }
@@ -82,7 +82,7 @@ impl Reply {
     /// A reply that transmits no value.
     pub const NOTHING: Self = Self { exception: Exception::None, values: [None; AXES] };
 
-    /// The select byte: bit *i* is set when value *i* is transmitted.
+    /// Returns the select byte: bit *i* is set if value *i* is transmitted.
     pub fn select(&self) -> u8 {
         self.values.iter().rev().fold(0, |select, value| 2 * select + u8::from(value.is_some()))
     }

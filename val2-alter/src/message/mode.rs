@@ -20,12 +20,12 @@ impl Mode {
     const USE_INPUTS: u8 = 0b1_0000;
     const NAMED: u8 = 0b1_1111;
 
-    /// Bit 0: whether a value moves the arm *by* or *to* its amount (§3.1).
+    /// Returns bit 0: whether a value moves the arm *by* or *to* its amount (§3.1).
     pub const fn accumulation(self) -> Accumulation {
         if self.0 & Self::CUMULATIVE != 0 { Accumulation::Cumulative } else { Accumulation::NonCumulative }
     }
 
-    /// Bit 1: the frame of the values. The source prints 0 for both frames, hence the `polarity`.
+    /// Returns bit 1: the frame of the values. The source prints 0 for both frames, hence the `polarity`.
     pub const fn frame(self, polarity: Polarity) -> CoordinateFrame {
         match (self.0 & Self::FRAME != 0, polarity) {
             (false, Polarity::ToolIsOne) | (true, Polarity::WorldIsOne) => CoordinateFrame::World,
@@ -33,52 +33,52 @@ impl Mode {
         }
     }
 
-    /// Bit 2: standard messages carry a transformation.
+    /// Returns bit 2: whether standard messages contain a transformation.
     pub const fn has_transform(self) -> bool {
         self.0 & Self::TRANSFORM != 0
     }
 
-    /// Bit 3: the transformation is computed from the joint angles, not from the set point.
+    /// Returns bit 3: whether the transformation is computed from the joint angles, not from the set point.
     pub const fn transform_from_joints(self) -> bool {
         self.0 & Self::FROM_JOINTS != 0
     }
 
-    /// Bit 4: the host's values change the path; otherwise all but the exception code is ignored.
+    /// Returns bit 4: whether the host's values change the path; otherwise all but the exception code is ignored.
     pub const fn uses_inputs(self) -> bool {
         self.0 & Self::USE_INPUTS != 0
     }
 
-    /// Whether none of the bits is set that the source does not name (5 to 7).
+    /// Returns whether the bits without a name in the source (5 to 7) are all zero.
     pub const fn is_named(self) -> bool {
         self.0 & !Self::NAMED == 0
     }
 
-    /// The same mode with bit 0 set or cleared.
+    /// Returns the same mode with bit 0 set or cleared.
     #[must_use]
     pub const fn with_accumulation(self, accumulation: Accumulation) -> Self {
         self.with(Self::CUMULATIVE, matches!(accumulation, Accumulation::Cumulative))
     }
 
-    /// The same mode with bit 1 set or cleared.
+    /// Returns the same mode with bit 1 set or cleared.
     #[must_use]
     pub const fn with_frame(self, frame: CoordinateFrame, polarity: Polarity) -> Self {
         let world = matches!(frame, CoordinateFrame::World);
         self.with(Self::FRAME, world == matches!(polarity, Polarity::WorldIsOne))
     }
 
-    /// The same mode with bit 2 set or cleared.
+    /// Returns the same mode with bit 2 set or cleared.
     #[must_use]
     pub const fn with_transform(self, on: bool) -> Self {
         self.with(Self::TRANSFORM, on)
     }
 
-    /// The same mode with bit 3 set or cleared.
+    /// Returns the same mode with bit 3 set or cleared.
     #[must_use]
     pub const fn with_transform_from_joints(self, on: bool) -> Self {
         self.with(Self::FROM_JOINTS, on)
     }
 
-    /// The same mode with bit 4 set or cleared.
+    /// Returns the same mode with bit 4 set or cleared.
     #[must_use]
     pub const fn with_inputs(self, on: bool) -> Self {
         self.with(Self::USE_INPUTS, on)

@@ -71,7 +71,7 @@ const STARTING: u8 = 0x20;
 const INTERRUPTED: u8 = 0x40;
 const ENDED: u8 = 0x60;
 
-/// Three parts of a byte that do not overlap.
+/// Joins three parts of a byte that do not overlap.
 fn control(phase: u8, error: ErrorCode) -> u8 {
     MARK + phase + (u8::from(error) & ERROR)
 }
@@ -97,12 +97,12 @@ pub struct Start {
 }
 
 impl Start {
-    /// A first attempt to start.
+    /// Creates a first attempt to start.
     pub fn new(mode: Mode, data: List) -> Self {
         Self { marked: true, error: ErrorCode::None, mode, data }
     }
 
-    /// The control byte as it is written.
+    /// Returns the control byte on the wire.
     pub fn control(&self) -> u8 {
         control(STARTING, self.error)
     }
@@ -137,7 +137,7 @@ impl List {
     /// No words.
     pub const EMPTY: Self = Self { words: [0; Self::MAX], len: 0 };
 
-    /// A list of these words.
+    /// Creates a list of these words.
     ///
     /// # Errors
     /// If there are more than [`List::MAX`].
@@ -152,7 +152,7 @@ impl List {
         Ok(list)
     }
 
-    /// The words.
+    /// Returns the words.
     pub fn words(&self) -> &[i16] {
         self.words.get(..self.len).unwrap_or_default()
     }
@@ -216,12 +216,12 @@ impl Motion {
     /// `percent` when the segment is done.
     pub const DONE: u16 = 0o40000;
 
-    /// The part of the segment that is done, 0.0..=1.0. A word above [`Motion::DONE`] counts as done.
+    /// Returns the completed part of the segment, 0.0..=1.0. A word above [`Motion::DONE`] counts as done.
     pub fn fraction(&self) -> f32 {
         f32::from(self.percent.min(Self::DONE)) / f32::from(Self::DONE)
     }
 
-    /// The control byte as it is written.
+    /// Returns the control byte on the wire.
     pub fn control(&self) -> u8 {
         let phase = match self.phase {
             MotionPhase::Running => RUNNING,
@@ -283,13 +283,13 @@ pub struct End {
 }
 
 impl End {
-    /// The control byte as it is written.
+    /// Returns the control byte on the wire.
     pub fn control(&self) -> u8 {
         control(ENDED, self.error)
     }
 
-    /// The source gives only the control byte. It may stand in front of what a standard message has, which is nothing that a
-    /// host needs; any other length is a frame whose end mark was lost.
+    /// Decodes an end message. The source gives only the control byte. The contents of a standard message may follow it,
+    /// which a host does not need; a frame of any other length has lost its end mark.
     fn decode(body: &[u8], error: ErrorCode) -> Result<Self, DecodeError> {
         match body.len() {
             0 | 5 | 29 => Ok(Self { error }),

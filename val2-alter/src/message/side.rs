@@ -35,11 +35,11 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
         Self::decode(frame.data(), framing).map(|message| Some((message, length)))
     }
 
-    /// The frame of this message.
+    /// Returns the frame of this message.
     fn frame(&self) -> Frame;
 
-    /// Whether every code in it is one that the source names. A frame that was found inside the bytes of a corrupt one
-    /// has passed only an 8-bit sum, and must also pass this.
+    /// Returns whether the source names every code in the message. A frame that was found inside the bytes of a corrupt
+    /// frame has passed only an 8-bit sum, and must also pass this check.
     fn is_plausible(&self) -> bool;
 
     /// Writes the message's frame and returns its length.
@@ -50,7 +50,7 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
         self.frame().encode(framing, out)
     }
 
-    /// The length of the message's frame on the line.
+    /// Returns the length of the message's frame on the line.
     fn encoded_len(&self, framing: Framing) -> usize {
         self.frame().encoded_len(framing)
     }

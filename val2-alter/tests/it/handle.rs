@@ -34,7 +34,7 @@ const MS: Duration = Duration::from_millis(1);
 /// The arm's position by the values that its controller has accepted, and its furthest position.
 type Path = Arc<Mutex<([i32; 6], [i32; 6])>>;
 
-/// A controller that executes ALTER again whenever it has ended.
+/// Runs a controller that executes ALTER again each time that it has ended.
 async fn controller(stream: TcpStream, path: Path) {
     let mut session =
         Controller::new(ControllerConfig { baud: FAST, ..ControllerConfig::default() }).unwrap();
@@ -60,7 +60,7 @@ async fn controller(stream: TcpStream, path: Path) {
     }
 }
 
-/// Both ends in threads of their own, as a reply is due within 15 ms.
+/// Starts both ends in threads of their own, because a reply is due within 15 ms.
 async fn cell(reach: Option<Reach>) -> (Arm, Path) {
     let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).await.unwrap();
     let to = Tcp::new(listener.local_addr().unwrap().to_string());
@@ -135,7 +135,7 @@ impl Line {
         (arm, line)
     }
 
-    /// The arm's task is in a thread of its own, and stops there while it reads bytes and the gate is locked.
+    /// Starts an arm whose task is in a thread of its own, and stops there while it reads bytes and the gate is locked.
     async fn to_arm_behind_gate(mode: Mode) -> (Arm, Self, Arc<Gate>) {
         let listener = net::TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let address = listener.local_addr().unwrap();

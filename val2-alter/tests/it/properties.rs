@@ -39,7 +39,7 @@ fn fetch<M: Message>(decoder: &mut Decoder<M>) -> Vec<Result<Received<M>, Decode
     core::iter::from_fn(|| decoder.next_frame()).collect()
 }
 
-/// All that a stream gives when it is read in pieces of these lengths, over and over.
+/// Returns all items of a stream that is read in pieces of these lengths, again and again.
 fn read<M: Message>(
     framing: Framing,
     stream: &[u8],
@@ -171,7 +171,7 @@ fn plausible() -> impl Strategy<Value = RobotMessage> {
     })
 }
 
-/// A standard message whose data is rich in the bytes of the marks.
+/// Returns a standard message whose data is rich in the bytes of the marks.
 fn rich(rng: &mut Rng) -> RobotMessage {
     let mut word = || {
         let mut byte = || match rng.below(6) {

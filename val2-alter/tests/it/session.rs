@@ -108,7 +108,8 @@ fn bytes_without_a_connection_are_one_unexpected_input() {
     assert!(matches!(events(&mut host)[..], [HostEvent::Unexpected(_)]));
 }
 
-/// At a time that leaves room for exactly so many bytes in the window of the second message: the first one makes ALTER run.
+/// Returns the reply at a time that leaves exactly `room` bytes in the window of the second message, after the first one has
+/// started ALTER.
 fn reply_in(room: usize, config: HostConfig, exception: Exception, values: [i16; 6]) -> Option<Vec<u8>> {
     let mut host = Host::new(config).unwrap();
     host.handle_connected(Duration::ZERO);

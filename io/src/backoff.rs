@@ -39,7 +39,7 @@ impl Backoff {
         goes_on()
     }
 
-    /// The peer has answered: the next pause is the first again.
+    /// Called when the peer has answered: the next pause is the first again.
     pub fn answered(&mut self) {
         self.next = FIRST;
     }

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 pub struct Clock(Instant);
 
 impl Clock {
-    /// A clock that begins now.
+    /// Starts a clock at zero.
     pub fn start() -> Self {
         Self(Instant::now())
     }
 
-    /// The time since then.
+    /// Returns the time since the start.
     pub fn now(self) -> Duration {
         self.0.elapsed()
     }

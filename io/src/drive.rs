@@ -15,7 +15,7 @@ use crate::trace::{Trace, Way};
 #[error("{0}")]
 pub struct Lost(pub String);
 
-/// [`Driver::turn`] until `handler` fails. False when the peer has closed the connection, or the port is gone.
+/// Runs [`Driver::turn`] until `handler` fails. Returns false if the peer has closed the connection, or the port is gone.
 ///
 /// # Errors
 /// The transport's, and the handler's.
@@ -46,7 +46,7 @@ pub struct Traced<'a, T> {
 }
 
 impl<'a, T: Transport> Traced<'a, T> {
-    /// `transport`, whose session and trace have the time of `clock`.
+    /// Creates a driver of `transport`, whose session and trace have the time of `clock`.
     pub fn new(transport: T, trace: &'a Trace, clock: Clock) -> Self {
         Self { transport, trace, clock }
     }

@@ -47,7 +47,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     Ok(write().map_err(|error: io::Error| io::Error::from(error.kind()))?)
 }
 
-/// With the rights of a file that any program makes, less the user's mask; elsewhere than on Unix those of its folder.
+/// Gives a file the rights of ordinary files, less the user's mask; on other systems than Unix those of its folder.
 #[cfg(unix)]
 fn ordinary<'a, 'b>(
     builder: &'a mut tempfile::Builder<'b, 'static>,
@@ -62,8 +62,8 @@ fn ordinary<'a, 'b>(
     builder
 }
 
-/// A new file with this name, or if there is a file or a folder of that name, with a number: `run.csv`, `run-2.csv`. A device is written to as
-/// it is.
+/// Creates a file with this name, or with a number if a file or folder has that name: `run.csv`, `run-2.csv`. A device is
+/// opened for writing.
 ///
 /// # Errors
 /// When writing there is not permitted.
@@ -95,7 +95,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Whether a pipe that is written has no reader any more.
+/// Returns whether a pipe has lost its reader.
 #[cfg(unix)]
 pub fn is_unread(pipe: &File) -> bool {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 use crate::bell::Bell;
 use crate::interrupt::{Policy, on_interrupt};
 
-/// The parser of a time within a range, such as `5s` or `250ms`; `never` is the most of a range without an end.
+/// Returns the parser for a time within a range, such as `5s` or `250ms`; `never` is the maximum of a range without an end.
 pub fn time(range: RangeInclusive<Duration>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
     move |text| {
         let time = match text {
@@ -34,12 +34,12 @@ pub fn time(range: RangeInclusive<Duration>) -> impl Fn(&str) -> Result<Duration
     }
 }
 
-/// The extension of a file in lower case; empty without one.
+/// Returns the extension of a file in lower case; empty for a file without an extension.
 pub fn extension(path: &Path) -> String {
     path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// A file, or standard input where none is named, or `-`.
+/// Opens a file, or standard input if the path is missing or `-`.
 ///
 /// # Errors
 /// When the file cannot be read.
@@ -67,7 +67,7 @@ pub fn json<T: serde::de::DeserializeOwned>(line: &str) -> Result<T> {
     })
 }
 
-/// The rows of a table, each with its line. Lines that begin with `#` are remarks.
+/// Returns the rows of a table, each with its line. Lines that begin with `#` are comments.
 pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>> {
     let mut reader = csv::ReaderBuilder::new();
     reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
@@ -82,7 +82,7 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>
     })
 }
 
-/// The text of a file, without the mark that editors of Windows begin one with.
+/// Reads the text of a file, without the byte order mark that editors of Windows write.
 ///
 /// # Errors
 /// When the file cannot be read, or is not UTF-8.
@@ -90,7 +90,7 @@ pub fn text(path: &Path) -> Result<String> {
     decode(path, bytes(path)?)
 }
 
-/// As [`text`], of a file that was read.
+/// Decodes as [`text`] does the bytes of a file that was read.
 ///
 /// # Errors
 /// When the text is not UTF-8.
@@ -107,7 +107,7 @@ pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
-/// The bytes of a file.
+/// Reads the bytes of a file.
 ///
 /// # Errors
 /// When the file cannot be read.

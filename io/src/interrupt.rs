@@ -55,7 +55,7 @@ pub enum Policy {
     Call(Box<dyn FnMut(u32) + Send>),
 }
 
-/// From now on signals have this effect.
+/// Sets the effect of signals from now on.
 ///
 /// # Errors
 /// When the system has no room for a thread.
@@ -64,7 +64,7 @@ pub fn on_interrupt(policy: Policy) -> Result<()> {
 }
 
 impl Policy {
-    /// The function that is called with the count of each signal, for a program that has a handler of its own.
+    /// Returns the function to call with the count of each signal, for a program that has a handler of its own.
     pub fn handler(self) -> Box<dyn FnMut(u32) + Send> {
         let mut first: Box<dyn FnMut() + Send> = match self {
             Self::End => {
@@ -156,7 +156,7 @@ fn exit() -> ! {
     std::process::exit(INTERRUPTED)
 }
 
-/// A SIGHUP that is ignored from the start stays ignored: `nohup` means that the terminal may close.
+/// Installs the handler. A SIGHUP that is ignored from the start stays ignored: `nohup` means that the terminal may close.
 #[cfg(unix)]
 fn install(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};

@@ -19,20 +19,21 @@ pub struct Deadline {
 }
 
 impl Deadline {
-    /// The deadline of a host under ALTER: the least of the assumed delay and the time that the window leaves beside a reply with all axes.
+    /// Returns the deadline of a host under ALTER: the least of the assumed delay and the time that the window leaves after
+    /// a reply with all axes.
     pub fn of_alter(config: &val2_alter::HostConfig) -> Self {
         let reply = min_reply_len(AXES, config.framing);
         let slack = reply_slack(config.mode.accumulation(), config.baud, reply).unwrap_or_default();
         Self { of: "a reply to the controller", left: slack.min(config.max_delay) }
     }
 
-    /// The deadline of a host of a ball: the delay of a packet that still counts.
+    /// Returns the deadline of a host of a ball: the delay after which a packet is rejected.
     pub fn of_ball(config: &isra_ball::HostConfig) -> Self {
         Self { of: "a packet of the ball", left: config.max_delay }
     }
 
-    /// The deadline between the ends of a link, if it has one that an adapter can miss. A tap forwards bytes in the pieces in which an adapter
-    /// delivers them.
+    /// Returns the deadline between the ends of a link, if an adapter can miss it. A tap forwards bytes in the pieces in
+    /// which an adapter delivers them.
     pub fn between(link: &str, baud: u32) -> Option<Self> {
         match link {
             "val2-alter" => Some(Self::of_alter(&val2_alter::HostConfig { baud, ..Default::default() })),
@@ -48,7 +49,7 @@ impl Deadline {
         self.advice_at(port, ports::latency_timer(Path::new(port))?)
     }
 
-    /// The advice for a delay in milliseconds.
+    /// Returns the advice for a delay in milliseconds.
     fn advice_at(self, port: &str, ms: u32) -> Option<String> {
         // The shortest that a chip can be set to.
         if ms <= 1 || Duration::from_millis(ms.into()) < self.left {

@@ -49,7 +49,8 @@ pub fn man(folder: &Path, program: Command) -> Result<()> {
         .with_context(|| folder.display().to_string())
 }
 
-/// The pages of a command and of those in it. Examples and settings are in columns: no line is spread, no word is divided.
+/// Writes the manual pages of a command and its subcommands. Examples and settings are in columns: lines are not justified,
+/// and words not hyphenated.
 fn pages(folder: &Path, command: &Command) -> io::Result<()> {
     for inner in command.get_subcommands().filter(|it| !it.is_hide_set()) {
         pages(folder, inner)?;

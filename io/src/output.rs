@@ -39,7 +39,7 @@ pub fn is_unwritten(error: &anyhow::Error) -> bool {
     error.is::<Unwritten>() || error.chain().any(|cause| cause.downcast_ref().is_some_and(is_refused))
 }
 
-/// Standard output for a text or a table: its errors say that it is standard output which does not accept it.
+/// Standard output for a text or a table: its errors name standard output.
 pub fn stdout() -> impl Write {
     struct Out(io::Stdout);
 
@@ -63,8 +63,8 @@ pub fn stdout() -> impl Write {
 /// Standard output and error, once writes never wait.
 static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
 
-/// From now on a slow reader of standard output or error blocks nothing: for a simulator, whose peers are not their
-/// business. Up to 1 MiB waits for a reader; lines beyond that are dropped, and a line in their place says how many.
+/// Makes writes to standard output and error non-blocking from now on: for a simulator, whose peers must not wait for a slow
+/// reader. Up to 1 MiB waits for a reader; further lines are dropped, and a line in their place gives their number.
 ///
 /// # Errors
 /// When the system has no room for a thread.
@@ -101,7 +101,7 @@ pub struct EventArgs {
 static IS_FOR_PEOPLE: AtomicBool = AtomicBool::new(false);
 
 impl EventArgs {
-    /// From now on [`log()`] prints lines for people if standard output is a terminal, or of JSON.
+    /// Makes [`log()`]print lines for people from now on if standard output is a terminal, otherwise JSON.
     pub fn choose(self) {
         IS_FOR_PEOPLE.store(!self.json && io::stdout().is_terminal(), Ordering::Relaxed);
     }
@@ -115,7 +115,7 @@ pub fn is_for_people() -> bool {
 /// Whether [`log()`] and [`notice`] print nothing.
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
-/// From now on [`log()`] and [`notice`] print nothing; [`announce`] does.
+/// Silences [`log()`] and [`notice`] from now on; [`announce`] still prints.
 pub fn be_quiet() {
     IS_QUIET.store(true, Ordering::Relaxed);
 }
@@ -133,8 +133,8 @@ pub fn admits(kind: &str) -> bool {
     LIMITER.lock().unwrap_or_else(PoisonError::into_inner).admits(now(), kind)
 }
 
-/// As [`log()`], for an event that a peer can cause at any rate, such as corrupt bytes: ten of a kind are printed in a second. An outcome is
-/// not such an event.
+/// Logs as [`log()`] does an event that a peer can cause at any rate, such as corrupt bytes: at most ten of a kind are
+/// printed per second. An outcome is not such an event.
 ///
 /// # Errors
 /// When standard output is closed.
@@ -168,7 +168,7 @@ fn log_left_out() -> Result<()> {
 /// The progress bar that is shown on standard error.
 static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
-/// From now on this progress bar is removed while a line is printed.
+/// Sets a progress bar that is removed while a line is printed.
 pub fn show_bar(bar: &ProgressBar) {
     *BAR.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
 }
@@ -188,7 +188,7 @@ fn beside_bar<T>(write: impl FnOnce() -> T) -> T {
     }
 }
 
-/// The columns of the terminal.
+/// Returns the number of columns of the terminal.
 fn width() -> usize {
     columns(terminal_size::terminal_size())
 }
@@ -199,13 +199,13 @@ fn columns(size: Option<(Width, Height)>) -> usize {
     usize::from(if columns == 0 { USUAL } else { columns })
 }
 
-/// The columns of the terminal that standard output is; `None` if it is not a terminal, as in a pipe.
+/// Returns the number of columns of the terminal at standard output; `None` if it is not a terminal, as in a pipe.
 pub fn terminal_columns() -> Option<usize> {
     let out = io::stdout();
     out.is_terminal().then(|| columns(terminal_size::terminal_size_of(&out)))
 }
 
-/// A message as people read it, on one line.
+/// Returns a message in a form for people, on one line.
 pub fn message(message: &Value) -> String {
     printable(&plain::message(message))
 }
@@ -248,12 +248,13 @@ pub fn announce(line: &Value) -> Result<()> {
 /// The destination of remarks while a screen covers standard error.
 static SCREEN: Mutex<Option<Sender<String>>> = Mutex::new(None);
 
-/// From now on remarks are for the screen; `None`: for standard error again.
+/// Directs remarks to the screen from now on; `None`: to standard error again.
 pub fn show_remarks(screen: Option<Sender<String>>) {
     *SCREEN.lock().unwrap_or_else(PoisonError::into_inner) = screen;
 }
 
-/// A remark on standard error, or on the screen that covers it, its control characters escaped. If that is closed, it is dropped.
+/// Prints a remark on standard error, or on the screen that covers it, with control characters escaped. If the output is
+/// closed, the remark is dropped.
 pub fn remark(text: &str) {
     let mut line = printable(text);
     if let Some(screen) = &*SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
@@ -271,13 +272,14 @@ pub fn remark(text: &str) {
     });
 }
 
-/// A number of things: `1 file`, `2 files`.
+/// Returns a number with its noun: `1 file`, `2 files`.
 pub fn counted<N: Display + PartialEq + From<u8>>(number: N, what: &str) -> String {
     let plural = if number == N::from(1) { "" } else { "s" };
     format!("{number} {what}{plural}")
 }
 
-/// A text in lines of at most this many columns, each begun with `indent` spaces. A longer word has a line of its own.
+/// Returns a text in lines of at most this many columns, each indented by `indent` spaces. A longer word has a line of its
+/// own.
 pub fn wrapped(text: &str, width: usize, indent: usize) -> String {
     let (mut lines, mut line) = (String::new(), String::new());
     for word in text.split(' ') {
@@ -293,7 +295,7 @@ pub fn wrapped(text: &str, width: usize, indent: usize) -> String {
     lines + &format!("{:indent$}{line}\n", "")
 }
 
-/// A word of a command line, in the quotes of a POSIX shell if it needs them.
+/// Returns a word of a command line, in the quotes of a POSIX shell if it needs them.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=./,:+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

@@ -5,8 +5,8 @@ use serde_json::{Map, Number, Value};
 /// The fields that say what happened, without their names.
 const SENTENCES: [&str; 7] = ["why", "hint", "what", "text", "error", "peer", "path"];
 
-/// The event, and then what happened and its other fields: `answered: numbers 1 to 20; answer: done`. Lines are at most `width` columns wide,
-/// except for a longer word; the second and following ones are indented.
+/// Returns a line for an event: its name, then its outcome and its other fields: `answered: numbers 1 to 20; answer: done`.
+/// Lines are at most `width` columns wide, except for a longer word; the second and following ones are indented.
 pub(super) fn line(event: &Value, width: usize) -> String {
     let Value::Object(fields) = event else { return value(event) };
     let mut fields: Map<String, Value> = fields.clone().into_iter().filter(|(_, it)| !it.is_null()).collect();
@@ -40,7 +40,8 @@ pub(super) fn line(event: &Value, width: usize) -> String {
     wrapped(&pieces, width)
 }
 
-/// A line of a conversation: its time or its place, the end that sent it, and the message by its name: `02:31:30.123 robot     Status: 7; 0`.
+/// Returns a line of a conversation: its time or its offset, the end that sent it, and the message with its name:
+/// `02:31:30.123 robot     Status: 7; 0`.
 fn said(mut fields: Map<String, Value>, width: usize) -> String {
     let mut take = |name: &str| fields.shift_remove(name);
     let (time, at, offset) = (take("time"), take("at"), take("offset"));
@@ -87,7 +88,7 @@ fn said(mut fields: Map<String, Value>, width: usize) -> String {
     wrapped(&pieces, width)
 }
 
-/// A message: its name, which is its first field if that is a text, and its other fields.
+/// Returns the name of a message, which is its first field if that is a text, and its other fields.
 fn named(message: Value) -> (Option<String>, Vec<String>) {
     let Value::Object(mut message) = message else { return (None, vec![value(&message)]) };
     message.retain(|_, it| it.as_array().is_none_or(|it| !it.is_empty()));
@@ -101,7 +102,7 @@ fn named(message: Value) -> (Option<String>, Vec<String>) {
     (name.map(|(_, name)| name), pairs(&message))
 }
 
-/// A message on one line: `Status: 7; 0`.
+/// Returns a message on one line: `Status: 7; 0`.
 pub(super) fn message(message: &Value) -> String {
     let (name, fields) = named(message.clone());
     let fields = fields.join("; ");
@@ -112,7 +113,7 @@ pub(super) fn message(message: &Value) -> String {
     }
 }
 
-/// Each field as `name: value`.
+/// Returns each field as `name: value`.
 fn pairs(fields: &Map<String, Value>) -> Vec<String> {
     let count = fields.get("count").and_then(Value::as_u64);
     let span = fields.get("first").and_then(Value::as_u64).zip(count);
@@ -137,7 +138,7 @@ fn pairs(fields: &Map<String, Value>) -> Vec<String> {
     fields.iter().filter(|(_, it)| !it.is_null()).filter_map(pair).collect()
 }
 
-/// A name as words.
+/// Returns a name as words.
 fn words(name: &str) -> String {
     name.replace('_', " ")
 }

@@ -41,12 +41,12 @@ impl AnyPort {
         Ok(Self::Serial(port))
     }
 
-    /// Whether a name is the path of a serial port.
+    /// Returns whether a name is the path of a serial port.
     pub fn is_serial(name: &str) -> bool {
         name.contains('/') || !name.contains(':')
     }
 
-    /// Whether there is something to read at once.
+    /// Returns whether there are bytes to read at once.
     pub fn is_waiting(&self) -> bool {
         match self {
             Self::Serial(port) => port.0.bytes_to_read().is_ok_and(|waiting| waiting > 0),

@@ -24,7 +24,7 @@ pub struct Port {
     pub latency_timer_ms: Option<u32>,
 }
 
-/// Every port, by its name, `COM5` before `COM12`.
+/// Returns all ports, sorted by name, `COM5` before `COM12`.
 ///
 /// # Errors
 /// When the system does not say.
@@ -52,7 +52,7 @@ fn of(info: SerialPortInfo) -> Port {
     Port { port: info.port_name, kind, adapter, maker, serial_number, usb: numbers, latency_timer_ms }
 }
 
-/// A name and the number at its end.
+/// Returns a name without the number at its end, and that number.
 fn key(name: &str) -> (&str, u32) {
     let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
     (letters, name.get(letters.len()..).and_then(|number| number.parse().ok()).unwrap_or(0))

@@ -21,7 +21,7 @@ pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
 /// The permitted baud rates.
 pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
 
-/// The parser of a baud rate on the command line.
+/// Returns the parser for a baud rate on the command line.
 pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(i64::from(*BAUD_RATES.start())..=i64::from(*BAUD_RATES.end()))
 }
@@ -98,12 +98,12 @@ pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort
     settings.open().map_err(|error| advise(path, baud, error))
 }
 
-/// The settings of a port: 8N1, without flow control.
+/// Returns the settings of a port: 8N1, without flow control.
 pub fn settings(path: &str, baud: u32) -> SerialPortBuilder {
     serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT)
 }
 
-/// The error of a port that cannot be opened, with advice.
+/// Returns the error of a port that cannot be opened, with advice.
 pub fn advise(path: &str, baud: u32, error: serialport::Error) -> anyhow::Error {
     let advice = match error.kind() {
         serialport::ErrorKind::NoDevice | serialport::ErrorKind::Io(ErrorKind::NotFound) => absent(path),
@@ -135,7 +135,7 @@ fn absent(path: &str) -> String {
     format!(": no such port, {there}{hint}")
 }
 
-/// Everything that arrives within `time`.
+/// Reads all bytes that arrive within `time`.
 ///
 /// # Errors
 /// When the port is gone.
@@ -213,7 +213,7 @@ impl Drop for PtyLink {
     }
 }
 
-/// A pseudo-terminal: the device's end, and the path that a client opens.
+/// Creates a pseudo-terminal: the device's end, and the path that a client opens.
 ///
 /// This process does not keep the client's end open, so that the device detects when the client closes it.
 ///
@@ -243,7 +243,7 @@ pub fn discard(path: &Path) {
     }
 }
 
-/// Other ports keep nothing of an earlier client.
+/// Does nothing: other ports do not buffer bytes of an earlier client.
 #[cfg(not(unix))]
 pub fn discard(_: &Path) {}
 

@@ -30,7 +30,7 @@ impl Stream {
         let _ = self.stream.shutdown(Shutdown::Both);
     }
 
-    /// Whether there is something to read at once, the end of the connection too.
+    /// Returns whether there are bytes to read at once, or the connection has ended.
     pub fn is_waiting(&self) -> bool {
         Wait::limited(Duration::ZERO).readable(&self.stream).unwrap_or(true)
     }

@@ -28,7 +28,7 @@ pub fn listen(address: &str) -> Result<TcpListener> {
     Ok(listener)
 }
 
-/// The error of an address that cannot be listened on, with advice.
+/// Returns the error of an address that cannot be listened on, with advice.
 pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
     let advice = match error.kind() {
         ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
@@ -127,7 +127,7 @@ pub fn check(address: &str) -> Result<()> {
     }
 }
 
-/// The error of an address that lacks its port.
+/// Returns the error of an address that lacks its port.
 fn without_port(address: &str) -> anyhow::Error {
     anyhow!("cannot connect to {address}: give HOST:PORT, such as 192.168.0.10:502")
 }

@@ -48,7 +48,7 @@ impl TlsArgs {
         Some(Identity { certificate, key })
     }
 
-    /// The TLS of a client; `None` without.
+    /// Returns the TLS of a client; `None` without TLS.
     ///
     /// # Errors
     /// There is no authority, or a file cannot be used.
@@ -60,7 +60,7 @@ impl TlsArgs {
         Ok(Some(Tls { config: client(authority, self.own())?, name: self.tls_name.clone() }))
     }
 
-    /// The TLS of a server; `None` without.
+    /// Returns the TLS of a server; `None` without TLS.
     ///
     /// # Errors
     /// There is no certificate, or a file cannot be used.
@@ -109,7 +109,7 @@ impl<T> Carrier<T> {
 }
 
 impl Carrier<TcpStream> {
-    /// The TCP connection.
+    /// Returns the TCP connection.
     pub const fn stream(&self) -> &TcpStream {
         match self {
             Self::Plain(stream) => stream,

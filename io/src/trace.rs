@@ -32,7 +32,7 @@ pub struct TraceArgs {
 }
 
 impl TraceArgs {
-    /// A trace of the line called `name`. It keeps nothing without `--trace`.
+    /// Starts a trace of the line called `name`. The trace records nothing without `--trace`.
     pub fn start(&self, name: &str) -> Trace {
         let trace = Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), Some(&self.trace_dir));
         let kept = trace.clone();
@@ -40,7 +40,7 @@ impl TraceArgs {
         trace
     }
 
-    /// A trace that can be shown while it runs. It writes files only with `--trace`.
+    /// Starts a trace that can be shown while it runs. The trace writes files only with `--trace`.
     pub fn start_kept(&self, name: &str) -> Trace {
         match self.trace {
             Some(_) => self.start(name),
@@ -48,12 +48,12 @@ impl TraceArgs {
         }
     }
 
-    /// A trace of this many bytes each way.
+    /// Returns options for traces of the last `bytes` bytes in each direction.
     pub fn keep(bytes: u32, dir: &Path) -> Self {
         Self { trace: Some(bytes), trace_dir: dir.to_owned() }
     }
 
-    /// No trace.
+    /// Returns options without traces.
     pub fn off() -> Self {
         Self { trace: None, trace_dir: PathBuf::from(".") }
     }
@@ -115,7 +115,8 @@ impl Kept {
 }
 
 impl Trace {
-    /// A trace of `bytes` bytes of each direction. With 0 it keeps nothing, without a folder it writes nothing.
+    /// Creates a trace of `bytes` bytes in each direction. With 0 the trace records nothing; without a folder it writes no
+    /// files.
     pub fn new(name: &str, bytes: usize, dir: Option<&Path>) -> Self {
         Self { name: name.into(), dir: dir.map(Path::to_owned), bytes, kept: Arc::default() }
     }
@@ -127,7 +128,7 @@ impl Trace {
         }
     }
 
-    /// The same for a caller who cannot wait: false, and nothing added, while the trace is being read.
+    /// Adds bytes for a caller that cannot wait: returns false, and adds nothing, while the trace is being read.
     pub fn try_add(&self, now: Duration, way: Way, bytes: &[u8]) -> bool {
         if self.bytes == 0 {
             return true;
@@ -167,7 +168,8 @@ impl Trace {
         Ok(Some(path))
     }
 
-    /// As [`session_ended`](Self::session_ended); an error is a warning on standard error, and the tool goes on.
+    /// Finishes the trace as [`session_ended`](Self::session_ended) does; an error is a warning on standard error, and the
+    /// tool continues.
     pub fn finish(&self, why: &str) -> Option<PathBuf> {
         self.session_ended(why).unwrap_or_else(|error| {
             remark(&format!("warning: {error:#}"));
@@ -175,14 +177,14 @@ impl Trace {
         })
     }
 
-    /// As [`finish`](Self::finish), and prints the path on standard error.
+    /// Finishes the trace as [`finish`](Self::finish) does, and prints the path on standard error.
     pub fn end_session(&self, why: &str) {
         if let Some(path) = self.finish(why) {
             remark(&format!("trace: {}", path.display()));
         }
     }
 
-    /// The kept bytes as lines of text, the oldest first.
+    /// Returns the recorded bytes as lines of text, the oldest first.
     pub fn lines(&self) -> Vec<String> {
         let (sent, received) = {
             let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -218,12 +220,12 @@ fn write_lines(out: &mut impl Write, sent: &VecDeque<Byte>, received: &VecDeque<
     Ok(())
 }
 
-/// The name in the first line of a trace's file.
+/// Parses the name in the first line of a trace's file.
 pub fn parse_name(line: &str) -> Option<&str> {
     line.strip_prefix("# ")?.split_once(": ").map(|(name, _)| name)
 }
 
-/// A line of a trace: when its first byte was, its direction, and its bytes.
+/// Parses a line of a trace: the time of its first byte, its direction, and its bytes.
 pub fn parse_line(line: &str) -> Option<(f64, Way, Vec<u8>)> {
     let (hex, comment) = line.split_once('#')?;
     let (at, way) = comment.trim().split_once(" s ")?;

@@ -54,7 +54,7 @@ pub struct Datagrams {
 }
 
 impl Datagrams {
-    /// Over a socket that is connected to the peer.
+    /// Creates a transport over a socket that is connected to the peer.
     pub fn connected(socket: UdpSocket) -> Self {
         Self { socket, peer: None, first: None }
     }
@@ -64,7 +64,7 @@ impl Datagrams {
         Self { socket, peer: Some(peer), first: Some(first) }
     }
 
-    /// The next datagram of the peer, if there is one.
+    /// Reads the next datagram of the peer, if there is one.
     fn read(&self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
         for _ in 0..PASSED_OVER {
             match self.socket.recv_from(buffer) {

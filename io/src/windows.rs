@@ -13,7 +13,7 @@ use windows_sys::Win32::System::Console::{
 };
 use windows_sys::core::BOOL;
 
-/// From now on waits of this process end at the millisecond, and not at the system's clock of 15.6 ms: for sockets, ports and other
+/// Makes waits of this process end at the millisecond, not at the system's clock of 15.6 ms: for sockets, ports and other
 /// threads. A thread that sleeps has a timer of its own, which is exact anyway.
 pub fn exact_waits() {
     // SAFETY: it takes a number, and changes the clock alone, until the process ends.

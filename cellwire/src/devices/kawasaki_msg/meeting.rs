@@ -155,7 +155,7 @@ impl Meeting {
         })
     }
 
-    /// Whether another peer may take the place of one that is connected: only this peer's connection ends then.
+    /// Returns whether another peer may replace a connected one: only the connection of the replaced peer ends then.
     pub fn takes_another(&self) -> bool {
         matches!(self, Self::Listen(_))
     }
@@ -165,7 +165,7 @@ impl Meeting {
         if let Self::Connect { backoff, .. } = self { backoff.pause() } else { Duration::ZERO }
     }
 
-    /// The peer has sent something: the next pause is the shortest again.
+    /// Called when the peer has sent bytes: the next pause is the shortest again.
     pub fn answered(&mut self) {
         if let Self::Connect { backoff, .. } = self {
             backoff.answered();
@@ -219,7 +219,7 @@ impl Arrivals {
     }
 }
 
-/// The first datagram that a robot can have sent: other datagrams are not answered.
+/// Receives the first datagram that a robot can have sent; other datagrams are not answered.
 fn first(socket: &UdpSocket, dialect: Dialect) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
     let mut buffer = vec![0; LONGEST];
     // A flood of others does not keep the caller.

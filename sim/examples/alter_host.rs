@@ -25,7 +25,7 @@ fn follower(address: &str) -> Result<Arm, Box<dyn core::error::Error>> {
     Ok(arm)
 }
 
-/// A third of the way that is left goes into each cycle.
+/// Follows the wanted pose: each cycle covers a third of the remaining way.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a place beyond an i32 is out of reach, and a speed is limited"

@@ -65,7 +65,7 @@ impl Clock for Process {
 
 type Queue = Writer<'static, Cut, Signal>;
 
-/// The session, until the port is gone.
+/// Runs the session until the port is gone.
 async fn link<P, W>(reader: P, writer: W, queue: Queue, done: Signal, motion: &Motion) -> Result<(), P::Error>
 where
     P: Read,
@@ -115,7 +115,7 @@ impl Motion {
         self.changed.wake();
     }
 
-    /// One instruction after the other; halted, it takes none, but sees that the queue was emptied.
+    /// Executes one instruction after the other; while halted, takes none, but notices that the queue was emptied.
     async fn run(&self, mut queue: Reader<'static, Cut, Signal>, mut cut: impl AsyncFnMut(Cut)) {
         loop {
             let halted = self.is_halted.get();

@@ -37,7 +37,7 @@ fn decode(line: &str) -> Option<(u8, i32)> {
     (encode(read.0, read.1) == line).then_some(read)
 }
 
-/// The next whole line.
+/// Returns the next whole line.
 fn next_line(bytes: &mut Vec<u8>) -> Option<String> {
     let end = bytes.iter().position(|byte| *byte == b'\r')?;
     Some(String::from_utf8_lossy(&bytes.drain(..=end).collect::<Vec<u8>>()).into_owned())

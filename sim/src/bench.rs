@@ -97,7 +97,7 @@ impl<T> Way<T> {
 }
 
 impl<S: Session, D: Device> Bench<S, D> {
-    /// The two, at the time 0.
+    /// Creates a bench of the two, at the time 0.
     pub fn new(session: S, simulator: Simulator<D>) -> Self {
         Self {
             wire: Wire::default(),
@@ -115,7 +115,7 @@ impl<S: Session, D: Device> Bench<S, D> {
         }
     }
 
-    /// The time.
+    /// Returns the time.
     pub fn now(&self) -> Duration {
         self.now
     }
@@ -125,12 +125,12 @@ impl<S: Session, D: Device> Bench<S, D> {
         &self.session
     }
 
-    /// Your session, to call it.
+    /// Returns your session, to call it.
     pub fn session_mut(&mut self) -> &mut S {
         &mut self.session
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn device(&self) -> &D {
         self.simulator.device()
     }
@@ -166,13 +166,13 @@ impl<S: Session, D: Device> Bench<S, D> {
         }
     }
 
-    /// The next event of the session; `None` when there is none `within` this time, which has passed then.
+    /// Returns the next event of the session; `None` if there is none `within` this time, which has then passed.
     pub fn next_event(&mut self, within: Duration) -> Option<S::Event> {
         self.run_until(within, |bench| !bench.events.is_empty());
         self.events.pop_front()
     }
 
-    /// The events of the session that were not fetched.
+    /// Removes and returns the events of the session that were not fetched.
     pub fn take_events(&mut self) -> impl Iterator<Item = S::Event> + use<'_, S, D> {
         self.events.drain(..)
     }
@@ -212,7 +212,7 @@ impl<S: Session, D: Device> Bench<S, D> {
         [link, to_device, to_session].into_iter().chain(sessions).flatten().min()
     }
 
-    /// Everything that is due now.
+    /// Does everything that is due now.
     fn work(&mut self) {
         self.session.handle_timeout(self.now);
         self.simulator.handle_timeout(self.now);

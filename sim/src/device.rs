@@ -22,7 +22,7 @@ pub trait Device {
     /// Returns the session of the device's end.
     fn session(&self) -> &Self::Session;
 
-    /// The same, to call it.
+    /// Returns the session as a mutable reference, to call it.
     fn session_mut(&mut self) -> &mut Self::Session;
 
     /// Acts on an event of the session.
@@ -45,7 +45,8 @@ pub trait Device {
     /// Drops what the device holds and has not executed; the connection goes on.
     fn forget(&mut self, now: Duration);
 
-    /// The peer of a connection in TLS has shown this certificate (DER), which is verified. Called before the first bytes of the peer.
+    /// Called when the peer of a TLS connection has shown this certificate (DER), which is verified, and before the first
+    /// bytes of the peer.
     fn secured(&mut self, _certificate: &[u8]) {}
 
     /// Returns the same device for one more simultaneous connection; `None` if a new connection replaces the previous
@@ -83,22 +84,22 @@ impl<E, W> Default for Notes<E, W> {
 }
 
 impl<E, W> Notes<E, W> {
-    /// Something has happened.
+    /// Reports an event.
     pub fn event(&mut self, event: E) {
         self.events.push_back(event);
     }
 
-    /// Something was executed at this time.
+    /// Reports that work was executed at this time.
     pub fn executed(&mut self, at: Duration, work: W) {
         self.executed.push_back(Executed { at, work });
     }
 
-    /// The connection is to be closed once everything is sent, and why.
+    /// Requests that the connection be closed once everything is sent, for the reason `why`.
     pub fn close(&mut self, why: &'static str) {
         self.close.get_or_insert(why);
     }
 
-    /// The device, which is a client, is to be connected.
+    /// Requests that the device, which is a client, be connected.
     pub fn connect(&mut self) {
         self.connect = true;
     }

@@ -73,12 +73,12 @@ impl<T> Ledger<T> {
         Some(job)
     }
 
-    /// The jobs in the order in which they were sent.
+    /// Returns the jobs in the sequence in which they were sent.
     pub fn jobs(&self) -> &[Job<T>] {
         &self.jobs
     }
 
-    /// The same, to change them.
+    /// Returns the jobs as mutable references.
     pub fn jobs_mut(&mut self) -> &mut [Job<T>] {
         &mut self.jobs
     }
@@ -90,7 +90,7 @@ impl<T> Ledger<T> {
 }
 
 impl<T> Job<T> {
-    /// The truth about the reported outcome.
+    /// Returns the truth about the reported outcome.
     pub fn fate(&self) -> Fate {
         match (self.reported, self.times) {
             _ if self.is_reported_again => Fate::Repeated("its outcome was reported twice"),

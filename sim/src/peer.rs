@@ -62,6 +62,6 @@ where
         self.session = self.new.clone();
     }
 
-    /// Its contents are unknown here.
+    /// Does nothing: the peer's contents are unknown here.
     fn forget(&mut self, _: Duration) {}
 }

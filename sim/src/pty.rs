@@ -19,7 +19,7 @@ pub(crate) struct Pty {
 }
 
 impl Pty {
-    /// A new one, and the path of the program's end.
+    /// Opens a pseudo-terminal; returns it, and the path of the program's end.
     pub(crate) fn open() -> io::Result<(Self, String)> {
         let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
         // A child process would keep the line open.
@@ -36,7 +36,7 @@ impl Pty {
         Ok((Self { device, path: path.clone() }, path))
     }
 
-    /// Whether a program has the other end open, or had, and has sent something.
+    /// Returns whether a program has the other end open, or has closed it after it sent bytes.
     pub(crate) fn is_open(&self) -> bool {
         let mut ends = [PollFd::new(&self.device, PollFlags::IN)];
         let polled = poll(&mut ends, Some(&Timespec { tv_sec: 0, tv_nsec: 0 }));

@@ -82,7 +82,8 @@ impl<E, W> Record<E, W> {
 }
 
 impl<D: Device + Send + 'static> Running<D> {
-    /// Behind a TCP address. One client at a time, the newest, unless the device serves [several](Simulator::another).
+    /// Runs the device at a TCP address. The newest client is served, unless the device serves
+    /// [several](Simulator::another).
     ///
     /// # Errors
     /// The system's.
@@ -119,7 +120,8 @@ impl<D: Device + Send + 'static> Running<D> {
         Self::attend(simulator, address, String::new(), None, find, release)
     }
 
-    /// On a pseudo-terminal. A program that opens its other end makes a connection, and ends it by closing that.
+    /// Runs the device on a pseudo-terminal. A program connects when it opens the other end, and disconnects when it closes
+    /// that end.
     ///
     /// # Errors
     /// The system's.
@@ -138,7 +140,7 @@ impl<D: Device + Send + 'static> Running<D> {
         Self::attend(simulator, NOWHERE, path, Some(pty), find, release)
     }
 
-    /// On a serial port of this machine.
+    /// Runs the device on a serial port of this computer.
     ///
     /// # Errors
     /// The system's.
@@ -153,7 +155,7 @@ impl<D: Device + Send + 'static> Running<D> {
         Self::attend(simulator, NOWHERE, path.into(), port, find, Some)
     }
 
-    /// On the transports that `find` makes or takes, and `release` gives back.
+    /// Runs the device on the transports that `find` creates or accepts, and `release` returns.
     fn attend<T: Transport + Send + 'static>(
         simulator: Simulator<D>,
         address: SocketAddr,
@@ -198,7 +200,7 @@ impl<D: Device> Running<D> {
         self.address
     }
 
-    /// The serial port to open: the other end of the pseudo-terminal.
+    /// Returns the serial port to open: the other end of the pseudo-terminal.
     pub fn path(&self) -> &str {
         &self.path
     }

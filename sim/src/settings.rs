@@ -12,13 +12,13 @@ pub trait Settings: Clone {
     /// The device that is made of them.
     type Device: Device;
 
-    /// The device, just switched on.
+    /// Creates the device, just switched on.
     ///
     /// # Errors
     /// Settings that cannot work.
     fn device(&self) -> Result<Self::Device, Error>;
 
-    /// The device, with its faults, for a loop of the caller's own.
+    /// Creates the device with its faults, for a loop of the caller.
     ///
     /// # Errors
     /// Settings that cannot work.
@@ -26,7 +26,7 @@ pub trait Settings: Clone {
         Ok(Simulator::new(self.device()?))
     }
 
-    /// The device and a session that talks to it, on a virtual clock.
+    /// Creates a bench of the device and a session that talks to it, on a virtual clock.
     ///
     /// # Errors
     /// Settings that cannot work.
@@ -45,7 +45,7 @@ pub trait Settings: Clone {
         Running::listen(self.simulator()?, address)
     }
 
-    /// The device as a TCP client, in a thread: a robot that connects to its PC.
+    /// Runs the device as a TCP client, in a thread: a robot that connects to its PC.
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.
@@ -56,7 +56,7 @@ pub trait Settings: Clone {
         Running::connect(self.simulator()?, address)
     }
 
-    /// The device on a pseudo-terminal, in a thread: [`Running::path`] is opened as a serial port.
+    /// Runs the device on a pseudo-terminal, in a thread: [`Running::path`] is opened as a serial port.
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.
@@ -68,7 +68,7 @@ pub trait Settings: Clone {
         Running::pty(self.simulator()?)
     }
 
-    /// The device on a serial port of this machine, in a thread.
+    /// Runs the device on a serial port of this computer, in a thread.
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.

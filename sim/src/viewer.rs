@@ -159,6 +159,6 @@ impl Device for Screen {
         }
     }
 
-    /// Does nothing: the workstation holds nothing.
+    /// Does nothing: the workstation has no unexecuted work.
     fn forget(&mut self, _: Duration) {}
 }

@@ -19,7 +19,8 @@ pub struct Grip {
 /// After this time the hand begins again.
 pub const PERIOD: Duration = Duration::from_secs(7);
 
-/// The hand leans on the ball and lets go suddenly, presses the keys of the gripper, twists and turns back at once, and rests.
+/// Returns the grip of a hand at a time: the hand leans on the ball and lets go suddenly, presses the keys of the gripper,
+/// twists and turns back at once, and rests.
 pub fn grip(now: Duration) -> Grip {
     let t = now.as_secs_f64() % PERIOD.as_secs_f64();
     let mut axes = [0.0; 6];
@@ -57,7 +58,7 @@ pub fn grip(now: Duration) -> Grip {
     Grip { force: [x, y, z], moment: [mx, my, mz], keys }
 }
 
-/// From 0 to 1 and on at 1, without a corner.
+/// Returns a value that rises smoothly from 0 to 1, and stays 1.
 fn swell(x: f64) -> f64 {
     (1.0 - (PI * x.clamp(0.0, 1.0)).cos()) / 2.0
 }

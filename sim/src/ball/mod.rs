@@ -64,13 +64,13 @@ pub struct HeldBall {
 }
 
 impl HeldBall {
-    /// From now on the ball measures this grip; `None`: the grip of the settings' hand again.
+    /// Makes the ball measure this grip from now on; `None`: the grip of the settings' hand again.
     pub fn hold(&mut self, grip: Option<Grip>) {
         self.held = grip;
         self.measured = Duration::ZERO;
     }
 
-    /// The values of the last measurement.
+    /// Returns the values of the last measurement.
     pub fn grip(&self) -> Grip {
         self.grip
     }
@@ -114,6 +114,6 @@ impl Device for HeldBall {
         }
     }
 
-    /// Does nothing: the ball holds nothing.
+    /// Does nothing: the ball has no unexecuted work.
     fn forget(&mut self, _: Duration) {}
 }

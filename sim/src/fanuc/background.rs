@@ -16,7 +16,7 @@ pub struct Pose {
     pub wpr: [f64; 3],
 }
 
-/// One run of the task, line by line as Fig. 8 has it: single precision, Q1 made positive, differences over 0.008 s.
+/// Runs the task once, line by line as in Fig. 8: single precision, Q1 made positive, differences over 0.008 s.
 #[expect(clippy::cast_possible_truncation, reason = "the controller's registers are of single precision")]
 pub fn background_task(counter: u32, pose: &Pose, before: &Pose) -> TelemetryBlock {
     let single = |values: [f64; 3]| values.map(|value| value as f32);

@@ -17,7 +17,7 @@ use super::tables::Tables;
 /// The pose of the tool at a time since the start of the program.
 pub type Motion = Box<dyn Fn(Duration) -> Pose + Send>;
 
-/// A circle of 200 mm at 100 mm/s, the tool pointing down and swaying.
+/// Returns a point of a circle of 200 mm at 100 mm/s, the tool pointing down and swaying.
 pub fn circle(at: Duration) -> Pose {
     let t = at.as_secs_f64();
     Pose {
@@ -55,26 +55,26 @@ pub trait Program: Send {
     /// Goes on for one period of the background task, which ends at `at`, its run of this number.
     fn run(&mut self, at: Duration, number: u32, faults: &Faults, tables: &mut Tables);
 
-    /// A client has written to these holding registers, from PDU address 0 on.
+    /// Called when a client has written to these holding registers, from PDU address 0 on.
     fn written(&mut self, registers: Range<usize>, tables: &Tables);
 
     /// Writes its values to the holding registers.
     fn show(&mut self, tables: &mut Tables);
 
-    /// The PDU address of the holding register that shows R\[n\] as a whole number of 16 bits; `None` if none does. Without assignments of
-    /// its own, it is n - 1.
+    /// Returns the PDU address of the holding register that shows R\[n\] as a whole number of 16 bits; `None` if there is no
+    /// such register. Without assignments of its own, it is n - 1.
     fn register(&self, number: u16) -> Option<u16> {
         number.checked_sub(1)
     }
 }
 
 impl Controller {
-    /// A controller that has just been switched on, whose robot moves by itself.
+    /// Creates a controller that has just been switched on, whose robot moves by itself.
     pub fn new(motion: Motion, order: WordOrder) -> Self {
         Self::with(Source::Motion(motion), Tables::numbered(), order)
     }
 
-    /// A controller whose robot runs a program.
+    /// Creates a controller whose robot runs a program.
     pub fn running(program: Box<dyn Program>, order: WordOrder) -> Self {
         Self::with(Source::Program(program), Tables::empty(), order)
     }
@@ -95,7 +95,7 @@ impl Controller {
         }
     }
 
-    /// The same with faults.
+    /// Returns the controller with faults.
     #[must_use]
     pub fn with_faults(mut self, faults: Faults) -> Self {
         self.faults = faults;
@@ -109,33 +109,33 @@ impl Controller {
         self
     }
 
-    /// The same with eight outputs for function 7.
+    /// Returns the controller with eight outputs for function 7.
     #[must_use]
     pub const fn with_exception_status(mut self, status: Option<u8>) -> Self {
         self.exception_status = status;
         self
     }
 
-    /// The same with files and queues.
+    /// Returns the controller with files and queues.
     #[must_use]
     pub fn with_files(mut self, files: Lists, queues: Lists) -> Self {
         (self.files, self.queues) = (files, queues);
         self
     }
 
-    /// The same with roles of its clients.
+    /// Returns the controller with roles of its clients.
     #[must_use]
     pub fn with_roles(mut self, roles: Roles) -> Self {
         self.roles = roles;
         self
     }
 
-    /// The roles of its clients.
+    /// Returns the roles of the controller's clients.
     pub const fn roles(&self) -> &Roles {
         &self.roles
     }
 
-    /// Whether clients cannot reach it now.
+    /// Returns whether clients cannot reach the controller now.
     pub fn is_away(&self, now: Duration) -> bool {
         self.faults.has(Fault::Disconnect, now)
     }
@@ -145,7 +145,7 @@ impl Controller {
         &mut self.tables
     }
 
-    /// The PDU address of the holding register that shows R\[n\] as a whole number of 16 bits.
+    /// Returns the PDU address of the holding register that shows R\[n\] as a whole number of 16 bits.
     pub fn register(&self, number: u16) -> Option<u16> {
         match &self.source {
             Source::Program(program) => program.register(number),
@@ -153,7 +153,7 @@ impl Controller {
         }
     }
 
-    /// The values from this PDU address of a table on, 0 or 1 of a bit; `None` outside the table.
+    /// Returns the values from this PDU address of a table on, 0 or 1 for a bit; `None` outside the table.
     pub fn values(&self, table: Table, address: u16, count: u16) -> Option<Vec<u16>> {
         let place = |offset| Signal::at(table, address.checked_add(offset)?);
         (0..count).map(|offset| self.tables.signal(place(offset)?)).collect()
@@ -208,7 +208,7 @@ impl Controller {
         }
     }
 
-    /// The exception of a controller that is busy.
+    /// Returns the exception of a controller that is busy.
     fn ready(&self) -> Result<(), Exception> {
         if self.faults.has(Fault::Busy, self.now) { Err(Exception::ServerDeviceBusy) } else { Ok(()) }
     }
@@ -224,7 +224,7 @@ fn block(motion: &Motion, faults: &Faults, run: u32) -> TelemetryBlock {
     block
 }
 
-/// The periods in this time.
+/// Returns the number of periods in this time.
 fn runs(time: Duration) -> u32 {
     u32::try_from(time.as_millis() / PERIOD.as_millis()).unwrap_or(u32::MAX)
 }

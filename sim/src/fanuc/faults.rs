@@ -82,19 +82,19 @@ impl FromStr for TelemetryFaults {
 }
 
 impl TelemetryFaults {
-    /// One more fault, between these times since the start.
+    /// Returns the faults with one more, between these times since the start.
     #[must_use]
     pub fn with(mut self, fault: TelemetryFault, times: Range<Duration>) -> Self {
         self.0.push((fault, times));
         self
     }
 
-    /// Whether a fault is there.
+    /// Returns whether a fault is active.
     pub fn has(&self, fault: TelemetryFault, now: Duration) -> bool {
         self.0.iter().any(|(found, times)| *found == fault && times.contains(&now))
     }
 
-    /// The time in which the background task has run since it was last started.
+    /// Returns the time in which the background task has run since it was last started.
     pub fn task_time(&self, now: Duration) -> Duration {
         let started = |(fault, times): &(TelemetryFault, Range<Duration>)| {
             (*fault == TelemetryFault::Restart && times.start <= now).then_some(times.start)

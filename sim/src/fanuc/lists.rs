@@ -28,7 +28,7 @@ impl FromStr for Lists {
 }
 
 impl Lists {
-    /// The registers of a list: exception 2 without it, exception 1 if there are none at all.
+    /// Returns the registers of a list; exception 2 if it is missing, exception 1 if there are no lists.
     ///
     /// # Errors
     /// The exception to answer with.

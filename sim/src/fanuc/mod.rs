@@ -115,7 +115,7 @@ pub struct FanucController {
 }
 
 impl FanucController {
-    /// One connection to a controller.
+    /// Creates one connection to a controller.
     ///
     /// # Errors
     /// A configuration that cannot work.
@@ -124,7 +124,7 @@ impl FanucController {
         Ok(Self { server: Server::new(config, connection).map_err(Error::settings)? })
     }
 
-    /// The controller that all its connections share.
+    /// Returns the controller that all its connections share.
     pub fn controller(&self) -> MutexGuard<'_, Controller> {
         self.server.registers().lock()
     }
@@ -253,7 +253,7 @@ impl Connection {
         self.controller.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The controller, if the client's role permits the access.
+    /// Returns the controller, if the client's role permits the access.
     fn permitted(
         &self,
         function: u8,

@@ -66,12 +66,12 @@ fn permission(item: &str) -> Option<Permission> {
 }
 
 impl Roles {
-    /// Whether every client may do everything.
+    /// Returns whether every client may do everything.
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Whether a client with this role may do it; `None`: it has no role.
+    /// Returns whether a client with this role has this access; `None` is a client without a role.
     pub fn allows(&self, role: Option<&str>, access: Access) -> bool {
         let last = access.address.saturating_add(access.quantity.saturating_sub(1));
         self.is_empty()

@@ -14,13 +14,13 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The number of addresses of a table, from 0 on.
+    /// Returns the number of addresses of a table, from 0 on.
     pub fn len(table: Table) -> usize {
         used(table)
     }
 
-    /// Signal n of a table of inputs is on where n is a multiple of 3, a register of inputs holds its address as Table 1 counts it,
-    /// R\[n\] holds n: so a client sees at once whether it is off by one.
+    /// Creates tables in which input signal n is on if n is a multiple of 3, an input register contains its address as Table
+    /// 1 counts it, and R\[n\] contains n: so an address that is off by one shows at once.
     pub fn numbered() -> Self {
         let numbers = |table| (1..=used(table)).map(|n| u16::try_from(n).unwrap_or_default());
         Self {
@@ -36,7 +36,7 @@ impl Tables {
         }
     }
 
-    /// All off, all 0.
+    /// Creates tables with all signals off and all registers 0.
     pub fn empty() -> Self {
         Self {
             discrete_inputs: vec![false; used(Table::DiscreteInputs)],
@@ -46,7 +46,7 @@ impl Tables {
         }
     }
 
-    /// The value of a signal, 0 or 1 of a bit.
+    /// Returns the value of a signal, 0 or 1 for a bit.
     pub fn signal(&self, signal: Signal) -> Option<u16> {
         let (table, address) = signal.place()?;
         let address = usize::from(address);

@@ -14,17 +14,17 @@ pub struct ByteFaults {
 }
 
 impl ByteFaults {
-    /// No faults.
+    /// Returns a plan without faults.
     pub fn none() -> Self {
         Self::with_rate(0.0, 0)
     }
 
-    /// Each kind with the same probability.
+    /// Creates faults in which each kind has the same probability.
     pub fn with_rate(rate: f64, seed: u64) -> Self {
         Self { flip: rate, lose: rate, insert: rate, rng: fastrand::Rng::with_seed(seed), count: 0 }
     }
 
-    /// The number of faults so far.
+    /// Returns the number of faults so far.
     pub fn count(&self) -> u64 {
         self.count
     }

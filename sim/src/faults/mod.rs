@@ -70,31 +70,31 @@ impl Script {
         self
     }
 
-    /// To the `count`-th message that the device sends.
+    /// Adds a fault of the `count`-th message that the device sends.
     #[must_use]
     pub fn answer(self, count: u64, fault: Fault) -> Self {
         self.with(When::Answer(count), fault)
     }
 
-    /// To every `count`-th message that the device sends.
+    /// Adds a fault of every `count`-th message that the device sends.
     #[must_use]
     pub fn every_answer(self, count: u64, fault: Fault) -> Self {
         self.with(When::EveryAnswer(count), fault)
     }
 
-    /// To the `count`-th message that the device receives.
+    /// Adds a fault of the `count`-th message that the device receives.
     #[must_use]
     pub fn request(self, count: u64, fault: Fault) -> Self {
         self.with(When::Request(count), fault)
     }
 
-    /// To every `count`-th message that the device receives.
+    /// Adds a fault of every `count`-th message that the device receives.
     #[must_use]
     pub fn every_request(self, count: u64, fault: Fault) -> Self {
         self.with(When::EveryRequest(count), fault)
     }
 
-    /// At this time; what needs a message happens to the next one that the device sends.
+    /// Adds a fault at this time; a fault that needs a message happens to the next one that the device sends.
     #[must_use]
     pub fn at(self, time: Duration, fault: Fault) -> Self {
         self.with(When::At(time), fault)
@@ -149,62 +149,62 @@ impl Faults {
         self.0.waits.store(true, Ordering::Release);
     }
 
-    /// Nothing goes wrong any more.
+    /// Removes all faults that have not happened yet.
     pub fn clear(&self) {
         self.lock().incidents.clear();
     }
 
-    /// To the next message that the device sends.
+    /// Adds a fault of the next message that the device sends.
     pub fn next_answer(&self, fault: Fault) {
         self.lock().incidents.push((When::Answer(0), fault));
     }
 
-    /// To the next message that the device receives.
+    /// Adds a fault of the next message that the device receives.
     pub fn next_request(&self, fault: Fault) {
         self.lock().incidents.push((When::Request(0), fault));
     }
 
-    /// The next message of the device is lost.
+    /// Drops the next message of the device.
     pub fn drop_next(&self) {
         self.next_answer(Fault::Drop);
     }
 
-    /// The next message of the device is delayed by this time.
+    /// Delays the next message of the device by this time.
     pub fn delay_next(&self, by: Duration) {
         self.next_answer(Fault::Delay(by));
     }
 
-    /// A bit of the next message of the device is turned over.
+    /// Inverts a bit of the next message of the device.
     pub fn corrupt_next(&self) {
         self.next_answer(Fault::Corrupt);
     }
 
-    /// The connection ends in the middle of the next message of the device.
+    /// Ends the connection in the middle of the next message of the device.
     pub fn cut_next(&self) {
         self.next_answer(Fault::Cut);
     }
 
-    /// The next message of the device comes twice.
+    /// Repeats the next message of the device once.
     pub fn repeat_next(&self) {
         self.next_answer(Fault::Twice);
     }
 
-    /// The device neither reads nor sends from now on, for this long.
+    /// Freezes the device for this long: it neither reads nor sends.
     pub fn freeze(&self, time: Duration) {
         self.at_once(Fault::Freeze(time));
     }
 
-    /// The device loses its power now, and is there again after `off`.
+    /// Switches the device off now, and on again after `off`.
     pub fn restart(&self, off: Duration) {
         self.at_once(Fault::Restart(off));
     }
 
-    /// The device loses now the work that it holds and has not executed.
+    /// Discards the work that the device has not executed.
     pub fn forget(&self) {
         self.at_once(Fault::Forget);
     }
 
-    /// The number of messages that the device has received and sent so far, those with a fault included.
+    /// Returns the number of messages that the device has received and sent so far, including those with a fault.
     #[must_use]
     pub fn messages(&self) -> (u64, u64) {
         let state = self.lock();
@@ -217,14 +217,14 @@ impl Faults {
         self.lock().happened.clone()
     }
 
-    /// A fault at once: a freeze, a restart, a loss of what the device holds, or the end of every connection of the device. A fault that needs a
-    /// message happens to the next message that the device sends.
+    /// Causes a fault at once: a freeze, a restart, a loss of the unexecuted work, or the end of every connection of the
+    /// device. A fault that needs a message happens to the next message that the device sends.
     pub fn at_once(&self, fault: Fault) {
         self.lock().incidents.push((When::At(Duration::ZERO), fault));
         self.0.waits.store(true, Ordering::Release);
     }
 
-    /// The device sends a message.
+    /// Returns the fault of a message that the device sends now.
     pub(crate) fn answer(&self, now: Duration) -> Option<Fault> {
         let mut state = self.lock();
         state.answers += 1;
@@ -237,7 +237,7 @@ impl Faults {
         })
     }
 
-    /// The device receives a message.
+    /// Returns the fault of a message that the device receives now.
     pub(crate) fn request(&self, now: Duration) -> Option<Fault> {
         let mut state = self.lock();
         state.requests += 1;
@@ -274,14 +274,14 @@ impl Faults {
         times.min()
     }
 
-    /// One more connection of the device: its number, and how much has happened to the whole device before.
+    /// Adds a connection of the device; returns its number, and the number of earlier faults of the whole device.
     pub(crate) fn connection(&self) -> (usize, usize) {
         let mut state = self.lock();
         state.connections += 1;
         (state.connections, state.whole.len())
     }
 
-    /// Has the other connections of the device know what has happened to all of it on this one.
+    /// Passes a fault of the whole device, found on this connection, to the device's other connections.
     pub(crate) fn spread(&self, connection: usize, now: Duration, fault: Fault) {
         let mut state = self.lock();
         state.whole.push((connection, now, fault));

@@ -58,12 +58,12 @@ impl FaultyProxy {
         Ok(Self { address, faults, stop })
     }
 
-    /// The address to which clients connect.
+    /// Returns the address to which clients connect.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// The number of faults so far.
+    /// Returns the number of faults so far.
     pub fn faults(&self) -> &NetworkFaults {
         &self.faults
     }

@@ -15,7 +15,7 @@ pub(super) struct Carrier {
 }
 
 impl Carrier {
-    /// Whether bytes may be left after a read that was not filled.
+    /// Returns whether bytes may remain after a read that did not fill its buffer.
     pub(super) const fn keeps_bytes(&self) -> bool {
         #[cfg(feature = "tls")]
         return self.tls.is_some();
@@ -23,7 +23,7 @@ impl Carrier {
         false
     }
 
-    /// The certificate that the client has shown.
+    /// Returns the certificate that the client has shown.
     pub(super) fn certificate(&self) -> Option<&[u8]> {
         #[cfg(feature = "tls")]
         return self.tls.as_ref()?.peer_certificate();

@@ -27,7 +27,7 @@ struct Handshake {
 impl Handshakes {
     pub(super) const NONE: Self = Self(Slab::new());
 
-    /// The tokens of all.
+    /// Returns the tokens of all handshakes.
     pub(super) fn tokens(&self) -> Vec<usize> {
         self.0.iter().map(|(key, _)| FIRST + key).collect()
     }

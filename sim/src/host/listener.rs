@@ -46,7 +46,7 @@ impl Listener {
         Ok(Self { listener: TcpListener::from_std(listener), reserve: reserve() })
     }
 
-    /// The next client that has arrived.
+    /// Accepts the next client that has arrived.
     ///
     /// # Errors
     /// If the system has no resources for a client: clients that wait may be accepted later.
@@ -107,7 +107,7 @@ impl Source for Listener {
     }
 }
 
-/// The probes of a peer that may vanish without a word.
+/// Returns the probes of a peer that may disappear silently.
 pub fn probes() -> TcpKeepalive {
     TcpKeepalive::new().with_time(FIRST_PROBE).with_interval(PROBE_INTERVAL)
 }

@@ -24,25 +24,26 @@ pub const MAX_CLIENTS: usize = 1000;
 
 /// A session that a host runs: a [`Simulator`], a session around one, or a PC of a Kawasaki robot.
 pub trait Hosted: Session + Sized {
-    /// The same device on one more connection; `None` if a new connection replaces the previous one.
+    /// Returns the same device on one more connection; `None` if a new connection replaces the previous one.
     fn another(&self) -> Option<Self> {
         None
     }
 
-    /// The client has shown this certificate (DER) in TLS, which is verified. Called after [`handle_connected`](Session::handle_connected).
+    /// Called when the client has shown this certificate (DER) in TLS, which is verified, after
+    /// [`handle_connected`](Session::handle_connected).
     fn secured(&mut self, _certificate: &[u8]) {}
 
-    /// Whether a connection can be made now.
+    /// Returns whether a connection can be made now.
     fn accepts(&self, _now: Duration) -> bool {
         true
     }
 
-    /// Whether the device does not read, so that the time of its transport passes only if the host advances it.
+    /// Returns whether the device does not read, so that the time of its transport passes only if the host advances it.
     fn is_held(&self) -> bool {
         false
     }
 
-    /// The request of an event to the host, if it has one.
+    /// Returns the request of an event to the host, if it has one.
     fn request(event: &Self::Event) -> Option<Request>;
 }
 

@@ -45,7 +45,7 @@ pub struct Server<C> {
 }
 
 impl<C: Fn() -> Duration> Server<C> {
-    /// A server without limits of time, which looks at its sessions when something is due.
+    /// Creates a server without time limits, which polls its sessions when something is due.
     pub const fn new(listener: Listener, clock: C) -> Self {
         Self {
             listener,

@@ -30,7 +30,7 @@ pub struct KawasakiPc<W: Work> {
 }
 
 impl<W: Work> Default for KawasakiPc<W> {
-    /// Over TCP, with order 50, which has no jobs.
+    /// Returns the settings over TCP, with order 50, which has no jobs.
     fn default() -> Self {
         let (config, ranges) = (PcConfig::tcp(), W::Ranges::default());
         Self { config, ranges, order: 50, jobs: Jobs(Arc::new([])), repeat: false }

@@ -39,7 +39,7 @@ impl<W: Work> fmt::Debug for KawasakiRobot<W> {
 }
 
 impl<W: Work> Default for KawasakiRobot<W> {
-    /// Over TCP, with a queue of 256 jobs of 1 s each.
+    /// Returns the settings over TCP, with a queue of 256 jobs of 1 s each.
     fn default() -> Self {
         let (config, ranges) = (RobotConfig::tcp(), W::Ranges::default());
         Self { config, ranges, queue: 256, job_time: Duration::from_secs(1), time_of: None }
@@ -65,7 +65,7 @@ pub struct Kawasaki<W: Work> {
 }
 
 impl<W: Work + fmt::Debug + Send + 'static> Kawasaki<W> {
-    /// A robot without an order.
+    /// Creates a robot without an order.
     ///
     /// # Errors
     /// Settings that cannot work.

@@ -85,7 +85,7 @@ impl From<Instruction<'_>> for Job {
 }
 
 impl Job {
-    /// The floats among its parameters.
+    /// Returns the floats among its parameters.
     pub fn floats(&self, config: &ControllerConfig) -> Vec<f32> {
         let items = Items::new(&self.parameters, &config.profile).flatten();
         let floats = items.filter_map(|item| match item {
@@ -123,7 +123,7 @@ pub struct LaserRobot {
 }
 
 impl LaserRobot {
-    /// A robot that has been started this often, this time included.
+    /// Creates a robot that has been started this often, including this time.
     ///
     /// # Errors
     /// Settings that cannot work.
@@ -138,7 +138,7 @@ impl LaserRobot {
         self.queue.len()
     }
 
-    /// The instructions that it holds, in sequence: a loss of power drops them.
+    /// Returns the queued instructions in sequence; a loss of power drops them.
     pub fn waiting(&self) -> impl Iterator<Item = Job> + '_ {
         self.queue.iter().map(|(_, job)| job.clone())
     }

@@ -10,7 +10,7 @@ pub trait Simulated: Pose + Debug + Send + 'static {
     /// The pose of the device at rest.
     const HOME: Self;
 
-    /// The pose after this share of the way, 0 to 1.
+    /// Returns the pose after this share of the way, 0 to 1.
     fn towards(self, to: Self, share: f64) -> Self;
 
     /// Returns the time of the slowest axis at its highest speed, in seconds.
@@ -24,7 +24,7 @@ impl Simulated for RobotPose {
         Self::from_units(blend(self.units(), to.units(), share))
     }
 
-    /// 250 mm/s and 3 rad/s.
+    /// Returns the time to this pose, at 250 mm/s and 3 rad/s.
     fn time_to(self, to: Self) -> f64 {
         slowest(self.units(), to.units(), [250e3, 250e3, 250e3, 30e3])
     }
@@ -37,7 +37,7 @@ impl Simulated for PlatformPose {
         Self::from_units(blend(self.units(), to.units(), share))
     }
 
-    /// 1.5 rad/s.
+    /// Returns the time to this pose, at 1.5 rad/s.
     fn time_to(self, to: Self) -> f64 {
         slowest(self.units(), to.units(), [15e3; 2])
     }
@@ -114,7 +114,7 @@ impl<P: Simulated> Axes<P> {
         self.from.towards(self.to, share)
     }
 
-    /// Whether they have arrived.
+    /// Returns whether the axes have arrived.
     pub(super) fn stand(&self) -> bool {
         self.progress >= 1.0
     }

@@ -169,7 +169,7 @@ pub struct MmaDevice<P: Simulated> {
 }
 
 impl<P: Simulated> MmaDevice<P> {
-    /// A device at home, at rest, with its servo motors off.
+    /// Creates a device at home, at rest, with its servo motors off.
     ///
     /// # Errors
     /// The configuration cannot work, or a motion is to be refused with a number that has no form.
@@ -200,7 +200,7 @@ impl<P: Simulated> MmaDevice<P> {
         self.axes.pose()
     }
 
-    /// Whether it moves.
+    /// Returns whether the device moves.
     pub fn moves(&self) -> bool {
         !self.axes.stand()
     }
@@ -215,12 +215,12 @@ impl<P: Simulated> MmaDevice<P> {
         self.fate = fate;
     }
 
-    /// The time of the axes.
+    /// Returns the time of the axes, which run at the speed of the settings.
     fn of_axes(&self, now: Duration) -> Duration {
         now.saturating_mul(self.settings.speed)
     }
 
-    /// The motion is over.
+    /// Ends the motion.
     fn rest(&mut self, at: Duration, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
         if let Some(to) = self.to.take() {
             notes.executed(at, Motion { to, at: self.axes.pose() });
@@ -349,7 +349,7 @@ impl<P: Simulated> Device for MmaDevice<P> {
         (self.to, self.fate, self.is_known) = (None, Fate::Arrives, false);
     }
 
-    /// The motion that is under way ends where it is, without an error.
+    /// Ends the motion at its current position, without an error.
     fn forget(&mut self, now: Duration) {
         self.axes.stop(self.of_axes(now));
         (self.to, self.fate, self.is_known) = (None, Fate::Arrives, false);

@@ -19,7 +19,7 @@ pub struct ArmConfig {
 }
 
 impl Default for ArmConfig {
-    /// The source's robot, with the tool pointing down in front of it.
+    /// Returns the source's robot, with the tool pointing down in front of it.
     fn default() -> Self {
         Self {
             polarity: Polarity::default(),
@@ -40,12 +40,12 @@ pub(super) struct Arm {
 }
 
 impl Arm {
-    /// An arm at home, for an ALTER instruction of this mode.
+    /// Creates an arm at home, for an ALTER instruction of this mode.
     pub(super) fn new(config: ArmConfig, mode: Mode) -> Self {
         Self { config, mode, path: config.home, correction: Pose::IDENTITY }
     }
 
-    /// ALTER begins: the path is the place where the arm is (the source's program says `MOVES HERE`).
+    /// Begins ALTER: the path is the current position of the arm (the source's program has `MOVES HERE`).
     pub(super) fn begin(&mut self) {
         (self.path, self.correction) = (self.pose(), Pose::IDENTITY);
     }
@@ -66,7 +66,7 @@ impl Arm {
         self.path.corrected(&self.correction, self.mode.frame(self.config.polarity))
     }
 
-    /// The same in the words of a standard message.
+    /// Returns the pose in the words of a standard message.
     pub(super) fn transform(&self) -> Transform {
         self.config.layout.words(&self.pose())
     }
@@ -80,7 +80,7 @@ mod tests {
     use super::super::layout::Order;
     use super::*;
 
-    /// Rounded to the nearest 1/1000: quarter turns are whole numbers.
+    /// Rounds to the nearest 1/1000, so that quarter turns are whole numbers.
     fn rounded(pose: &Pose) -> [[i64; 3]; 4] {
         #[allow(clippy::cast_possible_truncation)]
         [pose.n, pose.o, pose.a, pose.p].map(|v| v.map(|x| (x * 1000.0).round() as i64))

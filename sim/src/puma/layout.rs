@@ -31,7 +31,7 @@ impl Layout {
         ("rows of [n o a], then p", Self { order: Order::RotationRowsThenPosition, ..Self::COLUMNS }),
     ];
 
-    /// The place and attitude that the words give.
+    /// Returns the position and attitude in the words.
     pub fn pose(&self, words: &Transform) -> Pose {
         let mut pose = Pose::IDENTITY;
         for (index, (row, column)) in self.order.places().into_iter().enumerate() {
@@ -45,7 +45,7 @@ impl Layout {
         pose
     }
 
-    /// The words of a pose; what is too far away becomes the end of its word.
+    /// Returns the words of a pose; a value that is too large becomes the end of its word.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "a float saturates when cast to an integer, and NaN gives 0"
@@ -54,7 +54,7 @@ impl Layout {
         Transform(self.units(pose).map(|units| units.round() as i16))
     }
 
-    /// The twelve elements of a pose in units of their words.
+    /// Returns the twelve elements of a pose in units of their words.
     fn units(&self, pose: &Pose) -> [f64; 12] {
         self.order.places().map(|(row, column)| {
             let unit = if column < 3 { self.rotation_one } else { self.per_mm };
@@ -85,7 +85,7 @@ pub enum Order {
 }
 
 impl Order {
-    /// The row (x, y, z) and column (n, o, a, p) of each word.
+    /// Returns the row (x, y, z) and column (n, o, a, p) of each word.
     fn places(self) -> [(usize, usize); 12] {
         core::array::from_fn(|word| match self {
             Self::Columns => (word % 3, word / 3),

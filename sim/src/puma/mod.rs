@@ -48,7 +48,7 @@ pub struct Puma {
 }
 
 impl Default for Puma {
-    /// `ALTER(0, 23, clamp2, 127)`.
+    /// Returns the settings of `ALTER(0, 23, clamp2, 127)`.
     fn default() -> Self {
         // Bytes that came together may be read apart on a busy machine: no gap ends a frame.
         let config = ControllerConfig { subroutine: true, gap: None, ..ControllerConfig::default() };
@@ -154,7 +154,7 @@ impl MarkIii {
         self.settings.incidents.insert(self.happened, (elapsed, incident));
     }
 
-    /// The incident that is next, and when it is due.
+    /// Returns the next incident, and the time at which it is due.
     fn next_incident(&self) -> Option<(Duration, Incident)> {
         let (at, incident) = self.settings.incidents.get(self.happened).copied()?;
         Some((self.begun_at?.saturating_add(at), incident))
@@ -193,7 +193,7 @@ impl MarkIii {
         true
     }
 
-    /// The program has ended; the operator starts it again after a while.
+    /// Handles the end of the program; the operator starts it again after a while.
     fn off(&mut self, event: PumaEvent, notes: &mut Notes<PumaEvent, Moved>) {
         self.start_at = Some(self.now.saturating_add(self.settings.restart));
         self.resume_at = None;
@@ -292,7 +292,7 @@ impl Device for MarkIii {
         [self.resume_at, start, incident].into_iter().flatten().min()
     }
 
-    /// The brakes hold the arm, and what has happened does not happen again.
+    /// Restarts the controller: the brakes hold the arm, and past incidents do not happen again.
     fn restart(&mut self, now: Duration) {
         // The same settings have worked before.
         if let Ok(robot) = self.settings.device() {
@@ -301,6 +301,6 @@ impl Device for MarkIii {
         }
     }
 
-    /// Does nothing: the controller holds nothing.
+    /// Does nothing: the controller has no unexecuted work.
     fn forget(&mut self, _: Duration) {}
 }

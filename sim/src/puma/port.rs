@@ -37,24 +37,24 @@ impl Port {
         Self { controller, is_paced, leaving: None, asked: None, misread: None, corrupt: false }
     }
 
-    /// The controller.
+    /// Returns the controller.
     pub fn controller(&self) -> &Controller {
         &self.controller
     }
 
-    /// The controller, to call it.
+    /// Returns the controller, to call it.
     pub fn controller_mut(&mut self) -> &mut Controller {
         &mut self.controller
     }
 
-    /// The next reply is to have this error; false: one still is.
+    /// Gives the next reply this error; returns false if a reply is still to get an error.
     pub(super) fn misread(&mut self, error: ErrorCode) -> bool {
         let is_free = self.misread.is_none();
         self.misread.get_or_insert(error);
         is_free
     }
 
-    /// The next message is to be corrupt; false: one still is.
+    /// Corrupts the next message; returns false if a message is still to be corrupted.
     pub(super) fn corrupt(&mut self) -> bool {
         !core::mem::replace(&mut self.corrupt, true)
     }
@@ -158,7 +158,7 @@ mod tests {
         bytes[..length].to_vec()
     }
 
-    /// A port whose controller has sent its first standard message, and when that has left.
+    /// Returns a port whose controller has sent its first standard message, and the time at which it has left.
     fn asked() -> (Port, Duration) {
         let config = ControllerConfig { gap: None, ..ControllerConfig::default() };
         let mut port = Port::new(Controller::new(config).unwrap(), true);
@@ -171,7 +171,7 @@ mod tests {
         (port, left)
     }
 
-    /// A message is on the line from now on; when it has left, it is carried.
+    /// Puts a message on the line; returns the time at which it has left, when it is carried.
     fn send(port: &mut Port, now: Duration) -> Duration {
         let mut out = [0; Frame::MAX_LEN];
         assert_eq!(port.poll_transmit(now, &mut out), None);

@@ -38,14 +38,14 @@ impl Pose {
         }
     }
 
-    /// The matrix product `self · other`: `other` is given in the frame of `self`.
+    /// Returns the matrix product `self · other`: `other` is given in the frame of `self`.
     #[must_use]
     pub fn times(&self, other: &Self) -> Self {
         let p = self.turn(other.p);
         Self { n: self.turn(other.n), o: self.turn(other.o), a: self.turn(other.a), p: add(p, self.p) }
     }
 
-    /// The accumulated correction `self` after another increment `set`, in the way of the successor language (Brooks GPL,
+    /// Returns the accumulated correction `self` after another increment `set`, in the way of the successor language (Brooks GPL,
     /// real-time modification): in World, `position = self + set; orientation = self · set`; in Tool, `set · self`.
     #[must_use]
     pub fn accumulated(&self, set: &Self, frame: CoordinateFrame) -> Self {
@@ -57,7 +57,7 @@ impl Pose {
         sum
     }
 
-    /// The pose of the program's path with an accumulated `correction`: in World the correction shifts the position and
+    /// Returns the pose of the program's path with an accumulated `correction`: in World the correction shifts the position and
     /// turns the tool about the world's axes, in Tool it is given in the tool's frame.
     #[must_use]
     pub fn corrected(&self, correction: &Self, frame: CoordinateFrame) -> Self {

@@ -6,7 +6,7 @@ use val2_alter::{Polarity, Scale};
 use super::{ArmConfig, Layout, Order, Puma};
 
 impl Configure for Puma {
-    /// All but what happens, which a program writes in its own way, and what carries the messages.
+    /// Visits all fields except the incidents, which a program writes in its own way, and the transport.
     fn configure(&mut self, fields: &mut impl Fields) {
         let Self { config, arm, restart, subroutine_time, incidents: _, is_paced: _ } = self;
         config.configure(fields);

@@ -60,7 +60,7 @@ pub enum Told<E> {
 }
 
 impl<D: Device> Simulator<D> {
-    /// A device to which nothing happens yet.
+    /// Creates a simulator of a device, without faults.
     pub fn new(device: D) -> Self {
         Self::with(device, Faults::default())
     }
@@ -95,15 +95,15 @@ impl<D: Device> Simulator<D> {
         Some(Self { keeps, frozen, off, remote, ..Self::with(device, self.faults.clone()) })
     }
 
-    /// The same, without [executed commands](Self::poll_executed), which are not kept.
+    /// Returns the simulator without a record of [executed commands](Self::poll_executed).
     #[must_use]
     pub fn keeping_nothing(mut self) -> Self {
         self.keeps = false;
         self
     }
 
-    /// A handle for other threads. From now on executed commands are stored for it; [other connections](Self::another) that are made later
-    /// have the same handle.
+    /// Returns a handle for other threads. From now on executed commands are stored for it; [other
+    /// connections](Self::another) that are made later have the same handle.
     pub fn remote(&mut self) -> Remote<D> {
         self.remote.get_or_insert_with(|| Remote::new(self.faults.clone())).clone()
     }
@@ -113,12 +113,12 @@ impl<D: Device> Simulator<D> {
         &self.faults
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn device(&self) -> &D {
         &self.device
     }
 
-    /// The device, to change what it does.
+    /// Returns the device, to change its behaviour.
     pub fn device_mut(&mut self) -> &mut D {
         self.is_settled = false;
         &mut self.device
@@ -129,7 +129,7 @@ impl<D: Device> Simulator<D> {
         self.device_mut().session_mut()
     }
 
-    /// Whether a connection can be made now.
+    /// Returns whether a connection can be made now.
     pub fn accepts(&self, now: Duration) -> bool {
         self.off <= now
     }
@@ -241,7 +241,7 @@ impl<D: Device> Simulator<D> {
         }
     }
 
-    /// Whether the device takes bytes.
+    /// Returns whether the device reads bytes.
     fn reads(&self) -> bool {
         self.is_there() && self.device.session().wants_input()
     }
@@ -250,7 +250,7 @@ impl<D: Device> Simulator<D> {
         self.connected && self.closing.is_none() && self.frozen.max(self.off) <= self.now
     }
 
-    /// The next message of the device, with what goes wrong with it.
+    /// Writes the next message of the device, with its fault.
     fn message(&mut self, out: &mut [u8]) -> Option<usize> {
         loop {
             let now = self.now;

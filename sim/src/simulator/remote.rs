@@ -49,7 +49,7 @@ impl<D: Device> Remote<D> {
         Self(Arc::new(Inner { faults, is_called, calls, executed }))
     }
 
-    /// The faults of the device.
+    /// Returns the faults of the device.
     pub fn faults(&self) -> &Faults {
         &self.0.faults
     }
@@ -73,8 +73,8 @@ impl<D: Device> Remote<D> {
         })
     }
 
-    /// The number of commands that the device has executed, and up to `most` of them with their indices, from index `from` on. The last
-    /// 10 000 are stored.
+    /// Returns the number of commands that the device has executed, and up to `most` of the commands with their indices,
+    /// from index `from` on. The last 10 000 are stored.
     pub fn executed(&self, from: u64, most: usize) -> (u64, Vec<Indexed<D::Work>>) {
         let stored = lock(&self.0.executed);
         let dropped = stored.total.saturating_sub(stored.last.len() as u64);
@@ -98,12 +98,12 @@ impl<D: Device> Remote<D> {
         }
     }
 
-    /// Whether a call waits.
+    /// Returns whether a call waits.
     pub(super) fn is_called(&self) -> bool {
         self.0.is_called.load(Ordering::Acquire)
     }
 
-    /// The next call.
+    /// Removes and returns the next call.
     pub(super) fn next(&self) -> Option<Call<D>> {
         loop {
             let mut calls = lock(&self.0.calls);

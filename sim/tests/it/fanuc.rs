@@ -344,7 +344,7 @@ fn a_program_sees_the_registers_that_a_client_has_written() {
     assert_eq!(written.try_recv().unwrap(), (10..13, vec![7, 8, 9]));
 }
 
-/// The reply to a request.
+/// Returns the reply to a request.
 fn reply<T>(
     bench: &mut Bench<Client<1>, FanucController>,
     request: &Request<'_>,

@@ -73,7 +73,7 @@ fn a_device_closes_when_its_last_message_has_left() {
     assert_eq!(host(Fault::Twice), ["0ns connected", "0ns ABCD", "0ns ABCD", "0ns disconnected"]);
 }
 
-/// A device with something to do in each way while the fault of 2 ms lasts, until 12 ms.
+/// Runs a device that has something to do in each direction while a fault of 2 ms lasts, until 12 ms.
 fn while_away(fault: Fault) -> ([Vec<String>; 2], Vec<Duration>) {
     let line = Line { wake: Some(4 * MS), ..Line::sending(&[(6 * MS, "CD")]) };
     let host = Line { wake: Some(7 * MS), ..Line::sending(&[(3 * MS, "AB")]) };

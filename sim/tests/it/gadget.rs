@@ -133,7 +133,7 @@ impl Device for Gadget {
     }
 }
 
-/// Both on a wire that takes no time.
+/// Creates a bench of both on a wire without delay.
 pub(crate) fn bench(host: Line, gadget: Gadget) -> Bench<Line, Gadget> {
     let mut bench = Bench::new(host, Simulator::new(gadget));
     bench.wire.latency = Duration::ZERO;

@@ -217,7 +217,7 @@ fn a_robot_that_forgets_its_order_executes_the_job_that_it_has_begun_and_no_more
 
 type Two = Bench<Simulator<Kawasaki<Line>>, Pc<Line>>;
 
-/// A PC with orders of 20 jobs, and a robot that has executed three of the first.
+/// Returns a PC with orders of 20 jobs, and a robot that has executed three jobs of the first.
 fn in_the_middle(config: PcConfig) -> Two {
     let pc = KawasakiPc { config, jobs: jobs(20).into(), ..KawasakiPc::default() };
     let robot = KawasakiRobot::<Line> { job_time: S, ..KawasakiRobot::default() };

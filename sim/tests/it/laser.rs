@@ -200,7 +200,7 @@ fn a_host_sends_again_what_was_refused_after_a_pause() {
     assert_eq!(bench.device().due(), None, "there is nothing left to do");
 }
 
-/// A host at this port cuts once.
+/// Runs a host at this port that cuts once.
 #[cfg(unix)]
 fn cut_once(port: Box<dyn serialport::SerialPort>) {
     use core::ops::ControlFlow;

@@ -101,7 +101,7 @@ fn what_a_robot_is_told_and_cannot_do_it_tells() {
     assert!(told.len() == 3 && rejected(told[2]), "{told:?}");
 }
 
-/// A robot at 0 whose servo motors are on.
+/// Returns a robot at 0 whose servo motors are on.
 fn ready() -> Bench<Central<RobotPose>, MmaDevice<RobotPose>> {
     let robot = MmaRobot { home: pose(0.0), ..MmaRobot::default() };
     let mut bench = robot.bench(Central::new(CentralConfig::DEFAULT).unwrap()).unwrap();

@@ -230,7 +230,7 @@ fn an_alter_that_the_host_refuses_or_does_not_answer_is_told_and_tried_again() {
     }
 }
 
-/// A robot whose host has sent this exception after 2 s of ALTER.
+/// Returns a robot whose host has sent this exception after 2 s of ALTER.
 fn excepted(subroutine: bool, exception: Exception) -> Bench<Host, MarkIii> {
     let mut puma = Puma::default();
     puma.config.subroutine = subroutine;

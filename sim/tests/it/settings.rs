@@ -10,7 +10,7 @@ fn names(config: impl Configure) -> Vec<String> {
     list(config).into_iter().map(|setting| setting.name).collect()
 }
 
-/// The names of the first configuration are these, and then those of the second.
+/// Asserts that the names of the first configuration are `own`, followed by those of the second.
 fn has(config: impl Configure, own: &[&str], of_session: impl Configure) {
     let own = own.iter().map(|name| (*name).to_string());
     assert_eq!(names(config), own.chain(names(of_session)).collect::<Vec<_>>());
@@ -44,7 +44,7 @@ fn the_settings_of_a_device_are_its_own_and_those_of_its_session() {
     assert_eq!(names(Puma::default()), of_puma);
 }
 
-/// The arm with this start position, where that is one.
+/// Returns the arm with this start position, if that is valid.
 fn arm(x: f64) -> Option<ArmConfig> {
     let given = serde_json::json!({ "home": { "x": x }, "layout": { "order": "rows" } });
     read("the arm", ArmConfig::default(), given.as_object()?).ok()

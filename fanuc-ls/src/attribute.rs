@@ -33,12 +33,12 @@ pub enum AttributeValue {
 }
 
 impl Attribute {
-    /// `name = text;`
+    /// Creates `name = text;`
     pub fn text(name: &str, text: &str) -> Self {
         Self { name: name.to_string(), value: AttributeValue::Text(text.to_string()) }
     }
 
-    /// Whether it is LINE_COUNT, which a controller may call ZEILEN.
+    /// Returns whether the attribute is LINE_COUNT, which a controller may call ZEILEN.
     pub(crate) fn is_line_count(&self) -> bool {
         matches!(self.name.as_str(), "LINE_COUNT" | "ZEILEN")
     }
@@ -57,7 +57,7 @@ impl Attribute {
         Ok((rest, Self { name: name.to_string(), value }))
     }
 
-    /// COMMENT (KOMMENTAR on controllers set to German) without its quotes and the blanks that fill it up.
+    /// Returns COMMENT (KOMMENTAR on controllers set to German) without its quotes and padding blanks.
     pub fn comment(&self) -> Option<&str> {
         match &self.value {
             AttributeValue::Text(text) if matches!(self.name.as_str(), "COMMENT" | "KOMMENTAR") => Some(
@@ -67,7 +67,8 @@ impl Attribute {
         }
     }
 
-    /// DEFAULT_GROUP as a mask: whether the program moves the first motion group, the second …: `1,*,*,*,*`.
+    /// Returns DEFAULT_GROUP as a mask: whether the program moves the first motion group, the second, and so on:
+    /// `1,*,*,*,*`.
     pub fn groups(&self) -> Option<Vec<bool>> {
         let AttributeValue::Text(text) = &self.value else { return None };
         let group = |text: &str| match text.trim() {
@@ -78,7 +79,7 @@ impl Attribute {
         text.split(',').map(group).collect()
     }
 
-    /// Where the value of a text attribute is.
+    /// Returns the value of a text attribute as it is in the text.
     pub(crate) fn value_place(input: &str) -> Option<&str> {
         let (rest, attribute) = Self::decode(input).ok()?;
         let entry = input.get(..input.len() - rest.len())?.strip_suffix(';')?;
@@ -146,7 +147,7 @@ fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
     }
 }
 
-/// The text before one of `ends`, which may be between quotes; a line end in it becomes a space.
+/// Decodes the text before one of `ends`, which may be between quotes; a line end in it becomes a space.
 fn decode_value<'a>(input: &'a str, ends: &[char]) -> Read<'a, String> {
     let (mut quoted, mut line_start) = (false, 0);
     let mut end = None;
@@ -184,7 +185,7 @@ fn decode_value<'a>(input: &'a str, ends: &[char]) -> Read<'a, String> {
     Ok((rest, text))
 }
 
-/// An attribute without its `;` ends where the next one begins, rather than swallow it.
+/// Returns whether another attribute begins here: an attribute without its `;` ends at the next one.
 fn begins_another(rest: &str) -> bool {
     rest.starts_with(is_letter) && rest.lines().next().is_some_and(|line| line.contains(['=', ':']))
 }

@@ -31,7 +31,7 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// An empty program with this name, for the first motion group, in user frame 0 with tool 1.
+    /// Creates an empty program with this name, for the first motion group, in user frame 0 with tool 1.
     pub fn new(name: &str) -> Self {
         let mut program = Program { name: name.to_string(), ..Program::default() };
         program.set_comment("");
@@ -118,7 +118,7 @@ impl Builder {
         self.push(Instruction::from_text(text).unwrap_or_else(|| Instruction::Other(text.to_string())))
     }
 
-    /// The program, if a controller would take it.
+    /// Builds the program, if a controller would accept it.
     ///
     /// # Errors
     /// As [`Program::check`].

@@ -58,7 +58,7 @@ pub(crate) fn find(text: &str, parts: &Parts, byte: usize) -> Vec<Completion> {
     found.into_iter().map(|text| Completion { text, place: place.clone() }).collect()
 }
 
-/// The labels or positions of the program, where one is to be chosen.
+/// Returns the labels or positions of the program, if one of them is expected.
 fn numbers(text: &str, parts: &Parts, open: &str) -> Vec<String> {
     if open.ends_with("LBL") {
         let labels =

@@ -14,7 +14,7 @@ impl<'a> Cursor<'a> {
         Self { text, rest: text.as_bytes() }
     }
 
-    /// The unread text.
+    /// Returns the unread text.
     pub(crate) fn rest(self) -> &'a str {
         self.text.get(self.text.len() - self.rest.len()..).unwrap_or("")
     }
@@ -88,7 +88,7 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// A whole number without a sign.
+    /// Reads a whole number without a sign.
     ///
     /// # Errors
     /// When there is no number, or it does not fit into `N`.
@@ -108,7 +108,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A decimal number.
+    /// Reads a decimal number.
     ///
     /// # Errors
     /// When there is no number.

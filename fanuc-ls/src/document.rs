@@ -77,7 +77,7 @@ impl Document {
         Ok(Self { text, parts, encoding })
     }
 
-    /// The bytes that it was read from, and the edits. A character that Latin-1 does not have is `?`.
+    /// Returns the bytes of the file with the edits. A character that Latin-1 lacks becomes `?`.
     pub fn to_bytes(&self) -> Vec<u8> {
         match self.encoding {
             Encoding::Utf8 => self.text.as_bytes().to_vec(),
@@ -85,12 +85,12 @@ impl Document {
         }
     }
 
-    /// The text of the file.
+    /// Returns the text of the file.
     pub fn as_str(&self) -> &str {
         &self.text
     }
 
-    /// The encoding of the file.
+    /// Returns the encoding of the file.
     pub fn encoding(&self) -> Encoding {
         self.encoding
     }
@@ -109,8 +109,8 @@ impl Document {
         self.findings_among(rules, &Surroundings::default())
     }
 
-    /// The same where other programs, macros, instructions or the file's name are known: a call of a program that is not there is a
-    /// finding, and so is another name of the file; the name of a macro or an instruction is not.
+    /// Returns the findings if other programs, macros, instructions or the file's name are known: a call of a missing
+    /// program and a different file name are findings; the name of a macro or an instruction is not.
     pub fn findings_among(&self, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
         inspect::find(&self.text, &self.parts, rules, around)
     }
@@ -148,33 +148,33 @@ impl Document {
         entry::find(&self.text, &self.parts, inspect::layout(&self.text, &self.parts, rules))
     }
 
-    /// The program's name.
+    /// Returns the program's name.
     pub fn name(&self) -> &str {
         at(&self.text, &self.parts.name)
     }
 
-    /// The word after the name, such as `Macro`.
+    /// Returns the word after the name, such as `Macro`.
     pub fn kind(&self) -> Option<&str> {
         Some(at(&self.text, &self.parts.kind)).filter(|kind| !kind.is_empty())
     }
 
-    /// The attributes that are understood, in their order.
+    /// Returns the attributes that can be decoded, in sequence.
     pub fn attributes(&self) -> impl Iterator<Item = Attribute> {
         self.parts.attributes(&self.text).filter_map(|(_, attribute)| attribute.ok())
     }
 
-    /// The statements of `/MN`, in their order.
+    /// Returns the statements of `/MN`, in sequence.
     pub fn statements(&self) -> impl Iterator<Item = Statement<'_>> {
         self.parts.statements(&self.text)
     }
 
-    /// The instruction of a statement; `index` counts from 0.
+    /// Returns the instruction of a statement; `index` counts from 0.
     pub fn instruction(&self, index: usize) -> Option<Instruction> {
         let (range, nested) = self.parts.statements.get(index)?;
         Some(Statement::new(at(&self.text, range), *nested).instruction())
     }
 
-    /// The positions that are understood, in their order.
+    /// Returns the positions that can be decoded, in sequence.
     pub fn positions(&self) -> impl Iterator<Item = Position> {
         self.parts.positions(&self.text).filter_map(Result::ok)
     }

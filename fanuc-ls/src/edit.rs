@@ -19,7 +19,7 @@ use crate::text::{Fault, joint};
 /// A part of a text, and what takes its place.
 pub(crate) type Edit = (Range<usize>, String);
 
-/// The instruction of the statement `index` as a controller prints it, from its text.
+/// Returns the instruction of the statement `index` as a controller prints it, from its text.
 ///
 /// # Errors
 /// When the text would be read as something else.
@@ -152,7 +152,7 @@ impl Document {
         Ok(Some(self.lines_edit(block, &merged.filter(reads).unwrap_or(new))))
     }
 
-    /// Where the instruction of a statement is, without the blanks around it.
+    /// Returns the range of the instruction of a statement, without the blanks around it.
     fn body(&self, index: usize) -> Result<Range<usize>, EncodeError> {
         let line = index.saturating_add(1);
         let (range, nested) = self.parts.statements.get(index).ok_or(EncodeError::Instruction { line })?;
@@ -162,12 +162,12 @@ impl Document {
         Ok(start..start + body.len())
     }
 
-    /// A text with the line ends of this one.
+    /// Returns an edit with the line ends of this text.
     pub(crate) fn lines_edit(&self, old: Range<usize>, new: &str) -> Edit {
         (old, new.replace("\r\n", self.line_end()))
     }
 
-    /// Does edits that do not overlap, all or none; how many of them change something.
+    /// Applies edits that do not overlap, all or none; returns the number of edits that have an effect.
     pub(crate) fn apply(&mut self, mut edits: Vec<Edit>) -> Result<usize, EncodeError> {
         edits.retain(|(place, new)| at(&self.text, place) != new);
         if edits.is_empty() {
@@ -197,8 +197,8 @@ impl Document {
     }
 }
 
-/// `old` with what differs between `before`, which is the same by its value, and `after`. None where `old` is spelled with
-/// other words than `before`. Where it is `in_columns`, a number ends where it ended.
+/// Returns `old` with the differences between `before`, which has the same value, and `after`. `None` if `old` is spelled
+/// with other words than `before`. With `in_columns`, a number ends in the column in which it ended.
 fn merge(old: &str, before: &str, after: &str, in_columns: bool) -> Option<String> {
     let places = words(old);
     let (before, after) = (Spelled::new(before), Spelled::new(after));
@@ -249,7 +249,7 @@ impl<'a> Spelled<'a> {
     }
 }
 
-/// The text before a word, with more or fewer blanks before a longer or shorter one: columns stay columns.
+/// Returns the text before a word, with more or fewer blanks before a longer or shorter one, so that columns remain aligned.
 fn aligned(before: &str, old: usize, new: usize) -> String {
     let text = before.trim_end_matches(' ');
     let blanks = before.len() - text.len();
@@ -257,8 +257,8 @@ fn aligned(before: &str, old: usize, new: usize) -> String {
     format!("{text}{:wanted$}", "")
 }
 
-/// The places of the words of a text: numbers with their sign, letters, or a sign alone. Blanks, line ends and the `:` that
-/// continues a line are between them.
+/// Returns the ranges of the words of a text: numbers with their sign, letters, or a sign alone. Blanks, line ends and the
+/// `:` that continues a line separate words.
 pub(crate) fn words(text: &str) -> Vec<Range<usize>> {
     let mut places: Vec<Range<usize>> = Vec::new();
     let mut rest = text;
@@ -279,7 +279,7 @@ pub(crate) fn words(text: &str) -> Vec<Range<usize>> {
     }
 }
 
-/// How many bytes of the beginning are such characters.
+/// Returns the number of bytes at the beginning for which `is` is true.
 fn run(text: &str, is: impl Fn(char) -> bool) -> usize {
     text.find(|c| !is(c)).unwrap_or(text.len())
 }

@@ -50,7 +50,7 @@ pub enum Content<'a> {
     Position(Position),
 }
 
-/// Everything in a text, in its order, with these findings of it.
+/// Finds all entries of a text, in sequence, with these findings.
 pub(crate) fn find<'a>(text: &'a str, parts: &Parts, findings: Vec<Finding>) -> Vec<Entry<'a>> {
     let mut entries = Entries {
         text,
@@ -82,7 +82,7 @@ pub(crate) fn find<'a>(text: &'a str, parts: &Parts, findings: Vec<Finding>) -> 
     entries.with_findings()
 }
 
-/// Where a part of a text is, without white space around it.
+/// Returns the range of a part of a text, without white space around it.
 fn trimmed(text: &str, part: &str) -> Range<usize> {
     let start = offset(text, part.trim_start());
     start..start + part.trim().len()

@@ -19,7 +19,7 @@ pub struct DecodeError {
 }
 
 impl DecodeError {
-    /// The error at this byte of `text`.
+    /// Creates the error at this byte of `text`.
     pub(crate) fn new(text: &str, offset: usize, reason: Reason) -> Self {
         let before = text.get(..offset).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
@@ -290,7 +290,7 @@ pub enum Warning {
 }
 
 impl Warning {
-    /// The advice for the reader of the warning.
+    /// Returns the advice for the reader of the warning.
     pub fn advice(self) -> &'static str {
         match self {
             Self::UnusedPosition { .. } => "delete the position, or check which motion should go there",

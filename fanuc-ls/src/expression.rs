@@ -43,7 +43,7 @@ pub enum Expression {
 }
 
 impl Expression {
-    /// The number, if it is one.
+    /// Returns the number, if the expression is a number.
     pub(crate) fn constant(&self) -> Option<f64> {
         match self {
             Self::Number(number) => Some(*number),
@@ -124,7 +124,7 @@ impl Function {
         (Self::SubString, "SUBSTR"),
     ];
 
-    /// How many values it takes.
+    /// Returns the number of arguments of the function.
     pub(crate) fn arguments(self) -> usize {
         match self {
             Self::SubString => 3,
@@ -306,7 +306,7 @@ impl ItemKind {
         (Self::Label, "LABEL"),
     ];
 
-    /// The kind that is written with these letters, such as `PR`, in capitals or not.
+    /// Returns the kind with these letters, such as `PR`, in upper or lower case.
     pub fn named(letters: &str) -> Option<Self> {
         let all = Self::ALL
             .iter()
@@ -315,17 +315,17 @@ impl ItemKind {
         { all }.find(|(_, text)| text.eq_ignore_ascii_case(letters)).map(|(kind, _)| *kind)
     }
 
-    /// How all of them are written.
+    /// Returns the spellings of all kinds.
     pub(crate) fn names() -> impl Iterator<Item = &'static str> {
         Self::ALL.iter().map(|(_, text, _)| *text)
     }
 
-    /// The numbers that there can be.
+    /// Returns the possible numbers.
     pub(crate) fn range(self) -> RangeInclusive<u32> {
         Self::ALL.into_iter().find(|(kind, ..)| *kind == self).map_or(0..=u32::MAX, |(_, _, range)| range)
     }
 
-    /// Whether a program reads it only.
+    /// Returns whether programs can only read the item.
     pub(crate) fn is_input(self) -> bool {
         matches!(
             self,
@@ -343,7 +343,7 @@ impl ItemKind {
         )
     }
 
-    /// Whether it is ON or OFF.
+    /// Returns whether the item is ON or OFF.
     pub(crate) fn is_state(self) -> bool {
         matches!(
             self,

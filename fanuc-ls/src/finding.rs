@@ -37,7 +37,7 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// How bad it is.
+    /// Returns the severity of the finding.
     pub fn level(self) -> Level {
         match self {
             Self::Error(_) | Self::Warning(Warning::SpeedUnit) => Level::Error,
@@ -46,12 +46,12 @@ impl Problem {
         }
     }
 
-    /// Whether a controller would not take it.
+    /// Returns whether a controller would reject the program.
     pub fn is_error(self) -> bool {
         self.level() == Level::Error
     }
 
-    /// The advice for the reader of the finding.
+    /// Returns the advice for the reader of the finding.
     pub fn advice(self) -> &'static str {
         match self {
             Self::Error(_) => "correct it: a controller would not take it",
@@ -67,7 +67,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The lines and columns of offsets that only grow, in one pass over the text.
+/// Returns findings with the lines and columns of ascending offsets, in one pass over the text.
 pub(crate) fn placed(text: &str, found: &[(usize, Problem)]) -> Vec<Finding> {
     let (mut line, mut line_start, mut passed) = (1, 0, 0);
     let place = |&(offset, problem): &(usize, Problem)| {

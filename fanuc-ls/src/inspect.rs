@@ -14,7 +14,7 @@ use crate::program::{COMMENT_LENGTH, Rules, check_name};
 use crate::statement::Statement;
 use crate::text::{is_letter_or_digit, line_number};
 
-/// Everything there is to find in a text, in its order.
+/// Returns all findings in a text, in sequence.
 pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
     let is_template =
         !parts.positions(text).any(|position| position.is_ok_and(|position| position.is_taught()));
@@ -40,7 +40,7 @@ pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundin
     placed(text, &found)
 }
 
-/// The findings in the layout of a text, and in its names and numbers.
+/// Returns the findings in the layout of a text, and in its names and numbers.
 pub(crate) fn layout(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
     placed(text, &reading(text, parts, rules))
 }

@@ -98,7 +98,7 @@ impl Instruction {
     }
 }
 
-/// A motion letter, a space, and a target.
+/// Returns whether a body is a motion: a motion letter, a space, and a target.
 fn is_motion(body: &str) -> bool {
     let mut chars = body.chars();
     let letter = chars.next().is_some_and(|c| MotionKind::from_letter(c).is_some());

@@ -83,7 +83,7 @@ impl Document {
     }
 }
 
-/// A line with its number, laid out. None where it is not understood.
+/// Returns a line with its number, in its standard layout. `None` if the line cannot be decoded.
 fn line(text: &str, number: usize) -> Option<String> {
     let statement = Statement::new(text, false);
     let body = statement.place()?;
@@ -123,7 +123,7 @@ fn is_same(before: &Instruction, after: &Instruction) -> bool {
     }
 }
 
-/// The layout of `new` with the words of `old`, but for numbers. None where they are not the same.
+/// Returns the layout of `new` with the words of `old`, except for numbers. `None` if the words differ.
 fn respelled(old: &str, new: &str) -> Option<String> {
     let (olds, news) = (words(old), words(new));
     if olds.len() != news.len() {
@@ -141,7 +141,7 @@ fn respelled(old: &str, new: &str) -> Option<String> {
     Some(text)
 }
 
-/// The seconds of a WAIT in six columns with two decimals, those of a pulse with one.
+/// Returns the seconds of a WAIT in six columns with two decimals, those of a pulse with one.
 fn seconds(body: &str) -> String {
     let rest = ["WAIT", "WARTE"].iter().find_map(|word| Some((*word, body.strip_prefix(word)?)));
     if let Some((word, rest)) = rest

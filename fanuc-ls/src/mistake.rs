@@ -17,7 +17,7 @@ pub enum Level {
 }
 
 impl Level {
-    /// The name of the level.
+    /// Returns the name of the level.
     pub fn text(self) -> &'static str {
         match self {
             Self::Hint => "hint",
@@ -332,7 +332,7 @@ impl Mistake {
         Self::Range { low: low as i32, high: high as i32 }
     }
 
-    /// How bad it is.
+    /// Returns the severity of the mistake.
     pub fn level(self) -> Level {
         match self {
             Self::Macro
@@ -358,7 +358,7 @@ impl Mistake {
         }
     }
 
-    /// The advice for the reader of the mistake.
+    /// Returns the advice for the reader of the mistake.
     pub fn advice(self) -> &'static str {
         match self {
             Self::Macro => "check its spelling; name the controller's macros in a file",

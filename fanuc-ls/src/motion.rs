@@ -29,7 +29,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// A motion without a point to go through and without options.
+    /// Creates a motion without a point to go through and without options.
     pub fn new(kind: MotionKind, target: Target, speed: Speed, termination: Termination) -> Self {
         let (via_options, options) = (String::new(), String::new());
         Self { kind, via: None, via_options, target, speed, termination: Some(termination), options }
@@ -42,12 +42,12 @@ impl Motion {
         Ok(("", motion))
     }
 
-    /// The options in the text of a motion; nothing where it cannot be read.
+    /// Returns the options in the text of a motion; empty if the motion cannot be decoded.
     pub(crate) fn options_place(input: &str) -> &str {
         Self::head(input).map_or("", |(rest, _)| rest)
     }
 
-    /// All but the options, which follow.
+    /// Decodes all of a motion except the options, which follow.
     fn head(input: &str) -> Read<'_, Self> {
         let mut letters = input.chars();
         let Some(kind) = letters.next().and_then(MotionKind::from_letter) else {
@@ -146,7 +146,7 @@ pub enum MotionKind {
 }
 
 impl MotionKind {
-    /// The letter after the line's number.
+    /// Returns the letter after the line's number.
     pub fn letter(self) -> char {
         match self {
             Self::Joint => 'J',
@@ -195,12 +195,12 @@ pub enum Target {
 }
 
 impl Target {
-    /// `P[number]`.
+    /// Returns `P[number]`.
     pub fn position(number: u32) -> Self {
         Self::Position { number, name: None }
     }
 
-    /// `PR[number]`.
+    /// Returns `PR[number]`.
     pub fn register(number: u32) -> Self {
         Self::Register { number, name: None }
     }
@@ -269,17 +269,17 @@ pub enum Speed {
 }
 
 impl Speed {
-    /// A share of the greatest joint speed, in %, for [`MotionKind::Joint`].
+    /// Returns a share of the greatest joint speed, in %, for [`MotionKind::Joint`].
     pub fn percent(value: u8) -> Self {
         Self::Fixed { value: f64::from(value), unit: SpeedUnit::Percent }
     }
 
-    /// A path speed in mm/s.
+    /// Returns a path speed in mm/s.
     pub fn mm_per_sec(value: f64) -> Self {
         Self::Fixed { value, unit: SpeedUnit::MmPerSec }
     }
 
-    /// The unit, unless the speed is a name.
+    /// Returns the unit, unless the speed is a name.
     pub fn unit(&self) -> Option<SpeedUnit> {
         match self {
             Self::Fixed { unit, .. } | Self::Register { unit, .. } => Some(*unit),
@@ -351,7 +351,7 @@ pub enum SpeedUnit {
 }
 
 impl SpeedUnit {
-    /// The numbers that can be written with this unit: above 0 to 100 for %, above 0 to 100 000 for the others (a
+    /// Returns the numbers that are allowed with this unit: above 0 to 100 for %, above 0 to 100 000 for the others (a
     /// controller's own limits are narrower and depend on the robot).
     pub fn range(self) -> core::ops::RangeInclusive<f64> {
         match self {
@@ -360,7 +360,8 @@ impl SpeedUnit {
         }
     }
 
-    /// Joint motions take %, sec and msec; the others take everything but %.
+    /// Returns whether motions of this kind have this unit: joint motions have %, sec and msec; the others have all units
+    /// except %.
     pub fn fits(self, kind: MotionKind) -> bool {
         match self {
             Self::Percent => kind == MotionKind::Joint,
@@ -423,7 +424,7 @@ pub enum Termination {
 }
 
 impl Termination {
-    /// None when something else follows, which is then an option.
+    /// Decodes a termination; `None` if other text follows, which is then an option.
     fn decode(input: &str) -> Read<'_, Option<Self>> {
         let ends = |rest: &str| !rest.starts_with(|c| is_letter_or_digit(c) || c == '_');
         if let Some(rest) = input.strip_prefix("FINE").filter(|rest| ends(rest)) {

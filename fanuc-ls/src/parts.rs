@@ -89,7 +89,7 @@ impl Parts {
         Ok(parts)
     }
 
-    /// The attributes, each with its place, or what is wrong there.
+    /// Returns the attributes, each with its range, or the fault there.
     pub(crate) fn attributes<'a>(
         &self,
         text: &'a str,
@@ -119,7 +119,7 @@ impl Parts {
         })
     }
 
-    /// The lines of `/APPL`, without the blanks at their ends.
+    /// Returns the lines of `/APPL`, without the blanks at their ends.
     pub(crate) fn application<'a>(&self, text: &'a str) -> Option<impl Iterator<Item = &'a str> + use<'a>> {
         let range = self.application.clone()?;
         Some(Lines::new(text, range).map(|line| line.text.trim_end()))
@@ -204,7 +204,7 @@ impl Parts {
         }
     }
 
-    /// A line of `/POS`, and what is on it after blanks.
+    /// Begins a block with a line of `/POS`, and its words after the blanks.
     fn begin_block(&mut self, line: Line<'_>, words: &str) {
         // Text before the first position is a block as well, which cannot be read.
         if words.starts_with("P[") || (self.blocks.is_empty() && !words.is_empty()) {
@@ -220,7 +220,7 @@ impl Parts {
     }
 }
 
-/// The text at a place.
+/// Returns the text in a range.
 pub(crate) fn at<'a>(text: &'a str, range: &Range<usize>) -> &'a str {
     text.get(range.clone()).unwrap_or("")
 }
@@ -278,7 +278,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Where the next byte is that a section or a position begins with, or the end.
+/// Returns the offset of the next byte with which a section or a position begins, or the end.
 #[inline(always)]
 fn mark(bytes: &[u8], start: usize) -> usize {
     let is_mark = |byte: &u8| matches!(byte, b'/' | b'P');
@@ -290,7 +290,7 @@ fn mark(bytes: &[u8], start: usize) -> usize {
     passed + rest.iter().position(is_mark).unwrap_or(rest.len())
 }
 
-/// How many bytes are before the line feed. Lines are short: the start of a search for longer ones would cost as much.
+/// Returns the number of bytes before the line feed. Lines are short: a search for longer ones would cost as much to start.
 #[inline]
 fn line_length(bytes: &[u8]) -> usize {
     let (words, rest) = bytes.as_chunks();
@@ -312,12 +312,12 @@ impl Line<'_> {
     }
 }
 
-/// Where a part of a text begins in it.
+/// Returns the offset of a part of a text.
 pub(crate) fn offset(text: &str, part: &str) -> usize {
     (part.as_ptr() as usize).saturating_sub(text.as_ptr() as usize).min(text.len())
 }
 
-/// Whether a line of `/APPL` would end it.
+/// Returns whether a line of `/APPL` would end it.
 pub(crate) fn ends_application(line: &str) -> bool {
     section(after_blanks(line)).is_some_and(|(section, _)| ![0, 2].contains(&section))
 }

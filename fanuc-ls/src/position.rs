@@ -22,17 +22,17 @@ pub struct Position {
 }
 
 impl Position {
-    /// Whether one of its coordinates has a value.
+    /// Returns whether one of the coordinates has a value.
     pub(crate) fn is_taught(&self) -> bool {
         self.groups.iter().flat_map(|group| &group.axes).any(|axis| axis.value.is_some())
     }
 
-    /// A position of the first motion group, without a name.
+    /// Creates a position of the first motion group, without a name.
     pub fn new(number: u32, group: Group) -> Self {
         Self { number, name: None, groups: vec![group] }
     }
 
-    /// The first group's joint angles, where they are given as six joints in degrees.
+    /// Returns the first group's joint angles, if they are given as six joints in degrees.
     pub fn joints(&self) -> Option<[f64; 6]> {
         let axes = self.groups.first()?.axes.get(..6)?;
         let mut joints = [0.0; 6];
@@ -123,7 +123,8 @@ pub struct Group {
 }
 
 impl Group {
-    /// `GP1` by its joint angles, in degrees, as the controller shows them (J3 from the horizontal), to three decimals.
+    /// Creates `GP1` from its joint angles, in degrees, as the controller shows them (J3 from the horizontal), to three
+    /// decimals.
     pub fn joints(user_frame: u16, user_tool: u16, degrees: [f64; 6]) -> Self {
         let axis = |(number, value)| Axis {
             name: AxisName::J(number),
@@ -139,7 +140,7 @@ impl Group {
         }
     }
 
-    /// `GP1` by X, Y, Z in mm and W, P, R in degrees, to three decimals.
+    /// Creates `GP1` from X, Y, Z in mm and W, P, R in degrees, to three decimals.
     pub fn cartesian(
         user_frame: u16,
         user_tool: u16,
@@ -248,7 +249,7 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// The configuration with this text, under the keyword `CONFIG`.
+    /// Creates the configuration with this text, under the keyword `CONFIG`.
     pub fn new(text: &str) -> Self {
         Self { keyword: "CONFIG".to_string(), text: text.to_string() }
     }
@@ -364,7 +365,7 @@ impl AxisName {
         Ok(name)
     }
 
-    /// `X`, `J1`.
+    /// Returns the name, such as `X` or `J1`.
     pub fn name(self) -> &'static str {
         self.text().trim_end_matches([' ', '='])
     }
@@ -448,7 +449,7 @@ fn encode_frame(out: &mut String, frame: Option<u16>) {
     }
 }
 
-/// A name in quotes; a few programs that write LS leave them out.
+/// Decodes a name in quotes; a few programs that write LS omit them.
 fn decode_name<'a>(cursor: &mut Cursor<'a>) -> Result<&'a str, Fault<'a>> {
     let start = *cursor;
     let end = if cursor.take("\"") { '"' } else { ']' };

@@ -99,7 +99,7 @@ impl Program {
         Ok(out.write_str(&self.to_text(rules)?)?)
     }
 
-    /// Whether the program can be written by these rules; [`encode`](Self::encode) asks the same.
+    /// Checks that the program can be encoded by these rules; [`encode`](Self::encode) checks the same.
     ///
     /// # Errors
     /// The first thing that a controller would refuse, or that would be read again as something else.
@@ -107,7 +107,7 @@ impl Program {
         self.to_text(rules).map(drop)
     }
 
-    /// [`encode`](Self::encode) into a new string.
+    /// Encodes as [`encode`](Self::encode) does into a new string.
     ///
     /// # Errors
     /// As [`check`](Self::check).
@@ -180,12 +180,12 @@ impl Program {
         Ok(())
     }
 
-    /// About how long its text is: a position of six axes has 200 bytes.
+    /// Returns the approximate length of the text: a position of six axes has 200 bytes.
     fn length(&self) -> usize {
         256 + 40 * self.instructions.len() + 200 * self.positions.len()
     }
 
-    /// The text of an attribute, as it stands. None when it is missing, or a list.
+    /// Returns the text of an attribute, unchanged. `None` if the attribute is missing, or a list.
     pub fn attribute(&self, name: &str) -> Option<&str> {
         let found = self.attributes.iter().flatten().find(|attribute| attribute.name == name)?;
         match &found.value {
@@ -204,7 +204,7 @@ impl Program {
         }
     }
 
-    /// COMMENT without its quotes and the blanks that fill it up.
+    /// Returns COMMENT without its quotes and padding blanks.
     pub fn comment(&self) -> Option<&str> {
         self.attributes.iter().flatten().find_map(Attribute::comment)
     }
@@ -214,17 +214,17 @@ impl Program {
         self.set_attribute("COMMENT", &format!("\"{comment}\""));
     }
 
-    /// The numbered lines of `/MN`: every instruction but the nested ones.
+    /// Returns the number of numbered lines of `/MN`: every instruction except the nested ones.
     pub fn line_count(&self) -> usize {
         self.instructions.iter().filter(|i| !matches!(i, Instruction::Nested(_))).count()
     }
 
-    /// How many motions there are of a kind.
+    /// Returns the number of motions of a kind.
     pub fn motions(&self, kind: MotionKind) -> usize {
         self.instructions.iter().filter(|i| matches!(i, Instruction::Motion(m) if m.kind == kind)).count()
     }
 
-    /// The position with this number.
+    /// Returns the position with this number.
     pub fn position(&self, number: u32) -> Option<&Position> {
         self.positions.iter().find(|position| position.number == number)
     }
@@ -238,7 +238,8 @@ impl core::str::FromStr for Program {
     }
 }
 
-/// A comment cut to its length; it has been refused where it must not be cut.
+/// Returns an attribute whose comment is truncated to the allowed length; a comment that must not be truncated was rejected
+/// before.
 fn fitting(attribute: &Attribute) -> Cow<'_, Attribute> {
     let comment = attribute.comment().unwrap_or_default();
     let Some((end, _)) = comment.char_indices().nth(COMMENT_LENGTH) else { return Cow::Borrowed(attribute) };
@@ -246,7 +247,7 @@ fn fitting(attribute: &Attribute) -> Cow<'_, Attribute> {
     Cow::Owned(Attribute::text(&attribute.name, &format!("\"{cut}\"")))
 }
 
-/// As `collect`, which would not know how many there are.
+/// Collects results, with a capacity that `collect` would not know.
 fn all<T, E>(results: impl Iterator<Item = Result<T, E>>) -> Result<Vec<T>, E> {
     let mut values = Vec::with_capacity(results.size_hint().0);
     for result in results {

@@ -28,7 +28,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// The reference with its places moved by this many bytes.
+    /// Returns the reference with its ranges moved by this many bytes.
     fn moved(self, by: usize) -> Self {
         let moved = |place: Range<usize>| place.start + by..place.end + by;
         Self { letters: moved(self.letters), digits: moved(self.digits), name: self.name.map(moved), ..self }
@@ -36,8 +36,8 @@ impl Reference {
 }
 
 impl Document {
-    /// Everything that statements and positions name by its number, with its place, in the order of the text. Comments, messages and
-    /// strings name nothing.
+    /// Returns the items that statements and positions name by number, with their ranges, in the sequence of the text.
+    /// Comments, messages and strings contain no references.
     ///
     /// ```
     /// use fanuc_ls::{Document, ItemKind};
@@ -58,7 +58,7 @@ impl Document {
         self.statement_references().chain(of_blocks)
     }
 
-    /// The references of `/MN`.
+    /// Returns the references of `/MN`.
     pub(crate) fn statement_references(&self) -> impl Iterator<Item = Reference> {
         self.parts.statements(&self.text).flat_map(|statement| {
             let body = statement.body();
@@ -67,7 +67,8 @@ impl Document {
         })
     }
 
-    /// The programs that statements call, run or monitor by their names: the place of each name, in the order of the text.
+    /// Returns the programs that statements call, run or monitor by name: the range of each name, in the sequence of the
+    /// text.
     pub fn program_references(&self) -> impl Iterator<Item = Range<usize>> {
         self.parts.statements(&self.text).flat_map(|statement| {
             let body = statement.body();
@@ -76,8 +77,8 @@ impl Document {
         })
     }
 
-    /// The bytes of a part of [`as_str`](Self::as_str), such as the body of a statement. Of another text, the result is an unspecified
-    /// range within the text.
+    /// Returns the bytes of a part of [`as_str`](Self::as_str), such as the body of a statement. For a part of another text,
+    /// the result is an unspecified range within the text.
     pub fn place(&self, part: &str) -> Range<usize> {
         let start = offset(&self.text, part);
         start..(start + part.len()).min(self.text.len())
@@ -126,7 +127,7 @@ fn find(body: &str) -> impl Iterator<Item = Reference> {
     })
 }
 
-/// The names of the programs in the text of an instruction.
+/// Returns the names of the programs in the text of an instruction.
 fn programs(body: &str) -> impl Iterator<Item = Range<usize>> {
     let mut at = 0;
     core::iter::from_fn(move || {
@@ -156,8 +157,8 @@ fn programs(body: &str) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// The next word of letters, digits, `_`, `$` and `.` in the text of an instruction, at `from` or after it. Strings, comments and remarks
-/// have no words.
+/// Returns the next word of letters, digits, `_`, `$` and `.` in the text of an instruction, at `from` or after it. Strings,
+/// comments and remarks have no words.
 fn next_word(body: &str, from: usize) -> Option<Range<usize>> {
     if body.starts_with('!') || body.starts_with("--") {
         return None;
@@ -208,7 +209,7 @@ fn item(body: &str, letters: Range<usize>, kind: ItemKind, inside: &str) -> Opti
     })
 }
 
-/// `=1`, or of one group `[GP2]=1`.
+/// Returns the reference of a selection: `=1`, or for one group `[GP2]=1`.
 fn selection(body: &str, letters: Range<usize>, kind: ItemKind) -> Option<Reference> {
     let mut rest = indent(body.get(letters.end..)?);
     if rest.starts_with('[') {
@@ -229,7 +230,7 @@ fn selection(body: &str, letters: Range<usize>, kind: ItemKind) -> Option<Refere
     })
 }
 
-/// How long a name is: up to the bracket that closes it, which may have brackets of its own.
+/// Returns the length of a name up to the closing bracket; a name may contain brackets.
 fn closing(text: &str) -> usize {
     let mut depth = 0usize;
     for (at, c) in text.char_indices() {
@@ -243,7 +244,7 @@ fn closing(text: &str) -> usize {
     text.find(']').unwrap_or(text.len())
 }
 
-/// The number of `P[3]{` and those of `UF : 1, UT : 2` in a position of `/POS`.
+/// Returns the references of a position of `/POS`: the number of `P[3]{` and those of `UF : 1, UT : 2`.
 fn of_position(block: &str) -> impl Iterator<Item = Reference> {
     let marks = [("P[", ItemKind::Position), ("UF", ItemKind::UserFrame), ("UT", ItemKind::UserTool)];
     // A name may contain anything; the frames follow it.

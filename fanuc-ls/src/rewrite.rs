@@ -206,7 +206,7 @@ impl Document {
         self.apply(edits)
     }
 
-    /// The place of the number that LINE_COUNT has, and the one that it gets.
+    /// Returns the edit of the number of LINE_COUNT to `count`.
     pub(crate) fn line_count(&self, count: usize) -> Option<Edit> {
         let section = self.parts.attributes.clone()?;
         let mut attributes = self.parts.attributes(&self.text);
@@ -217,7 +217,7 @@ impl Document {
         Some((start..start + value.len(), count.to_string()))
     }
 
-    /// The kinds and numbers that statements and positions name.
+    /// Returns the kinds and numbers that statements and positions name.
     pub fn items(&self) -> BTreeSet<(ItemKind, u32)> {
         self.references().map(|found| (found.kind, found.number)).collect()
     }

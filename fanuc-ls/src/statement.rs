@@ -16,7 +16,7 @@ impl<'a> Statement<'a> {
         Self { text, nested }
     }
 
-    /// All of it, without the end of its last line.
+    /// Returns the whole statement, without the end of its last line.
     pub fn text(&self) -> &'a str {
         self.text
     }
@@ -39,7 +39,7 @@ impl<'a> Statement<'a> {
         close(body).0.trim()
     }
 
-    /// [`body`](Self::body), unless there is no `:` before it.
+    /// Returns [`body`](Self::body), or `None` without a `:` before it.
     pub(crate) fn place(&self) -> Option<&'a str> {
         self.head().ok().map(|_| self.body())
     }
@@ -69,7 +69,7 @@ impl<'a> Statement<'a> {
         }
     }
 
-    /// The digits before the `:`, and what follows that.
+    /// Returns the digits before the `:`, and the text after it.
     #[inline]
     fn head(&self) -> Result<(&'a str, &'a str), Fault<'a>> {
         let start = after_blanks(self.text);

@@ -19,7 +19,7 @@ pub struct Syntax {
 }
 
 impl Syntax {
-    /// The instructions that begin with a word, in the order of the table that reads them.
+    /// Returns the instructions that begin with a word, in the sequence of the table that parses them.
     pub fn instructions() -> impl Iterator<Item = Self> {
         ROWS.iter().map(|row| {
             let word = row.words.first().copied().unwrap_or("");
@@ -39,7 +39,7 @@ impl Syntax {
         })
     }
 
-    /// The words that may follow the speed of a motion.
+    /// Returns the words that may follow the speed of a motion.
     pub fn options() -> impl Iterator<Item = Self> {
         OPTIONS.iter().map(|choice| {
             let word = choice.words.first().copied().unwrap_or("");
@@ -47,7 +47,7 @@ impl Syntax {
         })
     }
 
-    /// The form of a motion.
+    /// Returns the form of a motion.
     pub fn motion(kind: MotionKind) -> &'static str {
         match kind {
             MotionKind::Joint => {
@@ -74,7 +74,7 @@ impl fmt::Display for Syntax {
 }
 
 impl ItemKind {
-    /// The kind in words: `position register`.
+    /// Returns the kind in words: `position register`.
     pub fn text(self) -> &'static str {
         match self {
             Self::Register => "numeric register",
@@ -114,13 +114,13 @@ impl ItemKind {
         }
     }
 
-    /// The numbers that a controller can have of the kind.
+    /// Returns the numbers that a controller can have for the kind.
     pub fn numbers(self) -> RangeInclusive<u32> {
         self.range()
     }
 }
 
-/// The instructions whose forms are functions.
+/// Returns the instructions whose forms are functions.
 fn own(word: &str) -> &'static str {
     match word {
         "IF" => {

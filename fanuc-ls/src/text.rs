@@ -41,7 +41,7 @@ impl<'a> ParseError<&'a str> for Fault<'a> {
     }
 }
 
-/// The failure at `at`.
+/// Returns the failure at `at`.
 pub(crate) fn fail<T>(at: &str, reason: Reason) -> Read<'_, T> {
     Err(nom::Err::Failure(Fault { at, reason }))
 }
@@ -72,7 +72,7 @@ pub(crate) fn after_blanks(line: &str) -> &str {
     if matches!(rest.as_bytes(), [b'!'..=b'~', ..]) { rest } else { rest.trim_start() }
 }
 
-/// Without spaces, tabs and line ends before and after it.
+/// Returns a text without spaces, tabs and line ends before and after it.
 #[inline]
 pub(crate) fn trim(text: &str) -> &str {
     let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t' | b'\r' | b'\n');
@@ -106,7 +106,8 @@ pub(crate) fn expect<'a>(
     input.strip_prefix(word).ok_or(nom::Err::Failure(Fault { at: input, reason }))
 }
 
-/// A letter: of ASCII, or whatever is beyond it and no white space, so that no table is needed to read a file.
+/// Returns whether a character is a letter: of ASCII, or any other character that is not white space, so that no table is
+/// needed.
 pub(crate) fn is_letter(c: char) -> bool {
     if c.is_ascii() { c.is_ascii_alphabetic() } else { !c.is_whitespace() }
 }
@@ -115,18 +116,18 @@ pub(crate) fn is_letter_or_digit(c: char) -> bool {
     is_letter(c) || c.is_ascii_digit()
 }
 
-/// A word of letters, digits and `_`.
+/// Reads a word of letters, digits and `_`.
 pub(crate) fn word(input: &str) -> Read<'_, &str> {
     take_while1(|c: char| is_letter_or_digit(c) || c == '_').parse(input)
 }
 
-/// How many bytes of the beginning are digits.
+/// Returns the number of digits at the beginning.
 #[inline]
 pub(crate) fn digits(input: &str) -> usize {
     input.bytes().position(|byte| !byte.is_ascii_digit()).unwrap_or(input.len())
 }
 
-/// A whole number without a sign.
+/// Reads a whole number without a sign.
 #[inline]
 pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
     let number = input.split_at_checked(digits(input));
@@ -136,19 +137,19 @@ pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
     }
 }
 
-/// A text that is digits alone, as a number.
+/// Returns the number in a text that consists of digits alone.
 pub(crate) fn plain_number<N: core::str::FromStr>(text: &str) -> Option<N> {
     // Only the first may be something else than a digit for `parse`.
     if text.starts_with(|first: char| first.is_ascii_digit()) { text.parse().ok() } else { None }
 }
 
-/// The number of a statement, the same ones on every machine.
+/// Returns the number of a statement, with the same limit on every computer.
 #[inline]
 pub(crate) fn line_number(digits: &str) -> Option<usize> {
     plain_number::<u32>(digits)?.try_into().ok()
 }
 
-/// A decimal number; the zero before the point may be missing, the point as well.
+/// Reads a decimal number; the zero before the point may be missing, and the point too.
 pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
     let number = decimal_prefix(input.as_bytes());
     match number.and_then(|(value, length)| Some((input.get(length..)?, value))) {
@@ -157,7 +158,7 @@ pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
     }
 }
 
-/// The decimal number that a text begins with, and how long it is.
+/// Returns the decimal number at the beginning of a text, and its length.
 #[inline(always)]
 pub(crate) fn decimal_prefix(input: &[u8]) -> Option<(f64, usize)> {
     let (negative, sign) = match input.first() {
@@ -171,7 +172,7 @@ pub(crate) fn decimal_prefix(input: &[u8]) -> Option<(f64, usize)> {
     }
 }
 
-/// A number without a sign, with a point, that is shorter than eight bytes, which is nearly every one: from one word.
+/// Reads from one word a number with a point, without a sign, and shorter than eight bytes: nearly every number.
 #[inline(always)]
 fn short_decimal(input: &[u8]) -> Option<(f64, usize)> {
     let digits = u64::from_le_bytes(*input.first_chunk()?) ^ u64::from_le_bytes([b'0'; 8]);
@@ -214,7 +215,7 @@ fn above_nine(digits: u64) -> u64 {
     (digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits) & u64::from_le_bytes([0x80; 8])
 }
 
-/// The number of eight digits, the first one in the lowest byte.
+/// Returns the number of eight digits, the first one in the lowest byte.
 #[inline(always)]
 fn eight_digits(digits: u64) -> f64 {
     let pairs = (digits.wrapping_mul(10 << 8 | 1) >> 8) & 0x00FF_00FF_00FF_00FF;
@@ -266,7 +267,7 @@ pub(crate) struct Reference<'a> {
     pub(crate) inside: &'a str,
 }
 
-/// A reference, or the failure for this reason.
+/// Reads a reference, or fails for this reason.
 pub(crate) fn reference(input: &str, reason: Reason) -> Read<'_, Reference<'_>> {
     let (behind, letters) = or_fail(input, reason, take_while1(|c: char| c.is_ascii_alphabetic()))?;
     let inner = expect(behind, "[", reason)?;
@@ -287,7 +288,7 @@ pub(crate) fn reference(input: &str, reason: Reason) -> Read<'_, Reference<'_>> 
     fail(inner, Reason::Bracket)
 }
 
-/// The text of an instruction without the marks that continue it: one line for each line, trimmed.
+/// Joins the text of an instruction, without the marks that continue it: one trimmed line for each line.
 pub(crate) fn join_lines(input: &str) -> String {
     let input = trim(input);
     if !input.contains('\n') {
@@ -332,7 +333,7 @@ pub(crate) fn push_fixed(out: &mut String, value: f64) {
     out.push_str(&text);
 }
 
-/// `-1234` is `    -1.234`.
+/// Appends thousandths: `-1234` is `    -1.234`.
 fn push_thousandths(out: &mut String, negative: bool, thousandths: u64) {
     let (whole, fraction) = (thousandths / 1000, thousandths % 1000);
     let digits = whole.checked_ilog10().map_or(0, |digits| digits as usize + 1);
@@ -371,7 +372,7 @@ fn push_digits(out: &mut String, number: u64) {
     out.push_str(group(number % 1000, 1));
 }
 
-/// A number below 1000 in three digits after a point, without this many of its characters.
+/// Returns a number below 1000 as three digits after a point, without this many of its characters.
 fn group(number: u64, without: usize) -> &'static str {
     #[expect(clippy::cast_possible_truncation, reason = "it is below 1000")]
     let at = number as usize * 4;
@@ -402,7 +403,7 @@ const GROUPS: &str = {
     }
 };
 
-/// `value` with three decimals, which is what controllers print.
+/// Returns `value` rounded to three decimals, as controllers print it.
 pub(crate) fn rounded(value: f64) -> f64 {
     format!("{value:.3}").parse().unwrap_or(value)
 }
@@ -416,7 +417,7 @@ fn without_leading_zero(mut text: String) -> String {
     text
 }
 
-/// Nothing that ends a line but `\n`, and no line before the last that would close the instruction.
+/// Returns whether a text has no line end except `\n`, and no line before the last that would close the instruction.
 pub(crate) fn is_plain(text: &str) -> bool {
     let mut lines = text.split('\n').rev();
     let control = |line: &str| {
@@ -427,8 +428,8 @@ pub(crate) fn is_plain(text: &str) -> bool {
         && lines.all(|line| !control(line) && !line.trim_end().ends_with(';'))
 }
 
-/// A line of a block: deeper than the four columns of a line number, and not simply the next line of a program whose
-/// numbers are all that deep. `number` is that of the last line that is not in a block.
+/// Returns whether a line is in a block: indented by more than the four columns of a line number, and not simply the next
+/// line of a program whose numbers are all indented that far. `number` is that of the last line outside blocks.
 pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
     let spaces = line.bytes().take_while(|byte| *byte == b' ').count();
     if spaces < 5 {

@@ -22,12 +22,12 @@ impl Instruction {
 }
 
 impl Motion {
-    /// The position register of `Offset,PR[3]`, by which the target is moved in the user frame.
+    /// Returns the position register of `Offset,PR[3]`, by which the target is moved in the user frame.
     pub fn offset(&self) -> Option<Item> {
         self.register_of("Offset,")
     }
 
-    /// The position register of `Tool_Offset,PR[3]`, by which the target is moved in the tool frame.
+    /// Returns the position register of `Tool_Offset,PR[3]`, by which the target is moved in the tool frame.
     pub fn tool_offset(&self) -> Option<Item> {
         self.register_of("Tool_Offset,")
     }
@@ -62,7 +62,7 @@ impl Motion {
 }
 
 impl Operation {
-    /// The operation in an instruction's text.
+    /// Decodes the operation in an instruction's text.
     pub fn decode(text: &str) -> Option<Self> {
         grammar::operation(text).ok()
     }

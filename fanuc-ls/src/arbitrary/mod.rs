@@ -52,7 +52,7 @@ impl<'a> Arbitrary<'a> for Motion {
     }
 }
 
-/// The first one is not a line of a block: there is no motion above it.
+/// Generates instructions. The first one is not a line of a block, because no motion precedes it.
 pub(crate) fn instructions(u: &mut Unstructured<'_>) -> Result<Vec<Instruction>> {
     let mut instructions: Vec<_> = list::<0, 32, _>(u)?;
     if let Some(first @ Instruction::Nested(_)) = instructions.first_mut() {

@@ -12,12 +12,12 @@ const WORD: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_01234
 /// A byte is the character of that number.
 const PHRASE: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_0123456789  .+-*/()<>!?\xE9\xFC";
 
-/// A word that does not begin with a digit.
+/// Generates a word that does not begin with a digit.
 pub(crate) fn word(u: &mut Unstructured<'_>) -> Result<String> {
     Ok(text(u, LETTERS, 1..=1)? + &text(u, WORD, 0..=35)?)
 }
 
-/// A phrase of up to 16 characters, or nothing.
+/// Generates a phrase of up to 16 characters, or nothing.
 pub(crate) fn name(u: &mut Unstructured<'_>) -> Result<Option<String>> {
     if u.arbitrary()? { phrase(u).map(Some) } else { Ok(None) }
 }
@@ -28,7 +28,7 @@ pub(crate) fn attribute_name(u: &mut Unstructured<'_>) -> Result<String> {
     if u.arbitrary()? { u.choose(&NAMES).map(ToString::to_string) } else { word(u) }
 }
 
-/// With quotes or without.
+/// Generates the text of an attribute, with or without quotes.
 pub(crate) fn attribute_text(u: &mut Unstructured<'_>) -> Result<String> {
     let text = phrase(u)?;
     Ok(if u.arbitrary()? { format!("\"{text}\"") } else { text })
@@ -47,7 +47,7 @@ pub(crate) fn application(u: &mut Unstructured<'_>) -> Result<Option<Vec<String>
     }
 }
 
-/// One line or two, with a blank before it or not.
+/// Generates a comment of one or two lines, with or without a blank before it.
 pub(crate) fn comment(u: &mut Unstructured<'_>) -> Result<String> {
     let blank = if u.arbitrary()? { " " } else { "" };
     match u.int_in_range(0..=3u8)? {
@@ -57,7 +57,7 @@ pub(crate) fn comment(u: &mut Unstructured<'_>) -> Result<String> {
     }
 }
 
-/// An instruction of a kind that most programs have.
+/// Generates an instruction of a common kind.
 pub(crate) fn statement(u: &mut Unstructured<'_>) -> Result<String> {
     let (number, value): (u16, u16) = u.arbitrary()?;
     Ok(match u.int_in_range(0..=9u8)? {
@@ -79,7 +79,7 @@ pub(crate) fn nested(u: &mut Unstructured<'_>) -> Result<String> {
     Ok(format!("     TB .{hundredths:02}sec,CALL {}", word(u)?))
 }
 
-/// A target whose number is in a register, or of the first motion group.
+/// Generates a target whose number is in a register, or of the first motion group.
 pub(crate) fn target(u: &mut Unstructured<'_>) -> Result<String> {
     if u.arbitrary()? {
         Ok(format!("P[{}]", register(u)?))
@@ -105,7 +105,7 @@ pub(crate) fn keyword(u: &mut Unstructured<'_>) -> Result<String> {
     u.choose(&["CONFIG", "KONFIG"]).map(ToString::to_string)
 }
 
-/// The configuration of an arm: `N U T, 0, 0, 0`.
+/// Generates the configuration of an arm: `N U T, 0, 0, 0`.
 pub(crate) fn solution(u: &mut Unstructured<'_>) -> Result<String> {
     let letter = |u: &mut Unstructured<'_>, of: &[char; 2]| u.choose(of).copied();
     let (wrist, elbow, arm) = (letter(u, &['N', 'F'])?, letter(u, &['U', 'D'])?, letter(u, &['T', 'B'])?);
@@ -113,7 +113,7 @@ pub(crate) fn solution(u: &mut Unstructured<'_>) -> Result<String> {
     Ok(format!("{wrist} {elbow} {arm}, {first}, {second}, {third}"))
 }
 
-/// A number of three decimals, as controllers print it, or of as many as it has.
+/// Generates a number with three decimals, as controllers print it, or with any number of decimals.
 pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<Option<f64>> {
     Ok(match u.int_in_range(0..=3u8)? {
         0 => None,
@@ -136,7 +136,7 @@ pub(crate) fn options(u: &mut Unstructured<'_>, most: usize) -> Result<String> {
     Ok(options.join(if u.arbitrary()? { "\n" } else { " " }))
 }
 
-/// Text that is not empty, without blanks around it.
+/// Generates text that is not empty, without blanks around it.
 fn phrase(u: &mut Unstructured<'_>) -> Result<String> {
     Ok((text(u, LETTERS, 1..=1)? + &text(u, PHRASE, 0..=15)?).trim_end().to_string())
 }
@@ -145,7 +145,7 @@ pub(crate) fn text(u: &mut Unstructured<'_>, of: &[u8], length: RangeInclusive<u
     (0..u.int_in_range(length)?).map(|_| u.choose(of).map(|byte| char::from(*byte))).collect()
 }
 
-/// A list of this many values.
+/// Generates a list of values.
 pub(crate) fn list<'a, const LEAST: usize, const MOST: usize, T: Arbitrary<'a>>(
     u: &mut Unstructured<'a>,
 ) -> Result<Vec<T>> {

@@ -112,7 +112,7 @@ pub(super) fn labels(lines: &[Line<'_>], found: &mut Found<'_>) {
     }
 }
 
-/// The labels that a statement may jump to.
+/// Returns the labels that a statement may jump to.
 fn jumps(line: &Line<'_>) -> Vec<u32> {
     let number = |item: &Item| match (item.kind, &item.index) {
         (ItemKind::Label, Index::Number(number)) => Some(*number),
@@ -131,7 +131,7 @@ fn jumps(line: &Line<'_>) -> Vec<u32> {
     }
 }
 
-/// The labels in a text, as in `Skip,LBL[1]` and `JMP LBL[1]`.
+/// Returns the labels in a text, as in `Skip,LBL[1]` and `JMP LBL[1]`.
 fn named_labels(text: &str) -> Vec<Item> {
     let places = ["LBL[", "LABEL["].into_iter().flat_map(|word| text.match_indices(word));
     places.filter_map(|(at, _)| grammar::item(text.get(at..)?).ok()).map(|(_, item)| item).collect()
@@ -172,7 +172,7 @@ pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Found<'_>) {
     }
 }
 
-/// The first motion with Skip, where no condition is before it.
+/// Finds the first motion with Skip that no condition precedes.
 pub(super) fn skips(lines: &[Line<'_>], found: &mut Found<'_>) {
     for line in lines {
         match &line.what {
@@ -187,7 +187,7 @@ pub(super) fn skips(lines: &[Line<'_>], found: &mut Found<'_>) {
     }
 }
 
-/// The frames that the program has chosen where a motion goes to a position of another one.
+/// Finds motions to a position of another frame than the program has selected.
 pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, found: &mut Found<'_>) {
     let (mut frame, mut tool) = (None, None);
     let mut told = BTreeSet::new();

@@ -34,7 +34,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Whether a text begins with one of [`instructions`](Self::instructions).
+    /// Returns whether a text begins with one of [`instructions`](Self::instructions).
     fn has_instruction(&self, text: &str) -> bool {
         self.instructions.iter().any(|head| {
             let begin = text.split_at_checked(head.len());
@@ -96,7 +96,7 @@ impl Found<'_> {
     }
 }
 
-/// Every mistake in a text.
+/// Finds every mistake in a text.
 pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usize, Problem)> {
     let mut found = Found { text, around, found: Vec::new() };
     let (mut open, mut is_block) = (None, false);

@@ -54,7 +54,7 @@ pub(super) fn check(motion: &Motion, place: &str, found: &mut Found<'_>) {
 /// The greatest ACC in percent of published exports; the manuals name 150.
 const HIGHEST_ACCELERATION: u16 = 250;
 
-/// The greatest speeds of the manuals, doubled: some robots are faster than the range printed there.
+/// Returns twice the greatest speed of the manuals, because some robots are faster than the range printed there.
 fn highest(unit: SpeedUnit) -> Option<u32> {
     match unit {
         SpeedUnit::MmPerSec => Some(4000),

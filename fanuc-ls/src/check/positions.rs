@@ -79,7 +79,7 @@ fn wrong(number: u32, group: &Group) -> Option<Mistake> {
     (!is_configuration(&configuration.text)).then_some(Mistake::Configuration { number })
 }
 
-/// `N U T, 0, 0, 0`: each letter once, then turns.
+/// Returns whether a text is a configuration such as `N U T, 0, 0, 0`: each letter once, then turns.
 fn is_configuration(text: &str) -> bool {
     let mut parts = text.split(',');
     let letters = parts.next().unwrap_or("");

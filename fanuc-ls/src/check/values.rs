@@ -202,7 +202,7 @@ fn is_constant_state(value: &Expression) -> bool {
     matches!(value, Expression::On | Expression::Off | Expression::Rising | Expression::Falling)
 }
 
-/// The positions that are added or subtracted.
+/// Returns the number of positions that are added or subtracted.
 fn positions(value: &Expression) -> u32 {
     match value {
         Expression::Binary(Operator::Add | Operator::Subtract, sides) => {
@@ -212,7 +212,7 @@ fn positions(value: &Expression) -> u32 {
     }
 }
 
-/// A comparison of what cannot be equal.
+/// Returns the mistake of a comparison of values that cannot be equal.
 fn compared(value: &Expression) -> Option<Mistake> {
     if let Expression::Untaught = value {
         return Some(Mistake::Untaught);

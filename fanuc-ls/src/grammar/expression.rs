@@ -13,12 +13,12 @@ use crate::mistake::{Expected, Mistake};
 /// How deep brackets may be: more than any instruction has, and few enough for any stack.
 const DEEPEST: u8 = 24;
 
-/// A value or a condition.
+/// Parses a value or a condition.
 pub(super) fn expression(input: &str) -> Parsed<'_, Expression> {
     without_edges(input, level(input, 0, DEEPEST)?)
 }
 
-/// One value without an operator.
+/// Parses one value without an operator.
 pub(super) fn value(input: &str) -> Parsed<'_, Expression> {
     without_edges(input, or_fail(input, Expected::Value, |input| operand(input, DEEPEST))?)
 }
@@ -56,7 +56,7 @@ pub(super) fn condition(input: &str) -> Parsed<'_, Expression> {
     }
 }
 
-/// Whether a text has both AND and OR outside of its brackets.
+/// Returns whether a text has both AND and OR outside its brackets.
 fn mixes(text: &str) -> bool {
     let (mut depth, mut has) = (0i32, [false; 2]);
     for (at, c) in text.char_indices() {
@@ -75,7 +75,7 @@ fn mixes(text: &str) -> bool {
     has == [true, true]
 }
 
-/// One side of an operator that binds at least so much.
+/// Parses one side of an operator that binds at least as strongly as `level_`.
 fn level(input: &str, level_: u8, depth: u8) -> Parsed<'_, Expression> {
     if level_ == Operator::LEVELS {
         return or_fail(input, Expected::Value, |input| operand(input, depth));
@@ -179,7 +179,7 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
     Ok((rest, Expression::Item(item)))
 }
 
-/// A row, a column and a layer, of which a comparison leaves some open: `1,R[2],*]`.
+/// Parses a row, a column and a layer, some of which a comparison leaves open: `1,R[2],*]`.
 fn pallet(input: &str) -> Parsed<'_, Expression> {
     let mut rest = input;
     for end in [",", ",", "]"] {
@@ -243,7 +243,7 @@ pub(super) fn system(input: &str) -> Parsed<'_, &str> {
     }
 }
 
-/// A register, an input, an output, a label.
+/// Parses a register, an input, an output or a label.
 pub(crate) fn item(input: &str) -> Parsed<'_, Item> {
     item_at(input, DEEPEST)
 }
@@ -283,7 +283,7 @@ fn item_at(input: &str, depth: u8) -> Parsed<'_, Item> {
     Ok((rest, Item { kind, group, index, element, name }))
 }
 
-/// `GP1:`, or `GP1,2:` where several are named.
+/// Parses `GP1:`, or `GP1,2:` with several groups.
 fn group(input: &str) -> (&str, Option<u8>) {
     let parse = || {
         let (numbers, rest) = blank(input).strip_prefix("GP")?.split_once(':')?;
@@ -294,7 +294,7 @@ fn group(input: &str) -> (&str, Option<u8>) {
     parse().unwrap_or((input, None))
 }
 
-/// Where the bracket is that closes a name, which may have brackets of its own.
+/// Returns the offset of the bracket that closes a name, which may contain brackets.
 fn closing(text: &str) -> Option<usize> {
     let mut depth = 0usize;
     for (at, c) in text.char_indices() {
@@ -310,7 +310,7 @@ fn closing(text: &str) -> Option<usize> {
     text.find(']')
 }
 
-/// A number, an item that has it, or `...`.
+/// Parses a number, an item that contains it, or `...`.
 pub(super) fn index(input: &str, depth: u8) -> Parsed<'_, Index> {
     if let Some(rest) = next(input, sign("...")).or_else(|| next(input, keyword("Constant"))) {
         return Ok((rest, Index::Untaught));
@@ -334,7 +334,7 @@ pub(super) fn bracketed(input: &str) -> Parsed<'_, Index> {
     index_to_bracket(rest)
 }
 
-/// The same of a motion group, which may be named: `[GP2:3]`.
+/// Parses an index in brackets, with or without a motion group: `[GP2:3]`.
 pub(super) fn bracketed_of_group(input: &str) -> Parsed<'_, Index> {
     let (rest, ()) = sign("[").parse(input)?;
     index_to_bracket(group(rest).0)
@@ -349,7 +349,7 @@ fn index_to_bracket(input: &str) -> Parsed<'_, Index> {
     Ok((rest, found))
 }
 
-/// A program's name, or the string register that has it.
+/// Parses a program's name, or the string register that contains it.
 pub(super) fn name(input: &str) -> Parsed<'_, String> {
     let text = blank(input);
     if let Some(rest) = next(input, sign("...")) {

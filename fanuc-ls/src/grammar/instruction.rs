@@ -118,7 +118,7 @@ fn form<'a>(input: &'a str, name: &'static str, form: &Form) -> Parsed<'a, Opera
     }
 }
 
-/// A macro by its name, or an unknown word.
+/// Parses a macro by its name, or an unknown word.
 fn named(input: &str) -> Parsed<'_, Operation> {
     let text = blank(input);
     if text.is_empty() {
@@ -146,8 +146,8 @@ fn named(input: &str) -> Parsed<'_, Operation> {
     Ok((rest, Operation::Macro { name: name.to_string(), arguments }))
 }
 
-/// The instruction that a word is nearly the name of. It is misspelled if what follows fits that instruction too, and
-/// otherwise another one, which the table does not have.
+/// Returns the mistake of a word that is similar to the name of an instruction. The word is misspelled if the rest fits that
+/// instruction; otherwise it is an instruction that the table lacks.
 fn similar(word: &str, after: &str) -> Option<Mistake> {
     // In English: words of other languages are too near to the names of macros.
     let first = |row: &Row| row.words.first()?.split(' ').next();
@@ -167,7 +167,7 @@ fn similar(word: &str, after: &str) -> Option<Mistake> {
     similar
 }
 
-/// Whether a word is another one with a letter missing, added, changed or two changed about.
+/// Returns whether a word is another one with a letter missing, added or changed, or with two letters exchanged.
 pub(super) fn is_near(word: &str, known: &str) -> bool {
     let (word, known) = (word.as_bytes(), known.as_bytes());
     if word.len() < 3 || known.len() < 3 || word.len().abs_diff(known.len()) > 1 {
@@ -187,7 +187,7 @@ pub(super) fn is_near(word: &str, known: &str) -> bool {
     swapped || tail(1, 1) && (word.len() > 3 || head > 0) || tail(1, 0) || tail(0, 1)
 }
 
-/// The word that a text begins with in other letters than the table's.
+/// Returns the word at the beginning of a text whose case differs from the table's.
 pub(crate) fn in_capitals(text: &str) -> Option<&'static str> {
     let length = text.find(|c| !is_word(c)).unwrap_or(text.len());
     let word = text.get(..length)?;

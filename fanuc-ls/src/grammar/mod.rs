@@ -62,7 +62,7 @@ fn other<T>(at: &str) -> Parsed<'_, T> {
     Err(nom::Err::Error(Trouble { at, mistake: Mistake::Unknown }))
 }
 
-/// No alternative fits: this is wrong here.
+/// Fails because no alternative fits: reports this mistake here.
 pub(crate) fn fail<T>(at: &str, mistake: Mistake) -> Parsed<'_, T> {
     Err(nom::Err::Failure(Trouble { at: blank(at), mistake }))
 }
@@ -116,7 +116,7 @@ pub(crate) fn keyword<'a>(words: &'static str) -> impl Parser<&'a str, Output = 
     }
 }
 
-/// Whether this is next, and what follows it.
+/// Returns the text after `parser`'s match, if it matches here.
 pub(crate) fn next<'a>(
     input: &'a str,
     mut parser: impl Parser<&'a str, Output = (), Error = Trouble<'a>>,
@@ -139,7 +139,7 @@ fn number(input: &str) -> Parsed<'_, f64> {
     Ok(with_exponent().unwrap_or((rest, value)))
 }
 
-/// Nothing but blanks.
+/// Parses the end: nothing but blanks.
 fn end(input: &str) -> Parsed<'_, ()> {
     if blank(input).is_empty() {
         Ok(("", ()))

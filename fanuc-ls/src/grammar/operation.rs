@@ -24,7 +24,7 @@ pub(super) fn in_range<'a>(
     }
 }
 
-/// The number of a frame, of a tool, or the override.
+/// Parses an assignment to the number of a frame, to that of a tool, or to the override.
 pub(super) fn assign_to(input: &str, which: usize) -> Parsed<'_, Operation> {
     let limits = [(0.0, 61.0), (0.0, 30.0), (1.0, 100.0)];
     let (low, high) = limits.get(which).copied().unwrap_or_default();
@@ -169,7 +169,7 @@ pub(super) fn monitor(input: &str) -> Parsed<'_, Operation> {
     name(input).map(|(rest, program)| (rest, Operation::Monitor(program)))
 }
 
-/// One of the conditions of a monitor.
+/// Parses one of the conditions of a monitor.
 pub(super) fn when(input: &str) -> Parsed<'_, Operation> {
     let (rest, condition) = condition(input)?;
     then(rest).map(|(rest, then)| (rest, Operation::When(condition, then)))
@@ -191,7 +191,7 @@ pub(super) fn arguments(input: &str) -> Parsed<'_, Vec<Expression>> {
     Ok((rest, arguments))
 }
 
-/// A value; in programs of an application also its own words, `ProgNr=31`, or nothing.
+/// Parses a value; in programs of an application also its own words, `ProgNr=31`, or nothing.
 fn argument(input: &str) -> Parsed<'_, Expression> {
     let error = match expression(input) {
         Ok((rest, value)) if blank(rest).starts_with([',', ')']) => return Ok((rest, value)),
@@ -212,7 +212,7 @@ pub(super) fn jump(input: &str) -> Parsed<'_, Operation> {
     label_of(input).map(|(rest, label)| (rest, Operation::Jump(label)))
 }
 
-/// A label that something goes to.
+/// Parses a label as a jump target.
 pub(super) fn label_of(input: &str) -> Parsed<'_, Item> {
     let (rest, label) = or_fail(input, Expected::Label, item)?;
     match label.kind {

@@ -73,7 +73,7 @@ pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
     Ok(())
 }
 
-/// The next option, whole, and what follows it; none at the end.
+/// Returns the next option, whole, and the text after it; `None` at the end.
 pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
     let mut rest = input;
     if !blank(rest).is_empty() {
@@ -103,7 +103,7 @@ pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
     Ok(None)
 }
 
-/// The words of an option; a number may follow them without a blank: `ACC100`.
+/// Returns the text after the words of an option; a number may follow them without a blank: `ACC100`.
 fn begins<'a>(input: &'a str, words: &'static str) -> Option<&'a str> {
     let mut rest = input;
     for word in words.split(' ') {
@@ -123,7 +123,7 @@ fn nothing(input: &str) -> Parsed<'_, ()> {
     Ok((input, ()))
 }
 
-/// A number within a range, or a register; a percent sign may follow.
+/// Parses a number within a range, or a register; a percent sign may follow.
 fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
     let rest = match number(input) {
         Ok((rest, value)) if (low..=high).contains(&value) => rest,
@@ -133,7 +133,7 @@ fn amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
     Ok((next(rest, sign("%")).unwrap_or(rest), ()))
 }
 
-/// The same, or nothing: `CTV`, `CTV50`.
+/// Parses the same, or nothing: `CTV`, `CTV50`.
 fn optional_amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
     match number(input).is_ok() || item(input).is_ok() {
         true => amount(input, low, high),
@@ -141,7 +141,7 @@ fn optional_amount(input: &str, low: f64, high: f64) -> Parsed<'_, ()> {
     }
 }
 
-/// `CR5`, or with a second distance `CR5,10`.
+/// Parses `CR5`, or with a second distance `CR5,10`.
 fn corner(input: &str) -> Parsed<'_, ()> {
     let (rest, ()) = amount(input, 0.0, 1000.0)?;
     match next(rest, sign(",")).filter(|after| number(after).is_ok()) {
@@ -150,7 +150,7 @@ fn corner(input: &str) -> Parsed<'_, ()> {
     }
 }
 
-/// `Skip,LBL[1]`, and what it keeps: `,PR[1]=LPOS`.
+/// Parses `Skip,LBL[1]`, and the register that stores the position: `,PR[1]=LPOS`.
 fn skip(input: &str) -> Parsed<'_, ()> {
     let (rest, ()) = or_fail(input, Expected::Comma, sign(","))?;
     let (rest, _) = label_of(rest)?;
@@ -160,7 +160,7 @@ fn skip(input: &str) -> Parsed<'_, ()> {
     simple(after).map(|(rest, _)| (rest, ()))
 }
 
-/// `Offset`, `Offset,PR[1]`.
+/// Parses `Offset`, `Offset,PR[1]`.
 fn optional_register(input: &str) -> Parsed<'_, ()> {
     let Some(after) = next(input, sign(",")) else { return Ok((input, ())) };
     let (rest, register) = match after.trim_start().get(..2) {
@@ -176,14 +176,14 @@ fn optional_register(input: &str) -> Parsed<'_, ()> {
     }
 }
 
-/// `COORD`, `COORD[1]`, `COORD[R[1]]`.
+/// Parses `COORD`, `COORD[1]`, `COORD[R[1]]`.
 fn coordinated(input: &str) -> Parsed<'_, ()> {
     let Some(rest) = next(input, sign("[")) else { return Ok((input, ())) };
     let (rest, _) = index(rest, 4)?;
     or_fail(rest, Expected::Bracket, sign("]"))
 }
 
-/// `TB .50sec,CALL A`: a time or a way, and what is done there.
+/// Parses `TB .50sec,CALL A`: a time or a distance, and the action there.
 fn action(input: &str) -> Parsed<'_, ()> {
     let (mut rest, ()) = amount(input, -100_000.0, 100_000.0)?;
     let units = ["sec", "sek", "mm"];
@@ -199,7 +199,7 @@ fn action(input: &str) -> Parsed<'_, ()> {
     Ok((rest, ()))
 }
 
-/// `Arc Start[1]`, with other equipment `Arc Start E2[1]`: an application's arguments in brackets.
+/// Parses `Arc Start[1]`, with other equipment `Arc Start E2[1]`: an application's arguments in brackets.
 fn bracketed(input: &str) -> Parsed<'_, ()> {
     let equipment =
         blank(input).strip_prefix('E').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
@@ -219,7 +219,7 @@ fn bracketed(input: &str) -> Parsed<'_, ()> {
     fail(rest, Mistake::Expected { what: Expected::Bracket })
 }
 
-/// The text of an application up to the end of the options.
+/// Parses the text of an application up to the end of the options.
 fn to_end(_: &str) -> Parsed<'_, ()> {
     Ok(("", ()))
 }

@@ -9,7 +9,7 @@ use crate::expression::{Expression, Index, ItemKind};
 use crate::mistake::{Expected, Mistake};
 use crate::operation::Operation;
 
-/// `RSR[1]=ENABLE`: whether requests from outside start their programs.
+/// Parses `RSR[1]=ENABLE`: whether requests from outside start their programs.
 pub(super) fn enable(input: &str) -> Parsed<'_, Operation> {
     let (rest, index) = or_fail(input, Expected::OpenBracket, bracketed)?;
     if matches!(index, Index::Number(number) if !(1..=8).contains(&number)) {
@@ -24,12 +24,12 @@ pub(super) fn enable(input: &str) -> Parsed<'_, Operation> {
     Ok((after, command("RSR", index.into(), word)))
 }
 
-/// `SEND R[1]`: a number for a sensor.
+/// Parses `SEND R[1]`: a number for a sensor.
 pub(super) fn send(input: &str) -> Parsed<'_, Operation> {
     register(input).map(|(rest, register)| (rest, command("SEND", register, "")))
 }
 
-/// `RCV R[1],LBL[1]`: a number from a sensor, and where the program goes without one.
+/// Parses `RCV R[1],LBL[1]`: a number from a sensor, and the label to which the program goes without one.
 pub(super) fn receive(input: &str) -> Parsed<'_, Operation> {
     let (rest, register) = register(input)?;
     let (label, ()) = or_fail(rest, Expected::Comma, sign(","))?;

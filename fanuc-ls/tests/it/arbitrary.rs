@@ -21,7 +21,7 @@ impl Kinds {
         self.0.insert(format!("{of}: {kind:?}"));
     }
 
-    /// The name of a variant alone.
+    /// Adds the name of a variant alone.
     fn add_name(&mut self, of: &str, value: &impl Debug) {
         let debug = format!("{value:?}");
         self.0.insert(format!("{of}: {}", debug.split([' ', '(']).next().unwrap()));

@@ -23,7 +23,7 @@ fn found(text: &str) -> Vec<(usize, usize, Problem)> {
     findings.map(|Finding { line, column, problem, .. }| (line, column, problem)).collect()
 }
 
-/// The lines that differ, before and after.
+/// Returns the lines that differ, before and after.
 fn difference<'a>(before: &'a str, after: &'a str) -> Vec<(&'a str, &'a str)> {
     assert_eq!(before.split('\n').count(), after.split('\n').count(), "{after}");
     before.split('\n').zip(after.split('\n')).filter(|(before, after)| before != after).collect()

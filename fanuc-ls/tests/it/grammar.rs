@@ -160,7 +160,8 @@ fn a_position_is_used_where_an_instruction_names_it_or_may_choose_it() {
     }
 }
 
-/// A position reads the same, or fails for the same reason, where each of its blanks stands twice: not in the controller's columns.
+/// Asserts that a position reads the same, or fails for the same reason, with each blank doubled: not in the controller's
+/// columns.
 fn reads_the_same_out_of_its_columns(position: &str) {
     let read = |position: &str| {
         let program = Program::decode(&format!("/PROG A\n/MN\n/POS\n{position}/END\n"));

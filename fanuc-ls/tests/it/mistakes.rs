@@ -2,7 +2,7 @@
 
 use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings, Warning};
 
-/// A sound program, with one text put into one of its sections; and the line where that begins.
+/// Returns a sound program, with one text put into one of its sections; and the line at which the text begins.
 pub(crate) fn program(section: &str, text: &str) -> (String, usize) {
     let mut lines: Vec<String> = vec!["/PROG  A".into(), "/ATTR".into()];
     let mut first = lines.len() + 1;

@@ -2,7 +2,7 @@
 
 use fanuc_ls::{Axis, AxisName, AxisUnit, Document, Group, Operation, Position, Program, Rules};
 
-/// The value of a position's only joint, with this text before its unit.
+/// Returns the value of a position's only joint, with this text before its unit.
 fn read(columns: &str) -> Option<f64> {
     let text =
         format!("/PROG  A\n/MN\n/POS\nP[1]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\tJ1={columns} deg\n}};\n/END\n");
@@ -64,7 +64,7 @@ fn no_control_character_is_a_point() {
     }
 }
 
-/// The text of a joint's value.
+/// Returns the text of a joint's value.
 fn written(value: f64) -> String {
     let axis = Axis { name: AxisName::J(1), value: Some(value), unit: AxisUnit::Deg };
     let group =

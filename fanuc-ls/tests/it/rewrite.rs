@@ -18,7 +18,7 @@ fn document() -> Document {
     Document::decode(TEXT).unwrap()
 }
 
-/// The lines that differ, before and after.
+/// Returns the lines that differ, before and after.
 fn difference(after: &Document) -> Vec<(&'static str, String)> {
     let after = after.to_string();
     assert_eq!(TEXT.lines().count(), after.lines().count(), "{after}");

@@ -126,7 +126,7 @@ fn press(client: &mut Client<std::process::ChildStdout, std::process::ChildStdin
     );
 }
 
-/// A program as controllers write them.
+/// Returns a program in the form of controllers.
 fn program(name: &str, lines: usize, positions: usize) -> String {
     let mut text =
         format!("/PROG  {name}\n/ATTR\nCOMMENT\t\t= \"measured\";\nDEFAULT_GROUP\t= 1,*,*,*,*;\n/MN\n");
@@ -161,7 +161,7 @@ fn ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
-/// The time that the server's thread has run, in ms, on Linux.
+/// Returns the time that the server's thread has run, in ms, on Linux.
 fn busy(id: u32) -> f64 {
     let text = std::fs::read_to_string(format!("/proc/{id}/schedstat")).unwrap_or_default();
     text.split(' ').next().and_then(|time| time.parse::<f64>().ok()).unwrap_or(0.0) / 1e6

@@ -18,18 +18,18 @@ pub(crate) struct Failure {
 }
 
 impl Failure {
-    /// A request that cannot be answered as asked; the text is for the user.
+    /// Creates the error of a request that cannot be answered; the text is for the user.
     pub(crate) fn refused(message: impl fmt::Display) -> Self {
         Self { code: ErrorCode::RequestFailed as i32, message: message.to_string() }
     }
 
-    /// A request whose parameters are not those of its method.
+    /// Creates the error of a request with the wrong parameters for its method.
     pub(crate) fn params(message: impl fmt::Display) -> Self {
         Self { code: ErrorCode::InvalidParams as i32, message: message.to_string() }
     }
 }
 
-/// The document with this URI.
+/// Returns the document with this URI.
 ///
 /// # Errors
 /// When it is neither open nor in the workspace.

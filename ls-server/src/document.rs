@@ -38,7 +38,7 @@ pub(crate) struct Document {
 pub(crate) type Found = (Problem, Range<usize>);
 
 impl Document {
-    /// The document with this text; `version` is None for a file that is not open.
+    /// Creates the document with this text; `version` is `None` for a file that is not open.
     pub(crate) fn new(uri: Uri, text: String, version: Option<i32>, encoding: Encoding) -> Self {
         let path = crate::uri::to_path(uri.as_str());
         let mut document = Self {
@@ -101,7 +101,7 @@ impl Document {
         &self.text
     }
 
-    /// Whether the text is longer than what is read.
+    /// Returns whether the text is longer than the limit.
     pub(crate) fn is_too_long(&self) -> bool {
         self.is_too_long
     }
@@ -110,7 +110,7 @@ impl Document {
         &self.lines
     }
 
-    /// The text at a place.
+    /// Returns the text in a range.
     pub(crate) fn at(&self, place: &Range<usize>) -> &str {
         self.text.get(place.clone()).unwrap_or("")
     }
@@ -120,17 +120,17 @@ impl Document {
         Converter::new(&self.text, &self.lines, self.encoding)
     }
 
-    /// The byte of a position.
+    /// Returns the byte of a position.
     pub(crate) fn offset(&self, position: Position) -> usize {
         self.converter().offset(position)
     }
 
-    /// A place in this document.
+    /// Returns a range of this document as a location.
     pub(crate) fn location(&self, place: &Range<usize>) -> Location {
         Location { uri: self.uri.clone(), range: self.converter().range(place) }
     }
 
-    /// The program in the text.
+    /// Decodes the program in the text.
     ///
     /// # Errors
     /// When the text is not a program.
@@ -138,7 +138,8 @@ impl Document {
         fanuc_ls::Document::decode(&self.text)
     }
 
-    /// The program in the text; one that ends early, as while it is typed, is read up to there. Places in it are places in the text.
+    /// Decodes the program in the text; a program that ends early, as during typing, is decoded up to its end. Its ranges
+    /// are ranges of the text.
     pub(crate) fn unfinished_program(&self) -> Option<fanuc_ls::Document> {
         match self.program() {
             Ok(program) => Some(program),
@@ -156,7 +157,7 @@ impl Document {
         })
     }
 
-    /// The findings, which `find` finds where the text or the folder has changed since the last time.
+    /// Returns the findings; calls `find` if the text or the folder has changed since the last call.
     pub(crate) fn found(&self, changes: u64, find: impl FnOnce() -> Vec<Found>) -> Rc<[Found]> {
         if let Some((of, found)) = &*self.found.borrow()
             && *of == changes
@@ -168,12 +169,12 @@ impl Document {
         found
     }
 
-    /// The edits that number the lines, which `find` finds where the text has changed since the last time.
+    /// Returns the edits that number the lines; calls `find` if the text has changed since the last call.
     pub(crate) fn numbering(&self, find: impl FnOnce() -> Vec<TextEdit>) -> &[TextEdit] {
         self.numbering.get_or_init(find)
     }
 
-    /// The program's name; of a text that is not a program, nothing.
+    /// Returns the program's name; empty if the text is not a program.
     pub(crate) fn name(&self) -> &str {
         self.at(&self.index().name())
     }

@@ -10,7 +10,8 @@ use lsp_types::{
 use crate::document::Document;
 use crate::folder::Folder;
 
-/// The edits that make `new` of a document: the parts of lines that differ, and lines that are inserted or removed in one place.
+/// Returns the edits that turn a document into `new`: the parts of lines that differ, and lines that are inserted or removed
+/// in one place.
 pub(crate) fn between(document: &Document, new: &str) -> Vec<TextEdit> {
     if document.text() == new {
         return Vec::new();

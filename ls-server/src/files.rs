@@ -25,7 +25,7 @@ impl Walk {
         self
     }
 
-    /// Whether a walk has ended because of [`at_most`](Self::at_most).
+    /// Returns whether a walk has ended because of [`at_most`](Self::at_most).
     pub fn is_cut(&self) -> bool {
         !self.rest.is_empty() && self.budget == 0
     }
@@ -59,12 +59,12 @@ impl Iterator for Walk {
     }
 }
 
-/// Whether a file's name ends in one of these.
+/// Returns whether a file's name has one of these endings.
 pub(crate) fn has_ending(path: &Path, endings: &[&str]) -> bool {
     path.extension().is_some_and(|end| endings.iter().any(|ending| end.eq_ignore_ascii_case(ending)))
 }
 
-/// The name of a file without its ending.
+/// Returns the name of a file without its ending.
 pub(crate) fn stem(path: &Path) -> Option<String> {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
 }

@@ -51,7 +51,7 @@ pub(crate) struct Client {
 }
 
 impl Folder {
-    /// A folder without documents.
+    /// Creates a folder without documents.
     pub(crate) fn new(rules: Rules, around: Surroundings) -> Self {
         Self { rules, around, ..Self::default() }
     }
@@ -95,7 +95,7 @@ impl Folder {
         !gone.is_empty() || self.listings.len() != listings
     }
 
-    /// Whether files were left out because there are too many.
+    /// Returns whether files were omitted because there are too many.
     pub(crate) fn is_cut(&self) -> bool {
         self.is_cut
     }
@@ -126,7 +126,7 @@ impl Folder {
         is_known
     }
 
-    /// Whether a path is in a folder of the workspace.
+    /// Returns whether a path is in a folder of the workspace.
     fn is_within(&self, path: &Path) -> bool {
         self.roots.iter().any(|root| path.starts_with(root))
     }
@@ -195,28 +195,28 @@ impl Folder {
         }
     }
 
-    /// The changes so far of what findings depend on beside their text.
+    /// Returns the number of changes so far of the inputs of findings other than the text.
     pub(crate) fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// The document with this URI.
+    /// Returns the document with this URI.
     pub(crate) fn get(&self, uri: &Uri) -> Option<&Document> {
         self.documents.get(&uri::key(uri.as_str()))
     }
 
-    /// The document with this URI, to change it.
+    /// Returns the document with this URI, to change it.
     pub(crate) fn get_mut(&mut self, uri: &Uri) -> Option<&mut Document> {
         self.documents.get_mut(&uri::key(uri.as_str()))
     }
 
-    /// All documents, in the order of their paths.
+    /// Returns all documents, sorted by path.
     pub(crate) fn documents(&self) -> impl Iterator<Item = &Document> {
         self.documents.values()
     }
 
-    /// The controller that a file belongs to: its folder is the nearest one above the file with the listings of a backup, or the
-    /// workspace's. None for a file outside of the workspace.
+    /// Returns the controller of a file: its folder is the nearest one above the file with the listings of a backup, or the
+    /// workspace's. `None` for a file outside the workspace.
     fn controller_of(&mut self, path: Option<&Path>) -> Option<usize> {
         let path = path?;
         let root = self
@@ -244,7 +244,7 @@ impl Folder {
         self.documents = documents;
     }
 
-    /// The documents of the same controller, the document itself among them.
+    /// Returns the documents of the same controller, including the document itself.
     pub(crate) fn neighbours<'a>(&'a self, document: &'a Document) -> impl Iterator<Item = &'a Document> {
         let controller = document.controller;
         let alone = controller.is_none().then_some(document);
@@ -253,7 +253,7 @@ impl Folder {
         alone.into_iter().chain(others)
     }
 
-    /// The program with this name that a document calls; `/PROG` has the name, or the file.
+    /// Returns the program with this name that a document calls; `/PROG` has the name, or the file.
     pub(crate) fn program<'a>(&'a self, from: &'a Document, name: &str) -> Option<&'a Document> {
         let is_meant = |document: &&Document| {
             document.name().eq_ignore_ascii_case(name)
@@ -282,7 +282,7 @@ impl Folder {
         folder.into_iter().flat_map(BTreeMap::values)
     }
 
-    /// The program that a macro runs.
+    /// Returns the program that a macro runs.
     pub(crate) fn macro_program(&self, document: &Document, name: &str) -> Option<&str> {
         self.listings_of(document)
             .find_map(|listing| listing.macros.get(&name.to_uppercase()))
@@ -295,7 +295,7 @@ impl Folder {
             .find_map(|listing| Some((listing.items.get(&item)?, listing.file.as_str())))
     }
 
-    /// The name of an item: the controller's, if there is a listing, or the document's, or another program's.
+    /// Returns the name of an item: the controller's, if there is a listing, or the document's, or another program's.
     pub(crate) fn name_of<'a>(&'a self, document: &'a Document, item: Item) -> Option<&'a str> {
         let listed = self
             .listed(document, item)
@@ -307,7 +307,7 @@ impl Folder {
             .or_else(|| if is_local(item) { None } else { self.neighbours(document).find_map(named) })
     }
 
-    /// Every item with a name, of the listings and the programs.
+    /// Returns every item with a name, of the listings and the programs.
     pub(crate) fn names<'a>(&'a self, document: &'a Document) -> BTreeMap<Item, &'a str> {
         let mut names = BTreeMap::new();
         for listing in self.listings_of(document) {
@@ -325,13 +325,13 @@ impl Folder {
         names
     }
 
-    /// The names of the programs that a document may call.
+    /// Returns the names of the programs that a document may call.
     pub(crate) fn programs<'a>(&'a self, document: &'a Document) -> BTreeSet<&'a str> {
         self.neighbours(document).map(Document::name).filter(|name| !name.is_empty()).collect()
     }
 }
 
-/// Whether an item belongs to one program: a label, a position, an argument.
+/// Returns whether an item is local to one program: a label, a position, an argument.
 pub(crate) fn is_local((kind, _): Item) -> bool {
     use fanuc_ls::ItemKind::{Argument, Label, Position};
     matches!(kind, Label | Position | Argument)

@@ -56,44 +56,44 @@ impl Index {
         }
     }
 
-    /// The program's name after `/PROG`.
+    /// Returns the program's name after `/PROG`.
     pub(crate) fn name(&self) -> Range<usize> {
         self.name.range()
     }
 
-    /// COMMENT.
+    /// Returns COMMENT.
     pub(crate) fn comment(&self) -> Option<&str> {
         self.comment.as_deref()
     }
 
-    /// Everything that is named by a number, in the order of the text.
+    /// Returns all items that are named by a number, in the sequence of the text.
     pub(crate) fn references(&self) -> impl Iterator<Item = Reference> {
         self.references.iter().map(Compact::reference)
     }
 
-    /// The uses and definitions of an item.
+    /// Returns the uses and definitions of an item.
     pub(crate) fn references_to(&self, (kind, number): Item) -> impl Iterator<Item = Reference> {
         let is_meant = move |found: &&Compact| (found.kind, found.number) == (kind, number);
         self.references.iter().filter(is_meant).map(Compact::reference)
     }
 
-    /// The reference at a byte, its end included.
+    /// Returns the reference at a byte, including its end.
     pub(crate) fn reference_at(&self, offset: usize) -> Option<Reference> {
         let is_there = |found: &&Compact| (found.letters.start as usize..=found.end()).contains(&offset);
         self.references.iter().rev().find(is_there).map(Compact::reference)
     }
 
-    /// The names of programs that statements call, in the order of the text.
+    /// Returns the names of programs that statements call, in the sequence of the text.
     pub(crate) fn programs(&self) -> impl Iterator<Item = Range<usize>> {
         self.programs.iter().map(|place| place.range())
     }
 
-    /// The place of the first name of an item.
+    /// Returns the range of the first name of an item.
     pub(crate) fn name_of(&self, item: Item) -> Option<Range<usize>> {
         self.names.get(&item).map(|place| place.range())
     }
 
-    /// Each item that has a name, and the place of the first.
+    /// Returns each item that has a name, and the range of its first name.
     pub(crate) fn names(&self) -> impl Iterator<Item = (Item, Range<usize>)> {
         self.names.iter().map(|(item, place)| (*item, place.range()))
     }

@@ -30,7 +30,7 @@ pub(crate) struct Listed {
     pub(crate) value: String,
 }
 
-/// Whether a file is a listing, by its name.
+/// Returns whether a file is a listing, by its name.
 pub(crate) fn is_one(path: &Path) -> bool {
     const STEMS: [&str; 6] = ["NUMREG", "POSREG", "STRREG", "SYSMACRO", "IOSTATE", "IOCONFIG"];
     let is_known = |stem: String| STEMS.iter().any(|known| stem.eq_ignore_ascii_case(known));
@@ -79,14 +79,15 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Listing {
     listing
 }
 
-/// The value of `Field: $MACROTABLE[1].$PROG_NAME Access: RW: STRING[37] = 'OPEN'`.
+/// Returns the value in `Field: $MACROTABLE[1].$PROG_NAME Access: RW: STRING[37] = 'OPEN'`.
 fn field<'a>(line: &'a str, name: &str) -> Option<&'a str> {
     let (head, value) = line.split_once('=')?;
     let is_meant = head.contains("$MACROTABLE[") && head.contains(name);
     is_meant.then(|| value.trim().trim_matches('\'').trim())
 }
 
-/// The number of `[5] = 1 'name'` or `[1,5] = 'name'`, and what follows it. Of position registers, the first motion group counts.
+/// Returns the number in `[5] = 1 'name'` or `[1,5] = 'name'`, and the text after it. For position registers, the first
+/// motion group counts.
 fn element(line: &str) -> Option<(u32, &str)> {
     let (index, rest) = line.strip_prefix('[')?.split_once(']')?;
     let number = match index.split_once(',') {
@@ -96,7 +97,7 @@ fn element(line: &str) -> Option<(u32, &str)> {
     Some((number.trim().parse().ok()?, rest.trim_start().strip_prefix('=')?.trim()))
 }
 
-/// The name and the value in what follows the number.
+/// Returns the name and the value in the text after the number.
 fn listed(kind: ItemKind, rest: &str) -> Listed {
     let (before, name, after) = match rest.strip_suffix('\'').filter(|_| kind != ItemKind::PositionRegister) {
         // A string may have quotes of its own: the last ones are the name's.
@@ -112,7 +113,7 @@ fn listed(kind: ItemKind, rest: &str) -> Listed {
     Listed { name: name.trim().to_owned(), value: if is_set { value.to_owned() } else { String::new() } }
 }
 
-/// The inputs and outputs of `DIN[   1]  ON  Auto Mode`, of which a line may have several.
+/// Adds the inputs and outputs of a line such as `DIN[   1]  ON  Auto Mode`, which may have several.
 fn signals(line: &str, items: &mut BTreeMap<Item, Listed>) {
     const KINDS: [(&str, ItemKind); 18] = [
         ("DIN", ItemKind::DigitalInput),

@@ -26,7 +26,7 @@ impl Encoding {
         chosen.unwrap_or_default()
     }
 
-    /// The encoding's name in the protocol.
+    /// Returns the encoding's name in the protocol.
     pub(crate) fn kind(self) -> PositionEncodingKind {
         match self {
             Self::Utf8 => PositionEncodingKind::UTF8,
@@ -35,7 +35,7 @@ impl Encoding {
         }
     }
 
-    /// The units of a character.
+    /// Returns the number of units of a character.
     fn width(self, c: char) -> usize {
         match self {
             Self::Utf8 => c.len_utf8(),
@@ -68,12 +68,12 @@ impl Lines {
         Self { starts, is_ascii: text.is_ascii() }
     }
 
-    /// The line of a byte, from 0.
+    /// Returns the line of a byte, from 0.
     pub(crate) fn line(&self, offset: usize) -> usize {
         self.starts.partition_point(|start| *start as usize <= offset)
     }
 
-    /// The first byte of a line; the end of the text after the last line.
+    /// Returns the first byte of a line; the end of the text after the last line.
     pub(crate) fn start(&self, text: &str, line: usize) -> usize {
         match line.checked_sub(1) {
             None => 0,
@@ -81,7 +81,7 @@ impl Lines {
         }
     }
 
-    /// The bytes of a line without its end.
+    /// Returns the byte range of a line without its end.
     pub(crate) fn range(&self, text: &str, line: usize) -> Range<usize> {
         let start = self.start(text, line);
         let all = text.get(start..self.start(text, line + 1)).unwrap_or("");
@@ -105,7 +105,7 @@ impl<'a> Converter<'a> {
         Self { text, lines, encoding, last: Cell::default() }
     }
 
-    /// The position of a byte; the end of the text for one after it.
+    /// Returns the position of a byte; the end of the text for a byte after it.
     #[expect(clippy::cast_possible_truncation, reason = "texts are far shorter than 4 GB")]
     pub(crate) fn position(&self, offset: usize) -> Position {
         let offset = offset.min(self.text.len());
@@ -123,13 +123,13 @@ impl<'a> Converter<'a> {
         Position { line: line as u32, character: column as u32 }
     }
 
-    /// The range of some bytes.
+    /// Returns the range of some bytes.
     pub(crate) fn range(&self, bytes: &Range<usize>) -> lsp_types::Range {
         lsp_types::Range { start: self.position(bytes.start), end: self.position(bytes.end) }
     }
 
-    /// The byte of a position: the end of the line for a column after it, the end of the text for a line after it, and the
-    /// character's first byte for a position within one.
+    /// Returns the byte of a position: the end of the line for a column after it, the end of the text for a line after it,
+    /// and the character's first byte for a position within one.
     pub(crate) fn offset(&self, position: Position) -> usize {
         let line = self.lines.range(self.text, position.line as usize);
         let text = self.text.get(line.clone()).unwrap_or("");
@@ -147,7 +147,7 @@ impl<'a> Converter<'a> {
         line.end
     }
 
-    /// The bytes of a range; an end before the start is the start.
+    /// Returns the byte range of a range; an end before the start is the start.
     pub(crate) fn bytes(&self, range: lsp_types::Range) -> Range<usize> {
         let start = self.offset(range.start);
         start..self.offset(range.end).max(start)

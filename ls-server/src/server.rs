@@ -395,7 +395,7 @@ impl<W: Write> Server<W> {
         wire::write(&mut self.output, &request.into())
     }
 
-    /// The diagnostics of every open document may be others: they depend on the programs of the folder.
+    /// Marks the diagnostics of every open document as unpublished, because they depend on the programs of the folder.
     fn all_changed(&mut self) {
         let open = self.folder.documents().filter(|document| document.version().is_some());
         self.unpublished.extend(open.map(|document| document.uri().clone()));

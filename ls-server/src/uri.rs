@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// A path as a URI with the scheme `file`; a relative path as a relative reference.
+/// Returns a path as a URI with the scheme `file`; a relative path as a relative reference.
 pub fn of_path(path: &Path) -> String {
     let text = path.to_string_lossy().replace('\\', if cfg!(windows) { "/" } else { "\\" });
     let mut uri = String::new();
@@ -20,7 +20,7 @@ pub fn of_path(path: &Path) -> String {
     uri
 }
 
-/// The path of a URI with the scheme `file`. None for another scheme, and for a path that is not UTF-8.
+/// Returns the path of a URI with the scheme `file`. `None` for another scheme, and for a path that is not UTF-8.
 pub(crate) fn to_path(uri: &str) -> Option<PathBuf> {
     let rest = uri.strip_prefix("file://")?;
     let rest = rest.strip_prefix("localhost").unwrap_or(rest);
@@ -37,7 +37,7 @@ pub(crate) fn to_path(uri: &str) -> Option<PathBuf> {
     })
 }
 
-/// A name that is the same for every spelling of a file's URI.
+/// Returns a name that is the same for every spelling of a file's URI.
 pub(crate) fn key(uri: &str) -> String {
     match to_path(uri) {
         Some(path) => key_of_path(&path),
@@ -45,7 +45,7 @@ pub(crate) fn key(uri: &str) -> String {
     }
 }
 
-/// The [`key`] of a file.
+/// Returns the [`key`] of a file.
 pub(crate) fn key_of_path(path: &Path) -> String {
     let text = path.to_string_lossy().into_owned();
     if cfg!(windows) { text.to_lowercase() } else { text }

@@ -65,7 +65,7 @@ pub(crate) fn actions(folder: &Folder, params: CodeActionParams) -> Answer<Optio
 
 type Fix = Option<(String, Vec<TextEdit>)>;
 
-/// The correction of a problem, where there is one that a person would make.
+/// Returns the correction of a problem, if there is one that a person would make.
 fn fix(document: &Document, problem: Problem, place: &Range<usize>) -> Fix {
     let titled = |title: String, edits: Answer<Vec<TextEdit>>| Some((title, edits.ok()?));
     match problem {
@@ -164,7 +164,7 @@ fn edit(document: &Document, place: Range<usize>, text: &str) -> TextEdit {
     TextEdit { range: document.converter().range(&place), new_text: text.to_owned() }
 }
 
-/// A statement that is inserted before the one at a byte, or at the end; the lines are numbered.
+/// Inserts a statement before the statement at a byte, or at the end; returns edits that also number the lines.
 fn inserted(document: &Document, before: Option<usize>, text: &str) -> Answer<Vec<TextEdit>> {
     changed(document, |program| {
         let index = before.map_or(Some(usize::MAX), |offset| statement(program, offset));
@@ -174,7 +174,7 @@ fn inserted(document: &Document, before: Option<usize>, text: &str) -> Answer<Ve
     })
 }
 
-/// The number of the statement at a byte, from 0.
+/// Returns the number of the statement at a byte, from 0.
 fn statement(program: &Program, offset: usize) -> Option<usize> {
     program.statements().position(|statement| {
         let place = program.place(statement.text());
@@ -190,7 +190,7 @@ fn ending(block: Block) -> Option<&'static str> {
     }
 }
 
-/// A position that is not taught, in the frames of the program's first one.
+/// Returns a position that is not taught, in the frames of the program's first one.
 fn untaught(program: &Program, number: u32) -> Position {
     let first = program.positions().next().and_then(|position| position.groups.into_iter().next());
     let (user_frame, user_tool) =

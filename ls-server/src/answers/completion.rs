@@ -28,7 +28,7 @@ pub(crate) fn completion(folder: &Folder, params: CompletionParams) -> Answer<Op
     Ok(Some(CompletionResponse::Array(items)))
 }
 
-/// The item whose brackets a byte is within, such as that of `R[`, and where its number begins.
+/// Returns the kind of the item whose brackets contain a byte, such as that of `R[`, and the offset of its number.
 fn within(document: &Document, offset: usize) -> Option<(ItemKind, usize)> {
     let before = line_before(document, offset);
     let open = before.rfind('[').filter(|open| !before.get(*open..).unwrap_or("").contains(']'))?;
@@ -55,7 +55,8 @@ fn line_before(document: &Document, offset: usize) -> &str {
     document.at(&(line.start..offset.min(line.end)))
 }
 
-/// The numbers of a kind with their names: labels and positions of the program, others of all programs and of the listings.
+/// Returns the numbers of a kind with their names: labels and positions of the program, others of all programs and of the
+/// listings.
 fn numbers(
     folder: &Folder,
     document: &Document,
@@ -89,7 +90,7 @@ fn numbers(
     found.iter().map(item).collect()
 }
 
-/// The programs of the folder.
+/// Returns the programs of the folder.
 fn programs(folder: &Folder, document: &Document, start: usize, offset: usize) -> Vec<CompletionItem> {
     let place = document.converter().range(&(start..offset));
     let item = |name: &str| {
@@ -105,7 +106,7 @@ fn programs(folder: &Folder, document: &Document, start: usize, offset: usize) -
     folder.programs(document).into_iter().map(item).collect()
 }
 
-/// A word that may stand at a place.
+/// Returns the completion of a word.
 fn word(document: &Document, completion: &Completion) -> CompletionItem {
     let Completion { text, place } = completion;
     let mut forms = Syntax::instructions().chain(Syntax::options());

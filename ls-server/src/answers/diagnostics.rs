@@ -17,13 +17,13 @@ use crate::position::Converter;
 /// The diagnostics of a document; more are in none that a person could fix.
 const MAX_FINDINGS: usize = 1000;
 
-/// The name of a problem's kind, such as `undefined label`.
+/// Returns the name of a problem's kind, such as `undefined label`.
 pub fn code(problem: &Problem) -> String {
     let value = serde_json::to_value(problem).unwrap_or_default();
     value.get("kind").and_then(Value::as_str).unwrap_or_default().replace('_', " ")
 }
 
-/// All findings of an open document.
+/// Returns all findings of an open document.
 pub(crate) fn published(folder: &Folder, document: &Document) -> PublishDiagnosticsParams {
     PublishDiagnosticsParams {
         uri: document.uri().clone(),
@@ -49,7 +49,7 @@ fn diagnostics(folder: &Folder, document: &Document) -> Vec<Diagnostic> {
     lost_letter(document, &converter).into_iter().chain(found).collect()
 }
 
-/// The warning that letters were lost, at the first: an editor that saves the text spoils the file.
+/// Returns the warning that letters were lost, at the first one: an editor that saves the text damages the file.
 fn lost_letter(document: &Document, converter: &Converter<'_>) -> Option<Diagnostic> {
     let start = document.text().find(char::REPLACEMENT_CHARACTER)?;
     let message = "a letter is lost: the file was read as UTF-8, but has another encoding\n\
@@ -65,7 +65,7 @@ fn lost_letter(document: &Document, converter: &Converter<'_>) -> Option<Diagnos
     })
 }
 
-/// A problem of a document as a diagnostic.
+/// Returns a problem of a document as a diagnostic.
 pub(crate) fn diagnostic(
     document: &Document,
     converter: &Converter<'_>,
@@ -88,7 +88,7 @@ pub(crate) fn diagnostic(
     }
 }
 
-/// The problems of a document, each with its place.
+/// Returns the problems of a document, each with its range.
 pub(crate) fn found(folder: &Folder, document: &Document) -> Rc<[Found]> {
     document.found(folder.changes(), || find(folder, document))
 }
@@ -106,7 +106,8 @@ fn find(folder: &Folder, document: &Document) -> Vec<Found> {
     }
 }
 
-/// The words from a byte on, up to the end of the statement or the line; the character before it where nothing follows.
+/// Returns the range of the words from a byte on, up to the end of the statement or the line; if there are none, the
+/// character before it.
 fn marked(text: &str, offset: usize) -> Range<usize> {
     let rest = text.get(offset..).unwrap_or("");
     let line = rest.split(['\r', '\n']).next().unwrap_or("");
@@ -118,7 +119,7 @@ fn marked(text: &str, offset: usize) -> Range<usize> {
     offset - before.map_or(0, char::len_utf8)..offset + line.trim_end().len()
 }
 
-/// The place that a problem is about beside its own.
+/// Returns the other location that a problem is about.
 fn related(
     document: &Document,
     problem: Problem,

@@ -110,7 +110,7 @@ fn close(block: Block, line: usize, open: &mut Vec<Open>, folds: &mut Folds, goe
     }
 }
 
-/// Whether an instruction may begin, continue or end a block, by its first letters.
+/// Returns whether an instruction may begin, continue or end a block, by its first letters.
 fn may_be_of_block(body: &str) -> bool {
     const HEADS: [&str; 11] =
         ["IF", "WENN", "ELSE", "SONST", "ENDIF", "ENDWENN", "SELECT", "IST", "CASE", "FOR", "ENDFOR"];

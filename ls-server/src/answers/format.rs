@@ -16,8 +16,9 @@ pub(crate) fn format(folder: &Folder, params: DocumentFormattingParams) -> Answe
     changed(document, fanuc_ls::Document::format).map(Some)
 }
 
-/// After a line end, the new line gets its number and the previous one its `;`; after a `;`, all lines get their numbers. Text
-/// after the cursor in its line stays, and the cursor is where typing continues.
+/// Returns the edits after a key. After a line end, the new line gets its number and the previous one its `;`; after a `;`,
+/// all lines get their numbers. Text after the cursor in its line stays, and the cursor is at the point at which typing
+/// continues.
 pub(crate) fn on_type(
     folder: &Folder,
     params: DocumentOnTypeFormattingParams,
@@ -32,14 +33,14 @@ pub(crate) fn on_type(
     })
 }
 
-/// A program's text with the numbers of its lines; None where the text is not a program.
+/// Returns a program's text with numbered lines; `None` if the text is not a program.
 fn renumbered(text: &str) -> Option<String> {
     let mut program = fanuc_ls::Document::decode(text).ok()?;
     program.renumber_lines().ok()?;
     Some(program.as_str().to_owned())
 }
 
-/// The edits after a line of `/MN` was broken in two at the cursor.
+/// Returns the edits after a line of `/MN` was split at the cursor.
 fn broken(document: &Document, cursor: usize) -> Option<Vec<TextEdit>> {
     let (text, lines) = (document.text(), document.lines());
     let line = lines.line(cursor);
@@ -97,7 +98,7 @@ fn split(line: &str) -> Option<(&str, &str)> {
     number.bytes().all(|byte| byte.is_ascii_digit()).then(|| (number, body.trim()))
 }
 
-/// Whether a circular motion has the first of its two positions only.
+/// Returns whether a circular motion has only the first of its two positions.
 fn is_circle_begun(body: &str) -> bool {
     body.strip_prefix("C ").is_some_and(|rest| {
         let positions = rest.match_indices('[').filter(|(at, _)| {
@@ -118,7 +119,7 @@ fn typed(document: &Document, blanks: Range<usize>, text: &str) -> TextEdit {
     TextEdit { range: document.converter().range(&place), new_text: text.to_owned() }
 }
 
-/// Whether the last section that begins in a text is `/MN`.
+/// Returns whether the last section that begins in a text is `/MN`.
 fn is_in_main(text: &str) -> bool {
     text.lines().rev().map(str::trim_end).find(|line| line.starts_with('/') && !line.starts_with("//"))
         == Some("/MN")

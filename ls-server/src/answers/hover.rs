@@ -55,7 +55,7 @@ fn item(folder: &Folder, document: &Document, offset: usize) -> Option<Shown> {
     Some((found.letters.start..found.digits.end, text))
 }
 
-/// The uses of an item: those of this program by line, those of others counted.
+/// Returns the uses of an item: those of this program by line, and the number of those in others.
 fn uses(folder: &Folder, document: &Document, item: (ItemKind, u32)) -> String {
     let mut lines: BTreeMap<usize, ()> = BTreeMap::new();
     let mut label = None;
@@ -94,7 +94,7 @@ fn uses(folder: &Folder, document: &Document, item: (ItemKind, u32)) -> String {
     text
 }
 
-/// The values of a position.
+/// Returns the values of a position.
 fn in_words(position: &Position) -> String {
     let mut text = String::new();
     for Group { number, user_frame, user_tool, configuration, axes } in &position.groups {
@@ -121,7 +121,7 @@ fn in_words(position: &Position) -> String {
     text
 }
 
-/// A configuration in words: `N U T, 0, 0, 0` is `wrist not flipped, elbow up, arm in front; turns 0, 0, 0`.
+/// Describes a configuration: `N U T, 0, 0, 0` is `wrist not flipped, elbow up, arm in front; turns 0, 0, 0`.
 fn configured(configuration: &Configuration) -> Option<String> {
     let (letters, turns) = configuration.text.split_once(',')?;
     let word = |letter: &str| match letter {
@@ -139,7 +139,7 @@ fn configured(configuration: &Configuration) -> Option<String> {
     (!words.is_empty()).then(|| format!("{}; turns {}", words.join(", "), turns.trim()))
 }
 
-/// The program of a call.
+/// Returns the program of a call.
 fn program(folder: &Folder, document: &Document, offset: usize) -> Option<Shown> {
     let place = document.index().programs().find(|place| (place.start..=place.end).contains(&offset))?;
     let name = document.at(&place);
@@ -163,7 +163,7 @@ fn described(document: &Document) -> String {
     text
 }
 
-/// The form of the instruction, the option or the macro at a byte.
+/// Returns the form of the instruction, the option or the macro at a byte.
 fn words(folder: &Folder, document: &Document, program: &Program, offset: usize) -> Option<Shown> {
     let name = program.place(program.name());
     if (name.start..=name.end).contains(&offset) {
@@ -211,7 +211,7 @@ fn words(folder: &Folder, document: &Document, program: &Program, offset: usize)
     })
 }
 
-/// The places of whole words in a text.
+/// Returns the offsets of whole words in a text.
 fn places<'a>(text: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     text.char_indices().map(|(at, _)| at).filter(move |at| {
@@ -224,7 +224,7 @@ fn places<'a>(text: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a 
     })
 }
 
-/// A text of a file, without the marks that Markdown has.
+/// Returns a text of a file with the marks of Markdown escaped.
 fn quoted(text: &str) -> String {
     let mut quoted = String::with_capacity(text.len());
     for c in text.chars() {

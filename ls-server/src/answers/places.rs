@@ -12,7 +12,7 @@ use crate::folder::Folder;
 /// The places that are returned at most.
 const MAX_PLACES: usize = 10_000;
 
-/// The label, the position in `/POS`, the program; of other items, the instructions that set them.
+/// Returns the definition: the label, the position in `/POS`, the program; for other items, the instructions that set them.
 pub(crate) fn definition(
     folder: &Folder,
     params: GotoDefinitionParams,
@@ -33,7 +33,7 @@ pub(crate) fn definition(
     Ok((!found.is_empty()).then_some(GotoDefinitionResponse::Array(found)))
 }
 
-/// The program of the macro in the statement at a byte.
+/// Returns the program of the macro in the statement at a byte.
 fn macro_program(folder: &Folder, document: &crate::document::Document, offset: usize) -> Option<Location> {
     let line = document.lines().range(document.text(), document.lines().line(offset));
     let (_, body) = document.at(&line).split_once(':')?;
@@ -67,7 +67,7 @@ pub(crate) fn highlight(
     Ok(Some(target.within(document).iter().take(MAX_PLACES).map(highlight).collect()))
 }
 
-/// The places as locations; those of one document follow each other.
+/// Returns the places as locations; those of one document are consecutive.
 fn locations<'a>(places: impl Iterator<Item = Named<'a>>) -> Vec<Location> {
     let mut converter = None;
     let location = |named: Named<'a>| {

@@ -15,7 +15,7 @@ use crate::folder::{Folder, is_local};
 use crate::index::Item;
 use crate::{edits, uri};
 
-/// The place that would be renamed, and its name.
+/// Returns the range that would be renamed, and its name.
 pub(crate) fn prepare(
     folder: &Folder,
     params: TextDocumentPositionParams,
@@ -45,7 +45,7 @@ pub(crate) fn rename(folder: &Folder, params: RenameParams) -> Answer<Option<Wor
     }
 }
 
-/// A number is the item's new number, anything else its comment.
+/// Renames an item: a number is its new number, any other text its comment.
 fn renamed(folder: &Folder, document: &Document, item: Item, new: &str) -> Answer<WorkspaceEdit> {
     let (kind, number) = item;
     let inner =
@@ -81,7 +81,7 @@ fn renamed(folder: &Folder, document: &Document, item: Item, new: &str) -> Answe
     Ok(edits::workspace(folder, found))
 }
 
-/// The edits of a change of a document.
+/// Returns the edits of a change of a document.
 pub(crate) fn changed<T>(
     document: &Document,
     change: impl FnOnce(&mut Program) -> Result<T, EncodeError>,
@@ -130,12 +130,12 @@ fn program(folder: &Folder, document: &Document, old: &str, new: &str) -> Answer
     })
 }
 
-/// A program to try names on.
+/// Returns a program to check names with.
 fn probe() -> Answer<Program> {
     Program::decode("/PROG A\n/MN\n/END\n").map_err(Failure::refused)
 }
 
-/// The file of a program under its new name, if the file has the old one.
+/// Returns the renaming of a program's file, if the file has the old name.
 fn file(target: &Document, old: &str, new: &str) -> Option<RenameFile> {
     let path = target.path()?;
     let stem = path.file_stem()?.to_str()?;

@@ -13,7 +13,7 @@ use crate::folder::Folder;
 /// The symbols of the workspace that are returned at most.
 const MAX_SYMBOLS: usize = 500;
 
-/// The program of a document with its labels and positions.
+/// Returns the program of a document with its labels and positions.
 pub(crate) fn of_document(
     folder: &Folder,
     params: DocumentSymbolParams,
@@ -60,7 +60,7 @@ fn symbol(name: String, detail: Option<String>, kind: SymbolKind, range: lsp_typ
     }
 }
 
-/// The programs whose names or comments contain the query.
+/// Returns the programs whose names or comments contain the query.
 pub(crate) fn of_workspace(
     folder: &Folder,
     params: WorkspaceSymbolParams,

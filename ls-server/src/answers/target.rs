@@ -29,7 +29,7 @@ pub(crate) struct Named<'a> {
 }
 
 impl Target {
-    /// The target at a byte of a document, and its place.
+    /// Returns the target at a byte of a document, and its range.
     pub(crate) fn at(document: &Document, offset: usize) -> Option<(Self, Range<usize>)> {
         let index = document.index();
         if let Some(found) = index.reference_at(offset) {
@@ -43,7 +43,7 @@ impl Target {
         Some((Self::Program(document.at(&place).to_owned()), place))
     }
 
-    /// Every place where the target is named: in the document, or in every program of its controller.
+    /// Returns every reference to the target: in the document, or in every program of its controller.
     pub(crate) fn places<'a>(&'a self, folder: &'a Folder, document: &'a Document) -> Vec<Named<'a>> {
         let others = folder.neighbours(document);
         let is_alone = matches!(self, Self::Item(item) if is_local(*item));
@@ -51,7 +51,7 @@ impl Target {
         documents.flat_map(|document| self.within(document)).collect()
     }
 
-    /// Every place in one document.
+    /// Returns every reference to the target in one document.
     pub(crate) fn within<'a>(&self, document: &'a Document) -> Vec<Named<'a>> {
         let index = document.index();
         match self {
@@ -78,12 +78,12 @@ impl Target {
     }
 }
 
-/// The letters and the number of a reference.
+/// Returns the range of the letters and the number of a reference.
 fn shown(found: &Reference) -> Range<usize> {
     found.letters.start..found.digits.end
 }
 
-/// Whether an instruction sets the item: `R[1]=`, after a number and a colon or after a condition and a comma.
+/// Returns whether an instruction sets the item: `R[1]=`, after a number and a colon or after a condition and a comma.
 fn sets(document: &Document, found: &Reference) -> bool {
     if found.is_selection {
         return document.at(&found.letters).len() > 2;

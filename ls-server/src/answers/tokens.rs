@@ -35,7 +35,7 @@ const COMMENT: u32 = 6;
 const STRING: u32 = 7;
 const NUMBER: u32 = 8;
 
-/// The names of the kinds, in the order of their numbers.
+/// Returns the names of the kinds, in the sequence of their numbers.
 pub(crate) fn legend() -> SemanticTokensLegend {
     SemanticTokensLegend { token_types: TYPES.to_vec(), token_modifiers: Vec::new() }
 }
@@ -89,7 +89,7 @@ struct Lexer<'a> {
 }
 
 impl Lexer<'_> {
-    /// The words of an instruction.
+    /// Adds the tokens of the words of an instruction.
     fn statement(&mut self, body: Range<usize>) {
         let document = self.document;
         let text = document.at(&body);
@@ -137,7 +137,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// A register, an input … with its number and name; returns its end.
+    /// Adds the tokens of an item, such as a register or an input, with its number and name; returns its end.
     fn reference(&mut self, found: &Reference) -> usize {
         self.found.push((found.letters.clone(), kind(found.kind)));
         self.found.push((found.digits.clone(), NUMBER));
@@ -147,7 +147,7 @@ impl Lexer<'_> {
         found.name.as_ref().map_or(found.digits.end, |name| name.end)
     }
 
-    /// A word that is not an item: a keyword, with a number after it or not, or a variable of the system.
+    /// Adds the token of a word that is not an item: a keyword, with or without a number after it, or a system variable.
     fn word(&mut self, at: usize, word: &str) {
         let letters = word.trim_end_matches(|c: char| c.is_ascii_digit() || matches!(c, '-' | '.'));
         if word.starts_with('$') {
@@ -162,7 +162,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// The names of sections, the program's name, and the items of `/POS`.
+    /// Adds the tokens of the names of sections, the program's name, and the items of `/POS`.
     fn rest(&mut self, range: &Range<usize>) {
         let document = self.document;
         let (text, lines) = (document.text(), document.lines());
@@ -193,7 +193,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// A token of several lines: one for each line.
+    /// Adds a token of several lines as one token for each line.
     fn lines(&mut self, place: &Range<usize>, kind: u32) {
         let mut at = place.start;
         for line in self.document.at(place).split_inclusive('\n') {
@@ -219,7 +219,7 @@ fn kind(kind: ItemKind) -> u32 {
     }
 }
 
-/// The words of instructions and options, in capitals.
+/// Returns the words of instructions and options, in upper case.
 fn keywords() -> &'static BTreeSet<String> {
     static WORDS: OnceLock<BTreeSet<String>> = OnceLock::new();
     WORDS.get_or_init(|| {

@@ -91,7 +91,7 @@ fn the_layout_is_that_of_ls_fmt() {
     );
 }
 
-/// The titles of the corrections at the cursor, and the text with the first of them.
+/// Returns the titles of the corrections at the cursor, and the text with the first of them.
 fn fixed(cell: &Cell) -> (Vec<String>, String) {
     let answer =
         cell.ask("textDocument/codeAction", json!({"context": {"diagnostics": [], "only": ["quickfix"]}}));

@@ -42,17 +42,17 @@ impl Cell {
         Self { folder, uri, cursor }
     }
 
-    /// A program with these statements, without their numbers.
+    /// Creates a program with these statements, without their numbers.
     pub(crate) fn of(statements: &str) -> Self {
         Self::new(&[("A.LS", &program("A", statements))])
     }
 
-    /// The answer to a request about the cursor; more parameters are `others`.
+    /// Sends a request about the cursor, with the additional parameters `others`; returns the answer.
     pub(crate) fn ask(&self, method: &str, others: Value) -> Value {
         self.try_ask(method, others).unwrap_or_else(|failure| panic!("{failure:?}"))
     }
 
-    /// The answer, or the text of its error.
+    /// Sends a request about the cursor; returns the answer, or the text of its error.
     pub(crate) fn try_ask(&self, method: &str, others: Value) -> Result<Value, String> {
         let range = json!({"start": self.cursor, "end": self.cursor});
         let mut params = json!({"textDocument": {"uri": self.uri}, "position": self.cursor, "range": range});
@@ -60,7 +60,7 @@ impl Cell {
         requests::answer(&self.folder, method, params).unwrap().map_err(|failure| failure.message)
     }
 
-    /// The text of a file with the edits of an answer.
+    /// Returns the text of a file with the edits of an answer.
     pub(crate) fn edited(&self, name: &str, edits: &Value) -> String {
         let document = self.folder.get(&uri(name)).unwrap();
         let mut edits: Vec<lsp_types::TextEdit> = serde_json::from_value(edits.clone()).unwrap();
@@ -75,7 +75,7 @@ impl Cell {
         text + &document.text()[copied..]
     }
 
-    /// The text of a file with the changes of a workspace's edit.
+    /// Returns the text of a file with the changes of a workspace's edit.
     pub(crate) fn changed(&self, name: &str, edit: &Value) -> String {
         self.edited(name, edit["changes"].get(uri(name).as_str()).unwrap_or(&json!([])))
     }
@@ -85,7 +85,7 @@ fn uri(name: &str) -> Uri {
     Uri::from_str(&format!("file:///w/{name}")).unwrap()
 }
 
-/// A program whose lines are these statements.
+/// Returns a program whose lines are these statements.
 pub(crate) fn program(name: &str, statements: &str) -> String {
     let lines = (1..).zip(statements.lines()).map(|(number, line)| format!("{number:4}:{line} ;\n"));
     format!("/PROG {name}\n/MN\n{}/POS\n{POSITION}/END\n", lines.collect::<String>())
@@ -94,7 +94,7 @@ pub(crate) fn program(name: &str, statements: &str) -> String {
 const POSITION: &str = "P[1:\"home\"]{\n   GP1:\n\tUF : 0, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',\n\tX =   100.000  mm,\tY =   -20.500  mm,\tZ =      .500  mm,\n\
                         \tW =   180.000 deg,\tP =     0.000 deg,\tR =  ******** deg\n};\n";
 
-/// The places of an answer: file, line from 1, and columns.
+/// Returns the places of an answer: file, line from 1, and columns.
 pub(crate) fn places(answer: &Value) -> Vec<String> {
     let place = |location: &Value| {
         let (range, uri) = (&location["range"], location["uri"].as_str().unwrap_or("/"));

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::Cell;
 
-/// The text after a key was typed, with `|` for the cursor; empty if nothing is edited.
+/// Returns the text after a key was typed, with `|` for the cursor; empty if nothing is edited.
 fn typed(text: &str, key: &str) -> String {
     let cell = Cell::new(&[("A.LS", text)]);
     let options = json!({"ch": key, "options": {"tabSize": 4, "insertSpaces": true}});
@@ -25,7 +25,7 @@ fn typed(text: &str, key: &str) -> String {
     new
 }
 
-/// The lines of `/MN` after Enter in these.
+/// Returns the lines of `/MN` after Enter in these lines.
 fn entered(lines: &str) -> String {
     let typed = typed(&format!("/PROG A\n/MN\n{lines}/END\n"), "\n");
     typed.strip_prefix("/PROG A\n/MN\n").and_then(|rest| rest.strip_suffix("/END\n")).unwrap_or("").to_owned()

@@ -35,7 +35,7 @@ impl<R: Read, W: Write> Client<R, W> {
         self.output = None;
     }
 
-    /// The next message; None when the server has closed the connection.
+    /// Reads the next message; `None` if the server has closed the connection.
     pub(crate) fn read(&mut self) -> Option<Value> {
         let mut length = 0;
         loop {
@@ -64,19 +64,19 @@ impl<R: Read, W: Write> Client<R, W> {
         self.last
     }
 
-    /// The whole answer to a request.
+    /// Waits for the answer to a request, and returns all of it.
     pub(crate) fn answer(&mut self, id: i32) -> Value {
         self.wait(|message| message["id"] == id && message["method"].is_null())
     }
 
-    /// The result of a request, or its error.
+    /// Sends a request; returns its result or its error.
     pub(crate) fn request(&mut self, method: &str, params: Value) -> Value {
         let id = self.ask(method, params);
         let answer = self.answer(id);
         answer.get("result").unwrap_or(&answer["error"]).clone()
     }
 
-    /// The parameters of the next notification with this method.
+    /// Waits for the next notification with this method; returns its parameters.
     pub(crate) fn notification(&mut self, method: &str) -> Value {
         self.wait(|message| message["method"] == method)["params"].clone()
     }

@@ -13,7 +13,7 @@ use crate::client::Client;
 
 pub(crate) type Piped = Client<PipeReader, PipeWriter>;
 
-/// A server in a thread, and a client of it.
+/// Starts a server in a thread, and a client of it.
 pub(crate) fn start(options: Options) -> (Piped, JoinHandle<std::io::Result<bool>>) {
     let (input, of_client) = pipe().unwrap();
     let (of_server, output) = pipe().unwrap();
@@ -21,7 +21,7 @@ pub(crate) fn start(options: Options) -> (Piped, JoinHandle<std::io::Result<bool
     (Client::new(of_server, of_client), server)
 }
 
-/// A server that was initialized.
+/// Starts a server that was initialized.
 pub(crate) fn ready(root: Option<&str>, encoding: &str) -> (Piped, JoinHandle<std::io::Result<bool>>) {
     let (mut client, server) = start(Options::default());
     let answer = client.initialize(root, &[encoding]);

@@ -70,7 +70,7 @@ impl Model {
         }
     }
 
-    /// The index of a position, as the protocol has it.
+    /// Returns the index of a position, as the protocol defines it.
     fn index(&self, line: usize, character: usize) -> usize {
         let unit = |at: usize| self.units.get(at).copied();
         let (lf, cr) = (Some(u32::from(b'\n')), Some(u32::from(b'\r')));

@@ -126,7 +126,7 @@ impl Device {
         }
     }
 
-    /// Does what is due. False when the connection has ended.
+    /// Does the work that is due. Returns false if the connection has ended.
     fn look(&mut self, now: Duration) -> bool {
         let Some(end) = &mut self.end else { return self.send() };
         if end.poll_timeout().is_some_and(|at| at <= now) {

@@ -99,7 +99,7 @@ impl Cell {
         self.task.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Whether something is to be done about a task that was to end, and has; or about a place that is free.
+    /// Returns whether a task that was to end has ended, or whether a slot is free.
     pub fn is_over(&self) -> bool {
         match self.next {
             // Without a lease a task ends on its own.

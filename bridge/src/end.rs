@@ -90,7 +90,7 @@ impl Inbox {
         }
     }
 
-    /// As [`next`](Self::next), without a wait.
+    /// Returns the next command as [`next`](Self::next) does, without a wait.
     pub fn try_next(&mut self, end: &End) -> Option<Command> {
         loop {
             let command = self.0.try_recv().ok()?;
@@ -359,7 +359,7 @@ mod tests {
 
     use super::*;
 
-    /// The end of cell 3, and what it reports.
+    /// Returns the end of cell 3, and the receiver of its reports.
     fn end(failures: &Arc<AtomicU64>) -> (End, Receiver<Input>, watch::Sender<bool>) {
         let ((hub, reports), (stop, told)) = (sync_channel(9), watch::channel(false));
         let stop_of_end = Stop::new(told, None);

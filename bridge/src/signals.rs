@@ -34,7 +34,8 @@ pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> 
     Ok(reload)
 }
 
-/// From now on an interrupt is noted ([`interrupt::requested`]); a bridge that has not ended within `limit` is ended with the remark.
+/// Handles interrupts from now on: an interrupt is noted ([`interrupt::requested`]), and a bridge that has not ended within
+/// `limit` is ended with the remark.
 ///
 /// # Errors
 /// When another handler is installed already.

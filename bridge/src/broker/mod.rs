@@ -312,7 +312,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The next message was handed over with this number: it is in flight then. Without one (QoS 0) it is published, and its token returned.
+/// Called when the next message was handed over. With a number the message is in flight; without one (QoS 0) it is
+/// published, and its token returned.
 fn hand_over(
     sent: &Mutex<VecDeque<Option<u64>>>,
     number: u16,

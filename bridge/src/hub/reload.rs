@@ -219,7 +219,7 @@ impl Hub<'_> {
     }
 }
 
-/// The thread that runs the cells. Those that wait for their devices by themselves have threads of their own beside it.
+/// Starts the thread that runs the cells. Cells whose calls block have threads of their own besides.
 pub(super) fn cells() -> Result<runtime::Handle> {
     let runtime = runtime::Builder::new_current_thread().enable_all().max_blocking_threads(CELLS).build()?;
     let handle = runtime.handle().clone();

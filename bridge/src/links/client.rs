@@ -221,7 +221,7 @@ fn silent<S: Service>(handle: &Handle<S>, silence: Silence, end: &End) {
     }
 }
 
-/// Does what is due, one thing after the other.
+/// Runs the work that is due, one item after the other.
 async fn work<W: Worker>(
     mut link: watch::Receiver<Link>,
     Terms { silence, every, .. }: Terms,

@@ -271,7 +271,7 @@ impl Kawasaki {
         }
     }
 
-    /// A job from its fields by their names, as in a table of `cellwire run kawasaki`.
+    /// Returns a job from its named fields, as in a table of `cellwire run kawasaki`.
     fn job(&self, given: &Map<String, Json>) -> Result<AnyWork, String> {
         if let Some(name) = given.keys().find(|name| self.layout.place(name).is_none()) {
             let names: Vec<&str> = self.layout.fields().iter().map(|field| field.name.as_str()).collect();

@@ -174,7 +174,7 @@ impl Worker for Sender {
 }
 
 impl Sender {
-    /// A sentence about a frame that was sent several times without an answer; empty for any other.
+    /// Returns a sentence about a frame that was sent several times without an answer; empty for any other frame.
     fn without_answer(&self) -> String {
         match self.unanswered.swap(0, Ordering::Relaxed) {
             0 => String::new(),

@@ -199,7 +199,7 @@ impl Worker for Modbus {
     }
 }
 
-/// The reason of an exception is the controller's own word.
+/// Returns the reason of an error; for an exception, the controller's own word.
 fn why(error: &Error) -> String {
     match error {
         Error::Exception(exception) => exception.to_string(),

@@ -72,7 +72,7 @@ pub(super) trait Bytes: AsyncRead + AsyncWrite + Unpin + Send {}
 impl<T: AsyncRead + AsyncWrite + Unpin + Send> Bytes for T {}
 
 impl Port {
-    /// `HOST:PORT`, or a serial port if the link has a baud rate.
+    /// Parses `HOST:PORT`, or a serial port if the link has a baud rate.
     ///
     /// # Errors
     /// When the cell has no such address.

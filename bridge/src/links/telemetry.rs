@@ -113,7 +113,7 @@ mod tests {
 
     const POLL: Duration = Duration::from_millis(100);
 
-    /// A block whose life counter is so far.
+    /// Returns a block with this life counter.
     fn registers(order: WordOrder, life: u32) -> [u16; 37] {
         let block = TelemetryBlock {
             life_counter: life,

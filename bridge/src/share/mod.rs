@@ -152,8 +152,8 @@ impl Share {
         self.reading.opened(|node| dead.contains(node));
     }
 
-    /// Called when everything is heard from now on; `today` is in milliseconds since 1970 UTC. Returns the commands of which it
-    /// is not known whether any bridge has heard them: they are not to be given.
+    /// Called when all messages are received from now on; `today` is in milliseconds since 1970 UTC. Returns the commands of
+    /// which it is not known whether another bridge has received them: they must not be given.
     pub fn connected(&mut self, now: Duration, today: u64) -> Vec<(usize, Command)> {
         // A bridge that was dead when the last message came back, and runs again, takes nothing for as long from then on.
         if self.back_at.is_none_or(|at| now.saturating_sub(at) >= SILENT) {
@@ -176,7 +176,7 @@ impl Share {
         Some(lost.map(|(_, place, command)| (place, command)).collect())
     }
 
-    /// Called when the bridge has let every cell go, and takes none any more.
+    /// Called when the bridge has released every cell, and takes no more cells.
     pub fn end(&mut self) {
         self.ends = true;
     }
@@ -449,7 +449,7 @@ fn term() -> String {
     format!("{:016x}", fastrand::u64(..))
 }
 
-/// FNV-1a, and then a mix of its bits: they decide by the highest.
+/// Returns the rank of a bridge for a cell: FNV-1a with its bits mixed, because the highest bits decide.
 fn rank(bridge: &str, cell: &str) -> u64 {
     let bytes = bridge.bytes().chain([0]).chain(cell.bytes());
     let hash = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {

@@ -187,7 +187,7 @@ impl Model {
         next
     }
 
-    /// The connection, and with it the cell.
+    /// Cuts the connection, and with it the cell.
     fn cut(&self, after: &mut State, at: usize) {
         let bridge = &mut after.bridges[at];
         (bridge.since, bridge.is_said, bridge.unsaid, bridge.waits) = (None, false, false, false);
@@ -233,7 +233,7 @@ impl Model {
         bridge.bars |= !bridge.has_read && bridge.since == Some(true);
     }
 
-    /// Whether the owner accepts the id, that is sent with the time of now.
+    /// Returns whether the owner accepts the id, which is sent with the current time.
     fn accepts(&self, state: &State, at: usize) -> bool {
         let (bridge, today) = (&state.bridges[at], self.today(at, state.now));
         if bridge.knows || bridge.unsaid || bridge.waits {
@@ -245,7 +245,7 @@ impl Model {
         }
     }
 
-    /// The number of states, or the way to one in which the id was executed twice.
+    /// Explores the states. Returns their number, or the way to a state in which the id was executed twice.
     fn explore(&self) -> Result<usize, Vec<State>> {
         let mut states = vec![(State::default(), 0)];
         let mut seen = HashSet::from([State::default()]);
@@ -266,7 +266,7 @@ impl Model {
     }
 }
 
-/// The way to the last state.
+/// Returns the way to the last state.
 fn way(states: &[(State, usize)]) -> Vec<State> {
     let (mut way, mut at) = (Vec::new(), states.len() - 1);
     while at > 0 {

@@ -57,7 +57,7 @@ impl Reading {
         self.of(node).any(|(_, ledger)| !ledger.is_read())
     }
 
-    /// Called when there is another connection: only the ledgers of nodes that were dead may be the same.
+    /// Called when a new connection is open: only the ledgers of nodes that were dead may be unchanged.
     pub(super) fn opened(&mut self, was_dead: impl Fn(&str) -> bool) {
         self.0.retain(|(node, _), _| was_dead(node));
         self.0.values_mut().for_each(|ledger| ledger.is_earlier = true);

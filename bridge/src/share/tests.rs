@@ -135,7 +135,7 @@ fn share(node: &str) -> Share {
     Share::new(node, &format!("store-{node}"), &["a".into(), "b".into()], MAX_AGE)
 }
 
-/// Nothing is remembered but a command of another bridge, at this time.
+/// Returns commands that remember only one of another bridge, until this time.
 fn commands(until: u64) -> Commands {
     let (rate, mut batch) = (Rate { per_second: 10.0, burst: 10 }, Batch::default());
     let (mut commands, _) = Commands::open(|_| Ok(Vec::new()), MAX_AGE, rate, &mut batch).unwrap();

@@ -209,7 +209,7 @@ impl World {
         );
     }
 
-    /// A command is sent to some bridges: a new one, or an earlier one in another message with the time of now.
+    /// Sends a command to some bridges: a new one, or an earlier one in another message with the current time.
     pub(super) fn send(&mut self, is_new: bool) {
         let at = today(self.now) + self.rng.u64(0..SKEW);
         if is_new || self.ids.is_empty() {
@@ -257,7 +257,7 @@ impl World {
         }
     }
 
-    /// Stored messages come before the answer or after it.
+    /// Subscribes: stored messages come before the answer or after it.
     fn subscribe(&mut self, at: usize) {
         let stored = self.stored.iter();
         let mut down: Vec<Down> =
@@ -408,7 +408,7 @@ impl World {
         }
     }
 
-    /// The process is gone, and its threads with it.
+    /// Ends the process, and its threads with it.
     pub(super) fn kill(&mut self, at: usize, until: Duration) {
         let bridge = &mut self.bridges[at];
         bridge.cut(&mut self.rng);

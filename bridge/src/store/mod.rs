@@ -97,7 +97,7 @@ impl Store {
         Self::open_until(path, most, None)
     }
 
-    /// The frames of the ring from `cut` on do not count.
+    /// Opens a store; the frames of the ring from `cut` on do not count.
     #[allow(clippy::result_large_err, reason = "it is returned once")]
     fn open_until(path: &Path, most: u64, cut: Option<u64>) -> Result<Self> {
         let what = format!("the store {}", path.display());
@@ -347,8 +347,8 @@ fn put(database: &Database, changed: Names) -> Result<()> {
     Ok(())
 }
 
-/// With one phase a commit whose pages are damaged later would count as one that a loss of power has cut: an outcome would be missing
-/// without an error, and its command might be executed again.
+/// Begins a commit with two phases. With one phase, a commit whose pages are damaged later would count as one that a power
+/// failure has cut: an outcome would be missing without an error, and its command might be executed again.
 #[allow(clippy::result_large_err, reason = "it is returned once")]
 fn begin(database: &Database) -> Result<WriteTransaction, TransactionError> {
     let mut transaction = database.begin_write()?;
@@ -369,7 +369,7 @@ fn get(database: &Database, name: &str) -> Result<Option<String>> {
     Ok(names.get(name)?.map(|value| value.value().to_owned()))
 }
 
-/// The file of the records of a store.
+/// Returns the file of the records of a store.
 pub fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".records");
@@ -414,7 +414,7 @@ thread_local! {
 /// Wraps the process's panic hook, once: panics of other threads are printed as before.
 static QUIET: Once = Once::new();
 
-/// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
+/// Opens a file; a panic of redb, which asserts its expectations of the file, becomes `None` without a printed trace.
 fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
     QUIET.call_once(|| {
         let hook = panic::take_hook();

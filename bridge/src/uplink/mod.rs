@@ -163,17 +163,17 @@ impl Uplink {
         })
     }
 
-    /// Whether records are published.
+    /// Returns whether records are published.
     pub fn is_online(&self) -> bool {
         matches!(self.phase, Phase::Online { .. })
     }
 
-    /// The broker that is connected, or tried.
+    /// Returns the address of the connected broker, or of the one being tried.
     pub fn address(&self) -> String {
         format!("{}:{}", self.options.host, self.options.port)
     }
 
-    /// The host application that is waited for.
+    /// Returns the host application that the uplink waits for.
     pub fn waits_for(&self) -> Option<&str> {
         self.host.as_deref().filter(|_| matches!(self.phase, Phase::Waiting { .. }))
     }
@@ -193,12 +193,12 @@ impl Uplink {
         self.holds.count(place)
     }
 
-    /// The store has no record below this key any more.
+    /// Called when the store has no more records below this key.
     pub fn made_room(&mut self, first: u64) {
         self.holds.made_room(first);
     }
 
-    /// When [`turn`](Self::turn) has something to do at the latest.
+    /// Returns the latest time at which [`turn`](Self::turn) has something to do.
     pub fn due(&self) -> Option<Instant> {
         match self.phase {
             Phase::Offline { until } | Phase::Opening { until, .. } | Phase::Leaving { until, .. } => {
@@ -209,8 +209,8 @@ impl Uplink {
         }
     }
 
-    /// Something has happened on the connection of this number; what it means for the hub. Records that are done with go into the
-    /// batch.
+    /// Handles an event of the connection with this number; returns its meaning for the hub. Adds the removal of finished
+    /// records to the batch.
     pub fn happened(&mut self, generation: u64, happened: Happened, batch: &mut Batch) -> Event {
         if generation != self.generation {
             return Event::None;
@@ -270,7 +270,7 @@ impl Uplink {
         }
     }
 
-    /// The broker has it. If that ends a hold, what was held is next.
+    /// Called when the broker has acknowledged a message. If that ends a hold, the held messages are next.
     fn published(&mut self, key: u64, batch: &mut Batch) -> Event {
         let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
         self.counts.acknowledged += 1;
@@ -282,7 +282,8 @@ impl Uplink {
         Event::Released(place)
     }
 
-    /// The broker does not take it. After a gap in the message numbers the births are repeated, which restart them at 0.
+    /// Called when the broker has rejected a message. After a gap in the message numbers the births are repeated, which
+    /// restart the numbers at 0.
     fn rejected(&mut self, key: u64, why: String, refusal: Refusal) -> Event {
         self.counts.rejected += 1;
         match refusal {
@@ -390,7 +391,7 @@ impl Uplink {
         }
     }
 
-    /// All births are repeated.
+    /// Repeats all births.
     pub fn bear_again(&mut self) {
         self.is_born = false;
     }
@@ -437,7 +438,7 @@ impl Uplink {
         (orphans, apart)
     }
 
-    /// Does what is due: connects, and publishes what there is. Returns why a connection came to nothing.
+    /// Does the work that is due: connects, and publishes the available records. Returns the reason of a failed connection.
     ///
     /// # Errors
     /// When the store cannot be read.
@@ -489,7 +490,7 @@ impl Uplink {
     }
 }
 
-/// The number of a record, as a value.
+/// Returns the number of a record, as a value.
 pub fn number(number: u64) -> Value {
     whole(i64::try_from(number).unwrap_or(i64::MAX))
 }

@@ -44,7 +44,7 @@ impl Broker {
         left
     }
 
-    /// The next client; CONNACK has these properties.
+    /// Accepts the next client; CONNACK has these properties.
     pub(crate) fn accept(&self, properties: &[u8]) -> Peer {
         let (stream, _) = self.0.accept().unwrap();
         stream.set_read_timeout(Some(DEADLINE)).unwrap();
@@ -71,7 +71,7 @@ impl Peer {
         self.0.write_all(bytes).unwrap();
     }
 
-    /// The next message with QoS 1.
+    /// Receives the next message with QoS 1.
     pub(crate) fn message(&mut self) -> Message {
         loop {
             let message = self.any_message();
@@ -81,7 +81,7 @@ impl Peer {
         }
     }
 
-    /// The next message.
+    /// Receives the next message.
     pub(crate) fn any_message(&mut self) -> Message {
         loop {
             let (kind, body) = self.packet();
@@ -97,12 +97,12 @@ impl Peer {
         }
     }
 
-    /// A message to the client, with QoS 0.
+    /// Sends a message to the client, with QoS 0.
     pub(crate) fn publish(&mut self, topic: &str, payload: &[u8]) {
         self.publish_as(0x30, topic, payload);
     }
 
-    /// A message to the client, with this first byte: 31h is retained.
+    /// Sends a message to the client, with this first byte: 31h is retained.
     pub(crate) fn publish_as(&mut self, first: u8, topic: &str, payload: &[u8]) {
         let (mut length, mut head) = (2 + topic.len() + 1 + payload.len(), vec![first]);
         while length > 0x7F {
@@ -114,13 +114,13 @@ impl Peer {
         self.send(&[&head, &topic_length[..], topic.as_bytes(), &[0], payload].concat());
     }
 
-    /// PUBACK with a reason code.
+    /// Sends PUBACK with a reason code.
     pub(crate) fn acknowledge(&mut self, message: &Message, reason: u8) {
         let [high, low] = message.number.unwrap();
         self.send(&[0x40, 3, high, low, reason]);
     }
 
-    /// The first byte of a packet, and what follows its length.
+    /// Receives a packet: its first byte, and the bytes after its length.
     fn packet(&mut self) -> (u8, Vec<u8>) {
         let kind = self.byte();
         let (mut length, mut shift) = (0, 0);
@@ -149,7 +149,7 @@ impl Message {
         Payload::decode(self.payload.as_slice()).unwrap()
     }
 
-    /// The number of the record.
+    /// Returns the number of the record.
     pub(crate) fn record(&self) -> u64 {
         let payload = self.read();
         let number = payload.metrics.iter().find(|metric| metric.name.as_deref() == Some("Record/Number"));
@@ -159,7 +159,7 @@ impl Message {
         }
     }
 
-    /// The text of a metric, if the message has it.
+    /// Returns the text of a metric, if the message has it.
     pub(crate) fn text(&self, name: &str) -> Option<String> {
         let metric = self.read().metrics.into_iter().find(|metric| metric.name.as_deref() == Some(name));
         match metric?.value? {

@@ -19,7 +19,7 @@ fn start(folder: &Path, broker: &Broker, ball: &Running, commands: &str) -> Runn
     Running::start(command)
 }
 
-/// A command of this many bytes or a little more, dated so far ahead.
+/// Returns a command of this many bytes or a little more, dated this far ahead.
 fn write(id: &str, ahead: u64, length: usize) -> Vec<u8> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap() + Duration::from_secs(ahead);
     let text = format!("{{\"id\":\"{id}\",\"order\":\"{}\"}}", "x".repeat(length));
@@ -28,7 +28,7 @@ fn write(id: &str, ahead: u64, length: usize) -> Vec<u8> {
     Payload { timestamp: None, metrics: vec![metric], seq: None }.encode_to_vec()
 }
 
-/// The next outcome of a command: its id, outcome and detail.
+/// Receives the next outcome of a command: its id, outcome and detail.
 fn outcome(peer: &mut Peer) -> (String, String, String) {
     loop {
         let message = peer.message();

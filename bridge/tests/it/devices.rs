@@ -15,7 +15,7 @@ use crate::broker::{Broker, Message, Peer};
 use crate::tool::Running;
 use crate::{ball, bridge, figure, simulated, until};
 
-/// The next message of a kind, such as DBIRTH.
+/// Receives the next message of a kind, such as DBIRTH.
 fn next(peer: &mut Peer, kind: &str) -> Message {
     loop {
         let message = peer.any_message();
@@ -28,7 +28,7 @@ fn next(peer: &mut Peer, kind: &str) -> Message {
     }
 }
 
-/// A bridge whose one cell is the FANUC controller at `place`, with more settings of the cell.
+/// Starts a bridge whose one cell is the FANUC controller at `place`, with more settings of the cell.
 fn robot(folder: &Path, broker: &Broker, place: &str, more: &str) -> Running {
     let site = format!(
         "[broker]\naddress = \"{}\"\ngroup = \"g\"\nnode = \"n\"\n[store]\nfile = \"s.redb\"\n\
@@ -48,7 +48,7 @@ fn metric(payload: &Payload, name: &str) -> Metric {
     found.unwrap_or_else(|| panic!("{name} in {payload:?}")).clone()
 }
 
-/// The quality of a metric that has no value.
+/// Returns the quality of a metric without a value.
 fn quality(payload: &Payload, name: &str) -> Option<u32> {
     let metric = metric(payload, name);
     assert_eq!((metric.is_null, &metric.value), (Some(true), &None), "{name}");
@@ -115,7 +115,7 @@ const GOOD: u8 = 0;
 const ONES: u8 = 1;
 const ZEROS: u8 = 2;
 
-/// A controller that answers every request with its block, whose reals have their high word first.
+/// Starts a controller that answers every request with its block, whose reals have their high word first.
 fn controller(reports: Arc<AtomicU8>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let place = listener.local_addr().unwrap().to_string();

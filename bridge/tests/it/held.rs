@@ -36,7 +36,7 @@ fn read(peer: &mut Peer, seen: &mut Vec<Message>, cell: &str, count: usize) {
     }
 }
 
-/// The birth of the node begins the numbers of messages.
+/// Asserts that no message number is missing; the birth of the node restarts the numbers.
 fn assert_no_hole(seen: &[Message]) {
     let numbers = seen.iter().map(|message| message.read().seq.unwrap());
     assert!(numbers.eq((0..256).cycle().take(seen.len())));

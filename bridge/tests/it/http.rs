@@ -28,7 +28,7 @@ impl Under {
         stream
     }
 
-    /// The answer, or what of it came before the connection was reset.
+    /// Returns the answer, or the part of it that came before the connection was reset.
     fn answer(&self, request: &[u8]) -> String {
         let mut stream = self.connect();
         let _ = stream.write_all(request);

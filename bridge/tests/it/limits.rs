@@ -12,7 +12,7 @@ use crate::{REFUSED, ball, bridge, figure};
 /// no properties.
 const AROUND: usize = 6;
 
-/// Maximum Packet Size of CONNACK.
+/// Returns Maximum Packet Size for CONNACK.
 fn takes(longest: u32) -> Vec<u8> {
     [&[0x27], &longest.to_be_bytes()[..]].concat()
 }

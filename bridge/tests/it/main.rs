@@ -30,12 +30,12 @@ use cellwire::command::simulate;
 use clap::Parser;
 use tool::{DEADLINE, Running};
 
-/// A simulated ball.
+/// Starts a simulated ball.
 fn ball() -> Running {
     simulated(&["ball", "--listen", "127.0.0.1:0"])
 }
 
-/// A simulated device: this program once more, because the tool is none of this package.
+/// Starts a simulated device: this program once more, because the tool is not part of this package.
 fn simulated(arguments: &[&str]) -> Running {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args(["-q", "--exact", "simulated_device", "--ignored", "--nocapture"]);
@@ -62,7 +62,7 @@ fn place(device: &Running) -> &str {
     device.ready.get("listen").or(device.ready.get("pty")).unwrap().as_str().unwrap()
 }
 
-/// A bridge whose broker is at `broker` and whose one cell is a ball.
+/// Starts a bridge whose broker is at `broker` and whose one cell is a ball.
 fn bridge(folder: &Path, broker: &str, ball: &Running) -> Running {
     Running::start(bridge_command(folder, broker, ball))
 }
@@ -71,7 +71,8 @@ fn bridge_command(folder: &Path, broker: &str, ball: &Running) -> Command {
     site_command(folder, broker, "", &[("ball", ball)])
 }
 
-/// A bridge whose broker is at `broker`, with `store` among the settings of its store, and with these cells.
+/// Returns the command of a bridge whose broker is at `broker`, with `store` among the settings of its store, and with these
+/// cells.
 fn site_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Running)]) -> Command {
     let cells = balls.iter().map(|(name, ball)| {
         format!(

@@ -17,7 +17,7 @@ fn hang_up(bridge: &Running) {
     assert!(status.unwrap().success());
 }
 
-/// The next message, acknowledged.
+/// Receives the next message, and acknowledges it.
 fn next(peer: &mut Peer) -> Message {
     let message = peer.any_message();
     if message.number.is_some() {
@@ -26,7 +26,7 @@ fn next(peer: &mut Peer) -> Message {
     message
 }
 
-/// Everything up to a message of this topic.
+/// Receives all messages up to one of this topic.
 fn up_to(peer: &mut Peer, topic: &str) -> Vec<Message> {
     let mut seen = vec![next(peer)];
     while seen.last().unwrap().topic != topic {

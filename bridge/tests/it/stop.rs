@@ -16,7 +16,7 @@ use crate::broker::{Broker, Peer};
 use crate::tool::Running;
 use crate::{ball, simulated, site_command, until};
 
-/// A bridge with one cell.
+/// Starts a bridge with one cell.
 fn start(folder: &Path, broker: &Broker, cell: &str) -> Running {
     let command = site_command(folder, &broker.address(), "", &[]);
     let file = folder.join("site.toml");
@@ -33,7 +33,7 @@ fn order(peer: &mut Peer, text: &str) {
     peer.publish("spBv1.0/g/DCMD/n/cell", &payload.encode_to_vec());
 }
 
-/// The next outcome of a command: its id, outcome and detail.
+/// Receives the next outcome of a command: its id, outcome and detail.
 fn outcome(peer: &mut Peer) -> [String; 3] {
     loop {
         let message = peer.message();
@@ -75,7 +75,7 @@ fn lines(count: usize) -> String {
     format!("{{\"id\":\"lines\",\"jobs\":[{}]}}", jobs.join(","))
 }
 
-/// A bridge with a robot that draws so fast, in mm/s, in the middle of an order of 60 lines.
+/// Starts a bridge with a robot that draws at this speed, in mm/s, in the middle of an order of 60 lines.
 fn drawing(folder: &Path, broker: &Broker, speed: u32) -> (Running, Running, Peer) {
     let address = free_port();
     let bridge = start(folder, broker, &format!("link = \"kawasaki-msg\"\nlisten = \"{address}\""));
@@ -161,7 +161,8 @@ fn a_robot_that_connects_draws_over_tcp_and_udp() {
     }
 }
 
-/// Between a robot and its PC. Returns its address, whether the robot receives anything, and the connections, to cut them.
+/// Starts a proxy between a robot and its PC. Returns its address, whether the robot receives bytes, and the connections, to
+/// cut them.
 fn between(pc: String) -> (String, Arc<AtomicBool>, Arc<Mutex<Vec<TcpStream>>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let (address, is_open) = (listener.local_addr().unwrap().to_string(), Arc::new(AtomicBool::new(true)));

@@ -171,7 +171,7 @@ pub fn main(program: &str, links: &[Link]) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// The file of results: a row a line, its numbers to a hundredth.
+/// Returns the file of results: one row per line, its numbers to a hundredth.
 fn results(rows: &[Counted]) -> String {
     let hundredths = |x: f64| (x * 100.0).round() / 100.0;
     let line = |row: &Counted| {
@@ -220,7 +220,7 @@ fn budget_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
     table
 }
 
-/// The instructions of one unit of a row: (Ir(2N) − Ir(N)) / N, by the units of a round.
+/// Measures the instructions of one unit of a row: (Ir(2N) − Ir(N)) / N, by the units of a round.
 fn measure(link: &str, row: usize, count: &Count) -> f64 {
     let (once, twice) = (collect(link, row, count.rounds), collect(link, row, 2 * count.rounds));
     (twice - once) as f64 / count.rounds as f64 / count.units
@@ -243,14 +243,14 @@ fn collect(link: &str, row: usize, rounds: u64) -> i64 {
     collected.1.trim().parse().expect("a number of instructions")
 }
 
-/// An empty table with this header.
+/// Creates an empty table with this header.
 pub fn table<const N: usize>(head: [&str; N]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
     table
 }
 
-/// The median of the samples, which it sorts.
+/// Returns the median of the samples, which it sorts.
 pub fn median(samples: &mut [f64]) -> Option<f64> {
     samples.sort_by(f64::total_cmp);
     samples.get(samples.len() / 2).copied()

@@ -42,7 +42,7 @@ impl Drop for Peer {
     }
 }
 
-/// The program as a peer: prints its address, and serves each connection in a thread until standard input ends.
+/// Runs the program as a peer: prints its address, and serves each connection in a thread until standard input ends.
 pub(crate) fn run(serve: Serve) -> io::Result<()> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     println!("{}", listener.local_addr()?);

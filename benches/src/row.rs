@@ -84,29 +84,29 @@ impl Count {
         Self { what, goal: None, each, units, rounds: 500, run, timing: None }
     }
 
-    /// With a goal, in instructions for each unit.
+    /// Returns the row with a goal, in instructions for each unit.
     pub const fn goal(self, goal: f64) -> Self {
         Self { goal: Some(goal), ..self }
     }
 
-    /// With another number of rounds that are counted.
+    /// Returns the row with another number of counted rounds.
     pub const fn rounds(self, rounds: u64) -> Self {
         Self { rounds, ..self }
     }
 
-    /// Timed as this work by this code, its throughput in the row's units.
+    /// Returns the row timed as this work by this code, with its throughput in the row's units.
     pub const fn timed(self, work: &'static str, by: &'static str) -> Self {
         Self { timing: Some(Timing { work, by, bytes: None }), ..self }
     }
 
-    /// The same, its throughput in bytes.
+    /// Returns the row timed as this work by this code, with its throughput in bytes.
     pub const fn timed_bytes(self, work: &'static str, by: &'static str, bytes: usize) -> Self {
         Self { timing: Some(Timing { work, by, bytes: Some(bytes) }), ..self }
     }
 }
 
 impl Run {
-    /// Does the work as it is counted: the process ends after it.
+    /// Does the work that is counted: the process ends after it.
     pub fn once(self, rounds: u64) {
         match self {
             Self::Whole(run) => run(rounds),

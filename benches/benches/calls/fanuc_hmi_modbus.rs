@@ -75,7 +75,7 @@ fn handle(rounds: u64) {
     });
 }
 
-/// The words of the reply that an event is of.
+/// Reads the words of the reply that an event is about.
 fn words(session: &mut Client, event: &ClientEvent, words: &mut Vec<u16>) {
     if let ClientEvent::Replied { ticket, .. } = event
         && let Some(Reply::HoldingRegisters(found)) = session.reply(*ticket)

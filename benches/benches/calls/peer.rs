@@ -27,7 +27,7 @@ pub(super) fn with_peer<F: Future<Output = ()> + Send + 'static>(
     runtime.block_on(calls).expect("the calls end");
 }
 
-/// A peer that sends the same bytes this long after each message.
+/// Serves as a peer that sends the same bytes this long after each message.
 pub(super) fn reply(mut stream: TcpStream, delay: Duration, bytes: &[u8]) {
     let mut message = [0; 1024];
     while stream.read(&mut message).is_ok_and(|length| length > 0) {
@@ -38,7 +38,7 @@ pub(super) fn reply(mut stream: TcpStream, delay: Duration, bytes: &[u8]) {
     }
 }
 
-/// A connection as the handle's.
+/// Returns a connection with the options of the handle's.
 pub(super) async fn connected(mut tcp: Tcp) -> tokio::net::TcpStream {
     tcp.connect().await.expect("a peer")
 }

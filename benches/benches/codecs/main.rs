@@ -22,7 +22,7 @@ fn main() {
     criterion.final_summary();
 }
 
-/// A group for each work of the link, in the order of its rows.
+/// Times a group for each work of the link, in the order of its rows.
 fn time(criterion: &mut Criterion, link: &Link) {
     let mut rows: Vec<(&Count, Timing)> =
         link.rows().filter_map(|count| Some((count, count.timing?))).collect();

@@ -94,7 +94,7 @@ impl Decoding for OverTcp {
         work::reply_bytes()
     }
 
-    /// Short frames of another protocol: a corruption every eight bytes.
+    /// Returns short frames of another protocol: a corruption every eight bytes.
     fn worst() -> Vec<u8> {
         streams::repeated(&[0, 0, 0, 1, 0, 2, 1, 3])
     }
@@ -127,7 +127,7 @@ impl Decoding for OverRtu {
         bytes
     }
 
-    /// A frame begins with each byte, every third one as long as they can be.
+    /// Returns bytes each of which begins a frame, every third one of the maximum length.
     fn worst() -> Vec<u8> {
         streams::repeated(&[3, 3, 0xF7])
     }

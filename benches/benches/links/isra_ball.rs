@@ -58,7 +58,7 @@ fn decode(rounds: u64) {
     }
 }
 
-/// One layout, header and checksum in one comparison; bytes that are not a packet end the program.
+/// Decodes one layout, with header and checksum in one comparison; bytes that are not a packet end the program.
 fn decode_by_hand(rounds: u64) {
     for _ in 0..rounds {
         let bytes: &[u8] = black_box(&BYTES);
@@ -93,7 +93,7 @@ fn stream(rounds: u64) {
     }
 }
 
-/// Three deadlines and an event for twelve bytes: the codec is the smaller part.
+/// Runs polls: three deadlines and an event for twelve bytes, so that the codec is the smaller part.
 fn poll(rounds: u64) {
     let config = HostConfig::default();
     let exchange = timing::exchange_time(config.baud);

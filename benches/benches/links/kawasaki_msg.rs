@@ -121,7 +121,7 @@ impl Decoding for Lines {
         packet(line).0
     }
 
-    /// The longest message, all of it marks, but for its last byte.
+    /// Returns the longest message, which consists of marks except for its last byte.
     fn worst() -> Vec<u8> {
         let mut noise = b"<X$1015#".to_vec();
         noise.resize(streams::NOISE, b'$');

@@ -94,7 +94,7 @@ fn batch(axes: &[f32; 6]) -> Vec<u8> {
     out
 }
 
-/// Seven words and 42 floats, read as their types.
+/// Reads seven words and 42 floats as their types.
 #[inline(always)]
 fn read(frame: &Frame<'_>) {
     for item in frame.items() {
@@ -106,7 +106,7 @@ fn read(frame: &Frame<'_>) {
     }
 }
 
-/// Each of the 14 items by its type and its number of values; the numbers themselves are not read.
+/// Reads each of the 14 items by its type and its number of values, but not the numbers.
 #[inline(always)]
 fn view(frame: &Frame<'_>) {
     let (mut words, mut floats) = (0, 0);
@@ -142,7 +142,7 @@ fn stream(rounds: u64) {
     }
 }
 
-/// The same checks for this one profile, each byte examined once.
+/// Makes the same checks for this one profile, and examines each byte once.
 fn by_hand(rounds: u64, axes: &[f32; 6]) {
     let bytes = batch(axes);
     let mut payload = [0; MAX_PAYLOAD];
@@ -275,7 +275,7 @@ fn encode(rounds: u64) {
     }
 }
 
-/// The source gives no time but the controller's cycle: an answer has left before the next one may.
+/// Returns the budgets. The source gives only the controller's cycle: an answer has left before the next one may.
 fn budgets() -> Vec<Budget> {
     let echo = |baud| Budget {
         what: format!("an answer without values on the line, at {baud} baud"),

@@ -137,7 +137,7 @@ fn write_status(rounds: u64) {
     }
 }
 
-/// The same status for this one layout. No character of it may be a line feed, so that its end needs no search.
+/// Decodes the same status for this one layout. Its characters cannot be line feeds, so that its end needs no search.
 fn by_hand(rounds: u64) {
     for _ in 0..rounds {
         black_box(read_by_hand(black_box(STATUS)).expect("a status"));

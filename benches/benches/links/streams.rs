@@ -18,7 +18,7 @@ pub(super) trait Decoding {
 
     fn decoder() -> Self::Decoder;
 
-    /// A stream of whole frames.
+    /// Returns a stream of whole frames.
     fn valid() -> Vec<u8>;
 
     /// [`NOISE`] bytes that cost the decoder more than others.
@@ -46,7 +46,7 @@ pub(super) const NAMES: Names = Names {
     worst: "the worst noise",
 };
 
-/// The rows of a decoder.
+/// Returns the rows of a decoder.
 pub(super) const fn rows<D: Decoding>() -> Stream {
     let Names { work, whole, bytes, by_hand, random, worst } = D::NAMES;
     [
@@ -87,7 +87,7 @@ fn push_whole<D: Decoding>(rounds: u64) {
     }
 }
 
-/// The same, one byte a push.
+/// Pushes the same bytes, one byte per push.
 fn push_bytes<D: Decoding>(rounds: u64) {
     let (mut decoder, stream) = (D::decoder(), valid::<D>());
     for _ in 0..rounds {
@@ -95,7 +95,7 @@ fn push_bytes<D: Decoding>(rounds: u64) {
     }
 }
 
-/// The same bytes, each kept and compared: the least that a decoder of one byte a push can cost.
+/// Stores and compares each of the same bytes: the least cost of a decoder with one byte per push.
 fn push_by_hand<D: Decoding>(rounds: u64) {
     let (mut decoder, stream) = (ByHand { bytes: [0; 64], length: 0 }, valid::<D>());
     for _ in 0..rounds {

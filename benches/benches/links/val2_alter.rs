@@ -65,7 +65,7 @@ impl Decoding for Requests {
         REQUEST.to_vec()
     }
 
-    /// Start marks: each begins a frame that becomes too long.
+    /// Returns start marks: each begins a frame that becomes too long.
     fn worst() -> Vec<u8> {
         streams::repeated(&[0x10, 0x10, 0x02])
     }
@@ -149,7 +149,7 @@ fn session(rounds: u64) {
     }
 }
 
-/// The controller's cycle: a request, and a reply in its window.
+/// Runs the controller's cycle: a request, and a reply in its window.
 fn control(rounds: u64) {
     let mut controller = Controller::new(ControllerConfig::default()).expect("it can work");
     let accepted = encoded(HostMessage::StartReply(StartCode::Accept));
@@ -177,7 +177,7 @@ fn encoded(message: HostMessage) -> Vec<u8> {
     out[..length].to_vec()
 }
 
-/// In two steps: a second caller of `decode_frame` would keep the compiler from inlining it into the turn-around.
+/// Decodes in two steps: with a second caller of `decode_frame`, the compiler would not inline it into the turn-around.
 fn decode(rounds: u64) {
     for _ in 0..rounds {
         let request: &[u8] = black_box(&REQUEST);

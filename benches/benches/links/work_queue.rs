@@ -269,7 +269,7 @@ fn in_static(rounds: u64) {
     singly(QUEUE.split_static(NoWake, NoWake).expect("it has no ends yet"), rounds);
 }
 
-/// As the jobs of a packet, of which each may be refused.
+/// Claims slots one by one, as for the jobs of a packet, each of which may be refused.
 fn claimed<T: Payload>(rounds: u64) {
     #[inline(never)]
     fn queue<T>(writer: &mut Writer<'_, T>, jobs: impl Iterator<Item = T>) {

@@ -144,7 +144,7 @@ fn sum(data: &[u8]) -> u8 {
     data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
 
-/// The data followed by its sum, which the other crates frame together.
+/// Returns the data followed by its sum, which the other crates frame together.
 fn summed<D: Data>(escaped: u8) -> Vec<u8> {
     let mut data = D::bytes(escaped);
     data.push(sum(&data));

@@ -77,7 +77,7 @@ fn job_nom(rounds: u64) {
     }
 }
 
-/// Seven numbers and nothing after them.
+/// Reads seven numbers and nothing after them.
 fn numbers<'a, E: ParseError<&'a [u8]>>(separator: char, data: &'a [u8]) -> IResult<&'a [u8], Job, E> {
     let (mut data, first) = i32(data)?;
     let mut values = [first; 7];
@@ -143,7 +143,7 @@ fn flag<'a, E: ParseError<&'a [u8]>>(input: &'a [u8]) -> IResult<&'a [u8], bool,
     one_of("TF").map(|letter| letter == 'T').parse(input)
 }
 
-/// A number of `width` characters.
+/// Returns a parser of a number of `width` characters.
 fn fixed<'a, T: std::str::FromStr, E>(width: u8) -> impl Parser<&'a [u8], Output = T, Error = E>
 where
     E: ParseError<&'a [u8]> + FromExternalError<&'a [u8], ()>,

@@ -14,7 +14,8 @@ pub(super) fn decode(rounds: u64) {
     }
 }
 
-/// The header, the function, an even byte count of 2 to 250 that agrees with the length; then the registers.
+/// Checks the header, the function, and an even byte count of 2 to 250 that agrees with the length; then reads the
+/// registers.
 #[inline(always)]
 fn read_reply(bytes: &[u8], out: &mut [u16; N]) -> Option<(u16, u8, usize)> {
     let [t0, t1, 0, 0, l0, l1, unit, 3, count, data @ ..] = bytes else { return None };
@@ -35,7 +36,7 @@ pub(super) fn serve(rounds: u64) {
     }
 }
 
-/// The header, the function, a quantity of 1 to 125 within 65536 and within the bank; then the reply.
+/// Checks the header, the function, and a quantity of 1 to 125 within 65536 and within the bank; then writes the reply.
 #[inline(always)]
 fn answer(bytes: &[u8], bank: &[u16; 100], out: &mut [u8; 260]) -> Option<usize> {
     let [t0, t1, 0, 0, 0, 6, unit, 3, a0, a1, q0, q1, ..] = *bytes else { return None };
@@ -53,7 +54,7 @@ fn answer(bytes: &[u8], bank: &[u16; 100], out: &mut [u8; 260]) -> Option<usize>
     Some(9 + 2 * count)
 }
 
-/// Eight at once, the last eight once more.
+/// Swaps eight at once; the last eight once more.
 #[inline(always)]
 fn swap<A: Copy, B>(from: &[A], to: &mut [B], swapped: impl Fn(A) -> B + Copy) {
     match (from.last_chunk::<8>(), to.get_mut(..from.len()).and_then(<[B]>::last_chunk_mut)) {

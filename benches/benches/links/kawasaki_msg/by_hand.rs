@@ -257,7 +257,7 @@ impl Window<'_> {
         Some(())
     }
 
-    /// With a point before the last `places` digits.
+    /// Writes digits with a point before the last `places` of them.
     #[inline(always)]
     fn digits(&mut self, number: u32, places: usize) -> Option<()> {
         let digits =
@@ -276,7 +276,7 @@ impl Window<'_> {
         Some(())
     }
 
-    /// A mark, and a number with no decimals or with three.
+    /// Reads a mark, and a number with no or three decimals.
     #[inline(always)]
     pub(super) fn number(&mut self, number: i32, places: usize, (min, max): (i32, i32)) -> Option<()> {
         if !(min..=max).contains(&number) {
@@ -286,7 +286,7 @@ impl Window<'_> {
         self.digits(number.unsigned_abs(), places)
     }
 
-    /// A mark, and a text.
+    /// Reads a mark and a text.
     #[inline(always)]
     pub(super) fn text(&mut self, text: &[u8]) -> Option<()> {
         self.put(b"$")?;

@@ -57,7 +57,7 @@ fn robot() -> (LargeRobot<'static, Line>, Motion<'static, Line>) {
     (robot, motion)
 }
 
-/// The robot's packet of a cycle.
+/// Writes the robot's packet of a cycle.
 fn report(robot: &mut LargeRobot<'_, Line>, now: Duration, out: &mut [u8]) -> usize {
     robot.handle_timeout(now);
     robot.poll_transmit(now, out).expect("the robot sends in each cycle")
@@ -83,7 +83,7 @@ fn execute(
     executed
 }
 
-/// The exchanges of an order, one each cycle. The robot executes all that it has queued in every cycle.
+/// Returns the exchanges of an order, one per cycle. The robot executes all queued jobs in every cycle.
 fn recorded() -> &'static [Exchange] {
     static EXCHANGES: OnceLock<Vec<Exchange>> = OnceLock::new();
     EXCHANGES.get_or_init(|| {
@@ -102,12 +102,12 @@ fn recorded() -> &'static [Exchange] {
     })
 }
 
-/// The least jobs of this many exchanges, of which the first ones begin the order.
+/// Returns the least number of jobs of this many exchanges, the first of which begin the order.
 fn least(exchanges: usize) -> usize {
     exchanges.saturating_sub(5) * FEWEST
 }
 
-/// The recorded exchanges, again and again.
+/// Returns the recorded exchanges, again and again.
 fn runs(rounds: u64) -> impl Iterator<Item = &'static [Exchange]> {
     let recorded = recorded();
     (0..rounds)

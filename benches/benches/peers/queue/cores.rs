@@ -39,7 +39,7 @@ impl Cores {
         thread
     }
 
-    /// The nanoseconds that a cache line takes there and back.
+    /// Returns the round-trip time of a cache line, in nanoseconds.
     pub(super) fn cache_line(&self) -> f64 {
         const TURNS: u64 = 2_000;
         let line = Arc::new(AtomicU64::new(0));

@@ -313,7 +313,7 @@ fn sample<J: Job, W: Write<J>, R: Read<J>>(
     }
 }
 
-/// One job there and back is no batch.
+/// Measures batches; `None` for the round trip of one job, which is not a batch.
 fn batches<J: Job, W: Write<J>, R: Read<J>>(
     course: Course,
     cores: &Cores,

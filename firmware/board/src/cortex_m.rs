@@ -8,7 +8,7 @@ use crate::{chip, session};
 
 pub use cortex_m_rt::entry;
 
-/// The session is below the interrupts that trigger it, above the main loop.
+/// Sets the priorities: the session is below the interrupts that trigger it, and above the main loop.
 pub(crate) fn set_priorities(scb: &mut SCB) {
     // SAFETY: no critical section relies on priorities.
     unsafe { scb.set_priority(SystemHandler::PendSV, 0xFF) };

@@ -20,7 +20,7 @@ use crate::{Uart, alarm, now};
 static RECEIVED: AtomicWaker = AtomicWaker::new();
 static SENT: AtomicWaker = AtomicWaker::new();
 
-/// The interrupt below those of the UART and of the alarm: wakes the tasks.
+/// Handles the interrupt below those of the UART and of the alarm: wakes the tasks.
 pub(crate) fn interrupt() {
     RECEIVED.wake();
     SENT.wake();
@@ -83,7 +83,7 @@ pub struct Receiver(Uart);
 pub struct Sender(Uart);
 
 impl Uart {
-    /// Both halves: a driver waits for both at once.
+    /// Splits the port into both halves: a driver waits for both at once.
     pub fn split(self) -> (Receiver, Sender) {
         (Receiver(self), Sender(Self::new()))
     }
@@ -122,7 +122,7 @@ impl Write for Sender {
         .await
     }
 
-    /// Until the UART has taken everything.
+    /// Waits until the UART has taken everything.
     async fn flush(&mut self) -> Result<(), Infallible> {
         poll_fn(|context| {
             SENT.register(context.waker());

@@ -16,7 +16,7 @@ const STANDS_FOR: Duration = Duration::from_secs(1);
 static RECEIVED: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 static HAS_STOOD: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
 
-/// Whether the byte that has come is lost.
+/// Returns whether the received byte is lost.
 pub(crate) fn loses_byte() -> bool {
     critical_section::with(|cs| {
         let received = RECEIVED.borrow(cs);

@@ -10,7 +10,7 @@ use crate::session;
 pub struct Latest<T>(Mutex<Cell<Option<T>>>);
 
 impl<T> Latest<T> {
-    /// None yet.
+    /// Creates an empty slot.
     pub const fn new() -> Self {
         Self(Mutex::new(Cell::new(None)))
     }
@@ -21,7 +21,7 @@ impl<T> Latest<T> {
         session::wake();
     }
 
-    /// The newest one, once.
+    /// Removes and returns the newest value.
     pub fn take(&self) -> Option<T> {
         critical_section::with(|cs| self.0.borrow(cs).take())
     }

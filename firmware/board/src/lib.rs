@@ -72,7 +72,7 @@ pub fn idle(has_work: impl FnOnce() -> bool) {
     });
 }
 
-/// The motion goes on: feeds the watchdog. [`idle`] does so, too.
+/// Feeds the watchdog, because the motion continues. [`idle`] feeds it, too.
 pub fn is_alive() {
     chip::feed();
 }

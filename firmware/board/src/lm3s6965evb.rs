@@ -65,7 +65,7 @@ pub fn init(baud: u32) -> Uart {
     Uart::new()
 }
 
-/// From the crystal of 8 MHz: 400 MHz / 2 / 16.
+/// Runs the core from the crystal of 8 MHz: 400 MHz / 2 / 16.
 fn run_from_pll() {
     RCC.write(0x078E_3AC0); // from the internal oscillator, as after a reset
     RCC.write(RCC.read() & !(0x1F << 6 | 0b11 << 4 | 1 << 13 | 1 << 12 | 1) | 0xE << 6);

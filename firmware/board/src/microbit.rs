@@ -77,7 +77,7 @@ fn micros() -> u32 {
     CC1.read()
 }
 
-/// The time since the board was started.
+/// Returns the time since the board was started.
 pub fn now() -> Duration {
     critical_section::with(|cs| {
         let (mut seconds, mut at) = (SECONDS.borrow(cs).get(), micros());
@@ -88,7 +88,8 @@ pub fn now() -> Duration {
     })
 }
 
-/// For a deadline after this second the session is called at the end of it, and returns the deadline again.
+/// Sets the alarm. For a deadline after this second, the session is called at the end of the second, and returns the
+/// deadline again.
 pub(crate) fn set_alarm(after: Duration) {
     critical_section::with(|_| {
         let at = micros() + after.subsec_micros() + 1;

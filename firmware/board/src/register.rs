@@ -5,7 +5,7 @@
 pub(crate) struct Register<T = u32>(*mut T);
 
 impl<T: Copy> Register<T> {
-    /// The register at an address.
+    /// Returns the register at an address.
     ///
     /// # Safety
     /// There is one, and neither reading nor writing it touches memory.

@@ -31,7 +31,7 @@ pub fn wake() {
     core_of::trigger_session();
 }
 
-/// The interrupt: it never interrupts itself, so a session that is out of its place is on its way back.
+/// Handles the interrupt. It never interrupts itself, so a session that is not in its slot will be put back.
 pub(crate) fn interrupt() {
     let lost = uart::take_lost();
     if lost > 0 {

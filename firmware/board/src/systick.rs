@@ -29,7 +29,7 @@ const fn next((seconds, parts): (u32, u32)) -> (u32, u32) {
     if parts + 1 == PARTS { (seconds + 1, 0) } else { (seconds, parts + 1) }
 }
 
-/// The time since the board was started: without a division, which costs most cores a hundred cycles and more.
+/// Returns the time since the board was started: without a division, which takes a hundred cycles or more on most cores.
 pub fn now() -> Duration {
     critical_section::with(|cs| {
         let mut passed = PASSED.borrow(cs).get();

@@ -31,7 +31,7 @@ impl Uart {
         Self(())
     }
 
-    /// Whether the UART has taken all that was written.
+    /// Returns whether the UART has taken all that was written.
     #[cfg(feature = "embassy")]
     pub(crate) fn is_sent(&self) -> bool {
         critical_section::with(|cs| BYTES.borrow_ref(cs).to_send.is_empty())
@@ -43,7 +43,7 @@ pub(crate) fn take_lost() -> u32 {
     critical_section::with(|cs| LOST.borrow(cs).take())
 }
 
-/// The interrupt of the UART.
+/// Handles the interrupt of the UART.
 pub(crate) fn interrupt() {
     critical_section::with(|cs| {
         let bytes = &mut *BYTES.borrow_ref_mut(cs);

@@ -54,7 +54,7 @@ fn ticks() -> u64 {
     }
 }
 
-/// The time since the board was started.
+/// Returns the time since the board was started.
 pub fn now() -> Duration {
     let ticks = ticks();
     Duration::new(ticks / HZ, (ticks % HZ) as u32 * TICK)
@@ -83,7 +83,7 @@ pub(crate) fn set_receiving(on: bool) {
     IER.write(if on { 0b11 } else { 0b10 });
 }
 
-/// Reading the status clears it.
+/// Returns whether bytes were lost; reading the status clears it.
 pub(crate) fn take_overrun() -> bool {
     LSR.read() & 1 << 1 != 0
 }
@@ -115,7 +115,8 @@ pub(crate) fn reset() -> ! {
     }
 }
 
-/// No interrupt interrupts another: bytes wait in the UART while the session works, 16 of them.
+/// Handles the software interrupt. No interrupt interrupts another: bytes wait in the UART while the session works, 16 of
+/// them.
 #[core_interrupt(Interrupt::MachineSoft)]
 fn machine_soft() {
     MSIP.write(0);

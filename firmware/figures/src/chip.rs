@@ -16,7 +16,7 @@ static ALARM: Mutex<Cell<Option<Duration>>> = Mutex::new(Cell::new(None));
 static RECEIVED: Mutex<Cell<Option<u8>>> = Mutex::new(Cell::new(None));
 static SENT: Mutex<RefCell<Vec<u8, LONGEST>>> = Mutex::new(RefCell::new(Vec::new()));
 
-/// The time of the world.
+/// Returns the time of the world.
 pub fn now() -> Duration {
     critical_section::with(|cs| NOW.borrow(cs).get())
 }
@@ -42,12 +42,12 @@ pub(crate) fn receive() -> Option<u8> {
     critical_section::with(|cs| RECEIVED.borrow(cs).take())
 }
 
-/// A byte has come.
+/// Receives a byte.
 pub(crate) fn put(byte: u8) {
     critical_section::with(|cs| RECEIVED.borrow(cs).set(Some(byte)));
 }
 
-/// Whether the last byte waits for free space.
+/// Returns whether the last byte waits for free space.
 pub(crate) fn is_full() -> bool {
     critical_section::with(|cs| RECEIVED.borrow(cs).get().is_some())
 }

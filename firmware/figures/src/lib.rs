@@ -46,7 +46,7 @@ pub fn idle(has_work: impl FnOnce() -> bool) {
     }
 }
 
-/// The motion goes on.
+/// Called when the motion continues.
 pub fn is_alive() {
     world::step();
 }

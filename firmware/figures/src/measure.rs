@@ -52,7 +52,7 @@ pub(crate) fn interrupt(does: fn()) {
     });
 }
 
-/// The last byte of a request is about to come.
+/// Called when the last byte of a request is about to come.
 pub(crate) fn request_ends() {
     critical_section::with(|cs| {
         let cell = MEASURE.borrow(cs);
@@ -60,7 +60,7 @@ pub(crate) fn request_ends() {
     });
 }
 
-/// A byte goes out: the first one since the request is the answer's.
+/// Called when a byte is sent: the first one since the request belongs to the answer.
 pub(crate) fn answers() {
     critical_section::with(|cs| {
         let cell = MEASURE.borrow(cs);

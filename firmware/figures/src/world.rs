@@ -37,7 +37,7 @@ enum Turn {
     Peer,
 }
 
-/// A line at this rate: a byte is eleven bits, as with two stop bits.
+/// Starts a line at this rate: a byte is eleven bits, as with two stop bits.
 pub(crate) fn start(baud: u32) {
     let world = WORLD.init_with(|| World {
         peer: peer::start(),
@@ -52,7 +52,7 @@ pub(crate) fn start(baud: u32) {
     critical_section::with(|cs| PLACE.borrow(cs).set(Some(world)));
 }
 
-/// The next thing happens. Interrupts come in between.
+/// Runs the next event. Interrupts come in between.
 pub(crate) fn step() {
     let world = critical_section::with(|cs| PLACE.borrow(cs).take()).expect("nothing in it makes a step");
     world.step();

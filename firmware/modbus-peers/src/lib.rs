@@ -116,7 +116,7 @@ pub fn run(is_tcp: bool, mut serve: impl FnMut(&[u8], &mut [u8; ROOM]) -> usize)
     fail()
 }
 
-/// A call, for each server alike.
+/// Makes one call, in the same way for each server.
 #[inline(never)]
 fn once(
     serve: &mut impl FnMut(&[u8], &mut [u8; ROOM]) -> usize,
@@ -126,7 +126,7 @@ fn once(
     serve(request, reply)
 }
 
-/// Bytes of stack that are painted no more.
+/// Returns the number of bytes of stack that are no longer painted.
 fn stack() -> u32 {
     unsafe extern "C" {
         static _stack_start: u32;
@@ -140,7 +140,7 @@ fn stack() -> u32 {
     (start as usize - at as usize) as u32
 }
 
-/// CRC-16 as RTU has it, bit by bit.
+/// Computes the CRC-16 of RTU bit by bit.
 fn crc(bytes: &[u8]) -> u16 {
     let bit = |crc: u16, _| if crc & 1 == 1 { (crc >> 1) ^ 0xA001 } else { crc >> 1 };
     bytes.iter().fold(0xFFFF, |crc, byte| (0..8).fold(crc ^ u16::from(*byte), bit))
@@ -151,7 +151,7 @@ fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0, |sum: u32, byte| sum.wrapping_mul(31).wrapping_add((*byte).into()))
 }
 
-/// Without `core::fmt`, which would hide the parts of it that a server links.
+/// Prints without `core::fmt`, which would hide the parts of `core::fmt` that a server links.
 fn print(text: &str) {
     if let Ok(mut out) = hio::hstdout() {
         let _ = out.write_all(text.as_bytes());

@@ -6,7 +6,8 @@ use modbus_core::{
 
 use crate::{REGISTERS, ROOM, UNIT};
 
-/// A frame that is known to be whole: its `decode_request` looks for one, and takes byte 4 for the byte count of function 16, which is byte 6.
+/// Returns a server of frames that are known to be whole: the crate's `decode_request` searches for a frame, and takes byte
+/// 4 for the byte count of function 16, which is byte 6.
 pub fn serve_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     let mut registers = [0; REGISTERS];
     move |request, reply| {
@@ -22,7 +23,7 @@ pub fn serve_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     }
 }
 
-/// The frame at the beginning of a stream.
+/// Returns a server of the frame at the beginning of a stream.
 pub fn serve_tcp() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     let mut registers = [0; REGISTERS];
     move |request, reply| {

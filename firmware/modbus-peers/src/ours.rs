@@ -47,7 +47,7 @@ pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> us
     }
 }
 
-/// A frame that is known to be whole.
+/// Returns a server of frames that are known to be whole.
 pub fn codec_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     let mut bank = Bank([0; REGISTERS]);
     move |request, reply| match Frame::decode_rtu_whole(request) {
@@ -56,7 +56,7 @@ pub fn codec_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     }
 }
 
-/// The frame at the beginning of a stream.
+/// Returns a server of the frame at the beginning of a stream.
 pub fn codec_tcp() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     let mut bank = Bank([0; REGISTERS]);
     move |request, reply| match Frame::decode_tcp(request) {

@@ -65,7 +65,7 @@ impl VectorTrait<u8> for Out<'_> {
     }
 }
 
-/// As its documentation has it.
+/// Returns a server as in the crate's documentation.
 pub fn serve(is_tcp: bool) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
     let mut storage = ModbusStorage::<0, 0, 0, REGISTERS>::new();
     let framing = if is_tcp { ModbusProto::TcpUdp } else { ModbusProto::Rtu };

@@ -53,7 +53,7 @@ impl Link for Alter {
     }
 }
 
-/// To and fro along X, then along Y: 16 units a cycle are 18 mm/s.
+/// Returns a motion to and fro along X, then along Y: 16 units per cycle are 18 mm/s.
 fn trajectory(cycle: u32) -> Words {
     let speed = if (cycle / 50).is_multiple_of(2) { 16 } else { -16 };
     if (cycle / 100).is_multiple_of(2) { [speed, 0, 0, 0, 0, 0] } else { [0, speed, 0, 0, 0, 0] }

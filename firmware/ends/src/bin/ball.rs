@@ -45,7 +45,7 @@ impl Link for ControlBall {
     }
 }
 
-/// The sensor: a hand that rests for a second, then pushes for one.
+/// Returns the values of the sensor: a hand that rests for a second, then pushes for one.
 fn measure(now: Duration) -> ([i8; 3], [i8; 3]) {
     let push = if now.as_secs().is_multiple_of(2) { 0 } else { 40 };
     ([push, 0, 0], [0; 3])

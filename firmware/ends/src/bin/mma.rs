@@ -85,7 +85,7 @@ struct Axes {
 }
 
 impl Axes {
-    /// One millisecond of the way; true when they have arrived.
+    /// Moves the axes for one millisecond; returns true when they have arrived.
     fn step(&mut self) -> bool {
         let Some(to) = self.to else { return false };
         for ((at, to), speed) in self.at.iter_mut().zip(to).zip(SPEEDS) {

@@ -58,13 +58,13 @@ struct Settings {
     others: u8,
 }
 
-/// The decoder of each side.
+/// Returns a target for the decoder of each side.
 pub(crate) fn decoder(link: &'static Link) -> Target {
     let codecs = Codecs::of(link);
     Target::new(codecs.streams(), move |stream| codecs.stream(&stream))
 }
 
-/// The messages of each side.
+/// Returns a target for the messages of each side.
 pub(crate) fn message(link: &'static Link) -> Target {
     let codecs = Codecs::of(link);
     Target::new(codecs.messages(), move |message| codecs.message(&message))
@@ -114,7 +114,7 @@ impl Codecs {
         Self { link, known, vectors, settings: settings.collect() }
     }
 
-    /// A side with its settings.
+    /// Returns a side with its settings.
     fn way(&self, Settings { place, others }: Settings) -> Way {
         let (side, mut settings) = self.known[usize::from(place) % self.known.len()].clone();
         let mut others = usize::from(others);
@@ -127,7 +127,7 @@ impl Codecs {
         Way { link: self.link, side, settings }
     }
 
-    /// The streams of the vectors, alone and all of one way, as bytes of a [`Stream`].
+    /// Returns the streams of the vectors, alone and all of one direction, as bytes of a [`Stream`].
     fn streams(&self) -> Vec<Vec<u8>> {
         let input = |place: usize, stream: &[u8]| [&[place as u8, 0, 0, 6], stream].concat();
         let alone = self.vectors.iter().map(|(place, vector)| input(*place, &vector.bytes));
@@ -138,7 +138,7 @@ impl Codecs {
         alone.chain(all).collect()
     }
 
-    /// Every message of the vectors with changes, and as many values of the crate's types, as bytes of a [`Message`].
+    /// Returns every message of the vectors with changes, and as many values of the crate's types, as bytes of a [`Message`].
     fn messages(&self) -> Vec<Vec<u8>> {
         let changed = |number: usize| {
             let vector = (number as u16).to_le_bytes();
@@ -175,7 +175,7 @@ impl Codecs {
         }
     }
 
-    /// The bytes of a message that a side sends.
+    /// Returns the bytes of a message that a side sends.
     fn good(&self, way: &Way, place: usize) -> Option<Vec<u8>> {
         let is_its = |(at, vector): &&(usize, Vector)| {
             *at == place % self.known.len() && vector.result == Outcome::Valid && !vector.end
@@ -202,7 +202,7 @@ impl Codecs {
         }
     }
 
-    /// A message of the vectors with changes, if the settings have it.
+    /// Returns a message of the vectors with changes, if the settings have the message.
     fn changed(&self, vector: u16, others: u8, changes: &[Change]) -> (Way, Option<Value>) {
         let (place, vector) = &self.vectors[usize::from(vector) % self.vectors.len()];
         let way = self.way(Settings { place: *place as u8, others });
@@ -250,7 +250,7 @@ impl Way {
         (self.link.codec)(self.side, &self.settings).ok()
     }
 
-    /// The items of a stream, and of what follows its end: that is one message.
+    /// Returns the items of a stream, and of the one message after its end.
     fn items(&self, pieces: &[&[u8]], next: &[u8]) -> Vec<Found> {
         let mut items = codec::items(self.codec().unwrap(), &[pieces.to_vec(), vec![next]]).unwrap();
         if !next.is_empty() {
@@ -278,7 +278,7 @@ impl Way {
         }
     }
 
-    /// The items by tokio's codec, called as by a framed transport.
+    /// Returns the items of tokio's codec, called as by a framed transport.
     fn framed(&self, stream: &[u8], size: usize) -> Vec<Result<String, String>> {
         let (mut codec, mut buffer) =
             (Codec::new(Objects(self.codec().unwrap()), |json| json), BytesMut::new());
@@ -305,8 +305,9 @@ fn parsed(json: &str) -> Value {
     serde_json::from_str(json).unwrap()
 }
 
-/// Whether two objects are one message: a key may be missing where its value is a flag or empty, and no list shows how many of its last
-/// values are. Numbers with a fraction are rounded to the places of their field, and a flag is a number that is 0 or 1.
+/// Returns whether two objects are one message: a key may be missing if its value is a flag or empty, and so may the last
+/// such values of a list. Numbers with a fraction are rounded to the places of their field, and a flag is a number that is 0
+/// or 1.
 fn same(one: &Value, other: &Value) -> bool {
     let is_empty =
         |value: &Value| value.is_boolean() || [Value::Null, 0.into(), json!([]), json!([""])].contains(value);

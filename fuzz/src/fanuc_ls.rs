@@ -79,7 +79,7 @@ pub(crate) fn program(Bytes(data): Bytes) {
     assert_eq!(again.application, program.application);
 }
 
-/// A trajectory as a program: it can be written and read, and begins and ends where the table does.
+/// Asserts that the program of a trajectory can be written and read, and begins and ends where the table does.
 pub(crate) fn trajectory(Table { sampling, is_speed_in_tenths, step, csv: Bytes(csv) }: Table) {
     let Ok(trajectory) = Trajectory::from_csv(&String::from_utf8_lossy(&csv)) else { return };
     let step = (f64::from(step) + 1.0) / 16.0;

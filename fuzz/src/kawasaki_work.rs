@@ -21,7 +21,7 @@ pub(crate) struct Written {
 /// Too long to be compared at once.
 const WORDY: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
 
-/// A table in which a job has that name.
+/// Returns a table in which a job has that name.
 fn wordy() -> Dialect {
     static TABLE: LazyLock<Dialect> = LazyLock::new(|| {
         let mut table = Dialect::DEFAULT.entries().to_vec();
@@ -55,8 +55,8 @@ impl Work for Mixed {
     }
 }
 
-/// A job's own fields, whatever they are: read when they are expected and the general way, whole and cut in two, they are the same
-/// job or none, and what is queued is written and read again as it is.
+/// Asserts that any fields of a job, read on the fast and on the general path, whole and split in two, are the same job or
+/// none, and that a queued job is written and read again unchanged.
 pub(crate) fn work(Written { cut, fields: Bytes(fields) }: Written) {
     let message = |name: &str| {
         let data = [b"50$1$", fields.as_slice()].concat();

@@ -37,7 +37,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// A target with the body `run`. `seeds` are inputs to begin with, beside the files in `seeds/<target>`.
+    /// Creates a target with the body `run`. `seeds` are initial inputs, in addition to the files in `seeds/<target>`.
     fn new<I: for<'a> Arbitrary<'a> + Debug>(seeds: Vec<Vec<u8>>, run: impl Fn(I) + 'static) -> Self {
         let read = |data: &[u8]| I::arbitrary(&mut Unstructured::new(data));
         Self {
@@ -57,7 +57,7 @@ impl Target {
         (self.run)(data);
     }
 
-    /// The value that an input is read as, as text.
+    /// Returns the value of an input, as text.
     pub fn show(&self, data: &[u8]) -> String {
         (self.show)(data)
     }
@@ -66,7 +66,7 @@ impl Target {
 /// Makes a target.
 pub type Make = Box<dyn Fn() -> Target>;
 
-/// Every target by its name.
+/// Returns every target by its name.
 pub fn targets() -> impl Iterator<Item = (String, Make)> {
     let others: [Other; 5] = [
         ("fanuc_hmi_modbus_assignment", || Target::new(Vec::new(), fanuc_hmi::assignment)),
@@ -87,7 +87,7 @@ pub fn targets() -> impl Iterator<Item = (String, Make)> {
     }))
 }
 
-/// The target of a name.
+/// Returns the target with a name.
 ///
 /// # Panics
 /// If there is no target of this name.
@@ -96,14 +96,14 @@ pub fn target(name: &str) -> Target {
     make()
 }
 
-/// An end, held to the contract of sessions.
+/// Returns a target for an end, which must meet the contract of sessions.
 fn end(link: &Link, row: &EndRow) -> Target {
     let held = Held::of(link, row);
     let seeds = (0..64).map(|seed| Rng::new(seed).bytes(500)).collect();
     Target::new(seeds, move |script: Script<Piece, Call>| scripted(&held, &script))
 }
 
-/// The inputs to begin with of a target, by name: those that are made, and the files in its folder of `seeds`.
+/// Returns the initial inputs of a target, by name: generated ones, and the files in its folder of `seeds`.
 ///
 /// # Errors
 /// If a file cannot be read.

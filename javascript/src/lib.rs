@@ -54,7 +54,7 @@ exports! {
         })
     }
 
-    /// The address of the output.
+    /// Returns the address of the output.
     fn answered() -> *const u8 {
         STATE.with_borrow(|state| state.buffer.as_ptr())
     }
@@ -96,7 +96,7 @@ exports! {
         });
     }
 
-    /// The bytes that a session transmits now; their number, or −1.
+    /// Writes the bytes that a session transmits now; returns their number, or −1.
     fn poll_transmit(session: usize, now: u64) -> isize {
         STATE.with_borrow_mut(|state| {
             let mut bytes = core::mem::take(&mut state.buffer);
@@ -109,7 +109,7 @@ exports! {
         })
     }
 
-    /// The next event of a session as JSON; 0 without an event.
+    /// Writes the next event of a session as JSON; returns 0 without an event.
     fn poll_event(session: usize) -> usize {
         STATE.with_borrow_mut(|state| {
             let event = state.session(session).and_then(|end| end.poll_event());
@@ -117,7 +117,7 @@ exports! {
         })
     }
 
-    /// The deadline of a session; the greatest number without a deadline.
+    /// Returns the deadline of a session; the greatest number without a deadline.
     fn poll_timeout(session: usize) -> u64 {
         STATE.with_borrow_mut(|state| {
             let deadline = state.session(session).and_then(|end| end.poll_timeout());
@@ -125,7 +125,7 @@ exports! {
         })
     }
 
-    /// Whether a session reads input now.
+    /// Returns whether a session reads input now.
     fn wants_input(session: usize) -> bool {
         STATE.with_borrow_mut(|state| state.session(session).is_some_and(|end| end.wants_input()))
     }
@@ -152,7 +152,7 @@ impl Fields<'_> {
         Link::by_name(self.text("link")?)
     }
 
-    /// The codec of the side that sends, with its settings.
+    /// Returns the codec of the sending side, with its settings.
     fn codec(&self) -> Result<Box<dyn Codec>> {
         let link = self.link()?;
         (link.codec)(link.side(self.0["from"].as_str())?, &self.object("options"))
@@ -199,7 +199,7 @@ impl State {
         })
     }
 
-    /// The session that a request names.
+    /// Returns the session that a request names.
     fn asked(&mut self, fields: &Fields<'_>) -> Result<&mut Box<dyn End>> {
         let number = fields.0["session"].as_u64().and_then(|number| usize::try_from(number).ok());
         number.and_then(|number| self.session(number)).context("there is no such session")

@@ -6,7 +6,7 @@ use toy_link::{Decoder, Message};
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
 use crate::settings;
 
-/// Both sides write lines.
+/// Creates the codec of either side: both write lines.
 ///
 /// # Errors
 /// A setting is given: the link has no settings.

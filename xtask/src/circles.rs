@@ -88,7 +88,7 @@ impl Files {
         edges.iter().filter_map(pair).collect()
     }
 
-    /// The module and the file of the item of a path, after at most `further` re-exports.
+    /// Returns the module and the file of the item of a path, after at most `further` re-exports.
     fn target(&self, within: &[String], path: &[String], further: u8) -> Option<(&Names, &File)> {
         let further = further.checked_sub(1)?;
         let of = |module: &[String], name: &str| {

@@ -157,12 +157,12 @@ impl Workspace {
         self.cargo(run.chain(arguments.into_iter().map(Into::into)))
     }
 
-    /// Whether a package is a link's crate: the reference has its specification.
+    /// Returns whether a package is a link's crate, whose specification is in the reference.
     fn is_link(&self, package: &str) -> bool {
         self.0.join("reference").join("sessions").join(package).with_extension("json").exists()
     }
 
-    /// The packages with files that differ from the last commit, and whether a file of no package does.
+    /// Returns the packages with files that differ from the last commit, and whether a file outside all packages does.
     fn changed(&self, members: &[(String, String)]) -> Result<(Vec<String>, bool)> {
         let output = Command::new("git")
             .args(["status", "--porcelain", "--untracked-files=all"])
@@ -186,7 +186,7 @@ impl Workspace {
         Ok((packages.into_iter().flatten().collect(), has_data))
     }
 
-    /// The folder and the name of every member of the workspace.
+    /// Returns the folder and the name of every member of the workspace.
     fn members(&self) -> Result<Vec<(String, String)>> {
         let read = |folder: &str| {
             let path = self.0.join(folder).join("Cargo.toml");

@@ -15,7 +15,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// An empty decoder.
+    /// Creates an empty decoder.
     pub const fn new() -> Self {
         Self { buffer: StreamBuffer::new(), searched: 0, finished: false }
     }

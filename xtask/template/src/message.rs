@@ -110,7 +110,7 @@ impl core::fmt::Write for Line {
     }
 }
 
-/// The number that these digits are, as it is written: a line has one form.
+/// Returns the number of these digits if `encode` would write it so, because a line has one form.
 fn number<T: core::str::FromStr>(digits: &[u8], offset: usize) -> Result<T, DecodeError> {
     let unsigned = digits.strip_prefix(b"-").unwrap_or(digits);
     let is_canonical = matches!(unsigned, [b'0'] | [b'1'..=b'9', ..]) && digits != b"-0";

@@ -107,7 +107,7 @@ impl Machine for DeviceMachine {
         }
     }
 
-    /// Never: the device waits for a request.
+    /// Returns `None`: the device waits for a request without a timeout.
     fn deadline(&self) -> Option<Duration> {
         None
     }
@@ -116,7 +116,7 @@ impl Machine for DeviceMachine {
         false
     }
 
-    /// One request at a time: the next ones wait.
+    /// Returns false while a request is executed: the next requests wait.
     fn reads(&self) -> bool {
         !matches!(self, Self::Asked { .. } | Self::Replying { .. })
     }

@@ -57,7 +57,7 @@ robot_session::counters! {
 }
 
 impl Device {
-    /// A device without a connection.
+    /// Creates a device without a connection.
     pub fn new(config: DeviceConfig) -> Self {
         let core = Core::new(config, DeviceMachine::Disconnected, Decoder::new());
         Self { core, value: 0 }

@@ -70,7 +70,7 @@ robot_session::counters! {
 }
 
 impl Host {
-    /// A host without a connection.
+    /// Creates a host without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Timeout`].

@@ -157,7 +157,7 @@ async fn timed(work: impl Future<Output = ()>) -> Duration {
     begin.elapsed()
 }
 
-/// A run in a task: the main future of a runtime is woken through its port, which costs more.
+/// Runs in a task: the main future of a runtime is woken through its port, which costs more.
 fn in_a_task(name: &'static str, address: &str, rounds: u64) -> Duration {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let address = address.to_owned();

@@ -5,7 +5,7 @@ pub(crate) const FINE: u32 = 10;
 /// The same, for places.
 pub(crate) const UNIT: i32 = 10;
 
-/// A plot in its size: it was drawn with [`FINE`] units a pixel.
+/// Returns a plot in its size: the plot was drawn with [`FINE`] units per pixel.
 pub(crate) fn shown(plot: &str) -> String {
     let size = |name: &str| -> Option<u32> {
         let (_, rest) = plot.split_once(&format!(" {name}=\""))?;

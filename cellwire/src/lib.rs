@@ -225,7 +225,7 @@ fn suggest(error: &mut clap::Error, words: &[String]) {
     }
 }
 
-/// The command line.
+/// Returns the command line.
 fn command_line() -> clap::Command {
     Cli::command().override_help(format!("{HELP}\n{ENDING}\n"))
 }

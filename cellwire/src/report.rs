@@ -71,12 +71,12 @@ pub struct Budget {
 }
 
 impl Report {
-    /// An empty report. `title` describes in one line what was run.
+    /// Creates an empty report. `title` describes the run in one line.
     pub fn new(link: &str, title: impl Into<String>) -> Self {
         Self { title: format!("{link}: {}", title.into()), link: link.into(), ..Self::default() }
     }
 
-    /// A row of the table, and a field of the object.
+    /// Adds a row of the table, and a field of the object.
     pub fn fact(&mut self, key: &str, label: &str, value: impl Into<Value>) {
         let value = value.into();
         let text = match &value {
@@ -87,24 +87,24 @@ impl Report {
         self.object.insert(key.into(), value);
     }
 
-    /// A field of the object alone.
+    /// Adds a field of the object alone.
     pub fn field(&mut self, key: &str, value: Value) {
         self.object.insert(key.into(), value);
     }
 
-    /// The sentence on what moves, for the table of all links.
+    /// Sets the sentence about the moving device, for the table of all links.
     #[must_use]
     pub fn moves(mut self, moves: &'static str) -> Self {
         self.moves = moves;
         self
     }
 
-    /// The link, what moves, and what was executed.
+    /// Returns the link, the moving device, and the executed work.
     pub fn summary(&self) -> (&str, &'static str, Done) {
         (&self.link, self.moves, self.done)
     }
 
-    /// The messages of a stream.
+    /// Adds the messages of a stream.
     pub fn stream(&mut self, done: u64, lost: u64, may_lose: bool) {
         self.done = Done::Stream { done, lost, may_lose };
     }
@@ -167,17 +167,17 @@ impl Report {
         }
     }
 
-    /// Whether all checks passed.
+    /// Returns whether all checks passed.
     pub fn is_good(&self) -> bool {
         self.failures.is_empty()
     }
 
-    /// Whether every deadline was kept.
+    /// Returns whether every deadline was met.
     pub fn is_in_time(&self) -> bool {
         self.over_budget().next().is_none()
     }
 
-    /// The time that comes nearest to its budget, or is furthest beyond it.
+    /// Returns the time that is nearest to its budget, or furthest beyond it.
     pub fn nearest(&self) -> Option<(Duration, Budget)> {
         let timings = self.timings.iter().filter_map(|timing| Some((timing.judged, timing.budget?)));
         let share =
@@ -185,12 +185,12 @@ impl Report {
         timings.max_by(|one, other| share(one).total_cmp(&share(other)))
     }
 
-    /// The promises that were not kept.
+    /// Returns the failed checks.
     pub fn failures(&self) -> &[String] {
         &self.failures
     }
 
-    /// The deadlines that were missed: times beyond their budgets, and what has no time.
+    /// Returns the deadlines that were missed: times beyond their budgets, and missing times.
     pub fn over_budget(&self) -> impl Iterator<Item = String> + '_ {
         let timings = self.timings.iter().filter_map(|timing| {
             let budget = timing.budget.filter(|budget| timing.judged > budget.time)?;
@@ -200,12 +200,12 @@ impl Report {
         timings.chain(self.missed.iter().cloned())
     }
 
-    /// The title and the tables, without the verdict.
+    /// Returns the title and the tables, without the verdict.
     pub fn figures(&self) -> impl fmt::Display + '_ {
         Figures(self)
     }
 
-    /// All figures as one object.
+    /// Returns all figures as one object.
     pub fn to_json(&self) -> Value {
         let mut object = self.object.clone();
         object.extend(self.timings.iter().map(|timing| (timing.key.clone(), timing.to_json())));
@@ -213,17 +213,17 @@ impl Report {
     }
 }
 
-/// The verb after a number of things.
+/// Returns the verb after a number of things.
 pub fn was<N: PartialEq + From<u8>>(number: N) -> &'static str {
     if number == N::from(1) { "was" } else { "were" }
 }
 
-/// A number of things, with its verb: `1 job was`, `2 jobs were`.
+/// Returns a number of things, with its verb: `1 job was`, `2 jobs were`.
 pub fn were(number: u64, what: &str) -> String {
     format!("{} {}", counted(number, what), was(number))
 }
 
-/// A number of times: `once`, `2 times`.
+/// Returns a number of times: `once`, `2 times`.
 pub fn times(number: u64) -> String {
     if number == 1 { "once".into() } else { format!("{number} times") }
 }

@@ -32,7 +32,7 @@ pub struct TeleopConfig {
     pub latch: LatchConfig,
 }
 
-/// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
+/// Returns the session's defaults for a computer with an operating system: bytes that arrive together may be read far apart.
 pub fn host_config() -> HostConfig {
     HostConfig { gap: None, ..HostConfig::default() }
 }

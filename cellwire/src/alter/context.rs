@@ -39,7 +39,7 @@ impl Context {
         report_trace(&self.trace, why, &self.notify, self.clock);
     }
 
-    /// The same, while the next session may begin already: a file system blocks nothing.
+    /// Ends the trace while the next session may begin already, so that a slow file system does not block it.
     pub(super) fn end_trace_aside(&self, why: &str) {
         let _ = self.ended_traces.send((self.trace.clone(), why.into()));
     }

@@ -35,7 +35,7 @@ impl Filter {
     /// Everything passes.
     pub const NONE: Self = Self { axes: Axes::All, dominant: false };
 
-    /// The filter of the three keys.
+    /// Returns the filter of the three keys.
     pub const fn from_keys(tra: bool, rot: bool, dom: bool) -> Self {
         let axes = match (tra, rot) {
             (true, false) => Axes::Translation,
@@ -45,7 +45,7 @@ impl Filter {
         Self { axes, dominant: dom }
     }
 
-    /// X, Y, Z, MX, MY, MZ with 0 for every axis that does not pass.
+    /// Returns X, Y, Z, MX, MY, MZ with 0 for every axis that the filter does not pass.
     pub fn apply(self, [x, y, z, mx, my, mz]: [i16; 6]) -> [i16; 6] {
         let passed = match self.axes {
             Axes::All => [x, y, z, mx, my, mz],

@@ -23,8 +23,8 @@ pub(super) struct GripperKeys {
 }
 
 impl GripperKeys {
-    /// `close` and `open` are masks of keys: bit *k* is key *k* + 1. The source does not name its keys. A
-    /// key that is held from the beginning must be released first.
+    /// Creates the gripper's state. `close` and `open` are masks of keys: bit *k* is key *k* + 1. The source does not name
+    /// its keys. A key that is pressed at the beginning must be released first.
     pub(super) const fn new(close: u32, open: u32) -> Self {
         Self { close, open, held: u32::MAX, enabled: true }
     }
@@ -40,7 +40,7 @@ impl GripperKeys {
         }
     }
 
-    /// The operator's switch (§10.6). Keys that are pressed while it is off stay without effect.
+    /// Sets the operator's switch (§10.6). Keys that are pressed while it is off have no effect.
     pub(super) fn set_enabled(&mut self, enabled: bool) {
         self.enabled = enabled;
     }

@@ -54,17 +54,17 @@ impl Handshake {
         &mut self.port
     }
 
-    /// Whether the session may send.
+    /// Returns whether the session may send.
     pub(super) fn is_free(&self) -> bool {
         self.held_until.is_none() && self.waiting.is_empty()
     }
 
-    /// Whether the workstation holds the line.
+    /// Returns whether the workstation has stopped the line.
     pub(super) fn is_held(&self) -> bool {
         self.held_until.is_some()
     }
 
-    /// The port is another one.
+    /// Called when another port is used.
     pub(super) fn clear(&mut self) {
         (self.held_until, self.next_at) = (None, Duration::ZERO);
         self.waiting.clear();

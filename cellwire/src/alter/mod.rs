@@ -71,7 +71,7 @@ pub struct Teleop {
 pub struct Orders(Sender<Order>);
 
 impl Orders {
-    /// As [`Teleop::order`].
+    /// Gives an order as [`Teleop::order`] does.
     pub fn order(&self, order: Order) {
         // A robot thread that is gone has reported why.
         let _ = self.0.send(order);
@@ -135,7 +135,7 @@ impl Teleop {
         Ok(Self { orders, probes: vec![ball_probe, viewer_probe], notification, stop, threads, jog })
     }
 
-    /// For threads that give orders of their own: the operator's stop key waits for no screen.
+    /// Returns a handle for threads that give orders of their own: the operator's stop key does not wait for the screen.
     pub fn orders(&self) -> Orders {
         Orders(self.orders.clone())
     }
@@ -169,7 +169,7 @@ impl Teleop {
         self.notification.recv_timeout(timeout).ok()
     }
 
-    /// Whether a thread of the host has ended: after [`Order::End`], or because it has failed.
+    /// Returns whether a thread of the host has ended: after [`Order::End`], or because it has failed.
     pub fn has_ended(&self) -> bool {
         self.threads.iter().any(JoinHandle::is_finished)
     }

@@ -146,7 +146,7 @@ impl Port {
         self.returned.is_proved()
     }
 
-    /// Whether the port is there.
+    /// Returns whether the port exists.
     pub(super) fn is_open(&self) -> bool {
         self.open.is_some()
     }
@@ -190,7 +190,7 @@ impl Port {
         serial::listen(port.as_mut(), time).ok()
     }
 
-    /// Back to the rate of its own.
+    /// Returns to the port's own rate.
     pub(super) fn end_listening(&mut self) {
         let Some(AnyPort::Serial(Serial(port))) = &mut self.open else { return };
         if let Err(e) = port.set_baud_rate(self.config.baud) {

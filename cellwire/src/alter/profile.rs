@@ -51,7 +51,8 @@ impl Source {
 }
 
 impl Profile {
-    /// Full deflection asks for `speed` percent of the highest velocity; or for 50 mm and 10° off the path.
+    /// Creates the profile in which full deflection is `speed` percent of the highest velocity; or 50 mm and 10° off the
+    /// path.
     pub const fn for_limits(limits: Limits, speed: u16) -> Self {
         Self {
             filter: Filter::NONE,
@@ -73,12 +74,12 @@ impl Profile {
         }
     }
 
-    /// Whether no axis is beyond the dead zone, passed by the filter or not.
+    /// Returns whether all axes are within the dead zone, passed by the filter or not.
     pub fn rests(&self, sample: &Sample) -> bool {
         sample.axes.iter().all(|value| self.without_play(*value) == 0)
     }
 
-    /// Whether the button to be held is down.
+    /// Returns whether the enabling button is pressed.
     pub fn holds(&self, sample: &Sample) -> bool {
         let bit = self.hold_key.saturating_sub(1).into();
         sample.buttons.checked_shr(bit).is_some_and(|buttons| buttons & 1 != 0)

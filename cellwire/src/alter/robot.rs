@@ -89,7 +89,7 @@ impl Robot {
         self.context.end_trace("the host ends");
     }
 
-    /// The connection of the session is that of the port.
+    /// Connects or disconnects the session as the port is.
     fn follow_port(&mut self) {
         let now = self.context.clock.now();
         match (self.driver.transport_mut().is_open(), self.host.state()) {
@@ -183,7 +183,7 @@ impl Robot {
         }
     }
 
-    /// One turn; its events are reported when the reply has left.
+    /// Runs one turn; its events are reported when the reply has left.
     fn turn(&mut self, wait: Duration) {
         let Self { driver, host, later, .. } = self;
         // Four inputs at most: one turn has a message, and the end of an earlier state.

@@ -3,7 +3,7 @@
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, HostConfig};
 
-/// The most axes that fit a reply where no byte is doubled; the others wait.
+/// Returns the maximum number of axes that fit a reply without doubled bytes; the others wait.
 pub fn axes_that_fit(config: &HostConfig) -> usize {
     let request = timing::min_request_len(config.mode.has_transform(), config.framing);
     let fits = |values: &usize| {

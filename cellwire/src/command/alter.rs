@@ -100,7 +100,7 @@ impl InputArgs {
 }
 
 impl Args {
-    /// The profile, and over it the settings.
+    /// Returns the settings of the profile, overridden by the given ones.
     fn settings(&self) -> Result<Settings> {
         let mut settings = Settings::default();
         if let Some(file) = &self.profile {

@@ -119,7 +119,7 @@ fn secret(path: &Path, text: &str) -> std::io::Result<()> {
     std::io::Write::write_all(&mut options.write(true).create_new(true).open(path)?, text.as_bytes())
 }
 
-/// The extension of a role: a UTF8String.
+/// Returns the extension of a role: a UTF8String.
 fn of_role(role: &str) -> Result<CustomExtension> {
     const ROLE: [u64; 9] = [1, 3, 6, 1, 4, 1, 50_316, 802, 1];
     let length = u8::try_from(role.len()).ok().filter(|length| *length < 0x80);

@@ -29,7 +29,7 @@ pub(super) struct LinkArgs {
     set: SetArgs,
 }
 
-/// The help of `--from`.
+/// Returns the help of `--from`.
 fn sides() -> String {
     let sides = |link: &Link| format!("{}: {}", link.short, link.sides.join(" or "));
     let all = LINKS.iter().map(sides).collect::<Vec<_>>().join("; ");
@@ -37,7 +37,7 @@ fn sides() -> String {
 }
 
 impl CodecArgs {
-    /// The codec of the side that sends.
+    /// Returns the codec of the sending side.
     ///
     /// # Errors
     /// When the link has no such side or setting.
@@ -45,7 +45,7 @@ impl CodecArgs {
         self.of.codec_of(self.side()?)
     }
 
-    /// The side that sends.
+    /// Returns the sending side.
     ///
     /// # Errors
     /// When the link has no such side.
@@ -63,7 +63,7 @@ impl LinkArgs {
         self.set.read(&(self.link.settings)())
     }
 
-    /// The codec of a side.
+    /// Returns the codec of a side.
     ///
     /// # Errors
     /// When the link has no such setting.
@@ -90,7 +90,7 @@ impl LinkArgs {
         Ok(Watcher::new(shadow))
     }
 
-    /// The end that sends no messages, and polls.
+    /// Returns the end that sends no messages, and polls.
     pub(super) fn poller(&self) -> Option<&'static str> {
         let end = self.link.ends.iter().find(|end| !self.link.sides.contains(&end.name));
         end.filter(|_| self.link.sides.len() == 1).map(|end| end.name)

@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(all.iter().all(Judged::is_good))
 }
 
-/// The options of a link's demo. Its progress line is cleared when a signal ends the demo.
+/// Returns the options of a link's demo. Its progress line is cleared when a signal ends the demo.
 fn options(args: &Args, link: &'static str, settings: Map<String, Value>) -> DemoOptions {
     let progress = progress_line(link, args.json);
     let at = progress.clone();
@@ -159,7 +159,7 @@ fn tell(args: &Args, layout: Layout, judged: &Judged, out: &mut impl Write) -> R
     Ok(())
 }
 
-/// The command that runs the link so again, and prints every figure.
+/// Returns the command that repeats the run of the link, and prints every figure.
 fn again(args: &Args, link: &str) -> String {
     let mut words = vec!["cellwire".into(), "demo".into(), link.into()];
     let path = |path: &PathBuf| path.display().to_string();

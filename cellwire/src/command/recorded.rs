@@ -110,7 +110,8 @@ impl ConversationArgs {
 }
 
 impl Conversation {
-    /// Both ends: the client or the one that recorded, and the other. Each has the side whose messages it sends, if it sends any.
+    /// Returns both ends: the client or the recording end, and the other end. Each has the side whose messages it sends, if
+    /// it sends any.
     ///
     /// # Errors
     /// When the trace is none of the link.
@@ -132,7 +133,7 @@ impl Conversation {
         Ok([first, second])
     }
 
-    /// The ends of a link: the one that is named, and the other.
+    /// Returns the ends of a link: the named one, and the other.
     ///
     /// # Errors
     /// When the link has no such end.
@@ -166,7 +167,7 @@ pub(super) struct Party {
 }
 
 impl Party {
-    /// Whether it has sent something.
+    /// Returns whether the end has sent bytes.
     pub(super) fn has_sent(self, sent: &Sent) -> bool {
         sent.is_first == self.is_first
     }

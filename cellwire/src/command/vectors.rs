@@ -80,7 +80,7 @@ fn check_text(name: &str, text: &str) -> Result<bool> {
     report(name, vectors.iter().map(|v| (v.id, v.comment.as_str(), v.check(link, &[&v.bytes]))))
 }
 
-/// A file of what was seen in the field, which has a name of its own.
+/// Checks a file of recordings from the field, which has a name of its own.
 fn check_field(path: &Path, name: &str) -> Result<bool> {
     let field = Field::read(path)?;
     let result = field.check();

@@ -34,7 +34,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Whether it has this name, or its link has and no other device.
+    /// Returns whether the device has this name, or is the only one of the link with this name.
     pub fn is_called(&self, name: &str) -> bool {
         self.name == name || self.aliases().any(|alias| alias == name)
     }
@@ -66,7 +66,7 @@ pub struct SimulateOptions {
 }
 
 impl SimulateOptions {
-    /// The server of a device. Without `--control`, everything that happens to the device comes from its clients.
+    /// Creates the server of a device. Without `--control`, only its clients change the device.
     ///
     /// # Errors
     /// The listener cannot be made not to block; the files of TLS cannot be used.
@@ -87,7 +87,7 @@ pub fn keep<E>(trace: &Trace, notice: &Notice<'_, E>) {
     }
 }
 
-/// The end of a connection in words, with the option that has caused it.
+/// Returns the end of a connection in words, with the option that has caused it.
 pub fn reason(ending: &Ending) -> String {
     match ending {
         Ending::Idle { .. } => format!("{ending}, see --idle-timeout"),

@@ -39,7 +39,7 @@ pub static DEVICES: [Device; 9] = [
     mmacell_proto::PLATFORM,
 ];
 
-/// The parser of LINK on the command line.
+/// Returns the parser for LINK on the command line.
 pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
     let names = LINKS.iter().map(|link| PossibleValue::new(link.short).alias(link.name).help(link.about));
     LinkParser(PossibleValuesParser::new(names))
@@ -70,7 +70,7 @@ impl TypedValueParser for LinkParser {
     }
 }
 
-/// The device of this name.
+/// Returns the device of this name.
 ///
 /// # Errors
 /// When the name is unknown, or belongs to a link with two devices.
@@ -86,12 +86,12 @@ pub fn device_by_name(name: &str) -> anyhow::Result<&'static Device> {
     })
 }
 
-/// The links whose name is that of no device, since they have two.
+/// Returns the links that have two devices, so that no device has their name.
 fn links_of_two() -> impl Iterator<Item = &'static Link> {
     LINKS.iter().filter(|link| !DEVICES.iter().any(|device| device.is_called(link.short)))
 }
 
-/// The parser of DEVICE on the command line.
+/// Returns the parser for DEVICE on the command line.
 pub fn device_parser() -> impl TypedValueParser<Value = &'static Device> {
     let devices = DEVICES
         .iter()

@@ -13,7 +13,7 @@ use cellwire_io::priority::{self, Rank};
 
 /// A transport over a line.
 pub trait OverLine: Transport {
-    /// The line.
+    /// Returns the line.
     fn line(&mut self) -> &mut Line;
 
     /// Carries bytes up to now while the device does not read.

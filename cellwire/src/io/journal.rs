@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use cellwire_io::output::counted;
 
-/// The file of the journal of the work that is in a file: beside it.
+/// Returns the file of the journal of work in a file: next to that file.
 pub fn beside(work: &Path) -> PathBuf {
     let mut name = work.file_name().unwrap_or_default().to_owned();
     name.push(".journal");
@@ -42,7 +42,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The name of the outcome in the output.
+    /// Returns the name of the outcome in the output.
     pub fn name(self) -> &'static str {
         match self {
             Self::NotSent => "not_sent",
@@ -107,13 +107,13 @@ pub trait Record {
     /// An entry. Its `Display` is for people.
     type Entry: Serialize + DeserializeOwned + fmt::Display;
 
-    /// Nothing is known of any part.
+    /// Creates outcomes that are all unknown yet.
     fn new(parts: usize) -> Self;
 
     /// Adds an entry. `None`, and nothing is added, if the entry does not fit the ones before.
     fn take(&mut self, entry: &Self::Entry) -> Option<()>;
 
-    /// The parts that the machine has in its queue, as far as is known.
+    /// Returns the number of parts known to be in the machine's queue.
     fn queued(&self) -> usize {
         0
     }
@@ -229,12 +229,12 @@ impl<R: Record> Journal<R> {
         Ok(())
     }
 
-    /// The path of the journal.
+    /// Returns the path of the journal.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The contents of the journal.
+    /// Returns the contents of the journal.
     pub fn record(&self) -> &R {
         &self.record
     }
@@ -260,12 +260,12 @@ impl<R: Record> Journal<R> {
         Tally { parts: outcomes.len(), done, unknown, queued }
     }
 
-    /// The first part with this outcome that is not in flight.
+    /// Returns the first part with this outcome that is not in flight.
     pub fn first(&self, outcome: Outcome) -> Option<usize> {
         self.record.settled().iter().position(|known| *known == outcome)
     }
 
-    /// The first parts whose outcome is unknown and that are not in flight, and how many in a row.
+    /// Returns the first parts whose outcome is unknown and that are not in flight, and the number of consecutive ones.
     pub fn unknown(&self) -> Option<(usize, usize)> {
         let first = self.first(Outcome::Unknown)?;
         let rest = self.record.settled().get(first..).unwrap_or_default();
@@ -298,7 +298,7 @@ impl<R: Record> Journal<R> {
         Ok(())
     }
 
-    /// After an error the file is as it was before, as far as the disk permits that.
+    /// Appends a line; after an error the file is unchanged, as far as the disk permits.
     fn append(&mut self, line: &impl Serialize) -> io::Result<()> {
         let mut line = serde_json::to_vec(line)?;
         let sum = checksum(self.sum, &line);
@@ -358,7 +358,7 @@ impl<R: Record> Journal<R> {
         Ok(())
     }
 
-    /// The error of a damaged line: the outcomes that are still known, and the way on.
+    /// Returns the error of a damaged line: with the outcomes that are still known, and the next steps.
     fn damage(&self, work: &str, number: u64) -> String {
         let Tally { parts, done, .. } = self.tally();
         let known = match number {
@@ -373,13 +373,13 @@ impl<R: Record> Journal<R> {
     }
 }
 
-/// The head in the first line, if it is whole.
+/// Returns the head in the first line, if it is whole.
 fn first(line: &[u8]) -> Option<Head> {
     let (text, sum) = split(line);
     serde_json::from_slice(text).ok().filter(|_| sum == Some(checksum(0, text)))
 }
 
-/// A line without its line feed, and its checksum if it has one.
+/// Returns a line without its line feed, and its checksum if it has one.
 fn split(line: &[u8]) -> (&[u8], Option<u32>) {
     let sum = line.split_last_chunk::<9>().and_then(|(text, sum)| {
         let sum = sum.strip_prefix(b" ").and_then(|sum| core::str::from_utf8(sum).ok())?;
@@ -388,7 +388,7 @@ fn split(line: &[u8]) -> (&[u8], Option<u32>) {
     sum.map_or((line, None), |(text, sum)| (text, Some(sum)))
 }
 
-/// The checksum of a line after lines that have this one.
+/// Returns the checksum of a line after lines with the checksum `before`.
 fn checksum(before: u32, line: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new_with_initial(before);
     hasher.update(line);

@@ -31,18 +31,18 @@ impl Samples {
         self.0.len()
     }
 
-    /// The time that this share of the samples does not exceed; zero without samples.
+    /// Returns the time that this share of the samples does not exceed; zero without samples.
     pub fn at(&self, quantile: f64) -> Duration {
         Duration::from_micros(self.0.value_at_quantile(quantile))
     }
 
-    /// The p99, or the fourth longest if that is less.
+    /// Returns the p99, or the fourth longest if that is less.
     pub fn judged(&self) -> Duration {
         // The half prevents that rounding selects a neighbouring sample.
         self.at((1.0 - 3.5 / self.count() as f64).clamp(0.0, 0.99))
     }
 
-    /// The longest.
+    /// Returns the longest.
     pub fn max(&self) -> Duration {
         Duration::from_micros(self.0.max())
     }

@@ -193,12 +193,12 @@ fn draw(path: &Path, plan: &Plan<'_>) -> Result<()> {
     files::write(path, document.to_string().as_bytes())
 }
 
-/// A number as it is printed: to a thousandth, and no negative zero.
+/// Returns a number in its printed form: to a thousandth, without a negative zero.
 fn shown(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0 + 0.0
 }
 
-/// The numbers of an axis.
+/// Returns the numbers of an axis.
 fn marks(low: f64, high: f64, step: f64) -> impl Iterator<Item = f64> {
     let first = (low / step).ceil();
     (0u32..).map(move |n| (first + f64::from(n)) * step).take_while(move |value| *value <= high)

@@ -60,7 +60,7 @@ impl Screen {
         Ok(true)
     }
 
-    /// Whether the terminal is gone.
+    /// Returns whether the terminal is gone.
     pub fn is_gone(&self) -> bool {
         self.has_failed.load(Ordering::Relaxed)
     }

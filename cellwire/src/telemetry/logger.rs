@@ -60,7 +60,7 @@ const MOST_SILENT: u32 = 3;
 const TURN: Duration = Duration::from_millis(100);
 
 impl Logger {
-    /// A client. If the controller does not accept a connection yet, [`run`](Self::run) waits for it.
+    /// Opens a client. If the controller does not accept a connection yet, [`run`](Self::run) waits for it.
     ///
     /// # Errors
     /// When the server's name has no address, or the configuration cannot work.

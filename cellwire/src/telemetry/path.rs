@@ -18,7 +18,7 @@ pub struct Sample {
     pub pose: Pose,
 }
 
-/// The length of the tool's path, in mm.
+/// Returns the length of the tool's path, in mm.
 pub fn length(samples: &[Sample]) -> f64 {
     // The sum of nothing would be -0.0.
     samples.windows(2).map(distance).fold(0.0, |sum, distance| sum + distance)
@@ -31,7 +31,7 @@ fn distance(pair: &[Sample]) -> f64 {
     }
 }
 
-/// A table: time, joints, X Y Z W P R.
+/// Returns a table: time, joints, X Y Z W P R.
 pub fn table(samples: &[Sample]) -> String {
     let mut table = String::from("time_s,J1,J2,J3,J4,J5,J6,x_mm,y_mm,z_mm,w_deg,p_deg,r_deg\n");
     for sample in samples {
@@ -52,7 +52,7 @@ const FRAME: RGBColor = RGBColor(130, 130, 130);
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Failure = DrawingAreaErrorKind<std::io::Error>;
 
-/// A picture of the path.
+/// Draws a picture of the path.
 ///
 /// # Errors
 /// When it cannot be drawn.
@@ -101,7 +101,7 @@ fn figure(title: &str, samples: &[Sample], picture: &mut String) -> Result<(), F
     root.present()
 }
 
-/// The path on a plane, both axes in the same scale; its start is green, its end red.
+/// Draws the path on a plane, both axes in the same scale; its start is green, its end red.
 fn view(area: &Area<'_>, title: &str, (x, y): (&str, &str), path: &[(f64, f64)]) -> Result<(), Failure> {
     let range = |values: &mut dyn Iterator<Item = f64>| {
         values.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)))

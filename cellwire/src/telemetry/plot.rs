@@ -121,7 +121,7 @@ struct Part<T> {
     value: Box<dyn Fn(&T) -> f64>,
 }
 
-/// The three parts of a vector and its norm.
+/// Returns the three parts of a vector and its norm.
 fn xyz<T: 'static>(vector: fn(&T) -> [f64; 3]) -> [Part<T>; 4] {
     let part = |name, colour, index: usize| Part {
         name,
@@ -169,7 +169,7 @@ struct Panel {
     curves: Vec<Curve>,
 }
 
-/// The time from a little before the reference begins to a little after its end.
+/// Returns the time span from shortly before the reference begins to shortly after its end.
 fn span(comparison: &Comparison) -> Result<Range<f64>> {
     let (Some(first), Some(last)) = (comparison.reference.first(), comparison.reference.last()) else {
         anyhow::bail!("there is nothing to draw");

@@ -28,7 +28,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Nothing yet, of a background task with this period whose blocks are read at this interval.
+    /// Creates an empty recording of a background task with this period whose blocks are read at this interval.
     pub fn new(period: Duration, poll: Duration) -> Self {
         Self { tracker: Tracker::with_polls(period, poll), first: None, samples: Vec::new() }
     }
@@ -55,12 +55,12 @@ impl Recording {
         self.tracker.counts()
     }
 
-    /// The life counter at time zero.
+    /// Returns the life counter at time zero.
     pub fn first(&self) -> Option<u32> {
         self.first
     }
 
-    /// The samples with their blocks.
+    /// Returns the samples with their blocks.
     pub fn samples(&self) -> &[(TelemetryBlock, MotionSample)] {
         &self.samples
     }
@@ -70,7 +70,7 @@ impl Recording {
         self.samples.clear();
     }
 
-    /// The motion, its speeds taken from both neighbours.
+    /// Returns the motion, its speeds taken from both neighbours.
     pub fn states(&self) -> Vec<State> {
         let mut states: Vec<State> = self.samples.iter().map(|(_, sample)| sample.into()).collect();
         cellwire_motion::differentiate(&mut states);
@@ -78,7 +78,7 @@ impl Recording {
     }
 }
 
-/// A line of the table.
+/// Writes a line of the table.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -102,7 +102,7 @@ pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSa
     writeln!(out, ",")
 }
 
-/// A line for an implausible block: the reported values, and why it is not a sample.
+/// Writes a line for an implausible block: the reported values, and the reason that it is not a sample.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -115,7 +115,7 @@ pub fn write_marked(out: &mut impl Write, block: &TelemetryBlock, note: &str) ->
     writeln!(out, "{},{note}", ",".repeat(COMPUTED))
 }
 
-/// A line of something that happened between two blocks.
+/// Writes a line for an event between two blocks.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -167,7 +167,7 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
     Ok(states)
 }
 
-/// The motion that a trajectory asks for.
+/// Returns the motion that a trajectory describes.
 pub fn reference(trajectory: &Trajectory, arm: &impl Kinematics) -> Vec<State> {
     let state = |sample: &JointSample| {
         let Pose { position, orientation } = arm.forward(&sample.joints);
@@ -238,7 +238,7 @@ impl Comparison {
         Ok(Self { reference, recording, delay, deviations, summary, idle, confidence })
     }
 
-    /// The delay and the errors as rows of a report, beside the source's.
+    /// Adds the delay and the errors to a report, next to the source's.
     pub fn report(&self, report: &mut Report, delay: f64) {
         let confidence = self.confidence;
         let millis = |Bounds { low, high }| Bounds { low: (delay + low) * 1e3, high: (delay + high) * 1e3 };
@@ -259,7 +259,7 @@ impl Comparison {
         }
     }
 
-    /// Each error's key, name, figures, and what the source measured on a real robot ("Zhodnocení").
+    /// Returns each error's key, name, figures, and the source's measurement on a real robot ("Zhodnocení").
     pub fn figures(&self) -> [(&'static str, &'static str, Figures, (f64, &'static str)); 4] {
         let Summary { position, rotation, velocity, angular_velocity, .. } = self.summary;
         [

@@ -46,7 +46,7 @@ const PUBLIC: u16 = 19;
 const SCRATCH: u16 = 13;
 
 impl BackgroundTask {
-    /// The task as a program without a motion group, which is what a background task must be.
+    /// Returns the task as a program without a motion group, as a background task must be.
     ///
     /// # Errors
     /// When the registers overlap or are outside 1 to 65535, the period is not within its range, or the name or the comment is
@@ -70,13 +70,13 @@ impl BackgroundTask {
         Ok(builder.build(rules)?)
     }
 
-    /// The period as controllers print a number: `.008`, `1.000`.
+    /// Returns the period as controllers print it: `.008`, `1.000`.
     fn seconds(&self) -> String {
         let text = format!("{:.3}", self.period.as_secs_f64());
         text.strip_prefix('0').unwrap_or(&text).into()
     }
 
-    /// A line of the figure with this task's registers in place of the figure's.
+    /// Returns a line of the figure with this task's registers in place of the figure's.
     fn fill(&self, line: &str) -> String {
         let mut text = String::new();
         let mut rest = line;

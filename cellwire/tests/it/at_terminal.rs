@@ -12,7 +12,7 @@ use crate::tool::{DEADLINE, Running, cellwire};
 const ROWS: u16 = 60;
 const COLUMNS: u16 = 80;
 
-/// The lines that a command has left on a terminal.
+/// Returns the lines of a terminal after a command.
 fn screen(command: &str) -> Vec<String> {
     let (mut terminal, path) = Pty::new();
     let open = || Stdio::from(OpenOptions::new().read(true).write(true).open(&path).unwrap());

@@ -53,7 +53,7 @@ impl Captured {
     }
 }
 
-/// The tool agrees with what it has made.
+/// Asserts that the tool reads its own output.
 fn check(file: &Path) {
     let folder = file.parent().unwrap().join("checked");
     fs::create_dir_all(&folder).unwrap();

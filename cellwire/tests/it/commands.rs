@@ -326,7 +326,7 @@ fn faults_hide_no_spoilt_record() {
     assert!(said.contains("has no --must-fail late with --faults: it has lost, limit"), "{said}");
 }
 
-/// The report of a demo that fails.
+/// Returns the report of a demo that fails.
 fn failed(arguments: &str) -> Value {
     let (code, out, said) = run(cellwire(arguments));
     assert_eq!(code, Some(1), "{arguments}: {out} {said}");
@@ -335,7 +335,7 @@ fn failed(arguments: &str) -> Value {
     report
 }
 
-/// Each job that was sent has one outcome.
+/// Asserts that each sent job has one outcome.
 fn adds_up(demo: &str, report: &Value) {
     let count = |name: &str| report[name].as_u64().unwrap_or_default();
     let outcomes = ["done", "lost", "repeated", "withdrawn", "altered"].map(count).iter().sum::<u64>();
@@ -345,7 +345,7 @@ fn adds_up(demo: &str, report: &Value) {
     }
 }
 
-/// Three at once: demos wait most of their time.
+/// Runs three demos at once, because demos mostly wait.
 fn in_threes<T: Sync>(demos: &[T], run: impl Fn(&T) + Sync) {
     for three in demos.chunks(3) {
         std::thread::scope(|scope| three.iter().for_each(|demo| drop(scope.spawn(|| run(demo)))));

@@ -28,7 +28,7 @@ fn exchange(client: &mut TcpStream) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Whether the device ends the connection: by its end, or by a reset.
+/// Returns whether the device ends the connection: by a normal end, or by a reset.
 fn ends(client: &mut TcpStream) -> bool {
     let mut buffer = [0; 4096];
     loop {

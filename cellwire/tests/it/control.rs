@@ -26,7 +26,7 @@ impl Control {
         self.0.get_mut().write_all(bytes).unwrap();
     }
 
-    /// The next answer.
+    /// Reads the next answer.
     fn answer(&mut self) -> Value {
         let mut line = String::new();
         self.0.read_line(&mut line).unwrap();
@@ -44,7 +44,7 @@ impl Control {
         answer
     }
 
-    /// Whether the simulator has closed the connection.
+    /// Returns whether the simulator has closed the connection.
     fn is_closed(&mut self) -> bool {
         self.0
             .read(&mut [0])

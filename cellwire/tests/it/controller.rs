@@ -101,7 +101,7 @@ fn line_to(pc: &str, cuts: bool, sent: Sent) -> u16 {
     port
 }
 
-/// The whole jobs.
+/// Stores the whole jobs of a text; panics if one of them has changed.
 fn remember(text: &str, sent: &Sent) {
     for job in text.split("<Tyo$").skip(1) {
         let Some((_, data)) = job.split_once('>').and_then(|(job, _)| job.split_once('#')) else { continue };
@@ -113,7 +113,7 @@ fn remember(text: &str, sent: &Sent) {
     }
 }
 
-/// The line of the last two commands to the arm.
+/// Returns the line of the last two commands to the arm.
 fn line(path: &[Motion]) -> Job {
     let [.., start, end] = path else { panic!("no line: {path:?}") };
     let hundredths = |mm: f32| (mm * 100.0).round() as i32;

@@ -20,7 +20,8 @@ fn assert_stopped(stopped: Stopped, first: usize) {
     assert!(stopped.step <= LIMIT, "{stopped:?}: no step above {LIMIT}");
 }
 
-/// Nothing moved since `since`, in this many cycles; the hand that lets go and rests moves it again.
+/// Asserts that the arm has not moved since `since` in this many cycles, and that a hand that lets go and rests moves it
+/// again.
 fn assert_still_until_rest(rig: &Rig, since: usize, cycles: usize) -> Option<Stopped> {
     let still = rig.stays_still(since, cycles)?;
     assert_eq!((still.first, still.zero), (0, 0), "{:?}", &rig.controller.log()[since..]);
@@ -28,7 +29,7 @@ fn assert_still_until_rest(rig: &Rig, since: usize, cycles: usize) -> Option<Sto
     Some(still)
 }
 
-/// Again, where a busy machine had stopped the arm before.
+/// Repeats an attempt if a busy computer had stopped the arm before.
 fn tried(attempt: impl Fn() -> Option<Stopped>) -> Stopped {
     (0..10).find_map(|_| attempt()).expect("the machine is too busy for an arm that moves")
 }
@@ -115,7 +116,7 @@ fn signals_come_to_rest_first() {
     });
 }
 
-/// Whether it ended before the arm had come to rest.
+/// Sends a second signal; returns whether the program ended before the arm had come to rest.
 fn second_signal() -> bool {
     let mut rig = Rig::moving(23, &[], FAST);
     rig.signal("-TERM");
@@ -220,7 +221,7 @@ fn a_start_while_the_ball_is_pushed_moves_nothing() {
     });
 }
 
-/// The cause is the first cycle that the robot interrupts: its subroutine has stopped the arm.
+/// Interrupts a pushed arm. The cause is the first cycle that the robot interrupts: its subroutine has stopped the arm.
 fn interruption_pushed() -> Option<Stopped> {
     let rig = Rig::moving(23, &[], FAST);
     let before = rig.controller.now();
@@ -253,7 +254,7 @@ fn another_start_while_the_ball_is_pushed_moves_nothing() {
     });
 }
 
-/// The robot is silent for more than twenty cycles, and begins again: the hand has pushed all the time.
+/// Makes the robot silent for more than twenty cycles, then lets it begin again, while the hand pushes all the time.
 fn robot_back_pushed() -> Option<Stopped> {
     let rig = Rig::moving(23, &[], FAST);
     let before = rig.controller.now();

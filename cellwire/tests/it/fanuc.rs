@@ -55,7 +55,7 @@ fn reference(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference/ls").join(name)
 }
 
-/// 2 s along X and about Z of a robot, every 8 ms.
+/// Returns a trajectory of 2 s along X and about Z of a robot, every 8 ms.
 fn trajectory() -> String {
     let row = |k: u32| {
         let t = f64::from(k) * 0.008;

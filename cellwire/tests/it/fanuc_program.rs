@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::fanuc_cell::{Folder, Simulator, err, object, out};
 use serde_json::{Value, json};
 
-/// A program of instructions, one a line, and of positions given as X, Y, Z and R, the tool pointing down.
+/// Returns a program of instructions, one per line, and of positions given as X, Y, Z and R, the tool pointing down.
 fn program(name: &str, instructions: &str, positions: &[[f64; 4]]) -> String {
     let mut text = format!("/PROG  {name}\n/MN\n");
     for (number, line) in (1..).zip(instructions.lines().map(str::trim).filter(|line| !line.is_empty())) {
@@ -27,14 +27,14 @@ fn events(output: &Output) -> Vec<Value> {
     out(output).lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// The texts of the messages, in their order.
+/// Returns the texts of the messages, in sequence.
 fn messages(output: &Output) -> Vec<String> {
     let events = events(output);
     let messages = events.iter().filter(|event| event["event"] == "message");
     messages.map(|event| event["text"].as_str().unwrap().to_owned()).collect()
 }
 
-/// Time, X, Y and Z.
+/// Returns time, X, Y and Z of the path.
 fn path(folder: &Folder) -> Vec<[f64; 4]> {
     let row = |row: &str| {
         let values: Vec<f64> = row.split(',').map(|value| value.parse().unwrap()).collect();

@@ -16,7 +16,7 @@ const ROBOT: &str = r#"{"joints": [
   {"min": -180, "max": 180, "speed": 400}, {"min": -360, "max": 360, "speed": 600}],
  "arm": {"shoulder": 150, "upper_arm": 600, "elbow": 200, "forearm": 640, "flange": 100}}"#;
 
-/// The notes of a recording, without their figures, each once in the order in which they begin.
+/// Returns the notes of a recording, without their figures, each once in the sequence in which they begin.
 fn notes(table: &str) -> Vec<&str> {
     let mut notes: Vec<&str> = table.lines().skip(1).filter_map(|row| row.rsplit(',').next()).collect();
     notes.retain(|note| !note.is_empty());
@@ -109,7 +109,7 @@ fn a_robot_that_restarts_is_connected_to_again_and_the_recording_says_so() {
     drop(second);
 }
 
-/// Whether this is a time such as 2026-01-31T12:00:00.123Z, of the last minute.
+/// Returns whether a text is a time such as 2026-01-31T12:00:00.123Z, of the last minute.
 fn is_clock_time(text: &str) -> bool {
     let at = humantime::parse_rfc3339(text).unwrap();
     text.len() == 24 && at.elapsed().is_ok_and(|age| age < Duration::from_secs(60))
@@ -325,7 +325,7 @@ fn rows(folder: &Folder) -> usize {
     std::fs::read_to_string(folder.0.join("run.csv")).map_or(0, |table| table.lines().count())
 }
 
-/// The exit status of a process that ends.
+/// Waits for a process; returns its exit status.
 fn ended(process: &mut std::process::Child) -> Option<i32> {
     let begin = Instant::now();
     loop {

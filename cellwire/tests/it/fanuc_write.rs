@@ -9,7 +9,7 @@ use crate::fanuc_cell::{Folder, err, out};
 /// A server's part of one connection.
 type Part = fn(&mut TcpStream);
 
-/// A server that does these things, each with one connection; the last one stays open. Returns its address.
+/// Starts a server that does these things, each with one connection; the last one stays open. Returns its address.
 fn server(parts: &'static [Part]) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

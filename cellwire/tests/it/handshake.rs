@@ -49,7 +49,7 @@ impl Workstation {
         }
     }
 
-    /// The counts of the lines, each with a right sum.
+    /// Returns the counts of the lines, each with a valid sum.
     fn counts(&self) -> Vec<u16> {
         let text = std::str::from_utf8(&self.received).unwrap();
         let line = |line: &str| {

@@ -11,7 +11,7 @@ use crate::operated::Tool;
 
 const JOBS: usize = 40;
 
-/// The plants of the repository, with names of their own.
+/// Returns the plants of the repository, with names of their own.
 fn renamed(name: &str) -> String {
     let path = format!("{}/../kawasaki-msg/plants/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let mut text = String::new();
@@ -33,14 +33,14 @@ fn renamed(name: &str) -> String {
     text
 }
 
-/// The part of a plant's file from a table on to the next.
+/// Returns the part of a plant's file from a table to the next one.
 fn table<'a>(text: &'a str, name: &str) -> &'a str {
     let begin = text.find(&format!("[{name}]")).unwrap_or_else(|| panic!("no {name}: {text}"));
     let end = text[begin + 1..].find("\n[").map_or(text.len(), |end| begin + 1 + end + 1);
     &text[begin..end]
 }
 
-/// The draft, with each line that has a question mark as the plant has it.
+/// Returns the draft, with each line that has a question mark replaced by the plant's.
 fn corrected(draft: &str, plant: &str) -> String {
     let mut text = String::new();
     let mut columns = ["kind", "x1", "y1", "x2", "y2"].into_iter();
@@ -72,7 +72,7 @@ fn corrected(draft: &str, plant: &str) -> String {
     text.replace("# max_number = 9999", limit)
 }
 
-/// The tap of a link before a server; and where it listens.
+/// Starts the tap of a link before a server; returns it with its address.
 fn tap(link: &str, server: &str, capture: &str) -> (Tool, String) {
     let tap =
         Tool::start(&["tap", link, "--listen", "127.0.0.1:0", "--connect", server, "--capture", capture]);
@@ -80,7 +80,7 @@ fn tap(link: &str, server: &str, capture: &str) -> (Tool, String) {
     (tap, address)
 }
 
-/// The capture is whole then.
+/// Ends the tap, so that the capture is complete.
 fn end(tap: Tool) {
     let pid = rustix::process::Pid::from_child(&tap.process);
     rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();

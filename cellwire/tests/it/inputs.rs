@@ -44,7 +44,7 @@ fn the_keyboard_moves_the_arm_while_a_key_is_repeated() {
     });
 }
 
-/// The protocol of spacenavd's socket, version 0, from a process that is not it.
+/// Serves the protocol of spacenavd's socket, version 0, without that daemon.
 fn daemon(path: &Path) -> Arc<AtomicI32> {
     let x = Arc::new(AtomicI32::new(0));
     let (pushed, listener) = (Arc::clone(&x), UnixListener::bind(path).unwrap());
@@ -179,7 +179,7 @@ fn a_magellan_moves_the_arm_through_spacenavd() {
     });
 }
 
-/// The values without their times.
+/// Returns the values without their times.
 fn values(path: &Path) -> Vec<Result<([i16; 6], u32), bool>> {
     let events = read_recording(&std::fs::read_to_string(path).unwrap()).unwrap();
     events.into_iter().map(|event| event.values.map(|(axes, buttons, _)| (axes, buttons))).collect()

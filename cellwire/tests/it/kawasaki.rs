@@ -20,7 +20,7 @@ impl Device {
         Self { process, lines }
     }
 
-    /// The next line with this field.
+    /// Reads up to the next line with this field.
     fn until(&mut self, key: &str, value: Option<&str>) -> Value {
         loop {
             let line = self.lines.next().unwrap_or_else(|| panic!("ended before {key} {value:?}")).unwrap();

@@ -34,7 +34,7 @@ fn text(hex: &str) -> String {
     bytes.map(char::from).collect()
 }
 
-/// The message objects in a packet.
+/// Returns the message objects in a packet.
 fn decode(plant: &str, hex: &str) -> Vec<Value> {
     let args = ["decode", "kawasaki-msg", "--settings", plant, "--set", "roles=true", "--format", "hex"];
     let (ok, lines, remarks) = cellwire(&args, hex);

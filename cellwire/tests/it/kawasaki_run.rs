@@ -46,13 +46,13 @@ impl Cell {
         self.path(name).to_str().unwrap().to_owned()
     }
 
-    /// The client that listens; it is ready.
+    /// Starts the listening client, and waits until it is ready.
     pub(crate) fn run(&mut self, more: &[&str]) -> Tool {
         let args = self.arguments(more);
         self.ready(Tool::start(&args.iter().map(String::as_str).collect::<Vec<_>>()))
     }
 
-    /// The arguments of a client that listens.
+    /// Returns the arguments of a listening client.
     pub(crate) fn arguments(&self, more: &[&str]) -> Vec<String> {
         let (file, plant) = (self.text("pallet.csv"), plant("pallet"));
         let mut args = vec!["run", "kawasaki", &file, "--settings", &plant, "--set", self.carrier];
@@ -69,7 +69,7 @@ impl Cell {
         tool
     }
 
-    /// A robot that connects to it, and writes down what it executes.
+    /// Starts a robot that connects to the client, and records the executed jobs.
     pub(crate) fn robot(&self, more: &[&str]) -> Tool {
         let (record, plant) = (format!("record={}", self.text("record.csv")), plant("pallet"));
         let mut args = vec!["simulate", "kawasaki-robot", "--settings", &plant, "--set", self.carrier];
@@ -86,7 +86,7 @@ impl Cell {
         text.lines().skip(1).map(|row| row.splitn(3, ',').nth(2).unwrap().to_owned()).collect()
     }
 
-    /// Each job once, in order.
+    /// Asserts that each job was executed once, in sequence.
     pub(crate) fn assert_executed_once(&self) {
         let executed = self.executed();
         let first = executed.iter().zip(&self.rows).position(|(found, given)| found != given);
@@ -132,7 +132,7 @@ fn a_table_is_executed_once() {
 }
 
 impl Cell {
-    /// A client that cannot begin.
+    /// Runs a client that cannot begin.
     fn run_refused(&self, more: &[&str]) -> (Option<i32>, String) {
         let (file, plant) = (self.text("pallet.csv"), plant("pallet"));
         let mut args = vec!["run", "kawasaki", &file, "--settings", &plant, "--listen", "127.0.0.1:0"];

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-/// The exit status and the remarks of a dry run.
+/// Returns the exit status and the remarks of a dry run.
 fn dry_run(table: &str, plant: &str) -> (Option<i32>, String) {
     let folder = tempfile::tempdir().unwrap();
     let (file, settings) = (folder.path().join("jobs.csv"), folder.path().join("plant.toml"));

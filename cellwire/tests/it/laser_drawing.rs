@@ -5,7 +5,7 @@ use std::fs;
 
 use cellwire::run::laser::{Coordinate, Program, Settings};
 
-/// A page of 100 by 80 mm, one unit of which is a millimetre.
+/// Returns a page of 100 by 80 mm, one unit of which is a millimetre.
 fn page(body: &str) -> String {
     svg(r#"width="100mm" height="80mm" viewBox="0 0 100 80""#, body)
 }
@@ -55,7 +55,7 @@ fn distance([x, y]: [f64; 2], [a, b]: [f64; 2]) -> f64 {
     (x - a).hypot(y - b)
 }
 
-/// The greatest distance of the middles of chords from a curve, and of their ends.
+/// Returns the greatest distance of the middles of chords from a curve, and of their ends.
 fn errors(path: &Path, from_curve: impl Fn([f64; 2]) -> f64) -> [f64; 2] {
     let chords = path.windows(2).filter(|pair| pair[1].0).map(|pair| [pair[0].1, pair[1].1]);
     chords.fold([0.0, 0.0], |[middles, ends], [a, b]| {
@@ -274,7 +274,7 @@ fn lines_outside_of_the_page_are_not_cut_unasked() {
     assert_eq!(path(&edge).len(), 5);
 }
 
-/// The cuts of a drawing of one line that is 100 mm long, as its beginning and its end.
+/// Returns the cuts of a drawing of one line that is 100 mm long, as its beginning and its end.
 fn cuts(body: &str) -> Vec<[f64; 2]> {
     let found = path(&page(&format!(r#"<g fill="none" stroke="red">{body}</g>"#)));
     found.windows(2).filter(|pair| pair[1].0).map(|pair| [pair[0].1[0], pair[1].1[0]]).collect()

@@ -8,7 +8,7 @@ use serde_json::Value;
 /// The feed of a program is not sent by the default words.
 const NOT_CARRIED: [&str; 2] = ["--allow", "not-carried"];
 
-/// The lines that a dry run prints, and its drawing. `more` is more arguments.
+/// Returns the printed lines of a dry run, and its drawing. `more` are additional arguments.
 fn dry_run(name: &str, program: &str, more: &[&str]) -> (Option<i32>, String, String, String) {
     let folder = tempfile::tempdir().unwrap();
     let (file, drawing) = (folder.path().join(name), folder.path().join("plan.svg"));

@@ -40,7 +40,7 @@ impl Cell {
         self.folder.path().join(name)
     }
 
-    /// A program of this many cuts.
+    /// Writes a program of this many cuts.
     pub(crate) fn program(&self, cuts: usize) -> PathBuf {
         let mut text = String::from("word,x,y,z,a,b,length\n");
         for n in 0..cuts {
@@ -56,7 +56,7 @@ impl Cell {
         Tool::start(&args.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
-    /// The arguments of a run.
+    /// Returns the arguments of a run.
     pub(crate) fn arguments(&self, program: &Path, more: &[&str]) -> Vec<String> {
         let port = self.path("laser");
         let mut args = vec!["run", "laser", program.to_str().unwrap(), "--serial", port.to_str().unwrap()];
@@ -66,7 +66,7 @@ impl Cell {
         args.into_iter().map(str::to_owned).collect()
     }
 
-    /// How many instructions the robot has queued so far.
+    /// Waits until the robot has queued at least this many instructions; returns their number.
     pub(crate) fn queued(&self, at_least: u64) -> u64 {
         let robot = self.robot.as_ref().unwrap();
         let mut queued = 0;

@@ -41,7 +41,7 @@ impl Unread {
         stream
     }
 
-    /// The lines of its output, from now on.
+    /// Returns the lines of the output, from now on.
     fn lines(&mut self) -> impl Iterator<Item = Value> + use<> {
         let (stdout, (sender, lines)) = (self.child.stdout.take().unwrap(), channel());
         thread::spawn(move || BufReader::new(stdout).lines().try_for_each(|line| sender.send(line.unwrap())));
@@ -166,7 +166,7 @@ fn what_was_printed_before_an_interrupt_is_written() {
     assert_eq!(fanuc.child.wait().unwrap().code(), Some(130));
 }
 
-/// A copy of the tool that any user can run.
+/// Makes a copy of the tool that any user can run.
 fn copy(folder: &tempfile::TempDir) -> String {
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
     let copy = folder.path().join("cellwire");

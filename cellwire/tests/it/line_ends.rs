@@ -31,7 +31,7 @@ const READ: [(&str, &str, &str, bool); 13] = [
     ("decode kawasaki-msg --format raw - --settings", "plant.toml", "# c\nnothing = 1\n", true),
 ];
 
-/// The status, and what is printed, with the ends of Unix.
+/// Returns the status and the outputs, with the line ends of Unix.
 fn read(folder: &Path, command: &str, name: &str, content: &str) -> (Option<i32>, String, String) {
     fs::write(folder.join(name), content).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_cellwire"))

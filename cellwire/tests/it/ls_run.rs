@@ -2,7 +2,7 @@
 
 use crate::fanuc_cell::{Folder, err, out};
 
-/// A program of instructions, one a line, and of positions in frame 1 and tool 0, given as X.
+/// Returns a program of instructions, one per line, and of positions in frame 1 and tool 0, given as X.
 fn program(name: &str, instructions: &str, positions: &[f64]) -> String {
     let mut text = format!("/PROG  {name}\n/MN\n");
     for (number, line) in (1..).zip(instructions.lines().map(str::trim).filter(|line| !line.is_empty())) {

@@ -33,7 +33,7 @@ impl Device {
         Self { tool, address }
     }
 
-    /// The orders to move that it has agreed to so far.
+    /// Returns the accepted motion commands so far.
     fn moves(&self) -> Vec<Value> {
         self.tool.lines.try_iter().filter(|line| line["event"] == "move").collect()
     }
@@ -72,7 +72,7 @@ impl Cell {
         Tool::start(&args.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
-    /// The arguments of a run.
+    /// Returns the arguments of a run.
     pub(crate) fn arguments(&self, parts: usize, more: &[&str]) -> Vec<String> {
         let task = self.task(parts);
         let mut args = vec!["run", "mma", task.to_str().unwrap()];

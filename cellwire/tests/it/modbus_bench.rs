@@ -27,7 +27,7 @@ pub(crate) fn lines(output: &Output) -> Vec<Value> {
 pub(crate) const READ: &str = "{\"unit\":1,\"function\":3,\"address\":0,\"quantity\":2}\n";
 pub(crate) const REPLY: [u8; 7] = [1, 3, 4, 0, 7, 0, 8];
 
-/// A server with one behaviour for every connection, on a free port.
+/// Starts a server with one behaviour for every connection, on a free port.
 fn serve<R: Registers + Send + 'static>(
     config: ServerConfig,
     registers: impl Fn() -> R + Send + 'static,
@@ -87,7 +87,7 @@ fn after_a_cut_reply_the_next_good_one_is_not_lost() {
     }
 }
 
-/// A server on a free port that does this with its first connection.
+/// Starts a server on a free port that calls `serve` with its first connection.
 pub(crate) fn once(serve: impl FnOnce(TcpStream) + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

@@ -211,7 +211,7 @@ fn a_timeout_names_what_came_in_place_of_the_reply() {
     assert_eq!(lines(&output), [json!({"failed": format!("{NONE}; received instead: {instead}")})]);
 }
 
-/// A server that loses everything in the first 200 ms of each connection.
+/// Starts a server that loses all bytes in the first 200 ms of each connection.
 fn deaf_at_first() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

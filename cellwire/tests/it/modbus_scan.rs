@@ -32,7 +32,7 @@ fn modbus(arguments: &[&str], input: &str) -> Output {
     child.wait_with_output().unwrap()
 }
 
-/// The units that a scan finds.
+/// Returns the units that a scan finds.
 fn units(output: &Output) -> Vec<Value> {
     let lines = out(output).lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     lines.map(|line| line["unit"].clone()).collect()

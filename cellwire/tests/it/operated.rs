@@ -26,7 +26,7 @@ impl Tool {
         Self::spawn(command)
     }
 
-    /// The program with the standard input that the command has.
+    /// Starts the program with the standard input of the command.
     pub(crate) fn spawn(mut command: Command) -> Self {
         let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let (sender, lines) = mpsc::channel();
@@ -46,7 +46,7 @@ impl Tool {
         self.lines.recv_timeout(PATIENCE).expect("a line")
     }
 
-    /// The next line of this event.
+    /// Reads the next line of this event.
     pub(crate) fn event(&self, event: &str) -> Value {
         let begin = Instant::now();
         while begin.elapsed() < PATIENCE {
@@ -78,7 +78,7 @@ impl Tool {
         (status, said)
     }
 
-    /// As Ctrl-C.
+    /// Interrupts the program as Ctrl-C does.
     #[cfg(unix)]
     pub(crate) fn interrupt(&self) {
         self.signal("-INT");

@@ -11,7 +11,7 @@ use crate::rig::{FAST, Rig, x};
 /// Five seconds, in cycles.
 const LONG: usize = 180;
 
-/// Armed once, the arm follows the hand without a break.
+/// Asserts that the arm, armed once, follows the hand without a break.
 fn assert_moves_on(faults: Faults, args: &[&str]) {
     let rig = Rig::new(23, args);
     rig.ball.faults(faults);

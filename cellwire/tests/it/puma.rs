@@ -35,7 +35,7 @@ impl Message {
         self.good && matches!(self.control & 0xF8, RUNNING | INTERRUPTED)
     }
 
-    /// The tool's X in 1/32 mm: the tenth word of the transformation.
+    /// Returns the tool's X in 1/32 mm: the tenth word of the transformation.
     fn x(&self) -> i16 {
         i16::from_le_bytes([self.data[5 + 18], self.data[5 + 19]])
     }
@@ -67,7 +67,7 @@ impl Host {
         Self { robot, stream, received: Vec::new(), end: Instant::now() + DEADLINE }
     }
 
-    /// The next message.
+    /// Reads the next message.
     fn message(&mut self) -> Message {
         loop {
             if let Some((message, length)) = unframe(&self.received) {
@@ -135,7 +135,7 @@ fn unframe(bytes: &[u8]) -> Option<(Message, usize)> {
     Some((Message { control: data[0], data: data[1..].to_vec(), good }, at + 3))
 }
 
-/// A script in which the same happens so often that a busy machine spares one.
+/// Returns a script that repeats an incident so often that it happens at least once on a busy computer.
 fn often(what: &str) -> String {
     let texts: Vec<String> = (1..20).map(|n| format!("\"{}ms {what}\"", 1500 * n - 1200)).collect();
     format!("script=[{}]", texts.join(","))

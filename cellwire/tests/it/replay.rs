@@ -30,7 +30,7 @@ impl Recorded {
         Self { folder, device, tap }
     }
 
-    /// Once the tap has seen this many messages.
+    /// Returns the capture once the tap has seen this many messages.
     fn capture(mut self, messages: usize) -> (TempDir, PathBuf) {
         (0..messages).for_each(|_| drop(self.tap.line("\"message\"")));
         thread::sleep(Duration::from_millis(100));
@@ -45,7 +45,7 @@ fn replay(arguments: &str, capture: &Path) -> Running {
     Running::start(cellwire(&format!("replay {arguments} {}", capture.display())))
 }
 
-/// The last line of a replay, and its status.
+/// Returns the last line of a replay, and its status.
 fn ended(mut replay: Running) -> (Value, Option<i32>) {
     let line = replay.line("\"event\":\"replayed\"");
     let status = replay.status();

@@ -12,7 +12,7 @@ use crate::operated::{PATIENCE, Tool};
 use crate::stop::{Input, Run};
 use crate::{kawasaki_run, laser_run, mma_run};
 
-/// The last line of a dry run.
+/// Returns the last line of a dry run.
 fn dry_run(arguments: &[String]) -> Value {
     let output =
         Command::new(env!("CARGO_BIN_EXE_cellwire")).args(arguments).arg("--dry-run").output().unwrap();
@@ -30,7 +30,7 @@ fn wait_for(condition: impl Fn() -> bool) {
     }
 }
 
-/// Without a keyboard the run names the option that answers and ends as stopped, each time the same.
+/// Asserts that a run without a keyboard names the option that answers, and ends as stopped, each time the same.
 fn assert_unanswered(start: impl Fn() -> Run, span: &[(&str, Value)]) {
     for _ in 0..2 {
         let run = start();

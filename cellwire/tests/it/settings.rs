@@ -352,7 +352,7 @@ fn a_misspelt_setting_is_located_by_every_command() {
     assert_eq!((code, said.as_str()), (Some(0), "the setting takeover has no effect on this command\n"));
 }
 
-/// A server that replies to every request as unit 9: one register, which holds 42.
+/// Starts a server that replies to every request as unit 9: one register with the value 42.
 fn unit_9() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

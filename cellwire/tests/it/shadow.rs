@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use crate::tool::{DEADLINE, Running, cellwire, run};
 use cellwire_io::serial;
 
-/// A tap of a link before a server, with its capture.
+/// Starts a tap of a link before a server, with its capture.
 fn tap(link: &str, server: &str, capture: &Path) -> Running {
     let capture = capture.display();
     Running::start(cellwire(&format!(

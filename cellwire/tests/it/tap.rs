@@ -45,7 +45,7 @@ impl Tapped {
     }
 }
 
-/// The bytes of each flow of a capture in order, and whether every one of its blocks is whole and no byte is missing.
+/// Returns the bytes of each flow of a capture in sequence, and whether every block is whole and no byte is missing.
 fn kept(path: &Path) -> (BTreeMap<String, Vec<u8>>, bool) {
     let mut flows: BTreeMap<String, (Reassembly, Vec<u8>)> = BTreeMap::new();
     let mut is_whole = true;
@@ -333,7 +333,7 @@ fn a_message_ends_with_its_datagram() {
     assert!(lines.lines().zip(wanted).all(|(line, wanted)| line.contains(wanted)), "{lines}");
 }
 
-/// A pseudo-terminal: the test's end, and the path that the tap opens.
+/// Opens a pseudo-terminal: the test's end, and the path that the tap opens.
 fn line() -> (Box<dyn SerialPort>, String) {
     let (mut end, name) = serial::pair().unwrap();
     end.set_timeout(DEADLINE).unwrap();

@@ -11,7 +11,7 @@ use serialport::SerialPort;
 
 const ROUNDS: usize = 10_000;
 
-/// The median and the 99th percentile of a byte's way there and back, halved.
+/// Returns the median and the 99th percentile of half the round-trip time of a byte.
 fn exchange(client: &mut (impl Read + Write), rounds: usize, end: impl FnOnce()) -> [Duration; 2] {
     let times = (0..rounds).map(|_| {
         let begin = Instant::now();

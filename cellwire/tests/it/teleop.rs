@@ -30,7 +30,7 @@ fn next(events: &Receiver<puma::Notification>) -> puma::Notification {
     events.recv_timeout(PATIENCE).expect("the robot reports something")
 }
 
-/// Where the arm stands at the beginning of ALTER.
+/// Returns the position of the arm at the beginning of ALTER.
 fn wait_for_start(events: &Receiver<puma::Notification>) -> Pose {
     loop {
         if let puma::Notification::Robot(PumaEvent::Started(pose)) = next(events) {
@@ -39,7 +39,8 @@ fn wait_for_start(events: &Receiver<puma::Notification>) -> Pose {
     }
 }
 
-/// Where the arm stands, and why, when the host has gone. A busy machine may have missed a window before.
+/// Returns the position of the arm, and the reason of its stop, after the host has gone. A busy computer may have missed a
+/// window before.
 fn wait_for_end(events: &Receiver<puma::Notification>) -> (ErrorCode, Pose) {
     let (mut is_connected, mut end) = (true, None);
     loop {

@@ -26,14 +26,14 @@ impl Certificates {
         Self(folder)
     }
 
-    /// The options of an end with this certificate, such as `tls/client`.
+    /// Returns the options of an end with this certificate, such as `tls/client`.
     fn options(&self, name: &str) -> Vec<String> {
         let (folder, name) = name.split_once('/').unwrap();
         shown(self.0.path().join(folder).to_str().unwrap(), name).to_vec()
     }
 }
 
-/// A command with these options.
+/// Returns a command with these options.
 fn with(args: &[&str], options: &[String]) -> Vec<String> {
     args.iter().map(ToString::to_string).chain(options.iter().cloned()).collect()
 }
@@ -51,7 +51,7 @@ fn silent(address: &str) -> Vec<TcpStream> {
     (0..10).map(|_| TcpStream::connect(address).unwrap()).collect()
 }
 
-/// The options of an end with this certificate.
+/// Returns the options of an end with this certificate.
 fn shown(folder: &str, name: &str) -> [String; 6] {
     let file = |file: &str| format!("{folder}/{file}");
     [
@@ -161,7 +161,7 @@ fn options_that_say_too_little_are_refused() {
     }
 }
 
-/// A picture of four lines for a Kawasaki robot.
+/// Writes a picture of four lines for a Kawasaki robot.
 fn picture(folder: &Path) -> String {
     let file = folder.join("square.svg");
     let path = r#"<path d="M10 10 L90 10 L90 90 L10 90 Z" fill="none" stroke="black"/>"#;

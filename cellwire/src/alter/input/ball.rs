@@ -127,7 +127,7 @@ impl Input for Ball {
     }
 }
 
-/// 127 is the full deflection; -128 is a little more.
+/// Creates a sample of a packet: 127 is the full deflection; -128 is a little more.
 fn sample(packet: &Packet, fresh_until: Duration) -> Sample {
     let full = i16::from(i8::MAX);
     let axes = packet.axes().map(|force| {

@@ -20,6 +20,6 @@ pub(in crate::alter) trait Input: Send {
     /// Waits for what comes next, no longer than `wait`. A device that is gone is looked for again, without waiting longer.
     fn poll(&mut self, wait: Duration, events: &mut Vec<InputEvent>);
 
-    /// The host ends.
+    /// Called when the host ends.
     fn end(&mut self) {}
 }

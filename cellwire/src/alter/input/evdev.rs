@@ -21,7 +21,7 @@ struct Range {
 
 #[cfg(any(target_os = "linux", test))]
 impl Range {
-    /// The range of an axis that was at `value` when the device was opened.
+    /// Returns the range of an axis that was at `value` when the device was opened.
     fn of(least: i32, most: i32, value: i32) -> Self {
         let width = i64::from(most) - i64::from(least);
         let is_trigger = i64::from(value) - i64::from(least) <= width / 10;
@@ -29,7 +29,7 @@ impl Range {
         Self { least, most, rest: if is_trigger { least } else { middle } }
     }
 
-    /// In thousandths of the full deflection.
+    /// Returns a value in thousandths of the full deflection.
     fn thousandths(self, value: i32) -> i16 {
         let way = i64::from(value.clamp(self.least, self.most.max(self.least))) - i64::from(self.rest);
         let full = if way < 0 {

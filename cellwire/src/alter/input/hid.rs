@@ -26,7 +26,7 @@ pub(super) trait Reports: Sized + Send {
     /// When there is none or more than one, or it may not be opened.
     fn open(wanted: &str) -> anyhow::Result<(Self, String)>;
 
-    /// The length of the report that was read: 0 when none came in time.
+    /// Reads a report; returns its length, 0 if none came in time.
     ///
     /// # Errors
     /// When the device is gone.
@@ -55,7 +55,7 @@ struct State {
 }
 
 impl State {
-    /// Whether the report was about axes or buttons.
+    /// Reads a report; returns whether it was about axes or buttons.
     fn take(&mut self, report: &[u8], now: Duration) -> bool {
         let Some((id, data)) = report.split_first() else { return false };
         match (*id, data.first_chunk::<6>()) {

@@ -49,7 +49,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// A new file; the name of one that exists is not taken.
+    /// Creates a new file, and never overwrites an existing one.
     pub(super) fn create(path: &Path, clock: Clock) -> Result<Self> {
         let (file, path) = files::create_new(path)?;
         let (lines, to_write) = channel::<String>();

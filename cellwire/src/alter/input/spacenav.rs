@@ -82,7 +82,8 @@ mod unix {
             InputEvent::Sample(Sample { axes: self.axes, buttons: self.buttons, fresh_until: now + MAX_AGE })
         }
 
-        /// An event of the daemon: 0 motion, 1 and 2 a button that is pressed or let go; others are of newer versions.
+        /// Handles an event of the daemon: 0 motion, 1 and 2 a button that is pressed or released; others are of newer
+        /// versions.
         fn take(&mut self, event: [i32; 8]) -> Option<InputEvent> {
             let [kind, number, ..] = event;
             let bit = u32::try_from(number).ok().and_then(|number| 1u32.checked_shl(number)).unwrap_or(0);

@@ -51,7 +51,8 @@ pub(super) fn read(orders: Orders, jog: Option<Sender<Jog>>, end_at_once: fn()) 
     keys
 }
 
-/// Space and Esc stop, Ctrl-C ends. Esc and another key that come together are one key with Alt: that stops too.
+/// Returns the stop of a key: Space and Esc stop, Ctrl-C ends. Esc and another key that arrive together are one key with
+/// Alt, which stops too.
 pub(super) fn stop(key: KeyEvent) -> Option<Stop> {
     match key.code {
         KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Some(Stop::End),
@@ -61,7 +62,7 @@ pub(super) fn stop(key: KeyEvent) -> Option<Stop> {
     }
 }
 
-/// The keys that move an axis, where the keyboard is the input.
+/// Returns the motion of a key that moves an axis, if the keyboard is the input.
 fn axis(key: KeyEvent) -> Option<Jog> {
     let shift = key.modifiers.contains(KeyModifiers::SHIFT);
     let (axis, is_negative) = match key.code {

@@ -313,7 +313,7 @@ impl Model {
         }
     }
 
-    /// Whether the host has ended.
+    /// Returns whether the host has ended.
     pub(super) fn has_ended(&self) -> bool {
         self.has_ended
     }
@@ -345,7 +345,7 @@ impl Model {
         (self.ball_is_stale || !fresh).then_some("OLD")
     }
 
-    /// The segment status that came last, and what it means.
+    /// Returns the last segment status, and its meaning.
     pub(super) fn segment_text(&self) -> String {
         let words = |motion: Motion| {
             let status = motion.segment_status;
@@ -359,7 +359,7 @@ impl Model {
         self.ball_late_at.is_some_and(|at| self.now < at + DAMAGE)
     }
 
-    /// The line that a debug view shows.
+    /// Returns the line of a debug view.
     pub(super) fn debugged(&self, line: usize) -> (&'static str, &Trace) {
         match line {
             0 => ("robot", &self.traces.robot),
@@ -410,7 +410,7 @@ impl Model {
         }
     }
 
-    /// The first time, and then counted.
+    /// Counts a reply in which an axis waited, because not all axes fit the window; shows a message the first time.
     fn take_held(&mut self) {
         if self.counts.held == 0 {
             self.show(format!(
@@ -426,7 +426,7 @@ impl Model {
         (self.ball, self.exchange) = (Some(packet), took);
     }
 
-    /// A bad line is reported once a second; all of it is counted.
+    /// Reports a bad line at most once per second; all damage is counted.
     fn say_damage(&mut self, message: String) {
         if self.now >= self.damage_said + DAMAGE {
             self.damage_said = self.now;

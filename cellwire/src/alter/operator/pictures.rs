@@ -18,7 +18,7 @@ use crate::alter::operator::model::tests::model;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// The screen as text, and below it which columns of which rows are not in the terminal's own colors.
+/// Returns the screen as text, followed by the columns and rows that are not in the terminal's own colors.
 fn picture(model: &Model) -> String {
     let buffer = drawn(model);
     let mut out: String = rows(&buffer).iter().map(|row| format!("{}\n", row.trim_end())).collect();
@@ -37,7 +37,7 @@ fn picture(model: &Model) -> String {
     out
 }
 
-/// A cell in which ALTER runs and the ball is pushed so.
+/// Returns a cell in which ALTER runs and the ball is pushed like this.
 fn running(push: i8, values: i16) -> Model {
     let mut model = model();
     model.key(KeyEvent::new(KeyCode::Char('a'), KeyModifiers::NONE), 800 * MS);

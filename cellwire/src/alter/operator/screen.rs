@@ -162,7 +162,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// The state in a word, why, and what the operator can do.
+/// Returns the state in a word, the reason, and the operator's possible action.
 fn state(model: &Model) -> (&'static str, String, Color) {
     if let (Some(mode), true) = (model.refused, model.state == HostState::Idle) {
         let (mode, expected) = (mode.0, model.mode.0);
@@ -213,7 +213,7 @@ fn window(frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'_>>) 
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
 }
 
-/// The last messages, each on as many lines as it needs.
+/// Draws the last messages, each on as many lines as it needs.
 fn draw_messages(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     const TIME: usize = 8;
     let [width, room] = [area.width, area.height].map(|cells| usize::from(cells.saturating_sub(2)));
@@ -355,7 +355,7 @@ fn ball_lines(model: &Model) -> Vec<Line<'static>> {
     lines
 }
 
-/// A force as a bar around its middle.
+/// Returns a force as a bar around its middle.
 fn bar(force: i16) -> String {
     const HALF: i16 = 7;
     let length = (force * HALF + force.signum() * FULL / 2) / FULL;

@@ -27,7 +27,7 @@ impl<'a> Anonymous<'a> {
         Self { of, replaced: BTreeMap::new(), left_out: 0 }
     }
 
-    /// Whether the message is one that can be shown.
+    /// Makes a message anonymous; returns whether the message can be shown.
     pub(super) fn replace(&mut self, message: &mut Message) -> bool {
         let Some(side) = message.side else { return true };
         if let Ok(content) = &mut message.content {
@@ -65,7 +65,7 @@ impl<'a> Anonymous<'a> {
         }
     }
 
-    /// A text of the same length.
+    /// Replaces a text by one of the same length.
     fn text(&mut self, name: &str, text: &mut String) {
         let is_number = text.parse::<f64>().is_ok();
         if text.is_empty() || is_number && text.len() <= SHORT {
@@ -106,7 +106,7 @@ impl<'a> Anonymous<'a> {
     }
 }
 
-/// A number of the same kind.
+/// Returns a number of the same kind.
 fn like(number: &Number, place: usize) -> Number {
     if number.is_f64() {
         #[expect(clippy::cast_precision_loss, reason = "a message has few values")]

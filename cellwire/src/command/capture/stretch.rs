@@ -49,7 +49,7 @@ fn place(text: &str) -> Result<Place, String> {
 }
 
 impl StretchArgs {
-    /// The conversation, and the messages of the stretch.
+    /// Reads the conversation, and the messages of the stretch.
     ///
     /// # Errors
     /// When the range contains no message.
@@ -80,7 +80,7 @@ impl StretchArgs {
     }
 }
 
-/// The messages of both ends, in the order in which they were whole.
+/// Reads the messages of both ends, in the sequence in which they were complete.
 fn messages(of: &LinkArgs, conversation: &Conversation) -> Result<Vec<Message>> {
     let parties = conversation.parties(of.link)?;
     let mut all: Vec<Message> = Vec::new();

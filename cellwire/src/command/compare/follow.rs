@@ -27,12 +27,12 @@ impl Follow {
         Self { chosen: HashMap::new(), codec, is_command: None }
     }
 
-    /// The same for an end that commands with the values of these names.
+    /// Returns the same for an end whose values with these names are commands.
     pub(in crate::command) fn of_commands(self, is_command: Option<IsCommand>) -> Self {
         Self { is_command, ..self }
     }
 
-    /// Whether a message has no content.
+    /// Returns whether a message has no content.
     pub(super) fn is_filler(&self, message: &Value) -> bool {
         self.codec.as_ref().is_some_and(|codec| codec.is_filler(message))
     }
@@ -41,7 +41,7 @@ impl Follow {
         self.is_command.is_some_and(|is_command| is_command(name))
     }
 
-    /// Whether two messages that are alike differ in a command.
+    /// Returns whether two messages that are alike differ in a command.
     pub(super) fn differs_in_command(&self, then: &Value, now: &Value) -> bool {
         self.differs(&self.names(then), "", "", then, now)
     }

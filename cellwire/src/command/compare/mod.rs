@@ -35,7 +35,7 @@ pub(super) struct Compare {
 }
 
 impl Compare {
-    /// `prints_all`: each difference is printed, not only the first of each kind.
+    /// Creates a comparison. With `prints_all` each difference is printed, not only the first of each kind.
     pub(super) fn new(expected: Vec<Value>, follow: Follow, prints_all: bool) -> Self {
         Self {
             fillers: expected.iter().map(|message| follow.is_filler(message)).collect(),
@@ -49,12 +49,12 @@ impl Compare {
         }
     }
 
-    /// Whether nothing more is expected.
+    /// Returns whether no more messages are expected.
     pub(super) fn is_over(&self) -> bool {
         self.awaits_only_fillers(self.expected.len())
     }
 
-    /// Whether all that is expected of the first `count` messages has no content.
+    /// Returns whether the expected ones of the first `count` messages all lack content.
     pub(super) fn awaits_only_fillers(&self, count: usize) -> bool {
         self.fillers.get(self.passed..count).unwrap_or_default().iter().all(|is_filler| *is_filler)
     }
@@ -63,7 +63,7 @@ impl Compare {
         self.fillers.get(index).copied().unwrap_or_default()
     }
 
-    /// A message has come.
+    /// Called when a message has come.
     pub(super) fn take(&mut self, at: Duration, now: &Value) -> Result<()> {
         if self.follow.is_filler(now) {
             self.filled += 1;
@@ -119,7 +119,7 @@ impl Compare {
         Ok(())
     }
 
-    /// These messages have not come so far.
+    /// Called when these messages have not come so far.
     pub(super) fn missed(&mut self, count: usize) {
         for index in self.passed..self.passed + count {
             if !self.is_filler(index) {
@@ -129,7 +129,7 @@ impl Compare {
         self.passed += count;
     }
 
-    /// The expected message before the one at this place that has content.
+    /// Returns the last expected message with content before this index.
     fn before(&self, index: usize) -> Option<&Value> {
         let before = (0..index).rev().find(|index| !self.is_filler(*index))?;
         self.expected.get(before)
@@ -166,7 +166,8 @@ impl Compare {
         Ok(())
     }
 
-    /// Nothing more comes: prints the report, whose first counts are `counts`, and returns whether the end did what it did then.
+    /// Called when no more messages come: prints the report, whose first counts are `counts`, and returns whether the end
+    /// did the same as in the recording.
     ///
     /// # Errors
     /// When standard output is closed.
@@ -182,7 +183,7 @@ impl Compare {
     }
 }
 
-/// Whether two messages differ in values alone: numbers, numbers as text, and what is true or false.
+/// Returns whether two messages differ only in values: numbers, numbers as text, and booleans.
 fn is_alike(then: &Value, now: &Value) -> bool {
     let is_number = |text: &str| text.parse::<f64>().is_ok();
     match (then, now) {

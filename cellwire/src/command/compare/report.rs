@@ -66,7 +66,7 @@ impl Report {
         counts.filter(|((known, _), _)| *known == kind).map(|(_, count)| count).sum()
     }
 
-    /// The differences that are not of values alone.
+    /// Returns the number of differences other than in values.
     pub(super) fn departures(&self) -> usize {
         self.counts.iter().sum::<usize>() - self.count(VALUES)
     }
@@ -96,7 +96,7 @@ impl Report {
         output::log(&all.into())
     }
 
-    /// The report for people.
+    /// Returns the report for people.
     fn lines(&self, event: &str, counts: &[(&str, usize)]) -> Vec<String> {
         let counted = counts.iter().map(|(name, count)| format!("{name} {count}"));
         let kinds = KINDS.iter().filter(|(kind, _)| self.count(kind) > 0);

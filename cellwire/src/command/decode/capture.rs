@@ -192,14 +192,14 @@ impl Directions for Decoding<'_> {
         Ok(())
     }
 
-    /// A line of the capture itself: `{"packet":…,"error":{…}}`.
+    /// Writes a line of the capture itself: `{"packet":…,"error":{…}}`.
     fn fault(&mut self, packet: u64, fault: &Fault) -> Result<()> {
         self.out.fault(format_args!("{}\n", json!({"packet": packet, "error": fault})))
     }
 }
 
 impl Lines {
-    /// A line for each complaint: `{"time":…,"ends":…,"from":…,"shadow":…,"clause":…,"text":…}`.
+    /// Writes a line for each complaint: `{"time":…,"ends":…,"from":…,"shadow":…,"clause":…,"text":…}`.
     fn complain(&mut self, ends: &Ends, at: Duration, complaints: &[Complaint]) -> Result<()> {
         for Complaint { end, kind, clause, text, .. } in complaints {
             self.clean &= *kind != shadow::Kind::Rule;
@@ -224,7 +224,7 @@ impl Lines {
     }
 }
 
-/// How a direction begins: which side sends, if that is known, and what its lines are called.
+/// Begins a direction: returns its decoder, and the sending side, if it is known.
 fn begin(
     args: &Args,
     flow: Flow,
@@ -273,7 +273,8 @@ fn begin(
     )))
 }
 
-/// The side that sent the bytes which a trace has as sent, or as received: by `--from`, the end that wrote it, or by the trace's name.
+/// Returns the side that sent the bytes that a trace lists as sent, or as received: by `--from`, the end that wrote the
+/// trace, or by the trace's name.
 fn traced(args: &Args, name: &str, by_keeper: bool) -> Result<Option<&'static str>> {
     let link = args.codec.of.link;
     match args.codec.from.as_deref() {
@@ -315,7 +316,7 @@ enum Lack {
 type Said = (Kind, u64, Vec<u8>);
 
 impl Decoded {
-    /// `said` gets the items for the watcher.
+    /// Decodes a piece; `said` gets the items for the watcher.
     fn take(&mut self, args: &Args, piece: Piece<'_>, out: &mut Lines, said: &mut Vec<Said>) -> Result<()> {
         let is_watched = self.watched.is_some();
         let polls = &mut self.polls;

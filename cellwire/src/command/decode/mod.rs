@@ -122,7 +122,8 @@ impl Write for Printed {
         self.note(written)
     }
 
-    /// A line is many small pieces: the buffer's own is one copy for each.
+    /// Writes pieces of a line into the buffer: a line has many small pieces, and the buffer's own function copies each only
+    /// once.
     fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
         let written = self.out.write_all(bytes);
         self.note(written)
@@ -146,7 +147,7 @@ struct Lines {
 }
 
 impl Lines {
-    /// A line of the input itself.
+    /// Writes a line about the input itself.
     fn fault(&mut self, line: core::fmt::Arguments<'_>) -> Result<()> {
         self.clean = false;
         self.line(line)

@@ -105,7 +105,7 @@ fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<C
     Ok(conversations)
 }
 
-/// The time of what came after something else: the capture may not say, or say the same.
+/// Returns the time of bytes that came after others: the capture may lack the time, or have the same one.
 fn after(before: Duration, at: Duration) -> Duration {
     at.max(before.saturating_add(Duration::from_nanos(1)))
 }

@@ -109,7 +109,7 @@ impl Ear<'_> {
         Ok(())
     }
 
-    /// One line on standard error that is written over.
+    /// Shows progress on one line of standard error, which is overwritten.
     fn progress(&self, text: &str) {
         let mut err = io::stderr();
         if err.is_terminal() {

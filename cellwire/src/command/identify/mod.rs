@@ -118,7 +118,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(all)
 }
 
-/// A remark: the file that was written, and how much of it is left to be checked.
+/// Returns a remark with the name of the written file, and the number of its lines that are to be checked.
 fn written(file: &Path, finding: &Finding, text: &str, is_draft: bool) -> String {
     let is_undecided = |option: &&Open| matches!(option.decided, Decided::Not { .. });
     let left = match is_draft {

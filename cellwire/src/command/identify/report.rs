@@ -67,7 +67,7 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
 #[cfg(unix)]
 const SHOWN: usize = 8;
 
-/// The settings of a serial line; each line of the report begins with `mark`.
+/// Prints the settings of a serial line; each line of the report begins with `mark`.
 #[cfg(unix)]
 pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
     let mut settings = table(["line", "characters", "broken", "text", "link", "likelier than a wrong one"]);
@@ -97,7 +97,7 @@ pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
     Ok(())
 }
 
-/// The settings of a serial line, one line.
+/// Prints the settings of a serial line as one line.
 #[cfg(unix)]
 pub(super) fn line_json(line: &Line) -> Result<()> {
     log(&json!({"port": line.conversation.name, "likely": line.likely, "lines": line.judged}))
@@ -138,7 +138,7 @@ fn unknown(conversation: &Conversation, out: &mut impl Write) -> Result<()> {
     Ok(writeln!(out)?)
 }
 
-/// One line for each thing that can be seen.
+/// Returns one line for each property that was found.
 fn lines(seen: &Seen) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(byte) = seen.doubled {
@@ -186,7 +186,7 @@ fn lines(seen: &Seen) -> Vec<String> {
     lines
 }
 
-/// A module with a function that returns the crate's configuration.
+/// Prints a module with a function that returns the crate's configuration.
 pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()> {
     let mut settings = finding.settings.clone();
     let drafted = own_plant(finding, conversation)?;
@@ -216,7 +216,7 @@ pub(super) fn rust(finding: &Finding, conversation: &Conversation) -> Result<()>
     Ok(writeln!(stdout(), "{text}\n{module}")?)
 }
 
-/// The guessed table of messages and job of a plant of its own; none if the names and the job are those that the crate has.
+/// Returns the guessed table of messages and job of a plant of its own; `None` if the names and the job are the crate's.
 fn own_plant(finding: &Finding, conversation: &Conversation) -> Result<Option<Map<String, Value>>> {
     if finding.link.short != "kawasaki" {
         return Ok(None);
@@ -231,7 +231,7 @@ fn own_plant(finding: &Finding, conversation: &Conversation) -> Result<Option<Ma
     Ok((has_own_names || !draws).then_some(drafted))
 }
 
-/// One line of JSON.
+/// Prints one line of JSON.
 pub(super) fn json(conversation: &Conversation, findings: &[Finding]) -> Result<()> {
     let is_sure = findings.first().is_some_and(Finding::is_sure);
     let findings: Vec<Value> = findings.iter().map(finding_json).collect();
@@ -281,14 +281,15 @@ fn table<const N: usize>(header: [&str; N]) -> Table {
     table
 }
 
-/// The text of a table: at a terminal in its columns, elsewhere each row in one line. No row ends with blanks.
+/// Returns the text of a table: at a terminal within its columns, otherwise each row in one line. Rows do not end with
+/// blanks.
 fn shown(mut table: Table, columns: Option<usize>) -> String {
     fit(&mut table, columns);
     let text = table.to_string();
     text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n")
 }
 
-/// A sentence below a table, in the columns of the terminal.
+/// Prints a sentence below a table, in the columns of the terminal.
 fn say(out: &mut impl Write, text: &str) -> io::Result<()> {
     write!(out, "{}", wrapped(text, terminal_columns().unwrap_or(usize::MAX), 2))
 }

@@ -10,7 +10,7 @@ use super::input::Conversation;
 use crate::command::settings::toml_value;
 use cellwire_io::output::counted;
 
-/// The text of the file.
+/// Returns the text of the file.
 pub(super) fn toml(finding: &Finding) -> Result<String> {
     let mut text = format!("# {}: the options that explain a capture\n", finding.link.short);
     text.push_str(&options(finding, "#", &Map::new())?);
@@ -23,7 +23,7 @@ pub(super) fn toml(finding: &Finding) -> Result<String> {
     Ok(text)
 }
 
-/// The text of a draft with all other options of the link: a file that suffices. A ? marks each line to be checked.
+/// Returns the text of a draft with all other options of the link: a file that suffices. A ? marks each line to be checked.
 pub(super) fn draft(finding: &Finding, conversation: &Conversation) -> Result<String> {
     let draft = cellwire_identify::draft(finding, &conversation.streams)?;
     let (head, words) = draft.split_once("\n\n").unwrap_or(("", &draft));
@@ -46,7 +46,7 @@ fn options(finding: &Finding, mark: &str, given: &Map<String, Value>) -> Result<
     Ok(text)
 }
 
-/// A comment on an option that the bytes do not decide.
+/// Adds a comment on an option that the bytes do not decide.
 pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }: &Open) -> Result<()> {
     match decided {
         Decided::ByBytes => {}
@@ -65,7 +65,7 @@ pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }:
     Ok(())
 }
 
-/// The other values, and how much less each explains.
+/// Returns the other values, and the difference of each in explained bytes.
 pub(super) fn or(others: &[Other]) -> String {
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();
     for Other { value, fewer, inexact } in others {
@@ -98,7 +98,7 @@ pub(super) fn would_decide(others: &[Other], message: Option<&str>) -> String {
     }
 }
 
-/// A value as it is written after `--set NAME=`.
+/// Returns a value in the form in which it is written after `--set NAME=`.
 pub(super) fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }

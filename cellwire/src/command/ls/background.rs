@@ -73,7 +73,7 @@ pub(super) fn background(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The variables of the three slots.
+/// Returns the variables of the three slots.
 fn names(first: u16) -> [String; 3] {
     [format!("R[{first}]"), format!("R[{}]@1.1", first + 1), format!("R[{}]", first + 2)]
 }

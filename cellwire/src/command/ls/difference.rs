@@ -18,7 +18,7 @@ pub(super) struct Change {
 }
 
 impl Change {
-    /// A file in which nothing has changed yet.
+    /// Reads a file without changes yet.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         let document = Document::decode_bytes(&bytes)
@@ -30,7 +30,7 @@ impl Change {
         self.document.as_str() == self.before
     }
 
-    /// The lines that change and those around them, as `diff -u` prints them.
+    /// Returns the changed lines and those around them, as `diff -u` prints them.
     pub(super) fn shown(&self) -> String {
         // Line ends stay as they are, and a carriage return is none that a terminal needs.
         let (before, after) =

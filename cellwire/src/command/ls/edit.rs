@@ -61,7 +61,7 @@ Examples:
   cellwire ls edit WELD.LS --shift 0,0,-2.5 --positions 3-7
   cellwire ls edit WELD.LS --name 'LBL[3]=retry' --line '12=!close the gripper' --renumber";
 
-/// False when a file was refused.
+/// Edits the files; returns false if a file was rejected.
 pub(super) fn edit(args: &Args) -> Result<bool> {
     let is_empty = args.speed.is_empty() && args.replace.is_empty() && args.name.is_empty();
     let is_empty = is_empty && args.shift.is_none() && args.line.is_empty() && args.comment.is_none();
@@ -230,7 +230,7 @@ impl SpeedChange {
         Ok(Self { kind, value, unit, to })
     }
 
-    /// The speed that a motion gets; none where it is not meant.
+    /// Returns the new speed of a motion; `None` if the motion is not selected.
     fn of(&self, motion: &Motion) -> Option<Speed> {
         let Speed::Fixed { value, unit } = motion.speed else { return None };
         #[expect(clippy::float_cmp, reason = "the same decimals are the same number")]
@@ -250,7 +250,7 @@ impl SpeedChange {
     }
 }
 
-/// A speed as a motion has it.
+/// Parses a speed in the form of a motion.
 fn speed(text: &str) -> Result<Speed> {
     match Instruction::from_text(&format!("L P[1] {text} FINE")) {
         Some(Instruction::Motion(motion)) if motion.options.is_empty() => Ok(motion.speed),

@@ -27,7 +27,7 @@ pub(super) struct Args {
     check: bool,
 }
 
-/// False when a file was to be checked and is laid out otherwise.
+/// Formats the files; returns false if a file was to be checked and has another layout.
 pub(super) fn fmt(args: &Args) -> Result<bool> {
     let paths = files(&args.files)?;
     let (mut out, mut changed, mut unread) = (stdout(), 0, 0);

@@ -20,7 +20,7 @@ pub(super) struct Args {
     known: KnownArgs,
 }
 
-/// False when the editor has gone without a word.
+/// Runs the language server; returns false if the editor has disconnected without `exit`.
 pub(super) fn lsp(args: &Args) -> Result<bool> {
     let options = Options {
         rules: args.known.rules(),

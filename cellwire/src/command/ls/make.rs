@@ -209,7 +209,7 @@ fn made(trajectory: &Trajectory, report: &Report, path: &str) -> String {
     text
 }
 
-/// The file's name as a program's: capitals, digits and `_`, a letter first.
+/// Returns the file's name as a program's name: upper-case letters, digits and `_`, beginning with a letter.
 fn name_of(path: &Path) -> String {
     let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().to_uppercase());
     let name: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();

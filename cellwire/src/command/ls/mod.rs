@@ -63,7 +63,7 @@ enum Command {
     Lsp(lsp::Args),
 }
 
-/// Does what the arguments ask for; false when a file was refused.
+/// Does what the arguments ask for; returns false if a file was rejected.
 ///
 /// # Errors
 /// When a file cannot be read or written, or arguments do not fit together.
@@ -103,7 +103,7 @@ pub struct GeometryArgs {
 }
 
 impl GeometryArgs {
-    /// The arm with its tool; without --arm that of the robot's description, if there is one.
+    /// Returns the arm with its tool; without --arm the arm of the robot's description, if there is one.
     ///
     /// # Errors
     /// When a number is missing.
@@ -131,7 +131,7 @@ impl GeometryArgs {
 }
 
 impl ArmArgs {
-    /// The arm with its tool.
+    /// Returns the arm with its tool.
     ///
     /// # Errors
     /// When a number is missing.
@@ -139,7 +139,7 @@ impl ArmArgs {
         self.geometry.arm(described)
     }
 
-    /// A trajectory from its file.
+    /// Reads a trajectory from its file.
     ///
     /// # Errors
     /// When it cannot be read, or is not a trajectory.
@@ -160,7 +160,7 @@ enum J3 {
     UpperArm,
 }
 
-/// A robot description from its file.
+/// Reads a robot description from its file.
 ///
 /// # Errors
 /// When it cannot be read, or is not a robot description.
@@ -169,7 +169,7 @@ pub fn limits(path: &Path) -> Result<Limits> {
     Limits::from_json(&text).with_context(|| path.display().to_string())
 }
 
-/// The default rules with this limit to a program's name.
+/// Returns the default rules with this limit for the length of a program's name.
 fn rules(name_limit: usize) -> Rules {
     let mut rules = Rules::default();
     rules.name_limit = name_limit;

@@ -150,7 +150,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(is_same && sent == parts.len())
 }
 
-/// The values with which an end commands a machine, by their names.
+/// Returns the values with which an end commands a machine, by name.
 fn commands(link: &str, side: &str) -> Option<IsCommand> {
     match (link, side) {
         // The PC's other numbers depend on the progress of the robot.
@@ -182,7 +182,7 @@ struct Play {
 }
 
 impl Play {
-    /// A part, with the numbers that the other end has chosen.
+    /// Returns the bytes of a part, with the numbers that the other end has chosen.
     fn bytes(&self, args: &Args, ours: Party, part: &Part) -> Result<Vec<u8>> {
         let Some(side) = ours.side.filter(|_| !part.messages.is_empty()) else {
             return Ok(part.bytes.clone());

@@ -80,7 +80,7 @@ impl Script {
     }
 }
 
-/// The messages that these bytes are.
+/// Returns the messages in these bytes.
 fn messages(args: &LinkArgs, party: Party, bytes: &[u8]) -> Result<Vec<(Vec<u8>, Option<Value>)>> {
     let Some(side) = party.side else { return Ok(Vec::new()) };
     let (mut stream, mut rest, mut found) = (Stream::new(args.codec_of(side)?), bytes, Vec::new());
@@ -118,7 +118,7 @@ impl Reader {
         }
     }
 
-    /// Nothing more comes.
+    /// Called when no more bytes come.
     pub(super) fn finish(&mut self, add: &mut dyn FnMut(Value)) -> Result<()> {
         match &mut self.0 {
             Some(stream) => stream.finish(|item| content(item, add)),

@@ -163,7 +163,7 @@ fn serve(
     runner.run(&mut meeting, &trace)
 }
 
-/// The jobs that the robot still draws.
+/// Returns the jobs that the robot still draws.
 fn machine(tally: &Tally) -> String {
     match tally.queued {
         0 => "the robot has no jobs of this file queued".into(),

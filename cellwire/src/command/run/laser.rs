@@ -156,7 +156,8 @@ fn execute(
     Ok((runner.run(port)?, before))
 }
 
-/// The parts that the controller may still execute: done means queued, unknown may be, and no message reports the execution.
+/// Returns the parts that the controller may still execute: done parts are queued, unknown ones may be, and no message
+/// reports their execution.
 fn machine(before: usize, tally: &Tally) -> String {
     match tally.done.saturating_sub(before) + tally.unknown {
         0 => "nothing was queued".into(),

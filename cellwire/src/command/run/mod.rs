@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
-/// The settings of a run on this robot; `None` if there is no such robot.
+/// Returns the settings of a run on this robot; `None` if there is no such robot.
 pub fn settings(robot: &str) -> Option<Vec<Setting>> {
     Some(match robot {
         "kawasaki" => kawasaki::settings(),

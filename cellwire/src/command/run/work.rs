@@ -78,14 +78,14 @@ pub(super) struct Ran<R, T> {
 }
 
 impl Work<'_> {
-    /// The head of its journal.
+    /// Returns the head of the journal.
     fn head(&self) -> Head {
         Head { robot: self.robot.into(), work: self.fingerprint.clone(), parts: self.parts }
     }
 }
 
 impl WorkArgs {
-    /// The file of the journal.
+    /// Returns the file of the journal.
     fn path(&self, work: &Work<'_>) -> PathBuf {
         self.journal.clone().unwrap_or_else(|| journal::beside(work.file))
     }
@@ -118,7 +118,7 @@ impl WorkArgs {
         log(&standing(work, journal, self.unknown))
     }
 
-    /// Whether a number of `--unknown` is one that the question about what is unknown accepts.
+    /// Checks that the number of `--unknown` is an answer to the question about the unknown parts.
     fn check_answer<R: Record>(&self, journal: &Journal<R>) -> Result<()> {
         let Some(Answer::Last(last)) = self.unknown else { return Ok(()) };
         match journal.unknown() {
@@ -134,7 +134,7 @@ impl WorkArgs {
         Ok(())
     }
 
-    /// Does the parts that the journal does not have as done. The table of all parts is written however that ends.
+    /// Executes the parts that are not done in the journal. The table of all parts is written even if the run fails.
     ///
     /// # Errors
     /// When all are done, or the journal is not this work's; those of `run`.
@@ -226,7 +226,7 @@ impl<R, T> Ran<R, T> {
     }
 }
 
-/// `number,line,outcome` of each part; `outline` in place of `line` of a drawing.
+/// Writes `number,line,outcome` of each part; for a drawing, `outline` replaces `line`.
 fn table<R: Record>(Work { lines, unit, .. }: &Work<'_>, journal: &Journal<R>) -> String {
     let mut text = format!("number,{unit},outcome\n");
     for (number, outcome) in journal.outcomes().iter().enumerate() {
@@ -239,7 +239,8 @@ fn table<R: Record>(Work { lines, unit, .. }: &Work<'_>, journal: &Journal<R>) -
 /// The most runs of equal outcomes that a dry run prints.
 const MAX_SPANS: usize = 100;
 
-/// The last line of a run, with how many parts have which outcome; `machine` is what the machine still does.
+/// Returns the last line of a run, with the number of parts for each outcome; `machine` describes the work that the machine
+/// still has.
 pub(super) fn ended<R: Record>(journal: &Journal<R>, why: &str, machine: &str) -> Value {
     let count = |outcome| journal.count(outcome);
     json!({
@@ -249,7 +250,8 @@ pub(super) fn ended<R: Record>(journal: &Journal<R>, why: &str, machine: &str) -
     })
 }
 
-/// The lines and the signals of an operator: the first signal is a stop, the second one ends the program, which prints `account` then.
+/// Returns the lines and the signals of an operator: the first signal is a stop; the second one prints `account` and ends
+/// the program.
 pub(super) fn operator(bell: Bell) -> Result<Receiver<Option<Typed>>> {
     // A run that waits for its machine ends by itself before that.
     input::operator(bell, STOP_WITHIN + 2 * END_WITHIN)
@@ -263,7 +265,8 @@ pub(super) fn say_resumed<R: Record>(journal: &Journal<R>) -> Result<()> {
     }
 }
 
-/// The line of a dry run about its journal: how many parts have which outcome, which these are, and what a run does next.
+/// Returns the line of a dry run about its journal: the number of parts for each outcome, their numbers, and the next action
+/// of a run.
 fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>, answer: Option<Answer>) -> Value {
     let (count, outcomes) = (|outcome| journal.count(outcome), journal.outcomes());
     let mut first = 0;

@@ -93,7 +93,7 @@ fn of_command(command: &str, of: Option<&str>) -> Result<(String, Vec<Setting>)>
     })
 }
 
-/// The settings of the devices and the runs of a link, and of its bytes.
+/// Returns the settings of the devices, the runs and the bytes of a link.
 pub(super) fn of_link(link: &Link) -> Vec<Setting> {
     let is_of = |name: &str| name.split('-').next() == Some(link.short);
     let devices = DEVICES.iter().filter(|device| device.is_called(link.short) || is_of(device.name));
@@ -101,7 +101,7 @@ pub(super) fn of_link(link: &Link) -> Vec<Setting> {
     devices.chain(run::settings(link.short).unwrap_or_default()).chain((link.settings)()).collect()
 }
 
-/// The command of the command line as `cellwire settings` takes it, and its settings.
+/// Returns the command of the command line as an argument of `cellwire settings`, and its settings.
 pub(super) fn settings_of_command_line() -> Option<(String, Vec<Setting>)> {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
     let (command, rest) = arguments.get(1..)?.split_first()?;
@@ -110,7 +110,7 @@ pub(super) fn settings_of_command_line() -> Option<(String, Vec<Setting>)> {
     named.or_else(|| of_command(command, None).ok())
 }
 
-/// The setting of the command line's command that has the name of this option.
+/// Returns the setting of the command line's command that has the name of this option.
 pub fn named(option: &str) -> Option<String> {
     let name = option.trim_start_matches('-').replace('-', "_");
     let (_, settings) = settings_of_command_line()?;
@@ -134,7 +134,7 @@ fn file(settings: &[Setting]) -> String {
     text
 }
 
-/// A value as TOML; none of what is nothing.
+/// Returns a value as TOML; `None` for null.
 pub(in crate::command) fn toml_value(value: &Value) -> Option<String> {
     Some(match value {
         Value::Null => return None,

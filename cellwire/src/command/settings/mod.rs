@@ -35,7 +35,7 @@ pub(super) struct SetArgs {
 }
 
 impl SetArgs {
-    /// The options, as words of a command line.
+    /// Returns the options, as words of a command line.
     pub(super) fn words(&self) -> Vec<String> {
         let file = self.settings.iter().flat_map(|file| ["--settings".into(), file.display().to_string()]);
         let set = self.set.iter().flat_map(|(name, value)| {
@@ -45,12 +45,12 @@ impl SetArgs {
         file.chain(set).collect()
     }
 
-    /// Whether nothing is set.
+    /// Returns whether no settings are given.
     pub(super) fn is_empty(&self) -> bool {
         self.set.is_empty() && self.settings.is_none()
     }
 
-    /// The values that were set, of a command that knows these settings.
+    /// Returns the given values, for a command that has these settings.
     ///
     /// # Errors
     /// When the file cannot be read or is not TOML, with line and column; when a name is a table and a value at once.
@@ -58,7 +58,7 @@ impl SetArgs {
         self.read_over(None, known)
     }
 
-    /// The values that were set, over those of another file of settings.
+    /// Returns the given values, which override those of another file of settings.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -91,7 +91,8 @@ impl SetArgs {
         Ok(timeout.dialing(read?.pause))
     }
 
-    /// The settings of a Modbus client, of a command that uses these of the link's bytes. A remark names others that were given.
+    /// Returns the settings of a Modbus client, for a command that uses these settings of the link's bytes. A remark names
+    /// given settings that are not used.
     ///
     /// # Errors
     /// As [`read`](Self::read); when a name is not a setting of a Modbus client, or a value is not one of the setting's.
@@ -153,7 +154,8 @@ struct Origin {
 
 static ORIGIN: Mutex<Origin> = Mutex::new(Origin { files: Vec::new(), set: Vec::new() });
 
-/// The error of a command; if a setting is refused, with the line of the file that has it, and if it is unknown, with the command that lists all.
+/// Returns the error of a command; if a setting is rejected, with its line of the file, and if it is unknown, with the
+/// command that lists all settings.
 pub fn located(error: anyhow::Error) -> anyhow::Error {
     let Some(Refused { name, .. }) = error.downcast_ref() else { return error };
     let lists = match list::settings_of_command_line() {
@@ -194,20 +196,20 @@ pub(super) struct ClientGiven {
     given: Map<String, Value>,
 }
 
-/// The names of a client's settings, for an error.
+/// Returns the names of a client's settings, for an error.
 fn client_known(session: &[Setting], uses: &[&str]) -> Vec<String> {
     let session = session.iter().map(|it| it.name.clone());
     session.chain(uses.iter().map(|it| (*it).to_owned())).chain([CONNECT_PAUSE.to_owned()]).collect()
 }
 
-/// The settings of a Modbus client that uses these of the link's bytes, for its help.
+/// Returns the settings of a Modbus client that uses these settings of the link's bytes, for its help.
 pub fn client_help(session: Vec<Setting>, uses: &[&str]) -> Vec<Setting> {
     let mut view = settings::list(ViewSettings::default());
     view.retain(|it| uses.contains(&it.name.as_str()));
     [session, view, connect_settings()].concat()
 }
 
-/// The remark for a setting that a command does not use.
+/// Prints the remark for a setting that a command does not use.
 pub(crate) fn no_effect(name: &str) {
     remark(&format!("the setting {name} has no effect on this command"));
 }
@@ -233,12 +235,12 @@ impl Configure for ConnectSettings {
     }
 }
 
-/// The settings of a client's connections, for its help.
+/// Returns the settings of a client's connections, for its help.
 pub fn connect_settings() -> Vec<Setting> {
     settings::list(ConnectSettings::default())
 }
 
-/// The settings in these files; a later one overrides an earlier one.
+/// Reads the settings in these files; a later one overrides an earlier one.
 fn files<'a>(files: impl Iterator<Item = &'a Path>) -> Result<Map<String, Value>> {
     let mut given = Map::new();
     for file in files {

@@ -22,7 +22,7 @@ const PACKETS: [[u8; 4]; 7] = [
     [0x0A, 0x0D, 0x0D, 0x0A],
 ];
 
-/// The format of `input`, and all of it.
+/// Detects the format of `input`; returns it with the whole input.
 ///
 /// # Errors
 /// When it cannot be read, or is something else than bytes of a link.
@@ -41,7 +41,7 @@ pub(super) fn detect(mut input: Box<dyn BufRead>) -> Result<(Format, Box<dyn Buf
     Ok((format, Box::new(std::io::BufReader::new(Cursor::new(begin).chain(input)))))
 }
 
-/// The format of what begins so; `None` where more has to be seen.
+/// Returns the format of an input with this beginning; `None` if more bytes are needed.
 fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
     if begin.len() < 4 && !is_all {
         return Ok(None);
@@ -89,7 +89,7 @@ fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
     Ok(is_all.then_some(Format::Raw))
 }
 
-/// Whether a line of a hex file has only bytes, before what `#` begins.
+/// Returns whether a line of a hex file has only bytes before a `#`.
 fn is_hex(line: &str) -> bool {
     let bytes = line.split('#').next().unwrap_or_default();
     let words = || bytes.split([' ', '\t', ',']).filter(|word| !word.is_empty());
@@ -98,7 +98,8 @@ fn is_hex(line: &str) -> bool {
         && words().map(digits).sum::<usize>() > 0
 }
 
-/// Whether a line is what strace writes of a call, with its result, or without where another thread was heard meanwhile.
+/// Returns whether a line is a call in the output of strace, with its result, or without it if another thread was traced
+/// meanwhile.
 fn is_call(line: &str) -> bool {
     const CALLS: [&str; 16] = [
         "read", "readv", "recv", "recvfrom", "recvmsg", "pread64", "write", "writev", "send", "sendto",

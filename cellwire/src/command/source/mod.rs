@@ -53,7 +53,7 @@ pub(super) enum Format {
 }
 
 impl SourceArgs {
-    /// The input, and its format.
+    /// Opens the input, and its format.
     ///
     /// # Errors
     /// When it cannot be opened, or has the format of something else than bytes.
@@ -65,7 +65,7 @@ impl SourceArgs {
         }
     }
 
-    /// The input, as a word of a command line.
+    /// Returns the name of the input as a word of a command line.
     pub(super) fn name(&self) -> String {
         let file = self.file.as_ref().filter(|file| file.as_os_str() != "-");
         file.map_or_else(|| "FILE".into(), |file| quoted(&file.to_string_lossy()))
@@ -84,7 +84,7 @@ impl SourceArgs {
         Some(Reading { form, port: self.port, adapter: self.adapter, descriptor: self.fd })
     }
 
-    /// ` on port 502`, where only one is read.
+    /// Returns ` on port 502`, if only one port is read.
     pub(super) fn on_port(&self) -> String {
         self.port.map_or_else(String::new, |port| format!(" on port {port}"))
     }

@@ -187,7 +187,7 @@ impl<'a> Decoding<'a> {
         }
     }
 
-    /// The state of the last connection.
+    /// Returns the state of the last connection.
     pub(super) fn state(&self) -> String {
         match self.watchers.last_key_value() {
             Some((connection, _)) if self.closed.contains(connection) => "the connection is closed".into(),
@@ -196,7 +196,7 @@ impl<'a> Decoding<'a> {
         }
     }
 
-    /// Called when nothing was seen for a while: decodes the buffered bytes of a line as they are.
+    /// Called when no bytes were seen for a while: decodes the buffered bytes of a line as they are.
     pub(super) fn silence(&mut self, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
         self.pass_time(SystemTime::now(), tell)?;
         for (number, connection) in &mut self.connections {
@@ -245,7 +245,7 @@ fn complain(
     })
 }
 
-/// The time of a shadow.
+/// Returns the time of a shadow.
 fn since(at: SystemTime) -> Duration {
     at.duration_since(UNIX_EPOCH).unwrap_or_default()
 }
@@ -321,7 +321,7 @@ impl Decoded {
     }
 }
 
-/// An item, whose bytes are the first that are held.
+/// Returns an item, whose bytes are the first in the buffer.
 fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
     let Item { offset, length, kind, json } = item;
     let length_held = usize::try_from(length).unwrap_or(usize::MAX).min(held.len());

@@ -102,7 +102,7 @@ fn line(entry: Entry) -> Value {
     Value::Object(line)
 }
 
-/// The first bytes of many, as text.
+/// Returns the first bytes as hex text.
 fn first_bytes(bytes: &[u8]) -> String {
     hex(bytes.get(..MAX_BYTES).unwrap_or(bytes))
 }

@@ -150,7 +150,7 @@ impl Last {
     }
 }
 
-/// How a thread has ended.
+/// Joins a thread; returns its result.
 pub(super) fn join(thread: ScopedJoinHandle<'_, Result<()>>) -> Result<()> {
     thread.join().unwrap_or_else(|_| bail!("a thread has panicked"))
 }

@@ -57,7 +57,7 @@ impl Split {
         Ok(Self { sides, at: 0, held: VecDeque::new(), spoke_last: None })
     }
 
-    /// Whether there are bytes of which more must be known.
+    /// Returns whether there are bytes of which more must arrive.
     pub(super) fn holds(&self) -> bool {
         !self.held.is_empty()
     }
@@ -113,7 +113,7 @@ impl Split {
         }
     }
 
-    /// The bytes up to there.
+    /// Removes and returns the bytes up to `end`.
     fn take(&mut self, end: u64) -> Vec<u8> {
         let length = usize::try_from(end - self.at).unwrap_or(usize::MAX).min(self.held.len());
         self.at = end;

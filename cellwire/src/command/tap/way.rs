@@ -44,7 +44,7 @@ pub(in crate::command) struct WayArgs {
 }
 
 impl WayArgs {
-    /// The rate of the serial ports, if there are any.
+    /// Returns the rate of the serial ports, if there are any.
     pub(super) fn baud(&self) -> Option<u32> {
         self.a.as_ref().map(|_| self.baud)
     }

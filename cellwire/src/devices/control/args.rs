@@ -18,7 +18,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// The command `get`, without fields.
+    /// Returns the command `get`, without fields.
     pub const fn get(about: &'static str) -> Self {
         Self { name: "get", about, examples: &[r#"{"do":"get"}"#] }
     }
@@ -33,7 +33,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// The command of a request, and its `id`.
+    /// Parses the command of a request, and its `id`.
     ///
     /// # Errors
     /// The line is not an object with `do`.
@@ -51,7 +51,7 @@ impl Args {
         }
     }
 
-    /// The fields, as the command has them.
+    /// Reads the fields of the command.
     ///
     /// # Errors
     /// A field is missing, unknown or has another type.
@@ -84,7 +84,7 @@ impl Time {
         Self { ms, seconds }
     }
 
-    /// The time; `None` if neither field is given.
+    /// Reads the time; `None` if neither field is given.
     pub(super) fn read(self) -> Result<Option<Duration>, String> {
         let seconds = match (self.ms, self.seconds) {
             (None, None) => return Ok(None),
@@ -98,7 +98,7 @@ impl Time {
         Ok(Some(Duration::from_secs_f64(seconds)))
     }
 
-    /// The time, which has to be given.
+    /// Reads the time, which must be given.
     pub(super) fn required(self) -> Result<Duration, String> {
         self.read()?.ok_or_else(|| "give the time, `ms` or `seconds`".into())
     }

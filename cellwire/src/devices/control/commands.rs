@@ -129,7 +129,7 @@ struct Listed {
 }
 
 impl<D: Device + 'static> Commands<D> {
-    /// The answer to a line.
+    /// Executes the command of a line; returns the answer.
     pub(super) fn answer(&self, line: &[u8]) -> Value {
         let (id, args) = Args::parse(line);
         let mut answer: Fields = id.into_iter().map(|id| ("id".into(), id)).collect();
@@ -200,7 +200,7 @@ impl<D: Device + 'static> Commands<D> {
         }
     }
 
-    /// A fault of messages.
+    /// Adds a fault of messages.
     fn message(&self, args: Args) -> Result<Fields, String> {
         let name = args.name.clone();
         let Messages { next, every, of, now, ms, seconds } = args.read()?;
@@ -247,7 +247,7 @@ impl<D: Device + 'static> Commands<D> {
         Ok(Fields::new())
     }
 
-    /// A fault that has happened when the answer is sent.
+    /// Causes a fault, which has happened when the answer is sent.
     fn at_once(&self, fault: Fault) -> Result<Fields, String> {
         self.remote.faults().at_once(fault);
         let happened = self.remote.call(BEGINS_WITHIN, |_| ());
@@ -288,7 +288,7 @@ impl<D: Device + 'static> Commands<D> {
     }
 }
 
-/// The number of entries of an answer.
+/// Returns the number of entries of an answer.
 fn number(most: Option<usize>) -> Result<usize, String> {
     Some(most.unwrap_or(100)).filter(|most| *most <= MOST).ok_or_else(|| "`most` is 0 to 1000".into())
 }

@@ -56,7 +56,7 @@ impl SimulateOptions {
         announce(&line)
     }
 
-    /// With `--control`, executes commands to the device in a thread, from now on.
+    /// Executes commands to the device in a thread from now on, with `--control`.
     ///
     /// # Errors
     /// The system cannot start it.

@@ -63,7 +63,7 @@ impl Port {
         Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false, tls: None }, dialing)
     }
 
-    /// With the configuration that this kind of port needs.
+    /// Creates a client with the configuration for this kind of port.
     pub fn new(kind: PortKind, dialing: Dialing) -> Self {
         let config = match kind {
             PortKind::Tcp { rtu: false, .. } => ClientConfig::tcp(),
@@ -73,7 +73,7 @@ impl Port {
         Self { kind, config, dialing }
     }
 
-    /// HOST:PORT, or the path of the serial port.
+    /// Returns HOST:PORT, or the path of the serial port.
     pub fn server(&self) -> &str {
         match &self.kind {
             PortKind::Tcp { server, .. } => server,
@@ -241,7 +241,7 @@ impl Client {
         Ok(Some(answer))
     }
 
-    /// The failure of the last request, with what came in place of its reply.
+    /// Explains the failure of the last request, with the message that came in place of its reply.
     pub fn explain(&self, failure: Failure) -> String {
         match (&self.instead, failure) {
             (Some(instead), Failure::TimedOut) => format!("{failure}; received instead: {instead}"),
@@ -249,28 +249,28 @@ impl Client {
         }
     }
 
-    /// The time before the first request on a serial line: a reply to a request of an earlier client may still come.
+    /// Returns the time before the first request on a serial line: a reply to a request of an earlier client may still come.
     pub const fn first_wait(&self) -> Duration {
         let ClientConfig { framing, timeout, settle, .. } = self.port.config;
         if matches!(framing, Framing::Rtu { .. }) { timeout.saturating_add(settle) } else { Duration::ZERO }
     }
 
-    /// The time at which the connection was opened.
+    /// Returns the time at which the connection was opened.
     pub const fn opened(&self) -> Instant {
         self.opened
     }
 
-    /// The unit of the first request that timed out.
+    /// Returns the unit of the first request that timed out.
     pub const fn silent_unit(&self) -> Option<u8> {
         self.seen.silent_unit
     }
 
-    /// The number of replies that came after their timeout.
+    /// Returns the number of replies that came after their timeout.
     pub const fn late_replies(&self) -> u64 {
         self.seen.late_replies
     }
 
-    /// The number of connections that the server closed, or that broke.
+    /// Returns the number of connections that the server closed, or that broke.
     pub const fn lost_connections(&self) -> u64 {
         self.seen.lost_connections
     }
@@ -308,7 +308,7 @@ impl Client {
         outcome.unwrap_or(Failure::NotSent)
     }
 
-    /// One turn of the driver; gives the outcome of the request, if it has one.
+    /// Runs one turn of the driver; returns the outcome of the request, if it has one.
     fn turn<T>(
         &mut self,
         wait: Option<Duration>,
@@ -332,8 +332,8 @@ impl Client {
         Err(Lost(why).into())
     }
 
-    /// After a failure. Without that, the rest of a reply that was cut would be taken from the next one; and where RTU frames go over
-    /// TCP, a late reply is waited for much longer than a connection takes.
+    /// Returns whether a new connection is best after a failure. Without it, the rest of a truncated reply would be taken
+    /// for a part of the next one; and with RTU over TCP, the wait for a late reply is much longer than a new connection.
     fn is_best_connected_again(&self) -> bool {
         let config = self.session.config();
         match self.port.kind {
@@ -362,12 +362,12 @@ impl Client {
     }
 }
 
-/// Whether a request that is made twice does no harm.
+/// Returns whether a request can be repeated without harm.
 pub fn changes_nothing(request: &Request<'_>) -> bool {
     request.reads() && !matches!(request, Request::ReadWriteRegisters { .. })
 }
 
-/// The answer in an event; what is none goes to standard error, and the first of it into `instead`.
+/// Returns the answer in an event; other events are printed on standard error, and the first of them is stored in `instead`.
 fn answer<T>(
     session: &modbus::Client<1>,
     event: ClientEvent,

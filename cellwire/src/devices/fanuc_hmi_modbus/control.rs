@@ -63,7 +63,7 @@ pub(super) fn own() -> Own<FanucController> {
     }
 }
 
-/// A write as JSON.
+/// Returns a write as JSON.
 pub(super) fn show(write: &Write) -> Value {
     match write {
         Write::Coils(address, values) => {
@@ -94,7 +94,7 @@ struct Set {
     values: Option<Vec<Value>>,
 }
 
-/// The table and the address of a request.
+/// Returns the table and the address of a request.
 fn place(
     fanuc: &FanucController,
     signal: Option<&str>,
@@ -118,7 +118,7 @@ fn place(
     }
 }
 
-/// A value of a table.
+/// Reads a value of a table.
 fn word(table: Table, value: Value) -> Result<u16, String> {
     let is_bit = matches!(table, Table::DiscreteInputs | Table::Coils);
     let word = match value {

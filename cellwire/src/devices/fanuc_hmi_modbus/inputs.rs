@@ -40,7 +40,7 @@ impl Inputs {
         Ok(Self(inputs))
     }
 
-    /// Whether none of them changes after a time.
+    /// Returns whether all inputs stay constant from this time on.
     pub fn are_settled(&self, now: Duration) -> bool {
         self.0.iter().all(|(_, times)| times.start <= now && (times.end <= now || times.end == Duration::MAX))
     }
@@ -54,7 +54,7 @@ impl Inputs {
     }
 }
 
-/// Whether the setting has this kind of signal.
+/// Returns whether the setting has this kind of signal.
 fn is_input(signal: &Signal) -> bool {
     matches!(signal, Signal::Di(_) | Signal::Ri(_) | Signal::Ui(_) | Signal::Si(_) | Signal::Gi(_))
 }

@@ -38,8 +38,8 @@ enum Variable {
 }
 
 impl Mapping {
-    /// The telemetry block of a task whose registers begin with `R[first]`, and after it R\[n\] as 16-bit integers at PDU address n - 1,
-    /// as the factory has it.
+    /// Returns the mapping with the telemetry block of a task whose registers begin with `R[first]`, followed by R\[n\] as
+    /// 16-bit integers at PDU address n - 1, the factory's default.
     ///
     /// # Errors
     /// None.
@@ -227,7 +227,8 @@ impl Area {
     }
 }
 
-/// A number in its registers; the low bits of one that is too large, as a controller that counts in 16 bits has them.
+/// Returns a number in its registers; for a number that is too large, its low bits, as in a controller with 16-bit
+/// registers.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "that is the case")]
 fn encoded(number: Number, value: f64) -> [u16; 2] {
     number.write(value).unwrap_or_else(|_| match number.kind {

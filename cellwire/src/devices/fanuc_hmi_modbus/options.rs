@@ -115,7 +115,7 @@ impl Configure for ProgramSettings {
 }
 
 impl ProgramSettings {
-    /// Without a program these have no effect.
+    /// Checks that there are no settings that have no effect without a program.
     ///
     /// # Errors
     /// When one of them is given without a program.
@@ -170,7 +170,7 @@ impl FanucSettings {
         }
     }
 
-    /// The server on a serial line.
+    /// Returns the server on a serial line.
     pub fn on_line(&self) -> ServerConfig {
         let mut config = ServerConfig::rtu(self.unit.unwrap_or(1), self.baud);
         if let Some(silence) = self.silence {
@@ -179,7 +179,7 @@ impl FanucSettings {
         self.with(config)
     }
 
-    /// The settings that have no effect on a serial line, or on TCP.
+    /// Returns the settings that have no effect on a serial line, or on TCP.
     pub fn unused(&self, is_line: bool) -> Vec<&'static str> {
         let mut unused = Vec::new();
         if is_line {

@@ -27,7 +27,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// At the beginning of its program.
+    /// Creates a robot at the beginning of its program.
     pub fn new(machine: Machine, mapping: Mapping, inputs: Inputs, telemetry: u32) -> Self {
         Self { machine, mapping, inputs, telemetry, before: None }
     }

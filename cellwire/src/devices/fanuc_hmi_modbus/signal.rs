@@ -5,7 +5,7 @@ use fanuc_hmi_modbus::Signal;
 /// The names, in a sentence.
 pub(super) const NAMES: &str = "DI[n], RI[n], UI[n], UO[n], SI[n], SO[n], WI[n], WO[n], WSI[n], WSO[n], DO[n], RO[n], F[n], GI[n], GO[n], AI[n], AO[n] or R[n]";
 
-/// The signal of this name, such as `DI[1]`; its number may be outside its range.
+/// Parses the signal of this name, such as `DI[1]`; its number may be outside its range.
 pub(super) fn parse(name: &str) -> Option<Signal> {
     let (letters, number) = name.trim().strip_suffix(']')?.split_once('[')?;
     let number = number.parse().ok()?;

@@ -109,7 +109,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     }
 }
 
-/// The event of a background task that would write registers that the programs use; `None` if it writes others.
+/// Returns the event of a background task that would write registers that the programs use; `None` if it writes other
+/// registers.
 fn overwritten(programs: &Programs, first: u32) -> Option<Value> {
     let last = first + BACKGROUND_REGISTERS - 1;
     let mut used = programs.values().flat_map(|program| program.registers());
@@ -226,7 +227,7 @@ pub fn serve_tcp<C: Fn() -> Duration>(
     )
 }
 
-/// One connection, without a record of writes.
+/// Creates one connection, without a record of writes.
 ///
 /// # Errors
 /// A configuration that cannot work.

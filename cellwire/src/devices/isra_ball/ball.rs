@@ -18,7 +18,7 @@ use crate::io::line::Line;
 use cellwire_io::output::notice;
 use cellwire_links::settings;
 
-/// `cellwire simulate ball`.
+/// Runs `cellwire simulate ball`.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -31,7 +31,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     })
 }
 
-/// The commands of `--control`: the grip on the ball.
+/// Returns the commands of `--control`: the grip on the ball.
 fn own() -> Own<HeldBall> {
     const SET: &str = "the ball measures `grip`, with `force` and `moment` of three axes from -128 to 127 (default 0) and the `keys` 1 to 8 that are down; null: the simulated hand moves it again";
     Own {

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use crate::devices::control::{Command, Own, fields};
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 
-/// The order of the PC. It executes orders.
+/// Returns the commands of `--control`: the order of the PC, which executes orders.
 pub(super) fn pc() -> Own<Pc<AnyWork>> {
     Own {
         commands: const {
@@ -25,7 +25,7 @@ pub(super) fn pc() -> Own<Pc<AnyWork>> {
     }
 }
 
-/// The jobs of the robot.
+/// Returns the commands of `--control`: the jobs of the robot.
 pub(super) fn robot(layout: Layout) -> Own<Kawasaki<AnyWork>> {
     Own {
         commands: const {

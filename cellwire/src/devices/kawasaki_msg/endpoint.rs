@@ -28,7 +28,7 @@ pub(super) enum Side {
 }
 
 impl Side {
-    /// The end of a connection in words.
+    /// Returns the end of a connection in words.
     pub(super) fn reason(self, ending: &Ending) -> String {
         let peer = if self == Self::Pc { "robot" } else { "PC" };
         match ending {
@@ -87,7 +87,7 @@ impl<'a> Connections<'a> {
         Self { side, meeting, clock, trace, carrier: None, discard_after: None, packets, retry_at }
     }
 
-    /// The clock of the session.
+    /// Returns the clock of the session.
     pub(super) fn clock(&self) -> Clock {
         self.clock
     }
@@ -97,7 +97,7 @@ impl<'a> Connections<'a> {
         Rc::clone(&self.packets)
     }
 
-    /// Whether a connection is looked for now.
+    /// Returns whether a connection is wanted now.
     fn is_wanted(&self, device: State, now: Duration) -> bool {
         match (self.meeting.takes_another(), self.side) {
             (true, _) => device.accepts,

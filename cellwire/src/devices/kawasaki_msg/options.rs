@@ -73,7 +73,7 @@ impl Default for PcSettings {
 }
 
 impl PcSettings {
-    /// The file of the picture.
+    /// Returns the file of the picture.
     pub fn drawing(&self) -> Option<PathBuf> {
         self.drawing.as_ref().map(PathBuf::from)
     }

@@ -66,7 +66,7 @@ pub enum Notification<'a> {
     Connection(Connection<'a>),
 }
 
-/// The robot.
+/// Creates the robot's simulator.
 ///
 /// # Errors
 /// Settings that cannot work.

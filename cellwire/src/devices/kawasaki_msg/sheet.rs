@@ -23,7 +23,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// The lines of a layout.
+    /// Returns the sheet for the jobs of a layout.
     ///
     /// # Errors
     /// When its jobs are not lines.
@@ -52,7 +52,7 @@ impl Lines {
         Ok(Self { kind, ends: [x1, y1, x2, y2], defaults })
     }
 
-    /// The job that draws a line.
+    /// Returns the job that draws a line.
     pub fn work(&self, line: &Line) -> AnyWork {
         let mut work = self.defaults;
         work.set(self.kind, AnyValue::Number(if line.draws { 1 } else { 2 }));
@@ -63,14 +63,14 @@ impl Lines {
         work
     }
 
-    /// The line that a job draws.
+    /// Returns the line that a job draws.
     pub fn line(&self, work: &AnyWork) -> Line {
         let [x1, y1, x2, y2] = self.ends.map(|(place, places)| hundredths(work.number(place), places));
         let (from, to) = (Point { x: x1, y: y1 }, Point { x: x2, y: y2 });
         Line { draws: work.number(self.kind) == 1, from, to }
     }
 
-    /// The lines of a picture: a point on the board is a point on the sheet.
+    /// Returns the lines of a picture: a point on the board is a point on the sheet.
     pub fn jobs(&self, picture: &Picture) -> Vec<AnyWork> {
         picture.lines.iter().map(|line| self.work(line)).collect()
     }
@@ -86,7 +86,7 @@ fn units(hundredths: i32, places: u8) -> i32 {
     }
 }
 
-/// The same backwards.
+/// Converts units back to hundredths.
 fn hundredths(units: i32, places: u8) -> i32 {
     match places {
         0 | 2 => units,

@@ -25,7 +25,8 @@ use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layo
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{self, Refused};
 
-/// The PC until interrupted: a robot that connects gets the picture as an order, or example jobs if the plant's jobs are not lines.
+/// Runs the PC until interrupted: a robot that connects gets the picture as an order, or example jobs if the plant's jobs
+/// are not lines.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -69,8 +70,8 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     )
 }
 
-/// A PC's configuration in a plant. If the plant has no message that interrupts an order, as one drafted from a capture may, and
-/// `given` has no `takeover`, an order that the robot still has is ended.
+/// Returns a PC's configuration in a plant. If the plant lacks a message that interrupts an order, as a drafted plant may,
+/// and `given` lacks `takeover`, the robot's earlier order is ended.
 ///
 /// # Errors
 /// When it cannot work.
@@ -117,7 +118,7 @@ fn examples(layout: &Layout, charset: Charset) -> Result<Vec<AnyWork>> {
     (0..EXAMPLES).map(job).collect()
 }
 
-/// The robot until interrupted.
+/// Runs the robot until interrupted.
 ///
 /// # Errors
 /// When a setting is none of this device's.

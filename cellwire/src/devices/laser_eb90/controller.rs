@@ -48,7 +48,7 @@ impl RobotCounts {
     }
 }
 
-/// `cellwire simulate laser`.
+/// Runs `cellwire simulate laser`.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -115,7 +115,7 @@ impl Record {
     }
 }
 
-/// The commands of `--control`: the length of the queue.
+/// Returns the commands of `--control`: the length of the queue.
 fn own(settings: &Laser) -> Own<LaserRobot> {
     let settings = *settings;
     Own {
@@ -149,7 +149,7 @@ impl Switch {
         self.turn_off();
     }
 
-    /// Whether it was stopped so.
+    /// Returns whether the robot was stopped in this way.
     pub fn was_killed(&self) -> bool {
         self.killed.load(Ordering::Relaxed)
     }

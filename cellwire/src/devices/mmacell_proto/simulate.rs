@@ -15,7 +15,7 @@ use cellwire_io::output::{admits, log, notice, remark};
 use cellwire_io::tcp;
 use cellwire_links::settings;
 
-/// The robot until interrupted.
+/// Runs the robot until interrupted.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -23,7 +23,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     simulate("mma-robot", MmaRobot::default(), options)
 }
 
-/// The platform until interrupted.
+/// Runs the platform until interrupted.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -77,7 +77,7 @@ where
     )
 }
 
-/// The commands of `--control`: the end of a motion, and the pose.
+/// Returns the commands of `--control`: the end of a motion, and the pose.
 fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
     Own {
         commands: const {

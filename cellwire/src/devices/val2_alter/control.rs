@@ -8,7 +8,7 @@ use val2_alter::ControllerState;
 use super::script;
 use crate::devices::control::{Command, Fields, Own, fields};
 
-/// The incidents of the program, and the position of the arm.
+/// Returns the commands of `--control`: the incidents of the program, and the position of the arm.
 pub(super) fn own() -> Own<MarkIii> {
     Own {
         commands: const {
@@ -43,7 +43,7 @@ pub(super) fn own() -> Own<MarkIii> {
     }
 }
 
-/// The position of a pose in mm, to a thousandth.
+/// Returns the position of a pose in mm, to a thousandth.
 pub(super) fn position(pose: &Pose) -> [f64; 3] {
     pose.p.map(|mm| (mm * 1000.0).round() / 1000.0)
 }

@@ -24,7 +24,7 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// The next reply.
+    /// Adds the next reply.
     pub fn add(&mut self, taken: Taken, accumulation: Accumulation) {
         let before = self.last.filter(|(last, _)| last.session == taken.session);
         let speeds = match (accumulation, before) {
@@ -47,7 +47,7 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// One step from values to values.
+    /// Adds one step from values to values.
     pub fn add(&mut self, before: [i16; AXES], values: [i16; AXES]) {
         let most = self.velocity.iter_mut().zip(&mut self.acceleration);
         for ((velocity, acceleration), (before, value)) in most.zip(before.into_iter().zip(values)) {
@@ -56,7 +56,7 @@ impl Extremes {
         }
     }
 
-    /// Whether no axis went beyond its limits.
+    /// Returns whether all axes stayed within their limits.
     pub fn keeps(&self, limits: &Limits) -> bool {
         let within = |seen: &[u32; AXES], most: &[u16; AXES]| {
             seen.iter().zip(most).all(|(seen, most)| *seen <= u32::from(*most))

@@ -40,7 +40,7 @@ pub struct PumaConfig {
 }
 
 impl Default for PumaConfig {
-    /// `ALTER(0, 23, clamp2, 127)`, on a line that takes its time.
+    /// Returns the options of `ALTER(0, 23, clamp2, 127)`, on a line with real delays.
     fn default() -> Self {
         let puma = Puma { is_paced: false, ..Puma::default() };
         Self { puma, script: Script::default(), keeps_all: true }
@@ -106,7 +106,7 @@ pub struct PumaRecord {
     pub drift: f64,
 }
 
-/// `cellwire simulate puma`.
+/// Runs `cellwire simulate puma`.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -238,7 +238,7 @@ impl Recording {
         (record.starts, record.strays) = (seen.starts, seen.strays);
     }
 
-    /// A reply was taken; where the arm is, if that is to be told.
+    /// Called when a reply was accepted; returns the position of the arm, if it is to be reported.
     fn measure(
         &mut self,
         values: [i16; AXES],
@@ -322,7 +322,7 @@ fn to_json(at: Duration, told: Notification) -> Value {
     }
 }
 
-/// An error code in words (§3.2.2).
+/// Returns an error code in words (§3.2.2).
 pub fn error_text(code: ErrorCode) -> &'static str {
     match code {
         ErrorCode::None => "no error",

@@ -52,7 +52,7 @@ fn time(word: &str) -> Result<Duration> {
     humantime::parse_duration(word).with_context(|| format!("`{word}` is not a time such as 2s or 500ms"))
 }
 
-/// An incident without its time.
+/// Parses an incident without its time.
 pub(super) fn incident(text: &str) -> Result<Incident> {
     let mut words = text.split_whitespace();
     let mut word = || words.next().unwrap_or_default();
@@ -82,7 +82,7 @@ fn names() -> String {
     ERRORS.map(|(name, _)| name).join(", ")
 }
 
-/// An incident as it was written, without its time.
+/// Returns an incident in its written form, without its time.
 pub fn text(incident: Incident) -> String {
     match incident {
         Incident::Interrupt(time) => format!("interrupt {}", humantime::format_duration(time)),

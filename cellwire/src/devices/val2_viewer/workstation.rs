@@ -16,7 +16,7 @@ use crate::io::line::Line;
 use cellwire_io::output::notice;
 use cellwire_links::settings;
 
-/// `cellwire simulate viewer`.
+/// Runs `cellwire simulate viewer`.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -29,7 +29,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     })
 }
 
-/// The commands of `--control`: the counts of the workstation. It executes each pose that it draws.
+/// Returns the commands of `--control`: the counts of the workstation. The workstation executes each pose that it draws.
 fn own() -> Own<Screen> {
     Own {
         commands: const {

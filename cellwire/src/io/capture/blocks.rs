@@ -189,7 +189,7 @@ impl Blocks {
 }
 
 impl Form {
-    /// The length of the block that begins here; `None` when more bytes are needed to know.
+    /// Returns the length of the block that begins here; `None` if more bytes are needed.
     fn length(&self, data: &[u8]) -> Result<Option<usize>, String> {
         let word = |at: usize, is_big: bool| -> Option<u32> {
             let bytes = *data.get(at..)?.first_chunk::<4>()?;

@@ -19,7 +19,7 @@ pub trait Directions {
     /// The state of a direction that is taken.
     type Direction;
 
-    /// The next packet was captured then.
+    /// Called with the capture time of the next packet.
     ///
     /// # Errors
     /// An error ends the reading.
@@ -27,9 +27,10 @@ pub trait Directions {
         Ok(())
     }
 
-    /// Called for the first bytes of a direction: returns `None` to leave it out. `connection` counts from 1 for the same two
-    /// ends; `is_client` is whether the client sends the bytes. If the capture lacks the beginning of the connection (`is_whole`
-    /// is false), the lower port counts as the server's; on a line that was recorded at one end, this end counts as the client.
+    /// Called for the first bytes of a direction: returns `None` to omit the direction. `connection` counts from 1 for the
+    /// same two ends; `is_client` is whether the client sends the bytes. If the capture lacks the beginning of the
+    /// connection (`is_whole` is false), the lower port counts as the server's; on a line that was recorded at one end, this
+    /// end counts as the client.
     ///
     /// # Errors
     /// An error ends the reading.
@@ -41,19 +42,19 @@ pub trait Directions {
         is_whole: bool,
     ) -> Result<Option<Self::Direction>>;
 
-    /// The next piece of a direction.
+    /// Called with the next piece of a direction.
     ///
     /// # Errors
     /// An error ends the reading.
     fn take(&mut self, direction: &mut Self::Direction, piece: Piece<'_>) -> Result<()>;
 
-    /// A direction has ended.
+    /// Called when a direction has ended.
     ///
     /// # Errors
     /// An error ends the reading.
     fn end(&mut self, direction: Self::Direction) -> Result<()>;
 
-    /// A fault of the packet of this number, or of the capture after it.
+    /// Called with a fault of the packet with this number, or of the capture after it.
     ///
     /// # Errors
     /// An error ends the reading.
@@ -84,7 +85,7 @@ enum Ends {
 }
 
 impl Ends {
-    /// The ends, and which of them sends.
+    /// Returns the two ends, and the sending one.
     fn of(flow: Flow) -> (Self, usize) {
         let ordered = |a: SocketAddr, b: SocketAddr| if a <= b { (a, b, 0) } else { (b, a, 1) };
         match flow {
@@ -216,7 +217,7 @@ impl<D: Directions> Table<'_, D> {
         self.end(all)
     }
 
-    /// In the order of their last packets.
+    /// Ends the connections in the sequence of their last packets.
     fn end(&mut self, mut ended: Vec<(u64, Ends)>) -> Result<()> {
         ended.sort_unstable_by_key(|(last, _)| *last);
         for (_, ends) in ended {
@@ -234,7 +235,8 @@ impl<T> Connection<T> {
         Self { number, client: None, directions: [silent(), silent()], last: 0 }
     }
 
-    /// A segment that opens a direction: again, for the first time, or of another connection between the same ports.
+    /// Handles a segment that opens a direction: again, for the first time, or for another connection between the same
+    /// ports.
     fn open(
         &mut self,
         sender: usize,
@@ -284,7 +286,7 @@ impl<T> Connection<T> {
     }
 }
 
-/// Whether the sender is the client, by the ports alone.
+/// Returns whether the sender is the client, by the ports alone.
 fn is_likely_client(flow: Flow) -> bool {
     match flow {
         Flow::Tcp(from, to) | Flow::Udp(from, to) => from.port() > to.port(),

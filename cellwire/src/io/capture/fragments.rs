@@ -61,7 +61,7 @@ impl Fragments {
         (None, faults.into_iter().collect())
     }
 
-    /// The capture has ended.
+    /// Called when the capture has ended.
     pub(super) fn finish(self) -> impl Iterator<Item = Fault> {
         self.0.into_iter().map(|(key, packet)| lost(&key, &packet, "the rest is not in the capture"))
     }

@@ -76,7 +76,7 @@ pub fn is_dump(text: &str) -> bool {
         })
 }
 
-/// The lines of a dump with their numbers, without remarks.
+/// Returns the lines of a dump with their numbers, without comments.
 fn lines(text: &str) -> impl Iterator<Item = (u64, String)> {
     let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim_start().starts_with('#'));
     lines.map(|(number, line)| (number, line.replace('\t', "    ").trim_end().to_owned()))
@@ -86,7 +86,7 @@ fn rows(text: &str) -> impl Iterator<Item = (u64, Row)> {
     lines(text).filter_map(|(number, line)| Some((number, Row::new(&line)?)))
 }
 
-/// The first line of a dump that has something else than bytes in their order, and why it is not read.
+/// Returns the first line of a dump that has other text than bytes in sequence, and the reason.
 fn refused(text: &str) -> Option<(u64, &'static str)> {
     let (mut words, mut is_proved) = (None, false);
     for (number, line) in lines(text) {
@@ -140,7 +140,7 @@ fn refused(text: &str) -> Option<(u64, &'static str)> {
 /// The number systems of offsets: od writes octal ones, or decimal ones with `-A d`.
 const RADIXES: [u32; 3] = [16, 8, 10];
 
-/// The number system in which the offset of the second line is the end of the first, if the dump shows it.
+/// Returns the number system in which the offset of the second line is the end of the first, if the dump shows it.
 fn radix(text: &str) -> Option<u32> {
     let mut last: Option<Row> = None;
     for (_, row) in rows(text) {
@@ -307,7 +307,7 @@ impl Dump {
         if self.by_keeper { first } else { second }
     }
 
-    /// A line between packets: the sender of the next one, and its time, or the offset of the end.
+    /// Handles a line between packets: the sender of the next one, and its time, or the offset of the end.
     fn about(
         &mut self,
         number: u64,
@@ -331,7 +331,7 @@ impl Dump {
     }
 }
 
-/// A time of the day, or seconds.
+/// Parses a time of the day, or seconds.
 pub(super) fn time(word: &str) -> Option<Duration> {
     let parts: Vec<&str> = word.split(':').collect();
     let (whole, seconds) = match *parts {

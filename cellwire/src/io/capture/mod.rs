@@ -277,7 +277,7 @@ fn read_packets(
     Ok(summary)
 }
 
-/// An IP packet, or a fragment of one.
+/// Handles an IP packet, or a fragment of one.
 fn internet(
     (number, at): (u64, Option<Duration>),
     data: &[u8],

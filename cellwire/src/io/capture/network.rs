@@ -165,7 +165,7 @@ pub(super) struct Fragment {
     pub(super) is_last: bool,
 }
 
-/// The headers of an IP packet, which may have been cut off at the end.
+/// Parses the headers of an IP packet, which may be truncated.
 pub(super) fn ip(data: &[u8]) -> Result<Ip<'_>, String> {
     let (ip, fault) = LaxIpSlice::from_slice(data).map_err(|error| error.to_string())?;
     if let Some((error, _)) = fault {

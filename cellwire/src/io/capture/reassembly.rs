@@ -46,7 +46,8 @@ struct Started {
 }
 
 impl Reassembly {
-    /// The connection is opened: its first byte has this number. Whether another connection had begun here.
+    /// Called when the connection is opened: its first byte has this number. Returns whether another connection had begun
+    /// here.
     pub fn open(&mut self, sequence: u32) -> bool {
         let started = self.started.get_or_insert(Started { first: sequence, next: ORIGIN });
         started.first != sequence
@@ -92,7 +93,8 @@ impl Reassembly {
         self.in_order(&mut take)
     }
 
-    /// The end of the connection, or of the capture: the segments that still wait, with the gaps before them.
+    /// Called at the end of the connection or of the capture: passes on the segments that still wait, with the gaps before
+    /// them.
     ///
     /// # Errors
     /// The error that `take` returns.

@@ -103,7 +103,7 @@ impl Block {
     }
 }
 
-/// The time with its fraction in microseconds: socat 1.7.4 writes them with nine digits.
+/// Returns the time with its fraction in microseconds: socat 1.7.4 writes microseconds with nine digits.
 fn microseconds(clock: &str) -> String {
     match clock.split_once(".000") {
         Some((seconds, fraction)) if fraction.len() == 6 => format!("{seconds}.{fraction}"),

@@ -71,7 +71,7 @@ struct Connection {
 }
 
 impl Writer {
-    /// A new file of this name, or with a number where there is one. `about` is what is captured.
+    /// Creates a file with this name, or with a number if that exists. `about` describes the capture.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -80,7 +80,7 @@ impl Writer {
         Self::begin(file, path, about, false)
     }
 
-    /// Into a pipe, as long as it is read.
+    /// Writes into a pipe, as long as it is read.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -156,7 +156,7 @@ impl Writer {
         }
     }
 
-    /// After an error the file ends with a whole block.
+    /// Writes the buffered blocks; after an error the file ends with a whole block.
     fn write(&mut self) -> io::Result<()> {
         let outcome = self.file.write_all(&self.waiting);
         match &outcome {
@@ -236,7 +236,7 @@ impl Connection {
         Self { places: [a, b], is_tcp, next: [0, 0] }
     }
 
-    /// The addresses of a packet, and the numbers of its sender's and its receiver's next bytes.
+    /// Returns the addresses of a packet, and the numbers of its sender's and its receiver's next bytes.
     fn ways(&self, from: End) -> ([SocketAddr; 2], [u64; 2]) {
         let ([a, b], [next_a, next_b]) = (self.places, self.next);
         match from {
@@ -273,7 +273,7 @@ impl Connection {
     }
 }
 
-/// The header; its lengths and what is in it come with the packet.
+/// Returns the headers; their lengths and contents come with the packet.
 fn ip(source: IpAddr, destination: IpAddr) -> Result<IpHeaders> {
     const HOPS: u8 = 64;
     Ok(match (source, destination) {
@@ -300,7 +300,7 @@ fn ip(source: IpAddr, destination: IpAddr) -> Result<IpHeaders> {
     })
 }
 
-/// A section and its one interface, whose packets begin with their IP header.
+/// Returns a section and its one interface, whose packets begin with their IP header.
 fn head(about: &str) -> Result<Vec<u8>> {
     const BYTE_ORDER: u32 = 0x1A2B_3C4D;
     const LINK_RAW_IP: u32 = 101;
@@ -327,7 +327,7 @@ const COMMENT: u16 = 1;
 /// The end of the options of any block.
 const END: u16 = 0;
 
-/// A packet, with a comment if there is one.
+/// Returns a packet, with a comment if there is one.
 fn packet_block(at: SystemTime, packet: &[u8], comment: &str) -> Result<Vec<u8>> {
     let at = nanoseconds(at)?;
     let length = u32::try_from(packet.len())?;
@@ -352,7 +352,7 @@ fn statistics_block(at: SystemTime, comment: &str) -> Result<Vec<u8>> {
     block(5, &body)
 }
 
-/// A time as blocks have it.
+/// Returns a time in the form of blocks.
 fn nanoseconds(at: SystemTime) -> Result<u64> {
     Ok(u64::try_from(at.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos())?)
 }
@@ -366,7 +366,7 @@ fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// A block of pcapng: its type, its length, its padded body and its length again.
+/// Returns a block of pcapng: its type, its length, its padded body and its length again.
 fn block(kind: u32, body: &[u8]) -> Result<Vec<u8>> {
     let padded = body.len().next_multiple_of(4);
     let length = u32::try_from(padded + 12)?.to_le_bytes();
@@ -379,7 +379,7 @@ fn block(kind: u32, body: &[u8]) -> Result<Vec<u8>> {
     Ok(block)
 }
 
-/// The lower half.
+/// Returns the lower half of a number.
 fn low(number: u64) -> u32 {
     let [.., a, b, c, d] = number.to_be_bytes();
     u32::from_be_bytes([a, b, c, d])

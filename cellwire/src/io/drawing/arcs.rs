@@ -28,7 +28,7 @@ pub(super) fn refine(path: impl Iterator<Item = PathEl>) -> BezPath {
     refined
 }
 
-/// The chords of a curve that is a circular arc, as their ends: each within `tolerance` of the arc.
+/// Returns the chords of a curve that is a circular arc, as their end points: each within `tolerance` of the arc.
 pub(super) fn chords(curve: CubicBez, tolerance: f64) -> Option<impl Iterator<Item = Point>> {
     let arc = arc(curve, 1e-5 * (curve.p3 - curve.p0).hypot())?;
     let (radius, sweep) = (arc.radii.x, arc.sweep_angle);
@@ -46,8 +46,8 @@ pub(super) fn chords(curve: CubicBez, tolerance: f64) -> Option<impl Iterator<It
     }))
 }
 
-/// The circular arc of which a cubic curve is the usual approximation: it has the same ends and tangents, and its control
-/// points are 4/3 tan(angle / 4) of the radius away from its ends, but for an `error`.
+/// Returns the circular arc of which a cubic curve is the usual approximation: it has the same ends and tangents, and its
+/// control points are 4/3 tan(angle / 4) of the radius away from its ends, except for an `error`.
 fn arc(CubicBez { p0: from, p1: a, p2: b, p3: to }: CubicBez, error: f64) -> Option<Arc> {
     let (begin, chord) = (a - from, to - from);
     let half = begin.cross(chord).atan2(begin.dot(chord));

@@ -73,7 +73,7 @@ impl Line {
 }
 
 impl Picture {
-    /// The built-in picture on a sheet of this size.
+    /// Returns the built-in picture on a sheet of this size.
     ///
     /// # Errors
     /// Never for a sheet that has an area.

@@ -268,7 +268,7 @@ impl<'a, 'input> Elements<'a, 'input> {
     }
 }
 
-/// The part of a line that is visible.
+/// Returns the part of a line that is visible.
 fn within(from: Point, to: Point, visible: Rect) -> Option<(Point, Point)> {
     let way = to - from;
     let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);

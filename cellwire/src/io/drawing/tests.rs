@@ -10,7 +10,7 @@ fn picture(body: &str) -> Result<Picture> {
     Picture::from_svg(picture_text(body).as_bytes(), A4, false).map(|(picture, _)| picture)
 }
 
-/// The lines that are drawn, in mm.
+/// Returns the lines that are drawn, in mm.
 fn drawn(body: &str) -> Vec<[i32; 4]> {
     let picture = picture(body).unwrap();
     let ends = |line: &Line| [line.from.x, line.from.y, line.to.x, line.to.y].map(|part| part / 100);

@@ -99,7 +99,7 @@ struct Presence {
 }
 
 impl Feed {
-    /// Whether the line is still there: then it has a reference to `client`.
+    /// Returns whether the line still exists: then it has a reference to `client`.
     fn is_wanted(&self) -> bool {
         Arc::strong_count(&self.client) > 1
     }
@@ -109,14 +109,14 @@ impl Feed {
         self.client.is_connected.store(is_connected, Ordering::Relaxed);
     }
 
-    /// Called when a client has disconnected and its bytes are carried: bytes on the line now are lost.
+    /// Called when a client has disconnected and its bytes were carried: bytes on the line now are lost.
     fn leave(&self) {
         self.client.left.fetch_add(1, Ordering::Release);
         self.connect(false);
         self.client.is_ended.store(false, Ordering::Release);
     }
 
-    /// Whether the device has ended the connection.
+    /// Returns whether the device has ended the connection.
     fn is_ended(&self) -> bool {
         self.client.is_ended.load(Ordering::Acquire)
     }
@@ -144,7 +144,7 @@ impl Lines {
 }
 
 impl Line {
-    /// A line, and where its other end is opened: the path of a port, or `HOST:PORT`.
+    /// Creates a line; returns the address of its other end: the path of a port, or `HOST:PORT`.
     ///
     /// # Errors
     /// When the system cannot create another one.
@@ -181,9 +181,9 @@ impl Line {
         Self::new(Box::new(port), clock, baud, trace, move |feed| port::read(reader, &path, &feed))
     }
 
-    /// Over TCP, like a serial device server: one client at a time, others are refused, and the device continues when the client
-    /// disconnects, or has neither sent nor taken a byte for `idle_timeout`. The bytes of a client that has left are carried for five
-    /// more seconds; the rest of it is dropped, and so are answers to it.
+    /// Creates a line over TCP, like a serial device server: one client at a time, others are refused, and the device
+    /// continues when the client disconnects, or has neither sent nor received a byte for `idle_timeout`. The bytes of a
+    /// disconnected client are carried for five more seconds; its other bytes are dropped, and so are the answers to it.
     ///
     /// # Errors
     /// When the system has no room for it.
@@ -253,7 +253,8 @@ impl Line {
         self.sending.free_at
     }
 
-    /// The next byte that has arrived by now, and when it arrived: the time does not depend on when this is called.
+    /// Receives the next byte that has arrived by now, with its time of arrival, which does not depend on the time of the
+    /// call.
     pub fn receive(&mut self) -> Option<(Duration, u8)> {
         if self.is_full() {
             return None;
@@ -309,7 +310,7 @@ impl Line {
         core::mem::take(&mut self.late)
     }
 
-    /// Whether a client has the other end open, and the device does not end its connection.
+    /// Returns whether a client has the other end open, and the device does not end its connection.
     pub fn is_connected(&self) -> bool {
         !self.hangs_up() && self.client.is_connected.load(Ordering::Relaxed)
     }
@@ -320,7 +321,7 @@ impl Line {
         self.hangs_up = self.client.is_connected.load(Ordering::Relaxed);
     }
 
-    /// Whether the connection is being ended.
+    /// Returns whether the connection is being ended.
     pub fn hangs_up(&self) -> bool {
         self.hangs_up || self.client.is_ended.load(Ordering::Acquire)
     }
@@ -341,22 +342,22 @@ impl Line {
         self.left
     }
 
-    /// The number of faults so far.
+    /// Returns the number of faults so far.
     pub fn faults(&self) -> u64 {
         self.faults.count()
     }
 
-    /// The trace. It is written when the client disconnects, and when the line is dropped.
+    /// Returns the trace. The trace is written when the client disconnects, and when the line is dropped.
     pub fn trace(&self) -> Trace {
         self.trace.clone()
     }
 
-    /// Whether the device has sent so much that it waits for the line.
+    /// Returns whether the device has sent as much as the line can take, and waits for it.
     fn is_full(&self) -> bool {
         self.sending.bytes.len() >= MODEM
     }
 
-    /// When the next byte is there for the device to take.
+    /// Returns the time at which the device can receive the next byte.
     fn next_byte(&self) -> Option<Duration> {
         self.receiving.next().filter(|_| !self.is_full())
     }
@@ -462,7 +463,7 @@ impl Direction {
         self.bytes.front().map(|(at, _)| *at)
     }
 
-    /// When the next run of bytes is complete: as many as the FIFO holds, or all that are left.
+    /// Returns the time at which the next run of bytes is complete: as many as fit the FIFO, or all remaining ones.
     fn next_run(&self) -> Option<Duration> {
         self.bytes.get(FIFO - 1).or(self.bytes.back()).map(|(at, _)| *at)
     }

@@ -68,7 +68,7 @@ struct Connection {
 }
 
 impl Server {
-    /// The server, and the writer to its client.
+    /// Creates the server, and the writer to its client.
     pub(super) fn new(mut listener: Listener, idle_timeout: Option<Duration>) -> Result<(Self, Client)> {
         let poll = Poll::new().context("cannot wait for clients")?;
         poll.registry().register(&mut listener, ARRIVALS, Interest::READABLE)?;
@@ -216,12 +216,12 @@ impl Connection {
         }
     }
 
-    /// The next bytes of the client, of which some may be read already.
+    /// Reads the next bytes of the client, some of which may be in the buffer already.
     fn next_bytes(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         if self.ahead.is_empty() { (&self.stream.stream).read(buffer) } else { self.ahead.read(buffer) }
     }
 
-    /// An error is the end of the connection, and why, unless the client has ended it.
+    /// Reads until the connection ends; the error is the reason, unless the client has ended it.
     fn read(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
         let now = feed.clock.now();
         let taken = self.stream.taken.load(Ordering::Relaxed);

@@ -22,7 +22,7 @@ fn line(baud: u32) -> (Line, Box<dyn SerialPort>, Clock) {
     (line, client, clock)
 }
 
-/// A client with a timeout that is long enough on a busy machine.
+/// Opens a client with a timeout that is long enough on a busy computer.
 fn open(path: &str, baud: u32) -> Box<dyn SerialPort> {
     let mut client = serial::open(path, baud).unwrap();
     client.set_timeout(20_000 * MS).unwrap();

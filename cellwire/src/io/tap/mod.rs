@@ -29,7 +29,7 @@ pub enum End {
 }
 
 impl End {
-    /// The end opposite.
+    /// Returns the opposite end.
     #[must_use]
     pub fn other(self) -> Self {
         match self {
@@ -127,7 +127,7 @@ impl Watch {
         }
     }
 
-    /// From now on nothing is seen: each that looks gets the rest, and then the end.
+    /// Closes the watch: each watcher gets the rest, and then the end.
     pub fn close(&self) {
         for sink in &self.sinks {
             sink.rest.is_closed.store(true, Ordering::Release);
@@ -178,7 +178,7 @@ impl Seeing {
         seen.or_else(|| (!missed.is_empty()).then(|| missed.remove(0)))
     }
 
-    /// As [`next_now`](Self::next_now), after a wait.
+    /// Returns the next item as [`next_now`](Self::next_now) does, after a wait of at most `time`.
     ///
     /// # Errors
     /// There is nothing in time, or there is nothing more to see.

@@ -60,7 +60,7 @@ fn run(a: Direction, b: Option<Direction>, watch: &Watch) -> Result<()> {
 }
 
 impl Direction {
-    /// Until a port is gone.
+    /// Forwards bytes until a port is gone.
     fn pass(mut self, end: End, is_over: &AtomicBool, watch: &Watch) -> Result<()> {
         let mut buffer = vec![0; CHUNK];
         let outcome = loop {

@@ -42,7 +42,7 @@ pub fn run(listener: &TcpListener, server: &str, dialing: Dialing, watch: &Watch
     Ok(())
 }
 
-/// `peer` is the client's address, which a connection that was reset does not have any more.
+/// Serves a client; `peer` is its address, which a connection that was reset no longer has.
 fn serve(
     (client, peer): (&TcpStream, SocketAddr),
     server: &str,
@@ -78,7 +78,7 @@ struct Connection<'a> {
 }
 
 impl Connection<'_> {
-    /// One direction, until it ends: an end of the stream becomes one of the other's, and a reset a reset.
+    /// Forwards one direction until it ends: the end of one stream ends the other, and a reset resets it.
     fn pass(&self, mut from: &TcpStream, mut to: &TcpStream, end: End) {
         let mut buffer = vec![0; CHUNK];
         loop {
@@ -100,7 +100,7 @@ impl Connection<'_> {
         }
     }
 
-    /// The connection of one end broke, so that of the other does.
+    /// Breaks the connection of the other end after that of one end broke.
     fn end_both(&self, streams: [&TcpStream; 2], end: End, error: &io::Error) {
         if !self.is_broken.swap(true, Ordering::AcqRel) {
             self.watch.see(self.number, end, What::Closed(Some(error.to_string())));
@@ -113,7 +113,7 @@ impl Connection<'_> {
     }
 }
 
-/// When it is closed, the peer's connection is reset.
+/// Makes a close of the stream reset the peer's connection.
 fn reset(stream: &TcpStream) {
     let _ = SockRef::from(stream).set_linger(Some(Duration::ZERO));
 }

@@ -56,7 +56,7 @@ pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
     }
 }
 
-/// A client's socket, whose answers are sent back.
+/// Opens a client's socket, whose answers are sent back.
 fn open(
     socket: &UdpSocket,
     server: &str,
@@ -85,7 +85,7 @@ fn open(
     Ok(to)
 }
 
-/// The peer does not listen now, or the call was interrupted.
+/// Returns whether an error is temporary: the peer does not listen now, or the call was interrupted.
 fn is_passing(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset | ErrorKind::Interrupted)
 }

@@ -2,17 +2,17 @@
 
 use core::net::IpAddr;
 
-/// A request for one register.
+/// Returns a request for one register.
 pub(crate) fn request(transaction: u8) -> Vec<u8> {
     vec![0, transaction, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1]
 }
 
-/// The reply to it.
+/// Returns the reply to that request.
 pub(crate) fn reply(transaction: u8) -> Vec<u8> {
     vec![0, transaction, 0, 0, 0, 5, 1, 3, 2, 0, transaction]
 }
 
-/// The requests of these transactions, one after the other.
+/// Returns the requests of these transactions, one after the other.
 pub(crate) fn requests(transactions: impl IntoIterator<Item = u8>) -> Vec<u8> {
     transactions.into_iter().flat_map(request).collect()
 }
@@ -22,7 +22,7 @@ pub(crate) const SERVER: u16 = 502;
 pub(crate) const SYN: u8 = 2;
 pub(crate) const ACK: u8 = 16;
 
-/// A TCP segment, from client to server or back.
+/// Returns a TCP segment, from client to server or back.
 pub(crate) fn tcp(from: u16, to: u16, sequence: u32, flags: u8, payload: &[u8]) -> Vec<u8> {
     let mut segment = Vec::new();
     segment.extend(from.to_be_bytes());
@@ -62,12 +62,12 @@ fn bytes(address: IpAddr) -> Vec<u8> {
     }
 }
 
-/// An IPv4 packet around a segment or datagram.
+/// Returns an IPv4 packet around a segment or datagram.
 pub(crate) fn v4(protocol: u8, payload: &[u8]) -> Vec<u8> {
     v4_fragment(protocol, payload, u16::from_be_bytes([payload[0], payload[1]]), 0, 0, false)
 }
 
-/// The fragment of a packet from this port: `offset` in units of 8 bytes.
+/// Returns the fragment of a packet from this port: `offset` in units of 8 bytes.
 pub(crate) fn v4_fragment(
     protocol: u8,
     payload: &[u8],
@@ -96,7 +96,7 @@ pub(crate) fn v6(protocol: u8, payload: &[u8]) -> Vec<u8> {
     v6_headers(protocol, &[], payload, u16::from_be_bytes([payload[0], payload[1]]))
 }
 
-/// The fragment of a packet from this port: `offset` in units of 8 bytes.
+/// Returns the fragment of a packet from this port: `offset` in units of 8 bytes.
 pub(crate) fn v6_fragment(
     protocol: u8,
     payload: &[u8],
@@ -198,7 +198,7 @@ impl Form {
         self.block(3, &[&self.u32(frame.len() as u32)[..], &frame[..*captured]].concat())
     }
 
-    /// The packet block of the first drafts.
+    /// Returns the packet block of the first drafts.
     pub(crate) fn obsolete(self, interface: u16, (frame, captured): &Frame) -> Vec<u8> {
         let head = [0, 1, *captured as u32, frame.len() as u32].map(|value| self.u32(value)).concat();
         self.block(2, &[&self.u16(interface)[..], &self.u16(0), &head, &frame[..*captured]].concat())
@@ -215,7 +215,7 @@ impl Form {
     }
 }
 
-/// A connection: opened, then requests and replies of these transactions.
+/// Returns a connection: opened, then requests and replies of these transactions.
 pub(crate) fn connection(transactions: impl IntoIterator<Item = u8>) -> Vec<Vec<u8>> {
     let mut segments = vec![tcp(CLIENT, SERVER, 999, SYN, &[]), tcp(SERVER, CLIENT, 4_999, SYN | ACK, &[])];
     let (mut client, mut server) = (1000, 5000);

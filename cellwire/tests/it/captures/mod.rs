@@ -35,7 +35,8 @@ fn decode(capture: &[u8], args: &[&str]) -> (Vec<Value>, Option<i32>, String) {
     (lines, output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// Each line in a word: `c3` is the client's message of transaction 3, `s3` the server's; an error is its kind, with what is missing.
+/// Returns each line as a word: `c3` is the client's message of transaction 3, `s3` the server's; an error is its kind, with
+/// the number of missing bytes.
 fn words(lines: &[Value]) -> Vec<String> {
     let word = |line: &Value| match line.get("error") {
         None => format!("{}{}", &line["from"].as_str().unwrap()[..1], line["message"]["transaction"]),
@@ -52,7 +53,7 @@ fn read(capture: &[u8]) -> String {
     words(&decode(capture, &[]).0).join(" ")
 }
 
-/// As [`read`], of segments in Ethernet.
+/// Reads as [`read`] does segments in Ethernet.
 fn read_tcp(segments: impl IntoIterator<Item = Vec<u8>>) -> String {
     read(&LITTLE.pcap(1, &whole(segments.into_iter().map(|segment| ethernet(&[], &v4(TCP, &segment))))))
 }
@@ -128,7 +129,7 @@ fn complete() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// The requests in one segment, whose packet is in three fragments that come in another order; then the replies.
+/// Returns the requests in one segment, whose packet is in three fragments that come in another order; then the replies.
 fn fragmented(is_v6: bool) -> Vec<Vec<u8>> {
     let ip = |segment: &[u8]| if is_v6 { v6(TCP, segment) } else { v4(TCP, segment) };
     let segment = tcp(CLIENT, SERVER, 1000, ACK, &requests(1..=3));
@@ -440,7 +441,7 @@ fn memory_does_not_grow_with_the_capture() {
     assert!(long < short + 4096, "{short} kB, then {long} kB");
 }
 
-/// A capture of this many packets of one connection.
+/// Writes a capture of this many packets of one connection.
 fn write_long(file: &Path, packets: u32) {
     let mut out = std::io::BufWriter::new(fs::File::create(file).unwrap());
     out.write_all(&LITTLE.pcap(1, &[])).unwrap();

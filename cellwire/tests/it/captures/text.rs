@@ -15,7 +15,7 @@ fn cellwire(arguments: &str, file: &Path) -> (String, Option<i32>, String) {
     (text(output.stdout), output.status.code(), text(output.stderr))
 }
 
-/// `c1` for the client's first message, `s1` for the server's.
+/// Returns `c1` for the client's first message, `s1` for the server's.
 fn words(arguments: &str, file: &Path) -> String {
     let (lines, code, said) = cellwire(&format!("decode fanuc-hmi-modbus {arguments}"), file);
     let word = |line: &str| {
@@ -31,7 +31,7 @@ fn words(arguments: &str, file: &Path) -> String {
     words.join(" ")
 }
 
-/// A dump of bytes, 16 a line, from this offset.
+/// Returns a dump of bytes, 16 per line, from this offset.
 fn dump(offset: usize, indent: &str, bytes: &[u8]) -> String {
     let line = |(n, line): (usize, &[u8])| {
         let hex: Vec<String> = line.iter().map(|byte| format!("{byte:02x}")).collect();

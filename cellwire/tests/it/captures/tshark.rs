@@ -5,7 +5,7 @@ use std::process::Command;
 
 use super::make::{reply, requests};
 
-/// The bytes that tshark puts together of the first TCP connection: the client's and the server's.
+/// Returns the bytes that tshark puts together of the first TCP connection: the client's and the server's.
 fn followed(file: &std::path::Path) -> [Vec<u8>; 2] {
     let output = Command::new("tshark")
         .args(["-n", "-q", "-o", "ip.defragment:TRUE", "-z", "follow,tcp,raw,0", "-r"])

@@ -32,7 +32,7 @@ impl Usb {
         Self { program, form, device: 5, next: 1, packets: Vec::new() }
     }
 
-    /// A transfer on its way, or back; a setup with it.
+    /// Adds a transfer on its way, or back; with a setup, if given.
     fn packet(
         &mut self,
         kind: u8,
@@ -132,7 +132,7 @@ impl Usb {
 /// Class and subclass of an interface, and its bulk endpoints with their longest packet.
 type Interface<'a> = (u8, u8, &'a [(u8, u16)]);
 
-/// A configuration of these interfaces.
+/// Returns a configuration of these interfaces.
 fn configuration(interfaces: &[Interface<'_>]) -> Vec<u8> {
     let mut all = vec![9, 2, 0, 0, interfaces.len() as u8, 1, 0, 0x80, 50];
     for (number, (class, below, endpoints)) in (0..).zip(interfaces) {
@@ -146,7 +146,7 @@ fn configuration(interfaces: &[Interface<'_>]) -> Vec<u8> {
     all
 }
 
-/// The bytes as an FTDI sends them: its status before each packet's.
+/// Returns the bytes as an FTDI sends them: with its status at the beginning of each packet.
 fn with_status(status: [u8; 2], packet: usize, bytes: &[u8]) -> Vec<u8> {
     let packets = bytes.chunks(packet - 2).flat_map(|part| [&status[..], part].concat());
     packets.collect()
@@ -164,7 +164,7 @@ fn decode(link: &str, capture: &[u8], args: &str) -> (Vec<Value>, Option<i32>, S
     (lines, output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// A laser's instruction, and an answer that takes several packets.
+/// Returns a laser's instruction, and an answer that takes several packets.
 fn frames() -> [Vec<u8>; 2] {
     let codec = (cellwire_links::laser_eb90::LINK.codec)("host", &serde_json::Map::new()).unwrap();
     let text: String = (0..200).map(|n| char::from(b'!' + n % 80)).collect();

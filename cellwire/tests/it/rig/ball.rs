@@ -42,7 +42,7 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
-    /// At a link to a pseudo-terminal.
+    /// Creates a ball at a link to a pseudo-terminal.
     pub(crate) fn new(path: &Path) -> Self {
         let ball = Self { hand: Arc::default(), path: path.into() };
         ball.plug();
@@ -59,24 +59,24 @@ impl Ball {
         self.hand.lock().unwrap().keys = keys;
     }
 
-    /// From now on every packet says "old data".
+    /// Marks every packet as "old data" from now on.
     pub(crate) fn stick(&self) {
         self.hand.lock().unwrap().old = true;
     }
 
-    /// From now on.
+    /// Sets the faults from now on.
     pub(crate) fn faults(&self, faults: Faults) {
         self.hand.lock().unwrap().faults = faults;
     }
 
-    /// The port disappears.
+    /// Removes the port.
     pub(crate) fn pull(&self) {
         // First the link: the number of the pseudo-terminal may soon be that of another.
         std::fs::remove_file(&self.path).unwrap();
         self.hand.lock().unwrap().gone = true;
     }
 
-    /// The port is there, perhaps again.
+    /// Provides the port, perhaps again.
     pub(crate) fn plug(&self) {
         let (port, client) = Pty::new();
         let mut port = port.raw();
@@ -116,7 +116,7 @@ impl Ball {
 /// Thirteen bytes at 9600 baud.
 const LINE: Duration = Duration::from_micros(13_600);
 
-/// The packet that answers a poll, after this many others.
+/// Returns the packet that answers a poll, after this many others.
 fn answer(hand: Hand, asked: u32) -> Option<[u8; 12]> {
     let Faults { old, corrupt, lost, of, .. } = hand.faults;
     let place = asked.checked_rem(of).unwrap_or(of);

@@ -80,12 +80,12 @@ impl Controller {
         self.log.lock().unwrap().clone()
     }
 
-    /// Whether ALTER has ended.
+    /// Returns whether ALTER has ended.
     pub(crate) fn has_ended(&self) -> bool {
         self.log.lock().unwrap().last() == Some(&Cycle::Ended)
     }
 
-    /// How many cycles there were.
+    /// Returns the number of cycles so far.
     pub(crate) fn now(&self) -> usize {
         self.log.lock().unwrap().len()
     }
@@ -244,8 +244,8 @@ fn send(port: &mut Pty, data: &[u8]) {
     port.write(&frame);
 }
 
-/// One cycle: sends a message, and returns the data of the reply that comes before the next one. Earlier bytes are too late, and
-/// are not a reply.
+/// Runs one cycle: sends a message, and returns the data of the reply that comes before the next one. Earlier bytes are too
+/// late, and are not a reply.
 fn exchange(port: &mut Pty, data: &[u8]) -> Option<Vec<u8>> {
     let next = Instant::now() + CYCLE;
     let mut stale = [0; 256];
@@ -270,7 +270,7 @@ fn exchange(port: &mut Pty, data: &[u8]) -> Option<Vec<u8>> {
     }
 }
 
-/// The data of a whole frame, if its sum is right.
+/// Returns the data of a whole frame, if its sum is valid.
 fn unframe(bytes: &[u8]) -> Option<Vec<u8>> {
     let begin = bytes.windows(3).position(|mark| mark == [0x10, 0x10, 0x02])? + 3;
     let (mut data, mut rest) = (Vec::new(), bytes[begin..].iter());
@@ -289,7 +289,7 @@ fn unframe(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(data)
 }
 
-/// The values of a reply, and its length on the line.
+/// Returns the values of a reply, and its length on the line.
 fn values(data: &[u8]) -> Option<([i16; 6], usize)> {
     let [_exception, select, words @ ..] = data else { return None };
     let mut words = words.chunks(2);

@@ -30,12 +30,12 @@ pub(crate) struct Rig {
 }
 
 impl Rig {
-    /// `cellwire alter`, its robot and its ball; the operator has pressed A.
+    /// Starts `cellwire alter`, its robot and its ball; the operator has pressed A.
     pub(crate) fn new(mode: u8, args: &[&str]) -> Self {
         Self::with_input(mode, &["--ball", "BALL"], args)
     }
 
-    /// The same with another input; `BALL` in its options is the ball's port.
+    /// Starts the same with another input; `BALL` in its options is the ball's port.
     pub(crate) fn with_input(mode: u8, input: &[&str], args: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (robot, robot_path) = Pty::new();
@@ -63,7 +63,7 @@ impl Rig {
         rig
     }
 
-    /// ALTER runs, the hand has rested, and pushes until the arm moves by `least` a cycle.
+    /// Starts a rig in which ALTER runs and the hand, after a rest, pushes until the arm moves by `least` per cycle.
     pub(crate) fn moving(mode: u8, args: &[&str], least: i16) -> Self {
         let rig = Self::new(mode, args);
         rig.controller.start(mode);
@@ -122,7 +122,8 @@ impl Rig {
         is_fast.then_some(Stopped { first, zero: zero - cause, step: greatest_step(&log), seen: log.len() })
     }
 
-    /// In this many cycles from `cause` on no value moves the arm; `None`: a busy machine has ended ALTER meanwhile.
+    /// Asserts that no value moves the arm in this many cycles from `cause` on; `None` if a busy computer has ended ALTER
+    /// meanwhile.
     pub(crate) fn stays_still(&self, cause: usize, cycles: usize) -> Option<Stopped> {
         self.controller.pass((cause + cycles).saturating_sub(self.controller.now()));
         let log = self.controller.log();
@@ -155,7 +156,7 @@ impl Rig {
         std::fs::read_to_string(self.folder.path().join("stderr")).unwrap()
     }
 
-    /// The traces that were written.
+    /// Returns the traces that were written.
     pub(crate) fn traces(&self) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(self.folder.path()).unwrap();
         entries
@@ -182,7 +183,7 @@ pub(crate) struct Stopped {
     pub(crate) seen: usize,
 }
 
-/// The value of a reply along X.
+/// Returns the value of a reply along X.
 pub(crate) fn x(cycle: &Cycle) -> Option<i16> {
     match cycle {
         Cycle::Values([x, ..], _) => Some(*x),
@@ -190,7 +191,7 @@ pub(crate) fn x(cycle: &Cycle) -> Option<i16> {
     }
 }
 
-/// The greatest change from a cycle to the next; after a cycle without a reply the arm begins from rest.
+/// Returns the greatest change from a cycle to the next; after a cycle without a reply the arm begins from rest.
 pub(crate) fn greatest_step(log: &[Cycle]) -> u16 {
     let steps = log.windows(2).filter_map(|pair| {
         let before = x(&pair[0]).unwrap_or(0);
@@ -246,19 +247,19 @@ impl Terminal {
         self.user.lock().unwrap().as_mut().unwrap().write(keys);
     }
 
-    /// The terminal's output is stopped, as Ctrl-S or a selection does.
+    /// Stops the terminal's output, as Ctrl-S or a selection does.
     pub(crate) fn block(&self) {
         self.is_blocked.store(true, Ordering::Relaxed);
         let client = File::options().read(true).write(true).open(&self.path).unwrap();
         rustix::termios::tcflow(&client, rustix::termios::Action::OOff).unwrap();
     }
 
-    /// The window has this many rows and columns now.
+    /// Gives the window this many rows and columns.
     pub(crate) fn resize(&self, rows: u16, columns: u16) {
         stty(&self.path, &["rows", &rows.to_string(), "cols", &columns.to_string()]);
     }
 
-    /// The window is closed.
+    /// Closes the window.
     pub(crate) fn close(&self) {
         *self.user.lock().unwrap() = None;
     }

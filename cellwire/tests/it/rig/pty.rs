@@ -20,12 +20,12 @@ impl Pty {
         (Self(user.into()), path)
     }
 
-    /// The same end again.
+    /// Opens the same end again.
     pub(crate) fn again(&self) -> Self {
         Self(self.0.try_clone().unwrap())
     }
 
-    /// Without echo and translation: bytes that are written before the other end is opened arrive unchanged.
+    /// Removes echo and translation: bytes that are written before the other end is opened arrive unchanged.
     pub(crate) fn raw(self) -> Self {
         let mut settings = tcgetattr(&self.0).unwrap();
         settings.make_raw();
@@ -44,7 +44,7 @@ impl Pty {
         self.0.read(buffer)
     }
 
-    /// Nobody may listen.
+    /// Writes bytes; an error is ignored, because the other end may be closed.
     pub(crate) fn write(&mut self, bytes: &[u8]) {
         let _ = self.0.write_all(bytes);
     }

@@ -7,14 +7,14 @@ use std::process::{Command, Stdio};
 
 pub(crate) use running::{DEADLINE, Running};
 
-/// The tool with these arguments, without input, its outputs captured.
+/// Returns the tool with these arguments, without input, its outputs captured.
 pub(crate) fn cellwire(arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
     command.args(arguments.split_whitespace());
     captured(command)
 }
 
-/// As [`cellwire`], with a limit of the shell, such as `-n 20`.
+/// Returns the tool as [`cellwire`] does, with a limit of the shell, such as `-n 20`.
 pub(crate) fn limited(limit: &str, arguments: &str) -> Command {
     let mut command = Command::new("bash");
     let script = format!("ulimit {limit}; exec \"$0\" {arguments}");
@@ -27,7 +27,7 @@ fn captured(mut command: Command) -> Command {
     command
 }
 
-/// The exit status and both outputs.
+/// Runs a command; returns the exit status and both outputs.
 pub(crate) fn run(mut command: Command) -> (Option<i32>, String, String) {
     let output = command.output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
@@ -35,7 +35,7 @@ pub(crate) fn run(mut command: Command) -> (Option<i32>, String, String) {
 }
 
 impl Running {
-    /// A device on a free port.
+    /// Starts a device on a free port.
     pub(crate) fn listening(arguments: &str) -> Self {
         Self::start(cellwire(&format!("simulate {arguments} --listen 127.0.0.1:0")))
     }

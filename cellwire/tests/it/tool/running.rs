@@ -50,19 +50,19 @@ impl Running {
         self.child.id()
     }
 
-    /// Where it listens.
+    /// Returns the address at which the device listens.
     pub(crate) fn address(&self) -> String {
         self.ready["listen"].as_str().unwrap().to_owned()
     }
 
-    /// A connection to it, whose reads end after the deadline.
+    /// Connects to the device; returns a connection whose reads end after the deadline.
     pub(crate) fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.address()).unwrap();
         stream.set_read_timeout(Some(DEADLINE)).unwrap();
         stream
     }
 
-    /// The first line that contains a text and was not taken before.
+    /// Returns the first line that contains a text and was not returned before.
     pub(crate) fn line(&mut self, text: &str) -> String {
         if let Some(at) = self.passed.iter().position(|line| line.contains(text)) {
             return self.passed.remove(at);
@@ -81,7 +81,7 @@ impl Running {
         }
     }
 
-    /// The lines that are left once it has ended.
+    /// Waits for the end; returns the remaining lines.
     pub(crate) fn rest(&mut self) -> Vec<String> {
         let mut lines = std::mem::take(&mut self.passed);
         lines.extend(self.lines.iter());

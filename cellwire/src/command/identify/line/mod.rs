@@ -56,7 +56,7 @@ pub(super) struct Search {
     heard: Vec<(Setting, Heard)>,
 }
 
-/// One stop bit: a receiver that expects one reads two as well.
+/// Returns the mode with one stop bit: a receiver that expects one reads two as well.
 pub(super) const fn mode(data_bits: DataBits, parity: Parity) -> Mode {
     Mode { data_bits, parity, stop_bits: StopBits::One }
 }
@@ -77,7 +77,7 @@ impl Setting {
         Self { mode, ..self }
     }
 
-    /// The setting to listen with for it.
+    /// Returns the setting with which to listen for it.
     pub(super) fn heard_as(self) -> Self {
         match (self.mode.data_bits, self.mode.parity) {
             (DataBits::Seven, Parity::Even | Parity::Odd) => self.with(Mode::EIGHT_N_ONE),
@@ -135,7 +135,7 @@ impl Heard {
         heard
     }
 
-    /// The characters, whole and broken.
+    /// Returns the number of characters, whole and broken.
     pub(super) fn count(&self) -> usize {
         self.bytes.len() + self.broken
     }
@@ -144,7 +144,7 @@ impl Heard {
         self.count() >= SOME && self.broken * 100 <= self.count() * CLEAN
     }
 
-    /// The highest bit may be a stop bit that was taken for a data bit.
+    /// Returns whether the highest bit is always set: it may be a stop bit that was taken for a data bit.
     fn is_high(&self) -> bool {
         self.count() >= SOME && self.bytes.iter().all(|byte| *byte >= 0x80)
     }
@@ -155,7 +155,7 @@ impl Search {
         self.heard.iter().find(|(known, _)| *known == setting).map(|(_, heard)| heard)
     }
 
-    /// Whether a setting needs no more of the line.
+    /// Returns whether a setting has been listened to for long enough.
     pub(super) fn has_enough(heard: &Heard) -> bool {
         heard.count() >= ENOUGH
     }
@@ -208,7 +208,7 @@ impl Search {
         Some(if setting == setting.heard_as() { heard.clone() } else { heard.of_seven(setting.mode.parity) })
     }
 
-    /// The settings with which anything was heard, the likeliest first.
+    /// Returns the settings with which bytes were received, the likeliest first.
     pub(super) fn judged(&self) -> Vec<Judged> {
         let seven = |setting: &Setting| {
             let parities =

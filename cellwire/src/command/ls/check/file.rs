@@ -24,7 +24,7 @@ impl<'a> File<'a> {
         Self { path, document, findings }
     }
 
-    /// The level of the worst finding.
+    /// Returns the level of the worst finding.
     pub(super) fn worst(&self) -> Option<Level> {
         self.problems().map(|(problem, _)| problem.level()).max()
     }
@@ -39,7 +39,7 @@ impl<'a> File<'a> {
         self.document.as_ref().map_or(true, |document| same_name(self.path, document.name()))
     }
 
-    /// One line per finding.
+    /// Returns one line per finding.
     pub(super) fn lines(&self) -> String {
         let name = printable(&self.path.display().to_string());
         let line = |(problem, (line, column)): (Problem, (usize, usize))| {
@@ -102,7 +102,7 @@ impl<'a> File<'a> {
     }
 }
 
-/// A line of a file with a mark below a place in it.
+/// Returns a line of a file with a mark below a column.
 fn point_at(line: &str, number: usize, column: usize) -> String {
     // A tab takes one column, in the count as on the screen, and so does a control character.
     let shown = |c: char| match c {

@@ -55,7 +55,7 @@ impl KnownArgs {
         rules(self.name_limit)
     }
 
-    /// The macros and instructions of the files.
+    /// Returns the macros and instructions of the files.
     pub(super) fn surroundings(&self) -> Result<Surroundings> {
         let read = |path: &Option<PathBuf>| path.as_deref().map_or_else(|| Ok(BTreeSet::new()), names);
         let (macros, instructions) = (read(&self.macros)?, read(&self.instructions)?);
@@ -92,7 +92,7 @@ impl Least {
     }
 }
 
-/// False when there was a finding of the level that counts.
+/// Checks the files; returns false if there was a finding of the level that counts.
 pub(super) fn check(args: &Args) -> Result<bool> {
     let rules = args.known.rules();
     let paths = files(&args.files)?;
@@ -125,7 +125,7 @@ pub(super) fn check(args: &Args) -> Result<bool> {
     Ok(good)
 }
 
-/// The programs that may be called, where a folder was given, and the macros.
+/// Returns the programs that may be called, if a folder was given, and the macros.
 fn around(args: &Args, paths: &[PathBuf]) -> Result<Surroundings> {
     let mut around = args.known.surroundings()?;
     if args.files.iter().any(|path| path.is_dir()) {
@@ -135,14 +135,14 @@ fn around(args: &Args, paths: &[PathBuf]) -> Result<Surroundings> {
     Ok(around)
 }
 
-/// The lines of a file that are not empty, in capitals.
+/// Reads the lines of a file that are not empty, in upper case.
 fn names(path: &Path) -> Result<BTreeSet<String>> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let names = text.lines().map(str::trim).filter(|line| !line.is_empty());
     Ok(names.map(str::to_uppercase).collect())
 }
 
-/// The name of a file without its extension.
+/// Returns the name of a file without its extension.
 fn stem(path: &Path) -> Option<String> {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
 }
@@ -189,7 +189,7 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
     Ok(errors == 0)
 }
 
-/// The files, and in place of a folder the .ls files in and below it, in order.
+/// Returns the files, with each folder replaced by the .ls files in and below it, in sequence.
 pub(super) fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {

@@ -146,7 +146,7 @@ impl Board {
         self.failure = Some(format!("{why}: decoding stopped; bytes are still forwarded"));
     }
 
-    /// Something is wrong with the tap itself: a server that is not there, a disk that is full.
+    /// Shows a remark about the tap itself, such as a server that does not answer, or a full disk.
     pub(super) fn remark(&mut self, text: String) {
         self.say(self.now, UNKNOWN, text.clone(), true);
         if self.remarks.len() == LINES {

@@ -139,7 +139,7 @@ fn draw_times(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     }
 }
 
-/// The limits under the bars: one for each factor of ten, if there is space for it.
+/// Returns the limits under the bars: one for each factor of ten, if there is space for it.
 fn axis_of(width: usize) -> String {
     let mut text = String::new();
     for (place, name) in [(0, "0.1ms"), (3, "1"), (6, "10"), (9, "100"), (12, "1s"), (15, "10s")] {
@@ -198,7 +198,7 @@ fn draw_last(frame: &mut Frame<'_>, area: Rect, board: &Board) {
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()).block(block), area);
 }
 
-/// The text, or its beginning and `…` if it is longer.
+/// Returns the text, or its beginning and `…` if it is longer.
 fn shortened(text: &str, width: usize) -> String {
     match text.char_indices().nth(width) {
         None => text.into(),
@@ -206,7 +206,7 @@ fn shortened(text: &str, width: usize) -> String {
     }
 }
 
-/// The time of day (UTC).
+/// Returns the time of day (UTC).
 fn clock(at: SystemTime) -> String {
     let since = at.duration_since(UNIX_EPOCH).unwrap_or_default();
     let seconds = since.as_secs() % 86_400;
@@ -214,7 +214,7 @@ fn clock(at: SystemTime) -> String {
     format!("{:02}:{:02}:{:02}.{millis:03}", seconds / 3600, seconds / 60 % 60, seconds % 60)
 }
 
-/// In three digits.
+/// Returns a time in three digits.
 fn show(time: Duration) -> String {
     let (value, unit) = match time.as_secs_f64() {
         seconds if seconds >= 1.0 => (seconds, "s"),

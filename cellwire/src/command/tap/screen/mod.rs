@@ -96,7 +96,7 @@ fn run(
     }
 }
 
-/// Whether the user has pressed q, or Ctrl-C.
+/// Returns whether the user has pressed q, or Ctrl-C.
 fn is_ended() -> Result<bool> {
     while event::poll(Duration::ZERO)? {
         if let Event::Key(key) = event::read()?

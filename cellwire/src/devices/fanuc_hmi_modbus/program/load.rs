@@ -108,7 +108,7 @@ fn parse(bytes: &[u8], macros: &Macros, wrong: impl Fn() -> String) -> Result<Lo
     Ok(Loaded { program, steps })
 }
 
-/// The file of a program, in the folder of another one; controllers and their tools write both cases.
+/// Returns the file of a program in the folder of another one, in upper or lower case.
 fn beside(path: &Path, name: &str) -> Option<std::path::PathBuf> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let entries = std::fs::read_dir(folder).ok()?;
@@ -121,7 +121,7 @@ fn beside(path: &Path, name: &str) -> Option<std::path::PathBuf> {
 }
 
 impl Loaded {
-    /// The numbers of the registers `R[n]` that its instructions name.
+    /// Returns the numbers of the registers `R[n]` that the program's instructions name.
     pub fn registers(&self) -> BTreeSet<u32> {
         let text = self.program.to_text(&Rules::default()).unwrap_or_default();
         let lines = text
@@ -164,7 +164,7 @@ impl Step {
         }
     }
 
-    /// The program that it calls, if it names one.
+    /// Returns the program that the instruction calls, if it names one.
     fn called(&self) -> Option<&str> {
         let Self::Operation(operation) = self else { return None };
         match operation.action() {
@@ -260,7 +260,7 @@ impl Survey {
     }
 }
 
-/// Whether a motion is a part of a curve: an S without an offset and without Skip.
+/// Returns whether a motion is a part of a curve: an S without an offset and without Skip.
 pub(super) fn curves(motion: &Motion) -> bool {
     let bends = |option: &&str| {
         ["Offset", "Tool_Offset", "Skip", "Interrupt"].iter().any(|name| option.starts_with(name))

@@ -65,7 +65,7 @@ pub struct Surroundings<'a> {
 pub(super) type Fault = String;
 
 impl Memory {
-    /// The value of an expression.
+    /// Evaluates an expression.
     ///
     /// # Errors
     /// When parts of the expression do not fit together, or are not simulated.
@@ -101,7 +101,7 @@ impl Memory {
         })
     }
 
-    /// The same as a number.
+    /// Evaluates an expression as a number.
     ///
     /// # Errors
     /// When it is not a number.
@@ -113,7 +113,7 @@ impl Memory {
         }
     }
 
-    /// The same as a condition.
+    /// Evaluates an expression as a condition.
     ///
     /// # Errors
     /// When it is not a condition.
@@ -125,7 +125,7 @@ impl Memory {
         }
     }
 
-    /// The number of an item.
+    /// Evaluates the number of an item.
     ///
     /// # Errors
     /// The register of the number has no value.
@@ -281,7 +281,7 @@ impl Memory {
     }
 }
 
-/// The signal that an item is.
+/// Returns the signal of an item, if it is one.
 pub(super) fn signal(kind: ItemKind, n: u32) -> Option<Signal> {
     let n = u16::try_from(n).ok()?;
     let has_zero = matches!(kind, ItemKind::OperatorInput | ItemKind::OperatorOutput);
@@ -313,7 +313,7 @@ pub(super) fn is_word(kind: ItemKind) -> bool {
     )
 }
 
-/// A function of numbers; angles are in degrees.
+/// Computes a function of numbers; angles are in degrees.
 fn computed(function: Function, values: &[f64]) -> Result<f64, Fault> {
     let (first, second) = (values.first().copied().unwrap_or_default(), values.get(1).copied());
     let value = match function {

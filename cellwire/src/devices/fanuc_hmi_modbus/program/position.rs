@@ -58,7 +58,7 @@ impl Place {
         }
     }
 
-    /// The six coordinates.
+    /// Returns the six coordinates.
     pub fn parts(&self) -> &[f64; 6] {
         match self {
             Self::Cartesian { xyzwpr, .. } => xyzwpr,
@@ -66,18 +66,18 @@ impl Place {
         }
     }
 
-    /// A part, from 1.
+    /// Returns a coordinate, counted from 1.
     pub fn element(&self, number: u32) -> Option<f64> {
         self.parts().get(usize::try_from(number).ok()?.checked_sub(1)?).copied()
     }
 
-    /// The same, to change it.
+    /// Returns a coordinate, counted from 1, to change it.
     pub fn element_mut(&mut self, number: u32) -> Option<&mut f64> {
         let (Self::Cartesian { xyzwpr: parts, .. } | Self::Joints(parts)) = self;
         parts.get_mut(usize::try_from(number).ok()?.checked_sub(1)?)
     }
 
-    /// Part by part, as a controller adds position registers. None for joints and X Y Z.
+    /// Adds coordinate by coordinate, as a controller adds position registers. `None` for joints and X Y Z.
     pub fn plus(&self, other: &Self, sign: f64) -> Option<Self> {
         if core::mem::discriminant(self) != core::mem::discriminant(other) {
             return None;
@@ -122,7 +122,7 @@ impl Place {
     }
 }
 
-/// `N U T, 0, 0, 0`. None when it is something else.
+/// Parses a configuration such as `N U T, 0, 0, 0`; `None` for any other text.
 fn folded(text: &str) -> Option<(Posture, [i16; 3])> {
     let mut parts = text.split(',');
     let letters: Vec<&str> = parts.next()?.split_whitespace().collect();

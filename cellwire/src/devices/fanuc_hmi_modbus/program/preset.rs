@@ -102,7 +102,7 @@ fn set(name: &str, value: &Value, machine: &mut Machine, tables: &mut Tables) ->
     Ok(())
 }
 
-/// `[X, Y, Z, W, P, R]`, or `{ joints = [J1, …, J6] }`.
+/// Parses `[X, Y, Z, W, P, R]`, or `{ joints = [J1, …, J6] }`.
 fn place(value: &Value) -> Result<Place> {
     match value.get("joints") {
         Some(joints) => Ok(Place::Joints(six(joints)?)),

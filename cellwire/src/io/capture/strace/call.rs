@@ -47,12 +47,12 @@ impl<'a> Call<'a> {
         }
     }
 
-    /// The descriptor that the call begins with, and the file that `-y` writes after it.
+    /// Returns the descriptor at the beginning of the call, and the file that `-y` writes after it.
     pub(super) fn descriptor(&self) -> Option<(u32, Option<String>)> {
         descriptor(self.arguments).map(|(number, path, _)| (number, path))
     }
 
-    /// The descriptors between brackets, as of a pipe.
+    /// Returns the descriptors between brackets, as of a pipe.
     pub(super) fn pair(&self) -> Vec<u32> {
         let list = self.arguments.rsplit_once('[').and_then(|(_, list)| list.split_once(']'));
         list.into_iter()
@@ -61,15 +61,15 @@ impl<'a> Call<'a> {
             .collect()
     }
 
-    /// The path that the call names.
+    /// Returns the path that the call names.
     pub(super) fn path(&self) -> Option<String> {
         let (_, text) = self.arguments.split_once('"')?;
         let (path, _) = string(text)?;
         Some(String::from_utf8_lossy(&path).into_owned())
     }
 
-    /// The bytes in the buffer of the call, or in its buffers; addresses and control data are not among them. `None` if the arguments
-    /// cannot be read.
+    /// Returns the bytes in the buffer of the call, or in its buffers; without addresses and control data. `None` if the
+    /// arguments cannot be read.
     pub(super) fn payload(&self) -> Option<Payload> {
         let (_, _, rest) = descriptor(self.arguments)?;
         let rest = rest.strip_prefix(", ")?;
@@ -117,7 +117,7 @@ impl Payload {
     }
 }
 
-/// `3</dev/ttyUSB0>, …`: the number, the path, and the text after both.
+/// Parses `3</dev/ttyUSB0>, …`: the number, the path, and the text after both.
 fn descriptor(text: &str) -> Option<(u32, Option<String>, &str)> {
     let (number, rest) =
         text.split_at_checked(text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len()))?;
@@ -133,7 +133,7 @@ fn descriptor(text: &str) -> Option<(u32, Option<String>, &str)> {
     Some((number, Some(String::from_utf8_lossy(&path).into_owned()), rest))
 }
 
-/// The text after a word that stands outside of strings.
+/// Returns the text after a word that is outside strings.
 fn after<'a>(mut text: &'a str, word: &str) -> Option<&'a str> {
     loop {
         let at = text.find(word)?;
@@ -144,7 +144,7 @@ fn after<'a>(mut text: &'a str, word: &str) -> Option<&'a str> {
     }
 }
 
-/// The bytes of a string without its first quote, and the text after its last one.
+/// Returns the bytes of a string without its first quote, and the text after its last one.
 fn string(text: &str) -> Option<(Vec<u8>, &str)> {
     let mut bytes = Vec::new();
     let mut letters = text.char_indices();
@@ -164,7 +164,7 @@ fn string(text: &str) -> Option<(Vec<u8>, &str)> {
     }
 }
 
-/// The byte of an escape without its backslash, and how many characters the escape takes.
+/// Returns the byte of an escape without its backslash, and the number of characters of the escape.
 fn escaped(text: &str) -> Option<(u8, usize)> {
     let first = text.chars().next()?;
     let byte = match first {

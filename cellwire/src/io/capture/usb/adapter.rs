@@ -137,7 +137,7 @@ impl LineSettings {
         (self.bits, self.parity, self.stop) = (Some(bits), parity, stop);
     }
 
-    /// The register of a 16550 with two more bits.
+    /// Decodes the register of a 16550 with two more bits.
     fn ch340_frame(&mut self, register: u8) {
         let parity = match register & 0x38 {
             0x08 => 'O',
@@ -151,8 +151,8 @@ impl LineSettings {
     }
 }
 
-/// The divisor has eighths. With several ports, and in chips of high speed, the lower byte of the index is the port; what the chip
-/// does not say, the usual rate decides.
+/// Returns the rate of an FTDI, whose divisor has eighths. With several ports, and in high-speed chips, the lower byte of
+/// the index is the port; otherwise ambiguous values are resolved to the usual rate.
 fn ftdi_baud(release: Option<u16>, value: u16, index: u16) -> Option<u32> {
     const FULL: u32 = 24_000_000;
     const HIGH: u32 = 96_000_000;
@@ -177,7 +177,7 @@ fn ftdi_baud(release: Option<u16>, value: u16, index: u16) -> Option<u32> {
     rates.iter().copied().map(usual).find(|rate| USUAL.contains(rate)).or_else(|| rates.first().copied())
 }
 
-/// A prescaler, and the divisor as what it lacks to 256.
+/// Returns the rate of a CH340: a prescaler, and 256 minus the divisor.
 fn ch340_baud(index: u16) -> Option<u32> {
     let [low, high] = index.to_le_bytes();
     let shift = 12_u32.checked_sub(3 * u32::from(low & 3))?.checked_sub(u32::from(low >> 2 & 1))?;
@@ -190,7 +190,7 @@ const USUAL: [u32; 22] = [
     76_800, 115_200, 230_400, 460_800, 921_600, 1_000_000,
 ];
 
-/// The usual rate within 1.5 %, which is as near as these adapters come to each of them.
+/// Returns the usual rate within 1.5 %, which is the accuracy of these adapters.
 fn usual(rate: u32) -> u32 {
     USUAL.into_iter().find(|usual| usual.abs_diff(rate) * 200 <= usual * 3).unwrap_or(rate)
 }

@@ -40,7 +40,7 @@ pub(super) enum Kind {
 
 const CUT: &str = "the header of a USB transfer was cut off";
 
-/// `missing`: how much the capture has cut off the packet.
+/// Decodes a transfer; `missing` is the number of bytes that the capture has cut off the packet.
 pub(super) fn transfer(
     header: Header,
     data: &[u8],

@@ -128,7 +128,7 @@ impl Devices {
         Ok(())
     }
 
-    /// The end of the capture.
+    /// Called at the end of the capture.
     pub(super) fn finish(&mut self, summary: &mut Summary, take: Take<'_>) -> Result<()> {
         for (&(bus, number), device) in &mut self.all {
             device.tell((bus, number), take)?;
@@ -262,8 +262,8 @@ impl Device {
         }
     }
 
-    /// Whether every packet to the PC begins with the state of the modem's lines and of the receiver, as an FTDI sends them, and one
-    /// has nothing else: it sends such a packet whenever its timer ends.
+    /// Returns whether every packet to the PC begins with the state of the modem's lines and of the receiver, as an FTDI
+    /// sends them, and at least one has no other bytes: an FTDI sends such a packet each time that its timer expires.
     fn has_status_bytes(&self) -> bool {
         let mut packets = self.waiting.iter().filter(|it| it.endpoint & 0x80 != 0);
         let first = packets.clone().find_map(|it| it.data.first().map(|state| state & 0x0F));
@@ -311,7 +311,7 @@ impl Device {
         Ok(())
     }
 
-    /// The port of an endpoint: by its interface, or as each maker numbers them.
+    /// Returns the port of an endpoint: by its interface, or by the maker's numbering.
     fn port(&self, kind: Adapter, endpoint: u8) -> Option<u8> {
         match (self.endpoints.get(&endpoint), kind) {
             (Some(it), Adapter::CdcAcm) if it.class != 0x0A => None,
@@ -321,7 +321,7 @@ impl Device {
         }
     }
 
-    /// The bytes between the status bytes, two at the beginning of each packet.
+    /// Returns the bytes between the status bytes, two at the beginning of each packet.
     fn without_status(&mut self, endpoint: u8, data: &[u8]) -> Vec<u8> {
         const ERRORS: u8 = 0x0E;
         let known = self.endpoints.get(&endpoint).map(|it| usize::from(it.packet)).filter(|size| *size > 2);
@@ -337,12 +337,13 @@ impl Device {
     }
 }
 
-/// Whether two bytes may be an FTDI's of this kind, which is in the lower half of the first, on a line that is not broken.
+/// Returns whether two bytes may be the status of an FTDI of this kind, which is the lower half of the first byte, on an
+/// unbroken line.
 fn is_status(kind: u8, modem: u8, line: u8) -> bool {
     modem & 0x0F == kind && line & 0x9C == 0
 }
 
-/// The length of an FTDI's packets by what is at their places: 64 bytes, or 512 at high speed.
+/// Returns the length of an FTDI's packets by the bytes at their beginnings: 64 bytes, or 512 at high speed.
 fn packet_size(data: &[u8]) -> usize {
     const FULL: usize = 64;
     const HIGH: usize = 512;

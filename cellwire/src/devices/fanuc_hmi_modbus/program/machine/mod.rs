@@ -93,7 +93,7 @@ enum Flow {
 }
 
 impl Machine {
-    /// At the beginning of `main`, the arm at rest.
+    /// Creates a machine at the beginning of `main`, with the arm at rest.
     pub fn new(main: String, programs: Programs, planner: Planner, repeat: bool) -> Self {
         let mut machine = Self {
             memory: Memory::default(),
@@ -133,17 +133,17 @@ impl Machine {
         self.end_pulses(tables);
     }
 
-    /// Whether nothing will happen any more.
+    /// Returns whether the program has ended, and the arm is at rest.
     pub fn has_ended(&self) -> bool {
         self.state == State::Ended && self.now >= self.rest
     }
 
-    /// The tool's pose in the world frame, now.
+    /// Returns the tool's pose in the world frame now.
     pub fn pose(&mut self) -> Pose {
         self.planner.pose(self.now)
     }
 
-    /// The instruction that waits, where it is, and since when in s.
+    /// Returns the waiting instruction with its location, and the start of its wait in s.
     pub fn waiting(&self) -> Option<(String, f64)> {
         let frame = self.stack.last()?;
         let text = match frame.loaded.program.instructions.get(frame.next)? {
@@ -154,7 +154,8 @@ impl Machine {
         self.waits.map(|since| (format!("`{text}` in {name}:{}", frame.next + 1), since))
     }
 
-    /// Whether it waits for what nothing in it will change: no pulse ends, no motion, no timer and no time-out.
+    /// Returns whether the program waits for a condition that cannot change by itself: no pulse, motion, timer or timeout is
+    /// running.
     pub fn waits_in_vain(&self) -> bool {
         let endless = self.waiting().is_some_and(|(text, since)| {
             self.now > since + 1.0
@@ -165,18 +166,18 @@ impl Machine {
         endless && self.memory.pulses.is_empty() && self.now > self.rest
     }
 
-    /// The label that it has jumped to most often, and how often.
+    /// Returns the most frequent target label of jumps, and the number of jumps to it.
     pub fn loop_of(&self) -> Option<(&str, u32)> {
         let most = self.jumps.iter().max_by_key(|(_, count)| **count)?;
         Some((most.0.as_str(), *most.1))
     }
 
-    /// The joints, now.
+    /// Returns the joints now.
     pub fn joints(&mut self) -> [f64; 6] {
         self.planner.at(self.now)
     }
 
-    /// In percent.
+    /// Returns the override in percent.
     pub fn override_percent(&self) -> f64 {
         self.speed * 100.0
     }
@@ -309,7 +310,7 @@ impl Machine {
     }
 }
 
-/// The item that a text is, such as `P[R[1]]`.
+/// Returns the item of a text, such as `P[R[1]]`.
 pub(super) fn parsed(text: &str) -> Option<Item> {
     match Operation::decode(&format!("R[1]={text}")) {
         Some(Operation::Assign(_, Expression::Item(item))) => Some(item),

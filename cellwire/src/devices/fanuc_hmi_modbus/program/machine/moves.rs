@@ -84,7 +84,8 @@ impl Machine {
         Ok(Flow::Later(next))
     }
 
-    /// The next S motion. The first one begins a curve through it and those that follow, which the arm begins and ends at rest.
+    /// Executes the next S motion. The first one begins a curve through it and the following ones, at whose beginning and
+    /// end the arm is at rest.
     fn spline(&mut self, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {
         if self.curve.is_empty() {
             if self.now < self.rest {
@@ -134,7 +135,8 @@ impl Machine {
         }
     }
 
-    /// A motion with Skip: its condition ends it, and the next line follows; without, its label follows when it has ended.
+    /// Executes a motion with Skip: its condition ends it, and the next line follows; otherwise its label follows when the
+    /// motion has ended.
     fn watch(
         &mut self,
         end: f64,
@@ -180,7 +182,7 @@ impl Machine {
         })
     }
 
-    /// A position with its user frame and tool.
+    /// Returns a position with its user frame and tool.
     fn place(
         &mut self,
         target: &Target,
@@ -206,7 +208,7 @@ impl Machine {
         Ok((place, frame, tool))
     }
 
-    /// Without a selection of frames, those of the first position are selected.
+    /// Selects the frames of the first position if no frames are selected.
     fn assume(&mut self, number: u32, (frame, tool): (Option<u16>, Option<u16>)) {
         let mut assumed = Vec::new();
         for (name, of, selected) in [("UFRAME", frame, &mut self.frame), ("UTOOL", tool, &mut self.tool)] {
@@ -250,7 +252,7 @@ fn item(kind: ItemKind, number: u32) -> Item {
     Item { kind, group: None, index: Index::Number(number), element: None, name: None }
 }
 
-/// The frame of a position, where it has one; it is the selected one, or a controller stops.
+/// Returns the frame of a position, if it has one; a fault unless it is the selected one, because a controller stops then.
 fn fitting(
     number: u32,
     (kind, of): (&str, Option<u32>),
@@ -264,7 +266,7 @@ fn fitting(
     }
 }
 
-/// The label of `Skip,LBL[1],PR[2]=LPOS`, and what is done when the condition holds.
+/// Returns the label of `Skip,LBL[1],PR[2]=LPOS`, and the operation when the condition is true.
 fn skip_of(option: &str) -> Option<(Item, Option<Operation>)> {
     let (word, rest) = option.split_once(',')?;
     if !["Skip", "Interrupt"].iter().any(|name| name.eq_ignore_ascii_case(word.trim())) {
@@ -275,7 +277,7 @@ fn skip_of(option: &str) -> Option<(Item, Option<Operation>)> {
     Some((parsed(label.trim())?, keeps.trim_start().strip_prefix(',').and_then(Operation::decode)))
 }
 
-/// The share of `ACC50`.
+/// Returns the share of `ACC50`.
 fn acceleration(options: &[&str]) -> f64 {
     let percent = options.iter().find_map(|word| word.strip_prefix("ACC")?.trim().parse::<f64>().ok());
     (percent.unwrap_or(100.0) / 100.0).clamp(0.01, 5.0)

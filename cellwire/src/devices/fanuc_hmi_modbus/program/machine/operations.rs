@@ -173,7 +173,7 @@ impl Machine {
         found.map(Flow::To).ok_or_else(|| format!("there is no LBL[{n}]"))
     }
 
-    /// The action of the first case that fits.
+    /// Executes the action of the first case that matches.
     fn select(
         &mut self,
         item: &Item,
@@ -209,7 +209,7 @@ impl Machine {
         Ok(Flow::Next)
     }
 
-    /// The end of a loop: its counter goes on, and it begins again or ends.
+    /// Executes the end of a loop: advances its counter, and repeats or ends the loop.
     fn turn(&mut self, loaded: &Loaded, at: usize, tables: &mut Tables) -> Result<Flow, Fault> {
         let begin = begin_of_loop(loaded, at).ok_or("ENDFOR without FOR")?;
         let Some(Step::Operation(operation)) = loaded.steps.get(begin) else { return Ok(Flow::Next) };
@@ -228,7 +228,7 @@ impl Machine {
     }
 }
 
-/// The `ENDIF` of a block, or its `ELSE` where that counts too.
+/// Returns the `ENDIF` of a block, or its `ELSE` with `or_else`.
 fn block(loaded: &Loaded, at: usize, or_else: bool) -> Option<usize> {
     let mut depth = 0;
     (at + 1..).zip(loaded.steps.iter().skip(at + 1)).find_map(|(index, step)| {
@@ -257,7 +257,7 @@ fn begin_of_loop(loaded: &Loaded, at: usize) -> Option<usize> {
     before.into_iter().rev().find_map(|(index, step)| nested(step, &mut depth, index, true))
 }
 
-/// The step, if it is the other end of a loop.
+/// Returns the step, if it is the other end of a loop.
 fn nested(step: &Step, depth: &mut u32, index: usize, backwards: bool) -> Option<usize> {
     let Step::Operation(operation) = step else { return None };
     let is_begin = matches!(&**operation, Operation::For { .. });

@@ -70,7 +70,7 @@ fn go_on<S, E>(_: &mut S, _: E) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-/// Returns every byte to the peer.
+/// Sends every byte back.
 async fn mirror(mut far: DuplexStream) {
     let mut byte = [0];
     while far.read(&mut byte).await.unwrap() == 1 {

@@ -12,7 +12,7 @@ pub(crate) const DATA_LEN: usize = 8;
 
 const XOR: u8 = 0x55;
 
-/// Returns whether up to three bytes can begin a packet.
+/// Checks that up to three bytes can begin a packet.
 #[inline]
 pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
     let Some(n) = bytes.first() else { return Ok(()) };

@@ -194,7 +194,7 @@ fn outcome_of(error: &Error) -> (Outcome, String) {
 }
 
 impl Order {
-    /// Returns whether all instructions fit one frame.
+    /// Checks that all instructions fit one frame.
     fn fits(&self, config: &HostConfig) -> Result<(), String> {
         if self.instructions.is_empty() {
             return Err("there are no instructions".into());

@@ -208,7 +208,7 @@ impl Controller {
         }
     }
 
-    /// Returns the exception of a controller that is busy.
+    /// Checks that the controller is not busy; otherwise returns its exception.
     fn ready(&self) -> Result<(), Exception> {
         if self.faults.has(Fault::Busy, self.now) { Err(Exception::ServerDeviceBusy) } else { Ok(()) }
     }

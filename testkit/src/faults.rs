@@ -100,13 +100,13 @@ impl Faults {
         ..Self::NONE
     };
 
-    /// The same transport without its faults.
+    /// Returns the same transport without its faults.
     pub const fn healed(self) -> Self {
         let Self { datagrams, latency, byte_time, .. } = self;
         Self { datagrams, latency, byte_time, ..Self::NONE }
     }
 
-    /// The same faults on a line where each byte takes ten bits at `baud`.
+    /// Returns the same faults on a line on which each byte takes ten bits at `baud`.
     pub const fn at_baud(mut self, baud: u32) -> Self {
         self.byte_time = Duration::from_nanos(10_000_000_000 / baud as u64);
         self
@@ -151,7 +151,7 @@ impl FaultCounts {
         }
     }
 
-    /// Each kind by its name.
+    /// Returns the count of each kind with its name.
     pub fn each(&self) -> [(&'static str, u64); 10] {
         [
             ("flip", self.flips),

@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 
 pub use turn::{Carrier, turn};
 
-/// Whether the tests over the table of links are to look at this one: all of them, or only what `LINK` names.
+/// Returns whether the tests over the table of links include this one: all links, or only the one in `LINK`.
 pub fn is_tested(link: &str) -> bool {
     std::env::var("LINK").map_or(true, |only| only == link)
 }
@@ -49,7 +49,7 @@ pub fn reference_file(path: &str) -> PathBuf {
     folder.join(path)
 }
 
-/// A file of the reference.
+/// Reads a file of the reference.
 ///
 /// # Panics
 /// If there is no such file, or it is not JSON.

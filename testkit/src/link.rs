@@ -27,7 +27,7 @@ pub enum End {
 }
 
 impl End {
-    /// The end that receives what this one sends.
+    /// Returns the end that receives this end's bytes.
     pub fn other(self) -> Self {
         match self {
             End::A => End::B,
@@ -57,7 +57,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// A connected link whose faults follow from `seed`.
+    /// Creates a connected link whose faults follow from `seed`.
     pub fn new(seed: u64, faults: Faults) -> Self {
         let direction = Direction::default();
         Self {
@@ -116,7 +116,7 @@ impl Link {
         self.receive_part(at, now, usize::MAX)
     }
 
-    /// The same, at most this many bytes at once.
+    /// Receives as [`receive`](Self::receive) does, at most this many bytes at once.
     pub fn receive_part(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
         let direction = match at {
             End::A => &mut self.to_a,
@@ -135,7 +135,7 @@ impl Link {
         direction.queue.pop_front().map(|(_, delivery)| delivery)
     }
 
-    /// The time of the next delivery to either end.
+    /// Returns the time of the next delivery to either end.
     pub fn next_delivery(&self) -> Option<Duration> {
         let first = |direction: &Direction| direction.queue.front().map(|(at, _)| *at);
         first(&self.to_a).into_iter().chain(first(&self.to_b)).min()
@@ -156,7 +156,7 @@ impl Link {
         }
     }
 
-    /// A new connection: nothing of the old one arrives any more.
+    /// Opens a new connection: bytes of the old one no longer arrive.
     pub fn reconnect(&mut self) {
         self.connected = true;
         self.to_a = Direction::default();
@@ -168,12 +168,12 @@ impl Link {
         self.faults = self.faults.healed();
     }
 
-    /// Whether bytes that are sent now can arrive.
+    /// Returns whether bytes that are sent now can arrive.
     pub fn is_connected(&self) -> bool {
         self.connected
     }
 
-    /// The faults committed so far.
+    /// Returns the counts of the faults so far.
     pub fn counts(&self) -> FaultCounts {
         self.counts
     }
@@ -205,13 +205,13 @@ struct Direction {
 }
 
 impl Direction {
-    /// In order of arrival: datagrams may overtake one another.
+    /// Inserts a delivery in sequence of arrival: datagrams may overtake one another.
     fn insert(&mut self, at: Duration, delivery: Delivery) {
         let place = self.queue.partition_point(|(time, _)| *time <= at);
         self.queue.insert(place, (at, delivery));
     }
 
-    /// After all that is there: a stream keeps its order.
+    /// Appends bytes after all others: a stream keeps its sequence.
     fn append(
         &mut self,
         at: Duration,

@@ -25,7 +25,7 @@ pub struct Received {
 }
 
 impl Format {
-    /// The bits of bytes that follow each other without a pause, true for high.
+    /// Returns the bits of bytes that follow each other without a pause, true for high.
     pub fn bits(&self, bytes: &[u8]) -> Vec<bool> {
         let mut bits = Vec::new();
         for byte in bytes {

@@ -11,7 +11,8 @@ pub const FILES: [(&str, &str); 7] = [
     ("motion.as", include_str!("../../../kawasaki-msg/controller/motion.as")),
 ];
 
-/// All files, some settings with other values: as a user edits `settings.as`. The name of a setting that is not there, once.
+/// Returns all files, with other values of some settings: as a user edits `settings.as`. The error is the name of a setting
+/// that does not occur exactly once.
 ///
 /// # Errors
 /// See above.

@@ -152,7 +152,7 @@ fn slice<'a>(value: Value<'a>, range: impl Fn(&[u8]) -> core::ops::Range<usize>)
     }
 }
 
-/// A count of bytes; one that is not there is an error.
+/// Returns a count of bytes; a missing one is an error.
 fn length(value: &Value<'_>) -> Result<usize, Error> {
     whole(value.real()?, 1e6).ok_or(Error::Argument)
 }

@@ -104,7 +104,7 @@ impl<'a> Reader<'a> {
         self.tokens.is_empty()
     }
 
-    /// The next token, if it is this mark or keyword.
+    /// Skips the next token if it is this mark or keyword; returns whether it was.
     pub(crate) fn takes(&mut self, word: &str) -> bool {
         let found = match self.tokens.first() {
             Some(Token::Mark(mark)) => *mark == word,
@@ -133,7 +133,7 @@ impl<'a> Reader<'a> {
         Ok(name.clone())
     }
 
-    /// A name and its index, if it has one.
+    /// Parses a name and its index, if it has one.
     pub(crate) fn place(&mut self) -> Result<Place, String> {
         let name = self.name()?;
         if name.chars().all(|c| c.is_ascii_uppercase() || c == '$' || c == '_') {

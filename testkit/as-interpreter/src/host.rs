@@ -28,16 +28,16 @@ pub struct Socket {
 /// A call that returns [`Poll::Pending`] is repeated until it is ready. `since` is the time at which the statement
 /// began.
 pub trait Host {
-    /// The time since the controller was switched on.
+    /// Returns the time since the controller was switched on.
     fn now(&self) -> Duration;
 
-    /// `TCP_CONNECT`: the socket's number.
+    /// Executes `TCP_CONNECT`: returns the socket's number.
     fn connect(&mut self, since: Duration, timeout: Duration, ip: [u8; 4], port: u16) -> Poll<i32>;
 
-    /// `TCP_SEND`.
+    /// Executes `TCP_SEND`.
     fn send(&mut self, since: Duration, timeout: Duration, socket: i32, strings: &[&[u8]]) -> Poll<i32>;
 
-    /// `TCP_RECV`: what has come, in strings of at most `longest` bytes.
+    /// Executes `TCP_RECV`: returns the received bytes, in strings of at most `longest` bytes.
     fn receive(
         &mut self,
         since: Duration,
@@ -46,19 +46,19 @@ pub trait Host {
         longest: usize,
     ) -> Poll<(i32, Vec<Vec<u8>>)>;
 
-    /// `TCP_CLOSE`.
+    /// Executes `TCP_CLOSE`.
     fn close(&mut self, socket: i32) -> i32;
 
-    /// `TCP_STATUS`.
+    /// Executes `TCP_STATUS`.
     fn sockets(&mut self) -> Vec<Socket>;
 
-    /// `LMOVE` or `JMOVE`: pending while the arm has another command.
+    /// Executes `LMOVE` or `JMOVE`: pending while the arm has another command.
     fn give(&mut self, motion: Motion) -> Poll<()>;
 
-    /// `BREAK`: pending while the arm moves.
+    /// Executes `BREAK`: pending while the arm moves.
     fn arrived(&mut self) -> Poll<()>;
 
-    /// `PRINT`.
+    /// Executes `PRINT`.
     fn print(&mut self, task: usize, line: &str);
 }
 

@@ -16,7 +16,7 @@ pub(crate) enum Token {
 const MARKS: [&str; 18] =
     ["==", "<>", "<=", ">=", "=<", "=>", "(", ")", "[", "]", ",", ":", "=", "<", ">", "+", "-", "*"];
 
-/// The tokens of a line; a comment ends it.
+/// Parses the tokens of a line; a comment ends it.
 pub(crate) fn tokens(line: &str) -> Result<Vec<Token>, String> {
     let mut tokens = Vec::new();
     let mut rest = line.trim_start();

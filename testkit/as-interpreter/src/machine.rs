@@ -65,7 +65,7 @@ enum Next {
 const DEEPEST: usize = 20;
 
 impl Machine {
-    /// Nothing has a value, no task runs.
+    /// Creates a machine without values and running tasks.
     pub fn new(program: Program) -> Self {
         let memory = Memory::new(program.globals.len());
         Self { program, memory, tasks: Vec::new() }
@@ -152,7 +152,7 @@ impl Machine {
         self.tasks.get(task).map_or(0, |task| task.statements)
     }
 
-    /// The programs that a task is in, the outermost first.
+    /// Returns the programs that a task executes, the outermost first.
     pub fn calls(&self, task: usize) -> impl Iterator<Item = &str> {
         let frames = self.tasks.get(task).map_or(&[][..], |task| &task.frames);
         frames
@@ -171,17 +171,17 @@ impl Machine {
         self.memory.truncations
     }
 
-    /// A real; `None` while it has no value.
+    /// Returns a real; `None` while it has no value.
     pub fn real(&self, name: &str) -> Option<f32> {
         self.cell(name)?.get(None).ok()?.real().ok()
     }
 
-    /// An element of an array of reals.
+    /// Returns an element of an array of reals.
     pub fn element(&self, name: &str, index: usize) -> Option<f32> {
         self.cell(name)?.get(Some(index)).ok()?.real().ok()
     }
 
-    /// A string, byte for byte as characters.
+    /// Returns a string, byte for byte as characters.
     pub fn text(&self, name: &str) -> Option<String> {
         Some(self.cell(name)?.get(None).ok()?.text().ok()?.iter().map(|byte| char::from(*byte)).collect())
     }
@@ -201,7 +201,7 @@ impl Machine {
         self.set(name, Stored::Text(value.bytes().collect()))
     }
 
-    /// A signal.
+    /// Returns whether a signal is on.
     pub fn signal(&self, number: usize) -> bool {
         self.memory.signals.get(number) == Some(&true)
     }
@@ -227,7 +227,7 @@ fn frame(program: &Program, routine: usize) -> Option<Frame> {
     Some(Frame { routine, at: 0, locals, results: Vec::new() })
 }
 
-/// Back to the caller, with the values of the parameters.
+/// Returns to the caller, with the values of the parameters.
 fn leave(frames: &mut Vec<Frame>, memory: &mut Memory) {
     let Some(left) = frames.pop() else { return };
     let Some(caller) = frames.last_mut() else { return };

@@ -96,7 +96,7 @@ impl Memory {
     }
 }
 
-/// The index that a value is.
+/// Converts a value to an index.
 pub(crate) fn index(value: &Value<'_>) -> Result<usize, Error> {
     whole(value.real()?, HIGHEST_INDEX).ok_or(Error::Index)
 }

@@ -7,7 +7,7 @@ use crate::names::{Names, Variable};
 use crate::routine::{Body, Routine};
 use crate::statement::{Statement, What};
 
-/// One program: its parameters and its statements, blocks resolved to places.
+/// Parses one program: its parameters and its statements, with blocks resolved to indices.
 pub(crate) fn routine(body: &Body<'_>, names: &mut Names) -> Result<Routine, ParseError> {
     names.locals.clear();
     let fail = |line: usize| move |why: String| ParseError { line, why };
@@ -34,7 +34,7 @@ pub(crate) fn routine(body: &Body<'_>, names: &mut Names) -> Result<Routine, Par
     Ok(Routine { name, parameters, locals: names.locals.len(), statements: blocks.statements })
 }
 
-/// `name (.a, .$b)`
+/// Parses `name (.a, .$b)`
 fn head(head: &str, names: &mut Names) -> Result<(String, Vec<usize>), String> {
     let tokens = tokens(head)?;
     let mut reader = Reader::new(&tokens, names);

@@ -34,7 +34,7 @@ pub struct TcpHost {
 }
 
 impl TcpHost {
-    /// A controller that is switched on now.
+    /// Creates the network of a controller that is switched on now.
     #[expect(clippy::disallowed_methods, reason = "it is the clock")]
     pub fn new() -> Self {
         Self {

@@ -69,13 +69,13 @@ impl Stored {
     }
 }
 
-/// A whole number from 0 on.
+/// Returns a whole number from 0 on.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked before")]
 pub(crate) fn whole(real: f32, most: f32) -> Option<usize> {
     ((0.0..=most).contains(&real) && real.fract() == 0.0).then_some(real as usize)
 }
 
-/// As `PRINT` and `$ENCODE` write it: a whole number without a point, else seven digits.
+/// Writes a number as `PRINT` and `$ENCODE` do: a whole number without a point, otherwise seven digits.
 pub(crate) fn decimal(real: f32) -> String {
     if real.fract() == 0.0 && real.abs() < 1e7 { format!("{real:.0}") } else { format!("{real:.6e}") }
 }

@@ -46,7 +46,7 @@ fn check<T: Format + Debug>(value: &T) {
     assert_eq!(with_times(&logged(value)), format!("{value:?}"));
 }
 
-/// A log has the fields of a `Duration`, which `Debug` keeps to itself.
+/// Replaces the fields of each `Duration` in a log, as a derived `Format` shows them, by the form of `Debug`.
 fn with_times(text: &str) -> String {
     let mut parts = text.split("Duration { secs: ");
     let mut whole = parts.next().unwrap().to_owned();
@@ -59,8 +59,8 @@ fn with_times(text: &str) -> String {
     whole
 }
 
-/// Three seconds of both ends, with noise and a lost connection: all that they report, and what they have counted. `call` is what
-/// their users do every ten milliseconds.
+/// Runs three seconds of both ends, with noise and a lost connection: reports all events and counters. `call` is called
+/// every ten milliseconds for their users.
 fn talk<A, B>(a: &mut A, b: &mut B, mut call: impl FnMut(&mut A, &mut B, Duration))
 where
     A: Session<Event: Format + Debug, Statistics: Format>,
@@ -108,7 +108,8 @@ where
     events
 }
 
-/// A derived `Format` of a type with parameters is one only if its fields have it, which building the crate does not show.
+/// Checks that a type can be logged: a derived `Format` of a type with parameters applies only if its fields have it, which
+/// building the crate does not show.
 fn can_be_logged<T: Format>() {}
 
 #[test]

@@ -89,8 +89,8 @@ program!("fanuc-ls", {
     #[global_allocator]
     static MALLOC: Malloc = Malloc;
 
-    /// The `alloc` that comes compiled with the toolchain names these two, although nothing unwinds here: they stand for the
-    /// unwinder, which only std brings.
+    /// Stands for the unwinder: the `alloc` that comes compiled with the toolchain refers to these two functions, which only
+    /// std provides, although no code unwinds here.
     #[unsafe(no_mangle)]
     extern "C" fn rust_eh_personality() {}
 

@@ -6,13 +6,13 @@ use cellwire_links::codec::{Codec, Found, items};
 use robot_session::contract::chunkings;
 use serde_json::{Map, Value};
 
-/// The codec of what `from` sends.
+/// Returns the codec of the side `from`.
 pub(crate) fn codec(link: &str, from: Option<&str>, options: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let link = Link::by_name(link)?;
     (link.codec)(link.side(from)?, options)
 }
 
-/// The items of a stream; the same for every division into reads. After each part comes an end.
+/// Returns the items of a stream, which are equal for every division into reads. The stream ends after each part.
 pub(crate) fn read_every_way(
     make: &dyn Fn() -> Result<Box<dyn Codec>>,
     parts: &[Vec<u8>],

@@ -12,7 +12,7 @@ use crate::json::{self, Object};
 /// The only configuration of a crate that is not a link.
 const RULES: Config = Config { name: "Rules", fields: |given| fields(Rules::default(), given) };
 
-/// The text of the file.
+/// Returns the text of the file.
 pub(crate) fn file() -> Result<String> {
     let links = LINKS.iter().map(|link| (link.name, link.configs));
     let mut rows = Vec::new();

@@ -108,7 +108,7 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
     Ok(())
 }
 
-/// The story without the steps that it does not need.
+/// Returns the story without unnecessary steps.
 fn shortest(mut story: Story, serves: &dyn Fn(&Story) -> Result<bool>) -> Result<Story> {
     let mut at = story.script.len();
     while at > 0 {

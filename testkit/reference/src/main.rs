@@ -89,7 +89,7 @@ fn check(root: &Path, link: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// Every file, or those of one link, and its text.
+/// Returns every file, or those of one link, and its text.
 fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
     let reference = root.join("reference");
     let defaults = defaults::file()?;
@@ -123,7 +123,7 @@ fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
 const INDEPENDENT: &str =
     "\"every result is also that of ports/python and ports/c, written from the specification alone\"";
 
-/// An input file, if there is one.
+/// Reads an input file, if there is one.
 fn input<T: serde::de::DeserializeOwned>(root: &Path, kind: &str, link: &str) -> Result<Option<T>> {
     let path = root.join("testkit/reference/inputs").join(kind).join(format!("{link}.json"));
     if !path.exists() {

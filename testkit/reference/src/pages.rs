@@ -32,7 +32,7 @@ impl Count {
     }
 }
 
-/// The page of the settings, and that of the costs.
+/// Returns the page of the settings, and that of the costs.
 pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)>> {
     let defaults: Value = serde_json::from_str(defaults)?;
     let fields = defaults.get("fields").and_then(Value::as_array).context("no fields")?;
@@ -63,14 +63,14 @@ pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)
     ])
 }
 
-/// A page with these sections between its marks.
+/// Returns a page with these sections between its marks.
 fn put(page: &str, sections: &str) -> Result<String> {
     let (before, rest) = page.split_once(BEGIN).with_context(|| format!("no {BEGIN}"))?;
     let (_, after) = rest.split_once(END).with_context(|| format!("no {END}"))?;
     Ok(format!("{before}{BEGIN}{sections}\n{END}{after}"))
 }
 
-/// The bytes of each end, and the instructions of what an end does in normal operation.
+/// Returns the bytes of each end, and the instructions of an end's work in normal operation.
 fn costs(name: &str, sizes: &str, counts: &[Count]) -> String {
     let mut table = String::new();
     let ends: BTreeMap<&str, (&str, &str)> = sizes
@@ -99,7 +99,7 @@ fn costs(name: &str, sizes: &str, counts: &[Count]) -> String {
     format!("{}\n", table.trim_end())
 }
 
-/// Whether a row of the counts is neither another crate's, nor a limit by hand, nor a line that is out of order.
+/// Returns whether a row of the counts is an end's own: not another crate's, not a limit by hand, and not a corrupt line.
 fn is_own(what: &str) -> bool {
     !what.starts_with(['…', '–'])
         && !["random bytes", "noise", "one byte a push", "alone"].iter().any(|word| what.contains(word))

@@ -77,7 +77,7 @@ struct Stream {
     clauses: Vec<String>,
 }
 
-/// The text of `vectors/fanuc-ls.json`.
+/// Returns the text of `vectors/fanuc-ls.json`.
 pub(crate) fn vectors(root: &Path) -> Result<String> {
     let inputs: Vectors = crate::input(root, "vectors", LINK)?.context("fanuc-ls has no vectors")?;
     let mut lines = Vec::new();
@@ -106,7 +106,7 @@ pub(crate) fn vectors(root: &Path) -> Result<String> {
     Ok(json::file("vectors.schema.json", &head, "vectors", &lines))
 }
 
-/// The text of `streams/fanuc-ls.json`.
+/// Returns the text of `streams/fanuc-ls.json`.
 pub(crate) fn streams(root: &Path) -> Result<String> {
     let inputs: Streams = crate::input(root, "streams", LINK)?.context("fanuc-ls has no streams")?;
     let mut lines = Vec::new();
@@ -222,7 +222,7 @@ fn items(bytes: &[u8], rules: &Rules) -> Result<Vec<Value>> {
     Ok(items)
 }
 
-/// The text of a message object, or the object of the writer's error.
+/// Encodes a message object: returns its text, or the object of the writer's error.
 fn encode(part: Option<&str>, options: &Map<String, Value>, message: Value) -> Result<Result<String, Value>> {
     let Ok(program) = serde_json::from_value::<Program>(Part::new(part)?.give(message)) else {
         return Ok(Err(json!({"kind": "message"})));
@@ -260,7 +260,7 @@ impl Part {
         self.0.map_or_else(|| text.to_owned(), |(_, before, behind)| format!("{before}{text}{behind}"))
     }
 
-    /// None when there is more than the part.
+    /// Returns the text without the frame around the part; `None` if there is more than the part.
     fn strip<'a>(&self, text: &'a str) -> Option<&'a str> {
         let Some((_, before, behind)) = self.0 else { return Some(text) };
         text.strip_prefix(before)?.strip_suffix(behind)
@@ -284,7 +284,7 @@ impl Part {
         program
     }
 
-    /// An error by its place in the part.
+    /// Returns an error with its offset in the part.
     fn inside(&self, error: &fanuc_ls::DecodeError) -> Result<Value> {
         let mut object = serde_json::to_value(error)?;
         let before = self.0.map_or("", |(_, before, _)| before);

@@ -10,13 +10,13 @@ use crate::json::{self, Object};
 /// The crate of the operator's latch, which is not a link and has only states.
 pub(crate) const LATCH: &str = "cellwire-motion";
 
-/// Every cell of a link.
+/// Returns every cell of a link.
 pub(crate) fn table(link: &str) -> Vec<Cell> {
     let tables = TABLES.iter().copied().flatten().filter(|table| table.link == link);
     tables.flat_map(|table| (table.cells)()).collect()
 }
 
-/// The text of a link's file.
+/// Returns the text of a link's file.
 pub(crate) fn file(link: &str) -> Result<String> {
     let mut lines = Vec::new();
     for Cell { end, state, input, to, action } in table(link) {
@@ -109,7 +109,7 @@ fn take(rest: &mut &str, mark: &str) -> bool {
     after.is_some()
 }
 
-/// `NotSent` as `not_sent`.
+/// Converts a name to snake case: `NotSent` as `not_sent`.
 fn snake(name: &str) -> String {
     let mut text = String::new();
     for c in name.chars() {

@@ -84,7 +84,7 @@ pub(crate) struct Played {
     pub(crate) cells: BTreeSet<String>,
 }
 
-/// The text of a link's file, if it has stories.
+/// Returns the text of a link's file, if it has stories.
 pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
     let Some(inputs) = crate::input::<Inputs>(root, "stories", link)? else { return Ok(None) };
     let mut lines = Vec::new();
@@ -168,7 +168,7 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
     Ok(Some(json::file("sessions.schema.json", &head, "stories", &lines)))
 }
 
-/// The configurations that an end refuses.
+/// Returns the configurations that an end rejects.
 fn refused(link: &str, configs: &[RefusedConfig]) -> Result<String> {
     let mut lines = Vec::new();
     for (index, refused) in configs.iter().enumerate() {
@@ -193,7 +193,7 @@ fn refused(link: &str, configs: &[RefusedConfig]) -> Result<String> {
     Ok(format!("[\n    {}\n  ]", lines.join(",\n    ")))
 }
 
-/// The cells of machines that are defined: `state: input`.
+/// Returns the cells of machines that are defined: `state: input`.
 pub(crate) fn reachable(link: &str, machines: &[String]) -> BTreeSet<String> {
     let is_defined = |cell: &Cell| cell.to.is_some() && machines.iter().any(|machine| machine == cell.end);
     let cells = states::table(link).into_iter().filter(is_defined);
@@ -216,7 +216,8 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
     Ok(Played { steps, cells })
 }
 
-/// `TIME [hold] [keep] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline `due`, `due+1`, `due-1`.
+/// Parses `TIME [hold] [keep] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline
+/// `due`, `due+1`, `due-1`.
 fn parse<'a>(end: &End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
     let (time, verb) = line.split_once(' ').with_context(|| format!("{line}: no verb"))?;
     let due = || end.deadline().filter(|due| *due < Duration::MAX).map_or(now, |due| due.max(now));
@@ -242,7 +243,7 @@ fn milliseconds(text: &str) -> Result<Duration> {
     Ok(Duration::from_millis(whole) + Duration::from_nanos(fraction))
 }
 
-/// The input of a step.
+/// Returns the input of a step.
 fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<Do> {
     let (name, rest) = verb.split_once(' ').unwrap_or((verb, ""));
     let bytes = match name {

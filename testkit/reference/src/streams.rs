@@ -30,7 +30,7 @@ struct Stream {
     clauses: Vec<String>,
 }
 
-/// The text of a link's file, if it has streams.
+/// Returns the text of a link's file, if it has streams.
 pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
     let Some(inputs) = crate::input::<Inputs>(root, "streams", link)? else { return Ok(None) };
     let mut lines = Vec::new();

@@ -54,7 +54,7 @@ struct Slot {
     multiply: f32,
 }
 
-/// A line of the file.
+/// Returns a line of the file.
 pub(crate) fn line(vector: &Inputs) -> Result<String> {
     let given = serde_json::from_value(vector.given.clone()).with_context(|| vector.given.to_string())?;
     let object = Object::new()

@@ -52,7 +52,7 @@ struct Refused {
     clauses: Vec<String>,
 }
 
-/// The text of a link's file.
+/// Returns the text of a link's file.
 pub(crate) fn file(root: &Path, link: &str) -> Result<String> {
     let inputs: Inputs =
         crate::input(root, "vectors", link)?.with_context(|| format!("{link} has no vectors"))?;

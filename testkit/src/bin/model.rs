@@ -198,7 +198,7 @@ fn must_fail(pairs: &[Pair], traces: bool, seeds: u64, common: &Common) -> bool 
     good
 }
 
-/// The share of seeds whose random walk notices that a rule is missing.
+/// Returns the share of seeds whose random walk detects a missing rule.
 fn noticed(case: &MustFail, seeds: u64) -> String {
     let walk = |seed| case.without.walk(seed, Log::OFF).map(|tally| u32::from(tally.is_bad()));
     let noticed = (0..seeds).map(walk).sum::<Option<u32>>().filter(|_| seeds > 0);
@@ -275,7 +275,7 @@ fn diagrams(pairs: &[Pair], write: bool) -> bool {
     good
 }
 
-/// Does `work` for every item, on all cores, the first ones first; shows how it gets on.
+/// Does `work` for every item, on all cores, the first ones first; shows the progress.
 fn run<T: Sync, R: Send>(
     items: &[T],
     common: &Common,
@@ -322,7 +322,7 @@ fn table(header: &[&str], numbers: core::ops::Range<usize>) -> Table {
     table
 }
 
-/// `1 234 567`
+/// Formats a count as `1 234 567`
 fn thousands(count: usize) -> String {
     let digits = count.to_string();
     let groups = digits.as_bytes().rchunks(3).rev().map(|group| String::from_utf8_lossy(group).into_owned());

@@ -128,7 +128,8 @@ fn run(rows: &[Row], first: u64, seeds: u64, jobs: usize) -> Results {
     results.into_inner().unwrap()
 }
 
-/// The `n`-th piece of the work: a row, and some seeds of it. The rows take turns, so that an early end has seen them all.
+/// Returns the `n`-th piece of the work: a row, and some of its seeds. The rows take turns, so that a run that ends early
+/// has covered all of them.
 fn batch(n: u64, rows: &[Row], seeds: u64) -> Option<(usize, Range<u64>)> {
     const SIZE: u64 = 64;
     let begin = n / rows.len() as u64 * SIZE;
@@ -194,7 +195,7 @@ fn table(rows: &[Row], tallies: &[Tally]) -> Table {
     table
 }
 
-/// Three digits and a unit; nothing is a point, so that the eye finds the rest.
+/// Formats a count with three digits and a unit; zero is a point, so that other counts stand out.
 fn short(count: u64) -> String {
     let (value, unit) = match count {
         0 => return "·".into(),

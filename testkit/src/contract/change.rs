@@ -53,7 +53,7 @@ impl Change {
         }
     }
 
-    /// A number that has so few digits that 32 bits hold it.
+    /// Returns a number with so few digits that 32 bits can represent it.
     fn real(&self, number: f64) -> f64 {
         let number = match self.how % 3 {
             0 => number + f64::from(self.bits as i8) / 1000.0,
@@ -64,7 +64,7 @@ impl Change {
     }
 }
 
-/// The values in a value, itself among them.
+/// Returns the number of values in a value, including itself.
 fn places(value: &Value) -> usize {
     1 + match value {
         Value::Array(values) => values.iter().map(places).sum(),

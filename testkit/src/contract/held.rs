@@ -52,7 +52,7 @@ pub struct Held {
 }
 
 impl Held {
-    /// An end of the table.
+    /// Creates an end of the table.
     ///
     /// # Panics
     /// If it has a call that no story has.
@@ -80,7 +80,7 @@ impl Held {
         }
     }
 
-    /// With every time that can be unlimited set so, the longest of those that limit one another first.
+    /// Returns the configuration with every time unlimited that can be, the longest of those that limit one another first.
     fn endless(&self, config: &Map<String, Value>) -> Map<String, Value> {
         let mut endless = config.clone();
         for time in self.times.iter().rev() {
@@ -98,7 +98,7 @@ impl Held {
         endless
     }
 
-    /// The input or call of a piece; `None` if no story has any.
+    /// Returns the input or call of a piece; `None` if the stories have none of this kind.
     fn pick<T>(&self, Piece(number): Piece, story: usize, of: fn(&Story) -> &[T]) -> Option<&T> {
         let (own, number) = (of(&self.stories[story]), usize::from(number));
         if !own.is_empty() && !number.is_multiple_of(5) {

@@ -14,7 +14,7 @@ impl Open {
         Self { once, open: vec![0; once.len()] }
     }
 
-    /// Something has happened this often.
+    /// Records that an event has happened this often.
     pub(super) fn note(&mut self, happened: By<'_>, times: u64) {
         for (once, open) in self.once.iter().zip(&mut self.open) {
             let times = if once.room == Room::Merged { 1 } else { times };

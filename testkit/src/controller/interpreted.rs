@@ -33,7 +33,7 @@ pub struct AsRobot {
 }
 
 impl AsRobot {
-    /// A controller whose program is not ours: `from` is replaced by `to` in its source, once.
+    /// Creates a controller whose program differs from the project's: `from` is replaced by `to` in its source, once.
     pub fn altered(
         bounds: Bounds,
         config: RobotConfig,
@@ -62,28 +62,28 @@ impl AsRobot {
         }
     }
 
-    /// The motion task is there no more: nothing executes its program.
+    /// Stops the motion task: its program is not executed any more.
     pub fn stop_motion(&mut self) {
         self.has_motion = false;
     }
 
-    /// The motion task's program is restarted, as after a stop.
+    /// Restarts the motion task's program, as after a stop.
     pub fn restart_motion(&mut self) {
         self.machine.restart(MOTION);
         self.has_motion = true;
     }
 
-    /// The interpreter, to look at variables.
+    /// Returns the interpreter, to read variables.
     pub fn machine(&self) -> &Machine {
         &self.machine
     }
 
-    /// The printed lines.
+    /// Returns the printed lines.
     pub fn printed(&self) -> &[String] {
         &self.port.printed
     }
 
-    /// A variable of the program, 0 before it has a value.
+    /// Returns a variable of the program, 0 before it has a value.
     pub fn real(&self, name: &str) -> f32 {
         self.machine.real(name).unwrap_or(0.0)
     }
@@ -116,7 +116,7 @@ impl AsRobot {
         assert_eq!(self.machine.truncations(), 0, "a string of more than 255 bytes");
     }
 
-    /// The place of the job that the motion task is executing.
+    /// Returns the index of the job that the motion task is executing.
     fn place(&self) -> Option<usize> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place of the queue")]
         let place = self.machine.real("x.rd")? as usize;
@@ -188,7 +188,7 @@ impl Controller for AsRobot {
         }
     }
 
-    /// In an order of no more jobs than there are numbers.
+    /// Returns the number of queued jobs, in an order with at most as many jobs as there are numbers.
     fn queued(&self) -> u32 {
         whole(self.real("x.last")).into()
     }
@@ -202,7 +202,7 @@ impl Controller for AsRobot {
     }
 }
 
-/// The program with the settings of a configuration.
+/// Returns the program with the settings of a configuration.
 fn source(bounds: &Bounds, config: &RobotConfig, capacity: usize) -> String {
     let seconds = |time: Duration| time.as_secs_f64();
     let Acks::Cumulative { every } = config.acks else { panic!("jobs do not overtake one another") };
@@ -234,7 +234,7 @@ fn source(bounds: &Bounds, config: &RobotConfig, capacity: usize) -> String {
     .unwrap()
 }
 
-/// The line between two places, in hundredths of a millimetre on the board.
+/// Returns the line between two points, in hundredths of a millimetre on the board.
 fn line(start: Pose, end: Pose) -> Line {
     #[expect(clippy::cast_possible_truncation, reason = "seven digits")]
     let point = |pose: Pose| {

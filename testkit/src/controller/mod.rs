@@ -16,36 +16,36 @@ pub trait Controller: Session<Event = RobotEvent> + Sized {
     /// Whether its jobs may overtake one another, and it works over datagrams.
     const WHOLE: bool;
 
-    /// A controller that was just switched on. What is left open (which task comes first) follows from `seed`.
+    /// Creates a controller that was just switched on. Open choices (the task that runs first) follow from `seed`.
     fn begin(config: RobotConfig, capacity: usize, seed: u64) -> Self {
         Self::within(Bounds::WIDEST, config, capacity, seed)
     }
 
-    /// The same, with coordinates that it can reach.
+    /// Creates the same controller, with coordinates within `bounds`.
     fn within(bounds: Bounds, config: RobotConfig, capacity: usize, seed: u64) -> Self;
 
-    /// The motion task executes its next job, or the last one that waits if jobs may overtake one another.
+    /// Executes the motion task's next job, or the last waiting one if jobs may overtake one another.
     fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job<Line>>;
 
-    /// The communication task hears of what was executed.
+    /// Reports the executed jobs to the communication task.
     fn report(&mut self, now: Duration);
 
-    /// Whether a job waits for the motion task.
+    /// Returns whether a job waits for the motion task.
     fn has_jobs(&self) -> bool;
 
-    /// The first reset.
+    /// Performs the first reset.
     ///
     /// # Errors
     /// As [`Robot::clear_queue`](kawasaki_msg::Robot::clear_queue).
     fn clear_queue(&mut self) -> Result<(), SessionError>;
 
-    /// The second reset.
+    /// Performs the second reset.
     ///
     /// # Errors
     /// As [`Robot::reset_order`](kawasaki_msg::Robot::reset_order).
     fn reset_order(&mut self) -> Result<(), SessionError>;
 
-    /// The phase of the order.
+    /// Returns the phase of the order.
     fn phase(&self) -> Phase;
 
     /// Returns the number of jobs of the order, or of the last one, that were queued.
@@ -54,6 +54,6 @@ pub trait Controller: Session<Event = RobotEvent> + Sized {
     /// Returns the number of these jobs that are executed.
     fn executed(&self) -> u32;
 
-    /// The active order.
+    /// Returns the active order.
     fn order(&self) -> Option<u16>;
 }

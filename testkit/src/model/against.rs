@@ -30,10 +30,10 @@ pub trait Peer {
     /// The length of a tick.
     const TICK: Duration;
 
-    /// The end's configuration.
+    /// Returns the end's configuration.
     fn config(&self) -> &<Self::End as Machine>::Config;
 
-    /// The end when its process starts.
+    /// Returns the end at the start of its process.
     fn end(&self) -> Self::End;
 
     /// Returns the model's knowledge at that moment.
@@ -48,7 +48,8 @@ pub trait Peer {
     /// Applies a step; returns the end's input, if there is one.
     fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
 
-    /// The bytes that are held are given up as corrupt, before [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
+    /// Called when the incomplete frame in the decoder is given up as corrupt, before
+    /// [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
     fn cut(&self, _known: &mut Self::Known) {}
 
     /// Returns the next input that the end gets from the same bytes, after an input or after bytes were given up.
@@ -59,7 +60,7 @@ pub trait Peer {
     /// Returns the input for the transmission of this.
     fn sent(&self, what: &TransmitOf<Self>) -> InputOf<Self>;
 
-    /// The same where more than [`Machine::transmit`] decides it.
+    /// Returns the input after a message was sent, if it depends on more than [`Machine::transmit`].
     fn answer(&self, _end: &Self::End, _known: &mut Self::Known, what: &TransmitOf<Self>) -> InputOf<Self> {
         self.sent(what)
     }
@@ -67,10 +68,10 @@ pub trait Peer {
     /// Records an action of the end. A violation is kept for [`broken`](Self::broken).
     fn acted(&self, end: &Self::End, known: &mut Self::Known, cause: CauseOf<Self>, action: ActionOf<Self>);
 
-    /// A tick has passed.
+    /// Called when a tick has passed.
     fn tick(&self, _known: &mut Self::Known) {}
 
-    /// The end's process has ended, and what its owner knew. A new one is without a connection.
+    /// Called when the end's process was restarted, and its owner's knowledge is lost. The new end has no connection.
     fn restarted(&self, known: &mut Self::Known);
 
     /// Pushes the properties that do not hold.
@@ -174,7 +175,7 @@ pub enum Act<W> {
 pub type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
 
 impl<P: Peer> Against<P> {
-    /// With an end that is called late, and connections that break.
+    /// Creates a system with an end that is called late, and connections that break.
     pub const fn new(peer: P) -> Self {
         Self { peer, late: true, breaks: true }
     }

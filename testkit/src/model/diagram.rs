@@ -8,8 +8,8 @@ use std::path::Path;
 
 use super::machine::Edge;
 
-/// A state diagram of one end in Markdown, for the docs of its machine: only what can happen is in it. A transition that changes
-/// nothing and does nothing is left out.
+/// Returns a state diagram of one end in Markdown, for the docs of its machine: only transitions that can happen are
+/// included. A transition without a change or an action is omitted.
 pub fn mermaid<'a>(edges: impl IntoIterator<Item = &'a Edge>, end: &str) -> String {
     let mut arrows = BTreeMap::<_, BTreeSet<String>>::new();
     let shown = |edge: &&Edge| edge.end == end && (edge.from != edge.to || does_something(edge));

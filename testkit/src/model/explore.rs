@@ -34,7 +34,7 @@ pub fn explore<S: System>(system: &S, options: &Options<'_>) -> Graph<S::Act> {
     search::<S, Fingerprints>(system, options)
 }
 
-/// The same with whole states in place of fingerprints, for a test that compares what they count.
+/// Explores with whole states in place of fingerprints, for a test that compares the counts.
 pub fn explore_whole<S: System>(system: &S, options: &Options<'_>) -> Graph<S::Act> {
     search::<S, HashMap<S::State, u32>>(system, options)
 }
@@ -43,7 +43,7 @@ type Fingerprints = HashMap<u128, u32, BuildHasherDefault<Identity>>;
 
 /// The states that are known, and their numbers.
 trait Known<T>: Default {
-    /// The number of a state; `fresh` if it was not known.
+    /// Returns the number of a state, which is `fresh` if the state was unknown.
     fn number(&mut self, state: &T, fresh: u32) -> u32;
 }
 

@@ -2,7 +2,7 @@
 
 use core::hash::{Hash, Hasher};
 
-/// The fingerprint of a state. Two states share one with a chance of 10⁻²² when there are 10⁸.
+/// Returns the fingerprint of a state. Two states share one with a chance of 10⁻²² when there are 10⁸.
 pub(crate) fn fingerprint<T: Hash>(state: &T) -> u128 {
     let mut hasher = Fingerprint(0x243F_6A88_85A3_08D3, 0x1319_8A2E_0370_7344);
     state.hash(&mut hasher);

@@ -65,7 +65,7 @@ impl<A: Copy> Graph<A> {
         }
     }
 
-    /// A shortest path from the first state.
+    /// Returns a shortest path from the first state.
     pub fn path(&self, mut at: u32) -> Vec<A> {
         let mut path = Vec::new();
         while let Some((from, act)) = at.checked_sub(1).map(|parent| self.parents[parent as usize]) {
@@ -76,7 +76,7 @@ impl<A: Copy> Graph<A> {
         path
     }
 
-    /// Every property that does not hold, the one with the shortest path first.
+    /// Returns every property that is broken, the one with the shortest path first.
     pub fn findings(&self) -> Vec<Finding> {
         let broken = self.broken.iter().map(|(property, at)| (*property, Some(*at)));
         let runs = [
@@ -90,7 +90,7 @@ impl<A: Copy> Graph<A> {
         all
     }
 
-    /// Whether every state was visited and every property holds.
+    /// Returns whether every state was visited and every property holds.
     pub fn holds(&self) -> bool {
         self.complete && self.findings().is_empty()
     }

@@ -95,7 +95,7 @@ impl Margin {
 }
 
 impl Measured {
-    /// Whether nothing breaks where the assumption is kept.
+    /// Returns whether no property breaks while the assumption is met.
     pub fn is_kept(&self) -> bool {
         self.holds.is_some() && self.breaks.as_ref().is_none_or(|(assumed, real, _)| real >= assumed)
     }

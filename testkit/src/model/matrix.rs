@@ -19,15 +19,15 @@ pub trait Rows {
     /// At least one input for each column.
     fn inputs() -> Vec<<Self::Machine as Machine>::Input>;
 
-    /// The configuration of the machine.
+    /// Returns the configuration of the machine.
     fn config() -> <Self::Machine as Machine>::Config;
 
-    /// The row of a state: its name, and which of its deadlines have come if that makes a difference.
+    /// Returns the row of a state: its name, and the deadlines that have come, if that makes a difference.
     fn row(machine: &Self::Machine, _now: Duration) -> String {
         machine.name().into()
     }
 
-    /// The column of an input.
+    /// Returns the column of an input.
     fn column(input: &<Self::Machine as Machine>::Input) -> String {
         input.name().into()
     }
@@ -57,7 +57,8 @@ pub struct Cell {
     pub action: String,
 }
 
-/// Every cell. A timeout is given to a state where it has something to do, and, where time comes first, nothing else is.
+/// Returns every cell. A timeout is applied to the states in which it has an effect; if time comes first, only the timeout
+/// is.
 ///
 /// # Panics
 /// If an input that is not expected changes the state, or the error has another name of the input or the state.

@@ -77,7 +77,7 @@ impl fmt::Debug for Setting {
 }
 
 impl Setting {
-    /// A system under a name.
+    /// Creates a setting: a system under a name.
     pub fn new<S>(name: impl Into<String>, system: S) -> Self
     where
         S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
@@ -91,7 +91,7 @@ impl Setting {
         }
     }
 
-    /// One end against any peer, which can also be walked at random over bytes.
+    /// Creates a setting of one end against any peer, which can also be walked at random over bytes.
     #[cfg(feature = "links")]
     pub fn walked<P>(name: impl Into<String>, against: Against<P>) -> Self
     where
@@ -113,7 +113,7 @@ impl Setting {
         self.walk.as_ref().map(|walk| walk(seed, log))
     }
 
-    /// With one end against a peer of which only this is known.
+    /// Returns the setting with one end against a peer about which only this is known.
     pub fn on(self, terms: Terms) -> Self {
         Self { terms: Some(terms), ..self }
     }
@@ -129,7 +129,7 @@ impl Setting {
         self.system.count()
     }
 
-    /// Every transition of its machines.
+    /// Returns every transition of its machines.
     pub fn edges(&self) -> Vec<Edge> {
         self.system.edges()
     }
@@ -157,7 +157,7 @@ pub struct Explored {
 }
 
 impl Explored {
-    /// Whether every state was visited and every property holds.
+    /// Returns whether every state was visited and every property holds.
     pub fn holds(&self) -> bool {
         self.complete && self.broken.is_empty()
     }
@@ -186,7 +186,7 @@ pub struct MustFail {
 }
 
 impl MustFail {
-    /// A rule, the property that catches its removal, and the system without it.
+    /// Creates a case of a rule, the property that catches its removal, and the system without it.
     pub fn new<S>(rule: &'static str, property: &'static str, setting: impl Into<String>, without: S) -> Self
     where
         S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
@@ -194,7 +194,7 @@ impl MustFail {
         Self { rule, property, without: Setting::new(setting, without) }
     }
 
-    /// The same of one end against any peer.
+    /// Creates the same case of one end against any peer.
     #[cfg(feature = "links")]
     pub fn walked<P>(
         rule: &'static str,
@@ -208,7 +208,7 @@ impl MustFail {
         Self { rule, property, without: Setting::walked(setting, without) }
     }
 
-    /// The property broken, with the shortest trace; `None` if the removal is not caught.
+    /// Returns the property broken, with the shortest trace; `None` if the removal is not caught.
     pub fn caught(&self, options: &Options<'_>) -> Option<Broken> {
         let explored = self.without.explore(&Options { until: Some(self.property), ..*options });
         explored.broken.into_iter().find(|broken| broken.property == self.property)
@@ -224,7 +224,7 @@ pub struct Diagram {
     pub text: String,
 }
 
-/// The diagrams of the ends of a link, drawn from what happens in some settings.
+/// Draws the diagrams of the ends of a link, from the transitions in some settings.
 pub fn draw(link: &str, ends: &[&str], settings: &[Setting]) -> Vec<Diagram> {
     let edges: Vec<Edge> = settings.iter().flat_map(Setting::edges).collect();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name(link).join("diagrams");
@@ -232,12 +232,12 @@ pub fn draw(link: &str, ends: &[&str], settings: &[Setting]) -> Vec<Diagram> {
     ends.iter().map(draw).collect()
 }
 
-/// The name of the setting of such a peer.
+/// Returns the name of the setting of such a peer.
 pub const fn at(keeps_rules: bool) -> &'static str {
     if keeps_rules { "keeps the rules" } else { "does anything" }
 }
 
-/// The settings of a peer that keeps the rules, and of one that does anything.
+/// Returns the settings of a peer that follows the rules, and of one with any behaviour.
 pub fn both<P>(system: impl Fn(bool) -> Against<P>, rules: Terms, anything: Terms) -> Vec<Setting>
 where
     P: Peer<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,

@@ -23,7 +23,7 @@ impl Runs {
         self.longest_standing(graph);
     }
 
-    /// Every run without faults ends, and how long the longest takes.
+    /// Checks that every run without faults ends, and measures the longest one.
     fn follow_benign<A>(&self, graph: &mut Graph<A>) {
         const UNKNOWN: u32 = u32::MAX;
         const OPEN: u32 = u32::MAX - 1;
@@ -59,8 +59,8 @@ impl Runs {
         }
     }
 
-    /// The longest path in ticks between stalled states; endless where a cycle takes time. A cycle that takes none is
-    /// one state.
+    /// Measures the longest path in ticks between stalled states; endless if a cycle takes time. A cycle without time counts
+    /// as one state.
     fn longest_standing<A>(&self, graph: &mut Graph<A>) {
         let mut numbers: HashMap<u32, usize> = HashMap::new();
         let mut states: Vec<u32> = Vec::new();
@@ -98,7 +98,7 @@ impl Runs {
     }
 }
 
-/// Tarjan's strongly connected components, without recursion.
+/// Computes Tarjan's strongly connected components, without recursion.
 fn components(out: &[Vec<(usize, u32)>]) -> Vec<usize> {
     const NEW: usize = usize::MAX;
     let (mut index, mut low, mut component) =

@@ -28,10 +28,10 @@ pub trait System {
     /// nothing happens: a standstill, if it [is not over](Self::is_over).
     fn benign(&self, state: &Self::State) -> Option<Self::Act>;
 
-    /// Whether all work has come to its end. A run without faults has to lead here from every state.
+    /// Returns whether all work has ended. A run without faults must lead here from every state.
     fn is_over(&self, state: &Self::State) -> bool;
 
-    /// Whether the system is stalled for now, so that recovery must follow: the longest time of that is reported.
+    /// Returns whether the system is stalled for now, so that recovery must follow: the longest such time is reported.
     fn stands(&self, _state: &Self::State) -> bool {
         false
     }
@@ -40,7 +40,7 @@ pub trait System {
     fn ticks(&self, act: Self::Act) -> u32;
 }
 
-/// The acts, each row after the ticks that were before it: `0: Start, Send; 3: Answer; 5.`
+/// Returns the acts, each row after the ticks before it: `0: Start, Send; 3: Answer; 5.`
 pub fn trace<S: System>(system: &S, path: &[S::Act]) -> String {
     let (mut rows, mut now) = (Vec::<(u32, Vec<String>)>::new(), 0);
     for act in path {

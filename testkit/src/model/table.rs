@@ -16,7 +16,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of these rows, whose machine has this many bytes at most.
+    /// Returns the table of these rows, whose machine has at most this many bytes.
     pub const fn of<R: Rows>(link: &'static str, size: usize) -> Self {
         Self { link, cells: cells::<R>, check: check::<R>, size }
     }

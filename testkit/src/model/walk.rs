@@ -21,7 +21,7 @@ const CALM: usize = 5000;
 /// The most ticks for which the end is not called.
 const ASLEEP: u64 = 200;
 
-/// The walk of a seed.
+/// Walks at random with a seed; returns the tally.
 pub fn walk<P: Wired>(against: &Against<P>, seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let (steps, bad) = (50 + rng.below(2000), [0.2, 0.5, 0.9][rng.below(3)]);
@@ -118,12 +118,12 @@ impl<P: Wired> Walk<'_, P> {
         true
     }
 
-    /// Whether the act is bytes that the end reads.
+    /// Returns whether the act consists of bytes that the end reads.
     fn is_heard(&self, act: Act<P::Word>) -> bool {
         matches!(act, Act::Word(word) if self.against.peer.by(word) == By::Line)
     }
 
-    /// The possible acts in a scene. No other word is heard before the rest of one.
+    /// Returns the possible acts in a scene. After a part of a word, no other word is received before the rest.
     fn acts(&self, scene: &SceneOf<P>) -> Vec<Act<P::Word>> {
         let mut acts = Vec::new();
         self.against.acts(scene, &mut acts);
@@ -138,7 +138,7 @@ impl<P: Wired> Walk<'_, P> {
         heard.is_ok()
     }
 
-    /// The act that leads to the state with the fewest visits. Few acts break the connection.
+    /// Returns the act that leads to the state with the fewest visits. Only few acts break the connection.
     fn choose(&mut self) -> Option<Act<P::Word>> {
         let acts = self.acts(&self.scene);
         let breaks = |act: &Act<P::Word>| matches!(act, Act::Connect | Act::Disconnect | Act::Restart);
@@ -234,7 +234,7 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// Another word arrives in the same read.
+    /// Lets another word arrive in the same read.
     fn glue(&mut self, word: P::Word, mut bytes: Vec<u8>) {
         let between = self.against.step(&self.scene, Act::Word(word), None);
         let mut acts = self.acts(&between);
@@ -279,7 +279,7 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// The connection ends within a word.
+    /// Ends the connection within a word.
     fn cut(&mut self, word: P::Word, bytes: &[u8]) {
         self.log.line(self.follower.now, format_args!("  cut after {} bytes", bytes.len()));
         if !self.hear([bytes]) {
@@ -299,7 +299,7 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// A word arrives over the bad line: it is heard or lost.
+    /// Delivers a word over the bad line: it is received or lost.
     fn deliver(&mut self, word: P::Word, bytes: &[u8]) {
         let before = self.link.counts();
         self.link.send(End::A, Duration::ZERO, bytes);
@@ -347,7 +347,7 @@ impl<P: Wired> Walk<'_, P> {
         strings.iter().flat_map(|words| [hear(&self.scene, words), hear(&due, words)]).collect()
     }
 
-    /// The scene after an act if the end has given up damaged bytes before it.
+    /// Returns the scene after an act if the end has given up damaged bytes before it.
     fn late(&self, act: Act<P::Word>) -> Option<SceneOf<P>> {
         let before = self.against.step(&self.scene, Act::Word(self.against.peer.given_up()?), None);
         Some(self.against.step(&before, act, None))

@@ -21,7 +21,7 @@ pub trait Wired: Peer {
     /// The faults of the line in a random walk. The times of a walk are those of the model.
     const FAULTS: Faults;
 
-    /// The session when its process starts.
+    /// Returns the session at the start of its process.
     fn session(&self) -> Self::Session;
 
     /// Returns the bytes of a word; none after making its call, or for a word that happens elsewhere.
@@ -33,31 +33,32 @@ pub trait Wired: Peer {
         now: Duration,
     ) -> Vec<u8>;
 
-    /// Whether these bytes are what was to be sent; none, if nothing is sent.
+    /// Returns whether these bytes are the message that was to be sent; `bytes` is empty if no message is sent.
     fn is_written(&self, scene: &SceneOf<Self>, what: &TransmitOf<Self>, bytes: &[u8]) -> bool;
 
     /// Pushes the reports that an action makes.
     fn reports(&self, action: &ActionOf<Self>, reports: &mut Vec<String>);
 
-    /// The report of an event, in the form of [`reports`](Self::reports); `None` for an event without an action, such as corrupt bytes.
+    /// Returns the report of an event, in the form of [`reports`](Self::reports); `None` for an event without an action,
+    /// such as corrupt bytes.
     fn reported(&self, event: &EventOf<Self::Session>) -> Option<String>;
 
-    /// The words that the end may hear in place of a word whose bytes the line has lost or changed: each string of them.
+    /// Returns the strings of words that the end may receive in place of a word whose bytes the line has lost or changed.
     fn lost(&self, _known: &Self::Known, _word: Self::Word) -> Vec<Vec<Self::Word>> {
         vec![Vec::new()]
     }
 
-    /// The word that the end hears when it gives up the bytes of such a word later.
+    /// Returns the word that the end receives when it gives up the bytes of such a word later.
     fn given_up(&self) -> Option<Self::Word> {
         None
     }
 
-    /// Whether the end waits for the rest of this word as long as it takes.
+    /// Returns whether the end waits for the rest of this word without a limit.
     fn may_pause(&self, _word: Self::Word) -> bool {
         true
     }
 
-    /// Whether the decoder holds no other bytes when the end has heard this word.
+    /// Returns whether the decoder is empty when the end has received this word.
     fn is_last(&self, _word: Self::Word) -> bool {
         true
     }
@@ -76,14 +77,14 @@ pub struct Follower<'a, P: Wired> {
 }
 
 impl<'a, P: Wired> Follower<'a, P> {
-    /// A session whose process has just started.
+    /// Creates a session whose process has just started.
     pub fn new(peer: &'a P) -> Self {
         let mut session = peer.session();
         session.core_mut().moves = Some(Vec::new());
         Self { peer, session, now: Duration::from_secs(1) }
     }
 
-    /// Does an act to the session. The bytes of a word are returned, for [`hear`](Self::hear).
+    /// Applies an act to the session. Returns the bytes of a word, for [`hear`](Self::hear).
     ///
     /// # Errors
     /// The session sends or reports something else than its machine has decided.
@@ -104,7 +105,7 @@ impl<'a, P: Wired> Follower<'a, P> {
         self.check_reports().map(|()| bytes)
     }
 
-    /// As [`Wired::speak`].
+    /// Calls [`Wired::speak`].
     pub fn speak(&mut self, known: &P::Known, word: P::Word) -> Vec<u8> {
         self.peer.speak(known, word, &mut self.session, self.now)
     }
@@ -132,7 +133,7 @@ impl<'a, P: Wired> Follower<'a, P> {
         }
     }
 
-    /// The events are those of the machine's actions.
+    /// Checks that the events are those of the machine's actions.
     fn check_reports(&mut self) -> Result<(), String> {
         let moves = self.session.core_mut().moves.replace(Vec::new()).unwrap_or_default();
         let (mut decided, mut reported) = (Vec::new(), Vec::new());
@@ -149,7 +150,7 @@ impl<'a, P: Wired> Follower<'a, P> {
         if decided == reported { Ok(()) } else { Err(format!("{reported:?} is reported, not {decided:?}")) }
     }
 
-    /// The difference between the session and the end of a scene.
+    /// Returns the difference between the session and the end of a scene.
     pub fn differs(&self, scene: &SceneOf<P>) -> Option<String> {
         let mut machine = self.session.machine().clone();
         age(&mut machine, self.now);

@@ -191,7 +191,7 @@ fn is(event: &Event, side: usize, names: &[&str]) -> bool {
     event.0 == side && names.iter().any(|name| event.1["event"] == **name)
 }
 
-/// One call after the other, each until one of these events.
+/// Makes one call after the other, each until one of these events.
 fn one_by_one(pair: &mut Pair, call: &str, argument: &Value, good: &str, bad: &[&str]) -> u32 {
     let mut answered = 0;
     for _ in 0..EXCHANGES {
@@ -225,7 +225,7 @@ fn laser(pair: &mut Pair) -> u32 {
     one_by_one(pair, "submit", &move_to, "done", &["refused", "unknown"])
 }
 
-/// The host polls once in 28 ms, or as often as the line has time for.
+/// Runs a host that polls once in 28 ms, or as often as the line permits.
 fn ball(pair: &mut Pair) -> u32 {
     let (mut polls, mut answered) = (0, 0);
     while polls < EXCHANGES {
@@ -237,7 +237,7 @@ fn ball(pair: &mut Pair) -> u32 {
     answered
 }
 
-/// A message each 28 ms, whose reply has 15 ms.
+/// Runs ALTER: a message each 28 ms, whose reply has 15 ms.
 fn alter(pair: &mut Pair) -> u32 {
     pair.call(1, "start", &Value::Null);
     let (mut answered, until) = (0, 28 * MS * EXCHANGES);
@@ -248,7 +248,7 @@ fn alter(pair: &mut Pair) -> u32 {
     answered
 }
 
-/// A display that asks each second, for poses that are set each 50 ms.
+/// Runs a display that requests a pose each second, from a host whose poses are set each 50 ms.
 fn viewer(pair: &mut Pair) -> u32 {
     let pose = json!([16384, 0, 0, 0, 16384, 0, 0, 0, 16384, 320, 0, 0]);
     let mut answered = 0;
@@ -265,7 +265,7 @@ fn viewer(pair: &mut Pair) -> u32 {
     answered
 }
 
-/// The configuration of an end at a rate.
+/// Returns the configuration of an end at a rate.
 fn config(link: &str, end: &str, baud: u32) -> Value {
     match (link, end) {
         ("fanuc-hmi-modbus", _) => json!({"framing": "rtu", "baud": baud}),
@@ -274,8 +274,8 @@ fn config(link: &str, end: &str, baud: u32) -> Value {
     }
 }
 
-/// Whether an adapter delivers too late for a link: the ball's reply and ALTER's have 14 and 15 ms. ALTER's host takes a pause of 4 ms for the
-/// end of a message, see `gap`.
+/// Returns whether an adapter delivers too late for a link: the ball's reply and ALTER's have 14 and 15 ms. ALTER's host
+/// takes a pause of 4 ms for the end of a message, see `gap`.
 fn is_too_late(link: &str, side: usize, adapter: Adapter, character: Duration) -> bool {
     let pause = adapter.latency.min(character * u32::try_from(adapter.most).unwrap());
     let is_later_than = |ms| adapter.latency >= ms && adapter.latency < Duration::MAX;

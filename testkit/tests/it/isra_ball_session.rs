@@ -20,7 +20,7 @@ fn ends(config: BallConfig) -> (Host, Ball) {
     (host, ball)
 }
 
-/// A host at `End::A` and a ball at `End::B`, driven until `end`. `hand` gives the sensor's values from time to time.
+/// Drives a host at `End::A` and a ball at `End::B` until `end`. `hand` gives the sensor's values from time to time.
 fn drive(
     link: &mut Link,
     host: &mut Host,

@@ -39,7 +39,7 @@ impl Bench {
         bench
     }
 
-    /// Order 50.
+    /// Begins order 50.
     fn begin(&mut self) {
         self.robot.handle_timeout(self.now);
         assert_eq!(self.robot.poll_event(), Some(RobotEvent::Connect));
@@ -64,7 +64,7 @@ impl Bench {
         String::from_utf8(out[..length].to_vec()).unwrap()
     }
 
-    /// A connection that ends, and another.
+    /// Ends the connection, and opens another.
     fn reconnect(&mut self) {
         self.robot.handle_disconnected(self.now);
         while core::iter::from_fn(|| self.robot.poll_event()).all(|event| event != RobotEvent::Connect) {
@@ -78,7 +78,7 @@ impl Bench {
         self.robot.execute(self.now, false).expect("a job waits").number
     }
 
-    /// The numbers of the jobs that are not executed, in their order.
+    /// Returns the numbers of the jobs that are not executed, in sequence.
     fn queued(&mut self) -> Vec<u16> {
         core::iter::from_fn(|| self.robot.execute(self.now, false)).map(|job| job.number).collect()
     }
@@ -97,7 +97,8 @@ fn jobs(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
     numbers.into_iter().map(|number| job_to(number, 100)).collect::<String>().into_bytes()
 }
 
-/// §7.2: the rest of the packet is destroyed, its end too; when the queue has drained the jobs are asked for again.
+/// Tests §7.2: the rest of the packet is destroyed, including its end; when the queue has drained, the jobs are requested
+/// again.
 fn a_full_queue(change: Option<Change>) {
     let mut bench = Bench::new(change, RobotConfig { low_water: Some(1), ..PATIENT }, 3, 9999);
     bench.cycle(&[jobs(1..=4), END.to_vec()].concat());
@@ -111,7 +112,7 @@ fn a_full_queue(change: Option<Change>) {
     assert_eq!((bench.stage(), bench.queued()), (3.0, vec![3, 4, 5]));
 }
 
-/// n = 3, highest number 5: jobs 1, 2, 3; full; 4, 5 and then 1 again.
+/// Tests n = 3, highest number 5: jobs 1, 2, 3; full; 4, 5 and then 1 again.
 fn numbers_wrap(change: Option<Change>) {
     let mut bench = Bench::new(change, RobotConfig { low_water: Some(2), ..PATIENT }, 3, 5);
     bench.cycle(&jobs(1..=4));
@@ -123,7 +124,8 @@ fn numbers_wrap(change: Option<Change>) {
     assert_eq!(bench.queued(), [4, 5, 1]);
 }
 
-/// Repeated jobs are harmless, others that are not the next one cost what follows them.
+/// Tests that repeated jobs are harmless, and that the rest of the packet is lost after other jobs that are not the next
+/// one.
 fn what_follows_a_failed_message_is_destroyed(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(&jobs([1, 1, 2]));
@@ -154,7 +156,7 @@ fn what_follows_a_failed_message_is_destroyed(change: Option<Change>) {
     assert_eq!(bench.queued(), [1, 2, 3, 4]);
 }
 
-/// Where jobs are missing an end has to come twice, each time to a request.
+/// Tests that an end must come twice if jobs are missing, each time as the answer to a request.
 fn an_end_in_place_of_missing_jobs(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(&jobs([1, 3]));
@@ -164,7 +166,7 @@ fn an_end_in_place_of_missing_jobs(change: Option<Change>) {
     assert_eq!(bench.stage(), 3.0);
 }
 
-/// After a new connection jobs may be missing: an end that comes first is the old one's.
+/// Tests that jobs may be missing after a new connection: an end that comes first belongs to the old connection.
 fn an_end_after_a_new_connection(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(&jobs([1]));
@@ -176,7 +178,7 @@ fn an_end_after_a_new_connection(change: Option<Change>) {
     assert!(bench.stage() < 3.0, "not while the list is cleared");
 }
 
-/// §6.3: resend, pause, clear, alarm, whatever the PC does but send the job.
+/// Tests §6.3: resend, pause, clear, alarm, as long as the PC does not send the job.
 fn the_recovery_ends_in_an_alarm(change: Option<Change>) {
     let recovery = RecoveryLimits { resends: 2, pauses: 1, clears: 1 };
     let config = RobotConfig { recovery, pause: MS * 2500, silent_cycles: 0, ..RobotConfig::tcp() };
@@ -205,7 +207,7 @@ fn the_recovery_ends_in_an_alarm(change: Option<Change>) {
     }
 }
 
-/// A PC that closes each connection before it has sent anything makes no progress either.
+/// Tests that a PC that closes each connection before it has sent anything makes no progress either.
 fn connections_that_end_are_steps(change: Option<Change>) {
     let config = RobotConfig { patience: Duration::from_secs(500), ..RobotConfig::tcp() };
     let mut bench = Bench::new(change, config, 8, 9999);
@@ -228,7 +230,7 @@ fn a_long_job_is_no_standstill(change: Option<Change>) {
     assert_eq!((bench.robot.real("x.fails"), bench.execute(), bench.stage()), (0.0, 1, 1.0));
 }
 
-/// The job that is being executed is not pulled away, and is not asked for again.
+/// Tests that the job being executed is not removed, and not requested again.
 fn a_cleared_list(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(&jobs(1..=6));
@@ -260,7 +262,7 @@ fn acknowledgements(change: Option<Change>) {
     assert_eq!(bench.cycle(FILLER), "<Huuhaa$0##>");
 }
 
-/// 400 acknowledgements are more than a packet holds, and go on in the next string where one is full.
+/// Tests that 400 acknowledgements, which do not fit a packet, continue in the next string when one is full.
 fn many_acknowledgements(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 400, 9999);
     for packet in jobs(1..=400).chunks(4000) {
@@ -273,7 +275,7 @@ fn many_acknowledgements(change: Option<Change>) {
     assert!(packets.iter().all(|packet| packet.len() <= 4096), "{acks:?}");
 }
 
-/// A real has 24 bits: after hours the program still resolves a millisecond.
+/// Tests that a real of 24 bits suffices: after hours the program still resolves a millisecond.
 fn a_clock_that_runs_for_hours(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     for _ in 0..40_000 {
@@ -286,7 +288,7 @@ fn a_clock_that_runs_for_hours(change: Option<Change>) {
     assert!(bench.robot.real("x.t.over") - ready > 0.9, "{ready}");
 }
 
-/// A late answer is taken for the cycle that it belongs to: the next ones do not stay one late.
+/// Tests that a late answer is attributed to its own cycle, so that the next ones are not late too.
 fn a_late_answer(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(b"");
@@ -313,7 +315,7 @@ fn coordinates_have_limits(change: Option<Change>) {
     }
 }
 
-/// Half a message of the last connection is nothing.
+/// Tests that half a message of the last connection has no effect.
 fn a_job_that_is_cut_off(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     let first = jobs([1]);
@@ -327,7 +329,8 @@ fn a_job_that_is_cut_off(change: Option<Change>) {
     }
 }
 
-/// The motion program was stopped in the middle of a job and restarted: the order is over, and nothing is drawn again.
+/// Tests a motion program that was stopped in the middle of a job and restarted: the order is over, and no job is drawn
+/// again.
 fn a_motion_program_that_was_stopped(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(&jobs(1..=3));

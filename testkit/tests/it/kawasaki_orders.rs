@@ -48,12 +48,12 @@ both! {
     the_second_reset_forgets_the_order,
 }
 
-/// Both ends as by default.
+/// Creates both ends with the defaults.
 fn rig<C: Controller>(capacity: usize) -> Rig<C> {
     Rig::of(1, Faults::NONE, capacity, 9999, RobotConfig::tcp(), PcConfig::tcp())
 }
 
-/// A rig whose robot is in the middle of an order of 1000 jobs.
+/// Returns a rig whose robot is in the middle of an order of 1000 jobs.
 fn in_the_middle<C: Controller>(pc: PcConfig, robot: RobotConfig) -> Rig<C> {
     let mut rig = Rig::of(1, Faults::NONE, 64, pc.max_number, robot, pc);
     rig.pc.start(50, picture(50, 1000)).unwrap();
@@ -148,7 +148,7 @@ fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
     assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 50, executed, complete: false }));
 }
 
-/// The PC program is started again: it has no record of the order that the robot is in.
+/// Restarts the PC program: it has no record of the robot's order.
 fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig) {
     rig.link.disconnect(rig.now);
     rig.pc = kawasaki_msg::LargePc::with_ranges(pc, Default::default()).unwrap();

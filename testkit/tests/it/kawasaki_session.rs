@@ -12,7 +12,7 @@ use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// Both ends as by default.
+/// Creates both ends with the defaults.
 fn any<C: Controller>(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Rig<C> {
     Rig::of(seed, faults, capacity, max_number, RobotConfig::tcp(), PcConfig::tcp())
 }

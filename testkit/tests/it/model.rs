@@ -59,7 +59,7 @@ impl System for Steps {
     }
 }
 
-/// `0 → 1 → 2 → 3`, and over.
+/// Returns `0 → 1 → 2 → 3`, and over.
 fn line() -> Steps {
     Steps { steps: vec![(0, 1, 1), (1, 2, 0), (2, 3, 2)], over: vec![3], ..Steps::default() }
 }

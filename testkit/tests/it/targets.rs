@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The Rust files in a folder and in those below it.
+/// Finds the Rust files in a folder and in those below it.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -15,7 +15,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Whether a documentation comment of the text begins an example that is run or compiled.
+/// Returns whether a documentation comment of the text begins an example that is run or compiled.
 fn has_example(text: &str) -> bool {
     let mut fences = text.lines().filter_map(|line| {
         let line = line.trim_start();

@@ -52,7 +52,8 @@ impl Group {
         self.vectors.iter().filter(|vector| vector.result == Outcome::Valid)
     }
 
-    /// Whether this frame is found in the bytes of a corrupt one: of val2-alter, only if the source names every code in it.
+    /// Returns whether this frame is found in the bytes of a corrupt one: for val2-alter, only if the source names every
+    /// code in it.
     fn believes(&self, vector: &Vector) -> bool {
         let message = vector.message.clone().unwrap();
         match (self.link.name, self.side) {

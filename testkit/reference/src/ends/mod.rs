@@ -23,13 +23,13 @@ pub(crate) struct End {
     names: names::Names,
 }
 
-/// The rules that can be disabled in the machine of an end, by number.
+/// Returns the rules that can be disabled in the machine of an end, by number.
 pub(crate) fn rules(link: &str, name: &str) -> Result<Vec<String>> {
     Ok((Link::by_name(link)?.end(name)?.rules)())
 }
 
 impl End {
-    /// With the fields of a configuration, and without the rule of a number.
+    /// Creates an end with the fields of a configuration, and without the rule with a number.
     pub(crate) fn new(
         link: &str,
         name: &str,

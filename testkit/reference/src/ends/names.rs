@@ -22,7 +22,7 @@ pub(super) struct Names {
 type Cells = fn(&mut dyn End) -> Vec<String>;
 type State = fn(&dyn End) -> String;
 
-/// The names of an end.
+/// Returns the names of an end.
 pub(super) fn names(link: &str, end: &str, config: &Map<String, Value>) -> Names {
     use links::{isra_ball, laser_eb90, mmacell_proto, val2_alter, val2_viewer};
     use rows::{Rtu, RtuOverTcp, Tcp};
@@ -64,7 +64,7 @@ fn cells<R: Rows<Machine: 'static>>(end: &mut dyn End) -> Vec<String> {
     reached(end, cell::<R>)
 }
 
-/// The cell of a table, if it has one: `state: input`.
+/// Returns the cells of a table, if there are any: `state: input`.
 fn cell<R: Rows>(
     machine: &R::Machine,
     at: Duration,
@@ -82,7 +82,7 @@ fn reached<M: robot_session::end::Machine + 'static>(
     moves.into_iter().flatten().flat_map(|(at, machine, input)| cells(&machine, at, &input)).collect()
 }
 
-/// Of a machine with two tables.
+/// Returns the cells of a machine with two tables.
 fn both<A: Rows<Machine: 'static>, B: Rows<Machine = A::Machine>>(end: &mut dyn End) -> Vec<String> {
     reached(end, |machine, at, input| [cell::<A>(machine, at, input), cell::<B>(machine, at, input)].concat())
 }
@@ -106,7 +106,7 @@ fn robot_state(end: &dyn End) -> String {
     of(end, |machine| not_connected(end, is_alone(machine))).unwrap_or_default()
 }
 
-/// An order lives on without a connection.
+/// Returns the state's name, with a mark if it is alone: an order continues without a connection.
 fn not_connected(end: &dyn End, is_alone: bool) -> String {
     format!("{}{}", end.state(), if is_alone { ", not connected" } else { "" })
 }

@@ -137,7 +137,7 @@ impl AnyBall {
         known.faults += u8::from(self.prompt.is_some());
     }
 
-    /// From this age on values are just as old.
+    /// Returns the age from which on values are equally old.
     fn oldest(&self) -> u8 {
         self.config.max_age() + if self.lag > 0 { LINE + 3 } else { 1 }
     }
@@ -398,7 +398,8 @@ impl Peer for AnyBall {
         }
     }
 
-    /// Each poll has its outcome; where the ball measures, answers and keeps the rules, there are values to be used.
+    /// Returns whether each poll has its outcome; if the ball measures, answers and follows the rules, also whether there
+    /// are usable values.
     fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
         match self.keeps_rules {
             true if self.lag > 0 => known.said,
@@ -430,7 +431,8 @@ impl Wired for AnyBall {
         Host::new(self.config.0).expect("a configuration that works")
     }
 
-    /// The host reads a packet that has begun before its poll as no reply. No ball that keeps the rules sends one.
+    /// Returns whether a packet may pause: the host does not accept a packet that began before its poll as a reply. A ball
+    /// that follows the rules does not send such a packet.
     fn may_pause(&self, _: Word) -> bool {
         self.keeps_rules
     }
@@ -483,7 +485,7 @@ impl Wired for AnyBall {
 }
 
 impl Known {
-    /// The poll has an outcome.
+    /// Called when the poll has an outcome.
     fn end(&mut self) {
         if !core::mem::take(&mut self.open) {
             self.wrong = Some(ONE_OUTCOME);

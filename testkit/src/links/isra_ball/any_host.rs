@@ -138,7 +138,7 @@ impl Peer for AnyHost {
         broken.extend(known.wrong);
     }
 
-    /// Each poll is answered.
+    /// Returns whether each poll is answered.
     fn is_over(&self, _: &BallMachine, known: &Known) -> bool {
         !known.asked
     }

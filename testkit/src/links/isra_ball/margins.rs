@@ -16,7 +16,7 @@ const MS: Duration = Duration::from_millis(1);
 const END: &str = "isra-ball host";
 const FRESH: &str = "values do not become stale";
 
-/// The assumptions of the host about time.
+/// Returns the assumptions of the host about time.
 pub fn margins() -> Vec<Margin> {
     let HostConfig { period, max_delay, .. } = HostConfig::default();
     let late = |property: &'static str, varies: bool| -> Vec<Step> {
@@ -90,7 +90,7 @@ impl Reality {
     const GOOD: Self =
         Self { delay: Duration::ZERO, varies: false, lost: 0, old: 0, pause: Duration::ZERO, measures: MS };
 
-    /// Half a minute, several times where delays differ.
+    /// Returns the broken property, if there is one, in half a minute; several times if delays differ.
     fn breaks(&self, property: &'static str) -> Option<&'static str> {
         let seeds = if self.varies { 10 } else { 1 };
         (0..seeds).find_map(|seed| self.breaks_in(Rng::new(seed), property))

@@ -106,12 +106,12 @@ pub const ANY_HOST: Pair = Pair {
     refined: || [true, false].map(|keeps_rules| any_host(keeps_rules).refined()).into(),
 };
 
-/// A ball of which only the rules are known, or nothing.
+/// Returns a ball about which only the rules are known, or nothing.
 pub fn any_ball(keeps_rules: bool) -> Against<AnyBall> {
     Against::new(AnyBall::new(Config::WHOLE, keeps_rules))
 }
 
-/// A host of which only the rules are known, or nothing.
+/// Returns a host about which only the rules are known, or nothing.
 pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     Against::new(AnyHost { config: BallConfig::default(), keeps_rules })
 }
@@ -119,13 +119,13 @@ pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
 /// The greatest lag that is explored, in ticks: four periods.
 const LAGS: u8 = 12;
 
-/// A ball that has an answer to every poll, and nothing goes wrong.
+/// Returns a ball that answers every poll, without faults.
 fn prompt() -> Against<AnyBall> {
     let peer = AnyBall { prompt: Some(0), ..AnyBall::new(Config::WHOLE, true) };
     Against { peer, late: false, breaks: false }
 }
 
-/// The same with all packets this many ticks late.
+/// Returns the same with all packets this many ticks late.
 fn late(lag: u8, faults: u8) -> Against<AnyBall> {
     let peer =
         AnyBall { delay: 0, lag, prompt: Some(faults), ..AnyBall::new(Config::WHOLE.punctual(), true) };

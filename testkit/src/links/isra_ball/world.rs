@@ -38,18 +38,19 @@ impl Config {
         Self(HostConfig { rules: Rules::without(rule), ..self.0 })
     }
 
-    /// Three ticks late is in time, later than the next poll is due.
+    /// Returns the setup in which a packet three ticks late is in time, after the next poll is due.
     pub(super) fn patient(self) -> Self {
         let (max_delay, max_age) = (Duration::from_micros(17_500), Duration::from_millis(85));
         Self(HostConfig { max_delay, max_age, ..self.0 })
     }
 
-    /// No tick late is in time, and replies come until the next poll is due: those that are late by whole periods would fit.
+    /// Returns the setup in which a late packet is never in time, and replies come until the next poll is due: replies that
+    /// are late by whole periods would fit.
     pub(super) fn punctual(self) -> Self {
         Self(HostConfig { max_delay: Duration::from_micros(4900), ..self.0 })
     }
 
-    /// The greatest age in ticks.
+    /// Returns the greatest age in ticks.
     pub(super) fn max_age(&self) -> u8 {
         (self.0.max_age.as_nanos() / TICK.as_nanos()) as u8
     }

@@ -310,7 +310,7 @@ impl System for AnyRobot {
         add(w.pc.deadline() == Some(NOW) && !Self::answers(w) && !w.pc.expires(NOW), NO_SPIN);
     }
 
-    /// A robot that was restarted, and takes the order if it is started.
+    /// Returns the faultless act with a robot that was restarted, and accepts the order if it is started.
     fn benign(&self, w: &World) -> Option<Act> {
         let Link::Connected { reply, .. } = w.pc.link else {
             let idle = w.pc.order == Order::Idle;

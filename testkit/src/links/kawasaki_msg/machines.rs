@@ -12,7 +12,7 @@ use crate::model::Drawn;
 pub use pc::Machine as Pc;
 pub use robot::Machine as Robot;
 
-/// The packet that is due, with space for all of it.
+/// Returns the packet that is due, with space for all its messages.
 pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, robot::Sent) {
     let due = robot.transmit(Duration::ZERO, config).expect("a packet is due");
     let (acked, acks): (Vec<u32>, Vec<FromRobot>) = robot.acks(&due, config).unzip();

@@ -12,7 +12,7 @@ use crate::model::{Margin, Step};
 const PC: &str = "kawasaki-msg pc";
 const ROBOT: &str = "kawasaki-msg robot";
 
-/// The assumptions of the ends about time.
+/// Returns the assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let (robot, pc) = (RobotConfig::tcp(), PcConfig::tcp());
     // Three resends, three pauses, a clear, and the alarm.
@@ -74,7 +74,7 @@ fn is_read(apart: Duration) -> Option<&'static str> {
     pc.poll_transmit(apart, &mut [0; 4096]).map(|_| "a packet is read before it is answered")
 }
 
-/// A robot that was asked to begin an order, and has sent its request for jobs; and when it did.
+/// Returns a robot that was asked to begin an order, and has sent its request for jobs; and the time of the request.
 fn asking() -> (Native, Duration) {
     let mut robot = Native::begin(RobotConfig::tcp(), 4, 0);
     robot.handle_timeout(Duration::ZERO);
@@ -116,7 +116,7 @@ fn recovers(without: Duration) -> Option<&'static str> {
         .then_some("there is no alarm while the PC will send jobs")
 }
 
-/// Whether a robot reports this, whose PC answers at once, and has no job for this long.
+/// Returns whether a robot reports this event if its PC answers at once, and has no job for this long.
 fn reports(without: Duration, event: fn(&RobotEvent) -> bool) -> bool {
     let (mut robot, asked) = asking();
     let mut now = asked;
@@ -132,7 +132,7 @@ fn reports(without: Duration, event: fn(&RobotEvent) -> bool) -> bool {
     false
 }
 
-/// A robot that was just started, over datagrams, and whose program reads them at once.
+/// Returns the property that breaks for a robot that was just started, over datagrams, and whose program reads them at once.
 fn is_ignored(late: Duration) -> Option<&'static str> {
     let mut robot = Native::begin(RobotConfig::udp(), 4, 0);
     robot.handle_timeout(Duration::ZERO);

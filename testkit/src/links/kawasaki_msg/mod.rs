@@ -85,7 +85,7 @@ const LINE: Faults = Faults {
 const ALL: Faults = Faults { restart_pc: true, restart_robot: true, ..LINE };
 const DATAGRAMS: Faults = Faults { split: false, repeat: true, corrupt: false, corrupt_up: false, ..ALL };
 
-/// A pair over TCP with short times: each a few ticks.
+/// Returns a pair over TCP with short times of a few ticks each.
 fn tcp(starts: &[u16], jobs: u32, faults: Faults) -> Setup {
     let robot = RobotConfig {
         max_number: 3,
@@ -120,7 +120,7 @@ fn tcp(starts: &[u16], jobs: u32, faults: Faults) -> Setup {
     }
 }
 
-/// The same over UDP, where every order has a new number.
+/// Returns a pair over UDP, whose orders all have new numbers.
 fn udp(jobs: u32, faults: Faults) -> Setup {
     let tcp = tcp(&[1, 2], jobs, faults);
     let robot = RobotConfig { datagrams: true, max_number: 6, status_period: TICK * 4, ..tcp.robot };
@@ -146,14 +146,14 @@ fn foreign(setup: Setup) -> Setup {
     Setup { robot: RobotConfig { end_foreign_order: true, ..setup.robot }, ..setup }
 }
 
-/// A robot and a PC that is not ours.
+/// Returns a robot and a PC with any behaviour.
 fn any(peer: Peer, faults: u8) -> AnyPc {
     let Setup { robot, capacity, low_water, .. } = tcp(&[1], 3, Faults::default());
     let robot = RobotConfig { max_number: 6, ..robot };
     AnyPc { robot, peer, jobs: 3, capacity, low_water, faults, late: false }
 }
 
-/// A PC and a robot that is not ours.
+/// Returns a PC and a robot with any behaviour.
 fn any_robot(jobs: u32, users: u8) -> AnyRobot {
     let pc = PcConfig { silence: TICK * 3, ..tcp(&[1], jobs, Faults::default()).pc };
     AnyRobot { pc, starts: 2, jobs, batch: 2, users }
@@ -230,7 +230,7 @@ fn lossy(insists: bool) -> Peer {
     Peer::Lossy { insists, only_late: false }
 }
 
-/// A PC that answers late, of a robot that has enough steps of recovery for as many late answers.
+/// Returns a PC that answers late, for a robot with enough recovery steps for as many late answers.
 fn late(answers: u8) -> AnyPc {
     let system = any(Peer::Lossy { insists: true, only_late: true }, answers);
     let recovery = RecoveryLimits { resends: 9, ..system.robot.recovery };
@@ -305,7 +305,7 @@ fn with_any_robot(depth: Depth) -> Vec<Setting> {
     settings
 }
 
-/// Over TCP, where jobs overtake one another, and over UDP.
+/// Returns the refined settings: over TCP, with jobs that overtake one another, and over UDP.
 fn refined() -> Vec<Refined> {
     let lossy = Faults { most: 1, lose: true, repeat: true, delay: true, ..Faults::default() };
     let numbers = |setup: Setup, max_number| Setup {

@@ -25,7 +25,7 @@ pub(super) const WHOLE: &str = "an order that nobody breaks off is executed whol
 pub(super) const NO_SPIN: &str = "what is due is done, and the next deadline is later";
 pub(super) const NO_ALARM: &str = "no alarm without a fault";
 
-/// The ways to read one of the packets in flight: the packet, the messages, and whether it is a fault.
+/// Returns the ways to read one of the packets in flight: the packet, the messages, and whether that is a fault.
 fn reads<M>(packets: &[InFlight<M>], datagrams: bool, faulty: bool, faults: Faults) -> Vec<(u8, u8)> {
     let mut reads = Vec::new();
     for (packet, in_flight) in packets.iter().enumerate() {

@@ -50,7 +50,7 @@ fn walk(setup: &Setup, path: &[Act]) {
     }
 }
 
-/// The line of a job, which encodes its number.
+/// Returns the line of a job, which encodes its number.
 fn line(Tag { start, job }: Tag) -> Line {
     let at = Point::new(i32::from(start), i32::from(job));
     Line { kind: JobKind::Draw, start: at, end: at }
@@ -233,7 +233,7 @@ impl<'a> Ends<'a> {
         }
     }
 
-    /// In two pieces, which a datagram has not.
+    /// Lets the PC read bytes in two pieces; a datagram is read in one.
     fn pc_reads(&mut self, bytes: &[u8], at: usize) {
         let cut = if self.setup.datagrams() { 0 } else { at % (bytes.len() + 1) };
         let (head, tail) = bytes.split_at(cut);
@@ -347,7 +347,7 @@ fn relative(time: &mut Duration, now: Duration) {
     }
 }
 
-/// The first messages of a packet in flight.
+/// Returns the first messages of a packet in flight.
 fn take(line: &mut Vec<Vec<Vec<u8>>>, packet: u8, count: u8) -> Vec<u8> {
     let at = usize::from(packet);
     let rest = line[at].split_off(count.into());
@@ -362,7 +362,7 @@ fn corrupt(message: &mut [u8]) {
     }
 }
 
-/// The messages of a packet, as bytes and as what they say.
+/// Returns the messages of a packet, as bytes and decoded.
 fn read<M>(
     packet: &[u8],
     understand: impl Fn(kawasaki_msg::Role, &kawasaki_msg::Params) -> M,

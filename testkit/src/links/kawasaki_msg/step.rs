@@ -15,12 +15,12 @@ use crate::model::{Edges, age, drive};
 const LATEST: u8 = 2;
 const NOW: Duration = Duration::ZERO;
 
-/// The first bits.
+/// Returns a mask of the lowest `count` bits.
 fn below(count: u32) -> u8 {
     ((1u16 << count) - 1) as u8
 }
 
-/// The jobs that the PC knows to be executed, one bit each.
+/// Returns the jobs that the PC knows to be executed, one bit each.
 pub(super) fn executed(pc: &Pc) -> u8 {
     let count = &pc.count;
     let ahead = (count.executed..count.sent)
@@ -59,20 +59,20 @@ impl World {
         }
     }
 
-    /// The start that has no outcome yet.
+    /// Returns the start without an outcome yet.
     fn open_start(&mut self) -> Option<&mut Start> {
         self.starts.last_mut().filter(|start| start.reported == Reported::Nothing)
     }
 
-    /// A user or a restart breaks the order off.
+    /// Called when a user or a restart breaks the order off.
     fn disturb(&mut self) {
         if let Some(start) = self.open_start() {
             start.disturbed = true;
         }
     }
 
-    /// Of an earlier start nothing more can go wrong once none of its jobs is left anywhere: states that differ only in what became
-    /// of it are one.
+    /// Forgets earlier starts without remaining jobs, which can cause no more errors: states that differ only in their
+    /// outcomes become one.
     pub(super) fn forget(&mut self) {
         let Some((_, earlier)) = self.starts.split_last_mut() else { return };
         for (at, start) in earlier.iter_mut().enumerate() {
@@ -100,7 +100,7 @@ impl World {
         self.queue.len() + usize::from(self.executing.is_some())
     }
 
-    /// The motion task takes a job; in order it takes the next at once.
+    /// Lets the motion task take a job; in sequence, it takes the next one at once.
     fn take(&mut self, at: usize) {
         if self.executing.is_none() && at < self.queue.len() {
             let tag = self.queue.remove(at);
@@ -171,7 +171,7 @@ impl Setup {
         action
     }
 
-    /// The answer of the PC as it is sent.
+    /// Returns the answer that the PC sends.
     fn pc_answers(&self, w: &mut World, edges: &mut Edges<'_>) -> Vec<Sent> {
         let config = self.pc;
         let mut answer = w.pc.transmit(NOW, &config).expect("an answer is due");
@@ -217,7 +217,7 @@ impl Setup {
         }
     }
 
-    /// A call of the robot's `handle_timeout`, which looks at the queue, too.
+    /// Calls the robot's `handle_timeout`, which also checks the queue.
     fn robot_pass(&self, w: &mut World, edges: &mut Edges<'_>) {
         while w.robot.expires(NOW) {
             self.robot(w, robot::Input::Timeout, edges);
@@ -283,7 +283,7 @@ impl Setup {
         self.robot(w, robot::Input::ReadEnd { whole: true }, edges);
     }
 
-    /// Whether a call of the robot's `handle_timeout` does anything.
+    /// Returns whether a call of the robot's `handle_timeout` has an effect.
     pub(super) fn robot_is_due(&self, w: &World) -> bool {
         let mut after = w.clone();
         self.robot_pass(&mut after, &mut None);

@@ -9,7 +9,7 @@ use crate::model::{Margin, Step};
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "cellwire-motion latch";
 
-/// The assumptions of the latch about time.
+/// Returns the assumptions of the latch about time.
 pub fn margins() -> Vec<Margin> {
     let LatchConfig { rest, end_within, farewell, .. } = LatchConfig::default();
     let around = |assumed: Duration, check: fn(Duration) -> Option<&'static str>| {
@@ -38,7 +38,7 @@ pub fn margins() -> Vec<Margin> {
     ]
 }
 
-/// ALTER runs.
+/// Returns a latch while ALTER runs.
 fn running(config: &LatchConfig) -> Latch {
     let mut latch = Latch::NEW;
     for input in [LatchInput::Connected, LatchInput::Running] {

@@ -202,7 +202,7 @@ impl System for Operated {
         }
     }
 
-    /// A robot that asks for values, and a hand that rests.
+    /// Returns the act of a robot that requests values, and of a hand that rests.
     fn benign(&self, state: &State) -> Option<Act> {
         use LatchInput as On;
         Some(match state.latch {
@@ -317,7 +317,7 @@ impl Operated {
 }
 
 impl State {
-    /// The robot requests values, or reports that it is interrupted.
+    /// Handles a robot that requests values, or reports that it is interrupted.
     fn say(&mut self, alter: Alter) {
         if self.alter != Alter::Silent {
             self.alter = alter;
@@ -327,7 +327,7 @@ impl State {
         }
     }
 
-    /// From here on the hand has to rest, and to be confirmed, before it moves the arm.
+    /// Requires that from now on the hand rests, and is confirmed, before it moves the arm.
     fn forbid(&mut self) {
         (self.rested, self.earned, self.confirmed) = (None, false, false);
     }

@@ -219,7 +219,7 @@ impl Peer for AnyCentral {
 }
 
 impl Known {
-    /// A line is read.
+    /// Called when a line is read.
     fn read(&mut self, end: &DeviceMachine<Pose>, status: bool) {
         if end.link == DeviceLink::Ended {
             return;
@@ -230,7 +230,7 @@ impl Known {
         self.open = Open::Line { status };
     }
 
-    /// The owner answers an order: whether it is the one that is pending.
+    /// Called when the owner answers an order; returns whether the order is the pending one.
     fn answer(&mut self, end: &DeviceMachine<Pose>, order: Order<Pose>) -> bool {
         if self.open != Open::Asked(order) {
             self.earlier = None;

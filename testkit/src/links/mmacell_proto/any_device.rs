@@ -346,7 +346,7 @@ impl Peer for AnyDevice {
         broken.extend(known.wrong);
     }
 
-    /// Each command has an outcome in the end, whatever the device does.
+    /// Returns whether each command has an outcome, which must happen whatever the device does.
     fn is_over(&self, _: &CentralMachine<Pose>, known: &Known) -> bool {
         known.pending.is_none()
     }

@@ -11,7 +11,7 @@ use crate::model::Margin;
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "mmacell-proto central";
 
-/// The assumptions of the central controller about time.
+/// Returns the assumptions of the central controller about time.
 pub fn margins() -> Vec<Margin> {
     let CentralConfig { timeout, settle, .. } = CentralConfig::DEFAULT;
     vec![

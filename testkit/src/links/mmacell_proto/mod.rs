@@ -91,14 +91,14 @@ pub const ANY_CENTRAL: Pair = Pair {
     refined: || [true, false].map(|keeps_rules| any_central(keeps_rules).refined()).into(),
 };
 
-/// A device of which only the rules are known, or nothing.
+/// Returns a device about which only the rules are known, or nothing.
 pub const fn any_device(keeps_rules: bool) -> Against<AnyDevice> {
     let config =
         CentralConfig { timeout: Duration::from_millis(100), settle: world::TICK, ..CentralConfig::DEFAULT };
     Against::new(AnyDevice { config, keeps_rules, repeats: false })
 }
 
-/// A central controller of which only the rules are known, or nothing.
+/// Returns a central controller about which only the rules are known, or nothing.
 pub const fn any_central(keeps_rules: bool) -> Against<AnyCentral> {
     Against::new(AnyCentral { config: DeviceConfig::DEFAULT, keeps_rules })
 }

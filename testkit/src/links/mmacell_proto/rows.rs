@@ -139,7 +139,7 @@ impl Rows for Progress {
         .into()
     }
 
-    /// A reply that fits its command.
+    /// Returns the column of a reply that fits its command; empty for other inputs.
     fn column_at(machine: &Self::Machine, _now: Duration, input: &central::Input<Pose>) -> String {
         let CentralLink::Awaiting { command, .. } = machine.link else { return String::new() };
         let command = match command {
@@ -278,7 +278,7 @@ impl Rows for Moved {
         machine.axes.name().into()
     }
 
-    /// The order that is pending.
+    /// Returns the column of an answer to the pending order; empty for other inputs.
     fn column_at(machine: &Self::Machine, _now: Duration, input: &device::Input<Pose>) -> String {
         match (input, machine.link) {
             (device::Input::Accept(accepted), DeviceLink::Asked { order }) if *accepted == order => {

@@ -425,12 +425,12 @@ impl Peer for AnyController {
         }
     }
 
-    /// Each exception has its outcome in the end, whatever the controller does.
+    /// Returns whether each exception has its outcome, which must happen whatever the controller does.
     fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
         known.job.is_none()
     }
 
-    /// The controller sends a message in each cycle and reads each reply.
+    /// Returns the faultless step: the controller sends a message in each cycle and reads each reply.
     fn benign(&self, end: &HostMachine, known: &Known) -> Option<Word> {
         let mut words = Vec::new();
         if self.keeps_rules {

@@ -312,14 +312,14 @@ impl Peer for AnyHost {
         }
     }
 
-    /// A host that sends nothing more ends every ALTER.
+    /// Returns whether ALTER is over, as it must be in the end after a host has stopped sending.
     fn is_over(&self, _: &ControllerMachine, known: &Known) -> bool {
         !known.open
     }
 }
 
 impl AnyHost {
-    /// Whether an answer that comes now can be one to the last message, and whether its window is over.
+    /// Returns whether an answer that comes now can belong to the last message, and whether its window is over.
     fn window(&self, known: &Known) -> (bool, bool) {
         let (mode, baud) = (self.config.mode.accumulation(), self.config.baud);
         let budget = Budget::new(mode, baud, known.len.into(), 0);
@@ -328,7 +328,7 @@ impl AnyHost {
         (since >= budget.request && !is_over, is_over)
     }
 
-    /// Whether a message reports the result of the previous window.
+    /// Returns whether a message reports the result of the previous window.
     fn is_next(&self, known: &Known, message: Outgoing) -> bool {
         let found = match known.window {
             Window::Nothing => ErrorCode::Timeout,
@@ -347,17 +347,17 @@ impl AnyHost {
 }
 
 impl Known {
-    /// No answer to the last message was taken.
+    /// Returns whether the last message is still unanswered.
     fn is_awaited(&self) -> bool {
         self.window != Window::Good
     }
 
-    /// The last message was a start message.
+    /// Returns whether the last message was a start message.
     fn starts(&self) -> bool {
         self.attempts > 0
     }
 
-    /// A word is these bytes.
+    /// Appends the inputs of a word: `input`, and its bytes.
     fn hold(&mut self, input: Option<Input>, held: Held) {
         self.inputs.extend(input);
         self.inputs.push(Input::Bytes { partial: held != Held::Nothing });
@@ -369,7 +369,7 @@ impl Known {
         self.read
     }
 
-    /// An input has done nothing else.
+    /// Records the fault of an input that has no other effect.
     fn note(&mut self, read: Option<Input>, in_window: bool) {
         let fault = match read {
             Some(Input::Corrupt(code)) => code,

@@ -243,7 +243,7 @@ impl Known {
         if peer.delay > DELAY { peer.delay } else { DELAY - self.late }
     }
 
-    /// The host has sent an answer.
+    /// Called when the host has sent an answer.
     pub(super) fn answered(&mut self, peer: &AnyController, reply: Reply) {
         if peer.keeps_rules {
             let answer = Some((reply, 1 + self.most_late(peer)));
@@ -258,7 +258,7 @@ impl Known {
         self.taken = false;
     }
 
-    /// The answer arrives at the controller.
+    /// Lets the answer arrive at the controller.
     pub(super) fn arrive(&mut self, takes_late: bool, corrupt: bool, takes: bool) {
         let Some((reply, _)) = self.up[0].take() else { return };
         self.up.swap(0, 1);
@@ -298,7 +298,7 @@ impl Known {
         }
     }
 
-    /// Whether the host takes an error code for the last reply's, and that was read.
+    /// Returns whether the host attributes an error code to the last reply although that was read.
     pub(super) fn is_misjudged(&self, peer: &AnyController, rejected: Option<(ErrorCode, bool)>) -> bool {
         peer.keeps_rules && !peer.takes_late && self.taken && matches!(rejected, Some((_, true)))
     }
@@ -312,7 +312,7 @@ impl Known {
         }
     }
 
-    /// Everything else that the bytes that were read are to the host, and the part of them that its decoder holds.
+    /// Appends the input of read bytes, and stores the part of them that the host's decoder buffers.
     pub(super) fn hold(&mut self, held: Held) {
         self.line = held;
         self.inputs.push(Input::Bytes { partial: held != Held::Nothing });
@@ -334,7 +334,7 @@ impl Known {
         }
     }
 
-    /// The exception is none that is waited for any more.
+    /// Called when the exception is no longer awaited.
     pub(super) fn forget_exception(&mut self) {
         for (reply, _) in self.up.iter_mut().flatten() {
             if let Reply::Values { exception: Some(is_open), .. } = reply {
@@ -361,7 +361,7 @@ impl Known {
         }
     }
 
-    /// The exception has an outcome.
+    /// Called when the exception has an outcome.
     pub(super) fn end_job(
         &mut self,
         peer: &AnyController,

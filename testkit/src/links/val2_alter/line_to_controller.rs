@@ -89,12 +89,12 @@ impl Wired for AnyHost {
         })
     }
 
-    /// A connection ends within a word.
+    /// Returns the words that the end may receive if a connection ends within a word.
     fn lost(&self, _: &Known, _: Word) -> Vec<Vec<Word>> {
         vec![vec![], vec![Word::Noise], vec![Word::Head]]
     }
 
-    /// A pause within a frame is a word.
+    /// Returns false: a pause within a frame is a word.
     fn may_pause(&self, _: Word) -> bool {
         false
     }

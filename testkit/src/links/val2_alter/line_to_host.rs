@@ -17,12 +17,12 @@ const NOW: Duration = Duration::ZERO;
 const MOTION_LEN: usize = 12;
 
 impl AnyController {
-    /// After how many ticks without a message the controller counts as lost.
+    /// Returns the number of ticks without a message after which the controller counts as lost.
     pub(super) fn silence(&self) -> u8 {
         CYCLE * self.config.silence_cycles as u8
     }
 
-    /// A message arrives, or the rest of it.
+    /// Called when a message arrives, or the rest of it.
     pub(super) fn receive(&self, end: &HostMachine, known: &mut Known, frame: Frame) {
         known.end_noise();
         let input = self.read(end, known, frame);
@@ -30,7 +30,7 @@ impl AnyController {
         known.hold(if frame == Frame::Corrupt { Held::Corrupt } else { Held::Nothing });
     }
 
-    /// The host reads a message.
+    /// Lets the host read a message; returns the input.
     pub(super) fn read(&self, end: &HostMachine, known: &mut Known, frame: Frame) -> Input {
         let is_active = matches!(end.phase, HostPhase::Active(_));
         match frame {
@@ -68,7 +68,7 @@ impl AnyController {
         }
     }
 
-    /// The reaction of the host to the answer that is due.
+    /// Returns the reaction of the host to the answer that is due.
     pub(super) fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool, at_rest: bool) -> Input {
         let Some(answer) = end.transmit(NOW, &self.config) else { return Input::Late };
         let (bare, end_by) = match &end.phase {
@@ -203,14 +203,14 @@ impl Wired for AnyController {
         })
     }
 
-    /// A connection ends within a word.
+    /// Returns the words that the end may receive if a connection ends within a word.
     fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
         let gone = if matches!(word, Word::Read { .. }) { vec![Word::Lose] } else { Vec::new() };
         let with = |word| [gone.as_slice(), &[word]].concat();
         vec![with(Word::Noise), with(Word::Head), gone]
     }
 
-    /// A pause within a frame is a word.
+    /// Returns false: a pause within a frame is a word.
     fn may_pause(&self, _: Word) -> bool {
         false
     }
@@ -230,7 +230,7 @@ impl AnyController {
     }
 }
 
-/// The values of a target or a reply.
+/// Returns the values of a target or a reply.
 fn values(moves: bool) -> [i16; AXES] {
     let mut values = [0; AXES];
     values[0] = if moves { MOVES } else { 0 };

@@ -15,7 +15,7 @@ use crate::model::{Margin, Setting, Step};
 const MS: Duration = Duration::from_millis(1);
 const END: &str = "val2-alter host";
 
-/// The assumptions of the host about time.
+/// Returns the assumptions of the host about time.
 pub fn margins() -> Vec<Margin> {
     let HostConfig { gap, silence_cycles, target_timeout, reserve, max_delay, .. } = HostConfig::default();
     let gap = gap.unwrap_or(Duration::MAX);
@@ -96,7 +96,7 @@ impl Cell {
         cell
     }
 
-    /// A message comes; whether it is answered at once.
+    /// Sends a message to the host; returns whether it is answered at once.
     fn ask(&mut self, bytes: &[u8]) -> bool {
         self.host.handle_input(self.now, bytes);
         self.answers()
@@ -108,7 +108,7 @@ impl Cell {
         self.host.poll_transmit(self.now, &mut out).is_some()
     }
 
-    /// Whether it has reported something.
+    /// Returns whether the host has reported such an event.
     fn reports(&mut self, is_it: fn(&HostEvent) -> bool) -> bool {
         core::iter::from_fn(|| self.host.poll_event()).any(|event| is_it(&event))
     }
@@ -187,7 +187,7 @@ fn steers(time: Duration) -> Option<&'static str> {
     is_stale.then_some("a target holds until the next")
 }
 
-/// As many axes move as fit; in the next cycle this many bytes more are to be sent.
+/// Returns the property that breaks if as many axes move as fit, and additional bytes are to be sent in the next cycle.
 fn doubles(time: Duration) -> Option<&'static str> {
     let config = HostConfig { baud: SLOW, limits: Limits::NONE, ..HostConfig::default() };
     let mut cell = Cell::new(config);

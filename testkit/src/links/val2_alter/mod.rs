@@ -150,7 +150,7 @@ const TAKES_LATE: &str = "keeps them, takes late replies";
 
 const LATER: &str = "keeps the rules, replies are late by a cycle";
 
-/// A controller of which only the rules are known, or nothing.
+/// Returns a controller about which only the rules are known, or nothing.
 pub fn any_controller(keeps_rules: bool) -> Against<AnyController> {
     let host = world::host();
     // When a target is too old is seen with a controller that does anything.
@@ -161,7 +161,7 @@ pub fn any_controller(keeps_rules: bool) -> Against<AnyController> {
     Against { late: !keeps_rules, ..Against::new(peer) }
 }
 
-/// A controller that does anything, and a host that is called in time, has no subroutine, and keeps its connection.
+/// Returns a controller with any behaviour, and a host that is called in time, has no subroutine, and keeps its connection.
 fn small() -> Against<AnyController> {
     let system = any_controller(false);
     let config = val2_alter::HostConfig {
@@ -172,7 +172,7 @@ fn small() -> Against<AnyController> {
     Against { late: false, breaks: false, peer: AnyController { config, ..system.peer } }
 }
 
-/// A controller that keeps the rules, and a host whose replies have any words.
+/// Returns a controller that follows the rules, and a host whose replies have any words.
 fn free() -> Against<AnyController> {
     let system = any_controller(true);
     Against { peer: AnyController { is_free: true, ..system.peer }, ..system }
@@ -184,20 +184,20 @@ fn late_controller() -> Against<AnyController> {
     Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
 }
 
-/// A line on which two replies may be under way, as the host assumes.
+/// Returns a line on which two replies may be under way, as the host assumes.
 fn later_controller() -> Against<AnyController> {
     // A message is late by one tick besides.
     delayed(4, TICK * 5)
 }
 
-/// A line on which a reply is late by so many ticks, and what the host assumes of it.
+/// Returns a line on which a reply is late by this many ticks, and a host that assumes `max_delay`.
 fn delayed(delay: u8, max_delay: core::time::Duration) -> Against<AnyController> {
     let system = free();
     let config = val2_alter::HostConfig { max_delay, ..system.peer.config };
     Against { breaks: false, peer: AnyController { config, delay, ..system.peer }, ..system }
 }
 
-/// A host of which only the rules are known, or nothing.
+/// Returns a host about which only the rules are known, or nothing.
 pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     Against::new(AnyHost { config: world::controller(), keeps_rules, has_room: true })
 }

@@ -168,7 +168,7 @@ impl Rows for Host {
     }
 }
 
-/// The same state when one of its times has come, for each of them.
+/// Returns the same state with each of its times in turn in the past.
 fn overdue(state: &HostMachine) -> Vec<HostMachine> {
     let mut states = Vec::new();
     if !matches!(state.phase, HostPhase::Disconnected) {

@@ -38,7 +38,7 @@ const BAUD: u32 = 19_200;
 /// A silence within a frame that has ended by the next tick.
 const GAP: Option<Duration> = Some(Duration::from_millis(4));
 
-/// A host on a slow line, where a word fits, and another one only if it is in use already.
+/// Returns the configuration of a host on a slow line, on which one word fits, and another one only if it is in use already.
 pub(super) fn host() -> HostConfig {
     HostConfig {
         mode: Mode(18),
@@ -53,7 +53,7 @@ pub(super) fn host() -> HostConfig {
     }
 }
 
-/// A controller on such a line.
+/// Returns the configuration of a controller on such a line.
 pub(super) fn controller() -> ControllerConfig {
     ControllerConfig { mode: Mode(19), baud: BAUD, subroutine: true, gap: GAP, ..ControllerConfig::default() }
 }
@@ -72,12 +72,12 @@ pub(super) enum Held {
 }
 
 impl Held {
-    /// The bytes that the decoder holds when noise has come, too.
+    /// Returns the contents of the decoder after additional noise.
     pub(super) fn with_noise(self) -> Self {
         if self == Self::Nothing { Self::Noise } else { self }
     }
 
-    /// The bytes of a frame that are still to come.
+    /// Returns the bytes of a frame that are still to come.
     pub(super) fn rest_of(self, mut frame: Vec<u8>) -> Vec<u8> {
         if self == Self::Head { frame.split_off(HEAD) } else { frame }
     }
@@ -89,14 +89,14 @@ const HEAD: usize = 3;
 /// A byte outside of any frame.
 pub(super) const NOISE: u8 = 0x55;
 
-/// The start mark of a frame.
+/// Returns the start mark of a frame.
 pub(super) fn head() -> Vec<u8> {
     let mut frame = bytes(&HostMessage::StartReply(val2_alter::StartCode::Accept));
     frame.truncate(HEAD);
     frame
 }
 
-/// The frame of a message.
+/// Returns the frame of a message.
 pub(super) fn bytes<M: Message>(message: &M) -> Vec<u8> {
     let mut out = vec![0; message.encoded_len(Framing::DEFAULT)];
     let Ok(length) = message.encode(Framing::DEFAULT, &mut out) else { panic!("it has a form") };
@@ -104,14 +104,14 @@ pub(super) fn bytes<M: Message>(message: &M) -> Vec<u8> {
     out
 }
 
-/// The frame of a message with another checksum.
+/// Returns the frame of a message with another checksum.
 pub(super) fn corrupt<M: Message>(message: &M) -> Vec<u8> {
     let mut frame = bytes(message);
     frame.last_mut().into_iter().for_each(|checksum| *checksum ^= 0x04);
     frame
 }
 
-/// A message of the controller.
+/// Returns a message of the controller.
 pub(super) fn message(what: Outgoing, mode: Mode) -> RobotMessage {
     match what {
         Outgoing::Start(error) => RobotMessage::Start(Start { error, ..Start::new(mode, List::EMPTY) }),

@@ -311,7 +311,7 @@ impl Peer for AnyHost {
         draws.then_some(Word::Draw)
     }
 
-    /// Each request is sent and has an outcome in the end, whatever the host does.
+    /// Returns whether each request was sent and has an outcome, which must happen whatever the host does.
     fn is_over(&self, end: &WorkstationMachine, known: &Known) -> bool {
         !known.open && request(end) != Some(Request::Due)
     }
@@ -371,12 +371,12 @@ impl Wired for AnyHost {
         }
     }
 
-    /// XON and XOFF are taken out of a line.
+    /// Returns false for XON and XOFF, which are removed from a line.
     fn is_last(&self, word: Word) -> bool {
         !matches!(word, Word::Xon | Word::Xoff)
     }
 
-    /// One bit turns a digit into XON or XOFF.
+    /// Returns the words that the end may receive in place of a damaged one: one bit turns a digit into XON or XOFF.
     fn lost(&self, known: &Known, word: Word) -> Vec<Vec<Word>> {
         let lines = [true, false].map(|line| vec![Word::Corrupt { line }]);
         match word {
@@ -397,7 +397,7 @@ impl Known {
         self.earlier + u8::from(self.last)
     }
 
-    /// The host answers, or what it answers is lost.
+    /// Lets the host answer; the answer may be lost.
     fn answer(&mut self, all: bool) {
         if all || self.earlier == 0 {
             (self.earlier, self.last) = (0, false);
@@ -406,7 +406,7 @@ impl Known {
         }
     }
 
-    /// The request has an outcome: what is wrong with that.
+    /// Called when the request has an outcome; returns the broken property, if the request has another outcome already.
     fn end(&mut self) -> Option<&'static str> {
         (!core::mem::take(&mut self.open)).then_some(ONE_OUTCOME)
     }

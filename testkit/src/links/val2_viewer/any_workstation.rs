@@ -175,7 +175,7 @@ impl Peer for AnyWorkstation {
         broken.extend(known.wrong);
     }
 
-    /// Each request is answered if there are poses, even if no XON comes.
+    /// Returns whether each request is answered if there are poses, even if no XON comes.
     fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
         !known.asked
     }
@@ -227,7 +227,7 @@ impl Wired for AnyWorkstation {
         }
     }
 
-    /// One bit turns XON into XOFF.
+    /// Returns the words that the end may receive in place of a damaged one: one bit turns XON into XOFF.
     fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
         match word {
             Word::Xoff => vec![vec![], vec![Word::Xon]],

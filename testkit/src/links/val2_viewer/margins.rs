@@ -14,7 +14,7 @@ const MS: Duration = Duration::from_millis(1);
 const HOST: &str = "val2-viewer host";
 const WORKSTATION: &str = "val2-viewer workstation";
 
-/// The assumptions of the ends about time.
+/// Returns the assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let (host, workstation) = (HostConfig::default(), WorkstationConfig::default());
     vec![
@@ -47,7 +47,7 @@ pub fn margins() -> Vec<Margin> {
     ]
 }
 
-/// The times at which a host sends, that has a new pose in each cycle until `until`.
+/// Returns the times at which a host with a new pose in each cycle until `until` sends.
 fn sent(inputs: &[(Duration, u8)], until: Duration, end: Duration) -> Vec<Duration> {
     let mut host = Host::new(HostConfig::default()).expect("the default can work");
     let (mut sent, mut now, mut pose, mut read) = (Vec::new(), Duration::ZERO, 0u32, 0);
@@ -94,7 +94,7 @@ fn is_held(held: Duration) -> Option<&'static str> {
     sent.iter().any(|at| *at < 500 * MS + held).then_some("nothing is sent while the other holds it")
 }
 
-/// A workstation that has asked at once.
+/// Returns a workstation that has sent its request at once.
 fn asking() -> Workstation {
     let mut workstation = Workstation::new(WorkstationConfig::default()).expect("the default can work");
     workstation.handle_connected(Duration::ZERO);

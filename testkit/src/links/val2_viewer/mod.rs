@@ -102,7 +102,7 @@ fn ticks(ticks: u8) -> Duration {
     TICK * u32::from(ticks)
 }
 
-/// A workstation of which only the rules are known, or nothing.
+/// Returns a workstation about which only the rules are known, or nothing.
 pub fn any_workstation(keeps_rules: bool) -> Against<AnyWorkstation> {
     let config = HostConfig {
         interval: ticks(any_workstation::INTERVAL),
@@ -113,7 +113,7 @@ pub fn any_workstation(keeps_rules: bool) -> Against<AnyWorkstation> {
     Against::new(AnyWorkstation { config, keeps_rules })
 }
 
-/// A host of which only the rules are known, or nothing.
+/// Returns a host about which only the rules are known, or nothing.
 pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     let config = WorkstationConfig {
         pause: ticks(any_host::PAUSE),
@@ -124,7 +124,7 @@ pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     Against::new(AnyHost { config, keeps_rules, is_paired: false, is_prompt: false })
 }
 
-/// A host that answers in time, on a line without faults.
+/// Returns a host that answers in time, on a line without faults.
 fn prompt() -> Against<AnyHost> {
     let peer = AnyHost { is_prompt: true, ..any_host(true).peer };
     Against { peer, late: false, breaks: false }

@@ -73,7 +73,7 @@ pub enum Act {
 }
 
 impl Act {
-    /// Whether the writer does it.
+    /// Returns whether the act is the writer's.
     pub fn is_writers(self) -> bool {
         use Act::{Batch, Claim, Clear, Commit, CommitRepeated, CommitWrong, DropBatch, DropClaim, Fill};
         use Act::{Publish, Renew, Reset, WriterLeaves};
@@ -116,7 +116,7 @@ impl Act {
 }
 
 impl Queue {
-    /// A queue as it is: every interleaving, every rule.
+    /// Creates a queue with every interleaving and every rule.
     pub fn new(capacity: u8, looks: Looks) -> Self {
         Self { capacity, max: capacity + 1, looks, single: false, without: None }
     }
@@ -125,7 +125,7 @@ impl Queue {
         self.without != Some(rule)
     }
 
-    /// Whether the other end can come in between.
+    /// Returns whether the other end can interrupt.
     fn may_interrupt(&self, state: &State) -> bool {
         !self.single
             || match state.reader.phase {
@@ -171,7 +171,7 @@ impl System for Queue {
         broken.extend(state.check(self.max, self.without));
     }
 
-    /// The writer ends what it has begun, and the reader goes on, always with the same operation.
+    /// Returns the faultless act: the writer ends its operation, and the reader continues, always with the same operation.
     fn benign(&self, state: &State) -> Option<Act> {
         let mut acts = Vec::new();
         match (state.reader.phase, state.writer.phase) {
@@ -184,7 +184,8 @@ impl System for Queue {
         acts.first().copied()
     }
 
-    /// Nothing is queued or being executed, and the last reset has taken effect; or there is no reader to execute.
+    /// Returns whether no job is queued or being executed, and the last reset has taken effect; or there is no reader to
+    /// execute jobs.
     fn is_over(&self, state: &State) -> bool {
         let is_idle = matches!(state.writer.phase, Writing::Ready | Writing::Gone)
             && state.reader.phase == Reading::Idle;

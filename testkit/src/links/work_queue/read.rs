@@ -163,7 +163,7 @@ impl Queue {
         ""
     }
 
-    /// A look has ended without a job.
+    /// Ends a look without a job.
     fn find_nothing(&self, state: &mut State) -> &'static str {
         state.reader.phase = Reading::Idle;
         if !self.keeps(Rule::GoneBeforeNothing) {
@@ -174,7 +174,7 @@ impl Queue {
         "Nothing"
     }
 
-    /// A look has ended at the job at the head.
+    /// Ends a look at the job at the head.
     fn find(&self, state: &mut State, by: Looks) {
         match by {
             Looks::Find => state.reader.phase = Reading::Searching { at: 0 },
@@ -216,7 +216,7 @@ impl Queue {
         row
     }
 
-    /// The next slot whose job was not completed, and its number.
+    /// Returns the next slot whose job was not completed, and its number.
     fn next(&self, state: &State, mut at: u8, end: u8, mut number: u8) -> Option<(u8, u8)> {
         while at != end && state.slots.get(usize::from(at)).is_some_and(|slot| slot.done) {
             at += 1;
@@ -225,7 +225,7 @@ impl Queue {
         (at != end).then_some((at, number))
     }
 
-    /// A job begins to be executed.
+    /// Begins the execution of a job.
     fn begin(&self, state: &mut State, at: u8) {
         state.see(at, after(state.reader.number, at, self.max));
         state.reader.found_nothing = false;

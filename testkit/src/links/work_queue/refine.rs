@@ -74,7 +74,7 @@ impl Drop for Job {
 }
 
 impl Replay {
-    /// The next act of the path.
+    /// Returns the next act of the path.
     fn peek(&self) -> Option<Act> {
         self.path.get(self.run.borrow().at).copied()
     }
@@ -106,20 +106,20 @@ impl Replay {
         assert!(queue == model, "{what}: {queue:?}, the model: {model:?}\npath: {:?}", &self.path[..at]);
     }
 
-    /// The serial number of the job in a slot.
+    /// Returns the serial number of the job in a slot.
     fn serial(&self, slot: u8) -> usize {
         let run = self.run.borrow();
         run.queued[run.queued.len() - usize::from(run.state.tail) + usize::from(slot)]
     }
 
-    /// A job that the writer makes.
+    /// Returns a job that the writer makes.
     fn make(self: &Rc<Self>) -> Job {
         let mut run = self.run.borrow_mut();
         run.dropped.push(false);
         Job { serial: run.dropped.len() - 1, replay: self.clone() }
     }
 
-    /// Does what the writer does next, until the reader goes on.
+    /// Runs the writer until the reader continues.
     fn write(self: &Rc<Self>) {
         self.observe();
         while self.peek().is_some_and(Act::is_writers) {
@@ -226,7 +226,8 @@ impl Replay {
         self.same("dropped", &run.dropped, &dropped);
     }
 
-    /// A job was dropped: completed, discarded, of a batch that was not published, or left when both ends are gone.
+    /// Called when a job was dropped: completed, discarded, in a batch that was not published, or remaining when both ends
+    /// are gone.
     fn dropped(self: &Rc<Self>, serial: usize) {
         assert!(
             !core::mem::replace(&mut self.run.borrow_mut().dropped[serial], true),
@@ -308,7 +309,7 @@ impl Replay {
         self.step() == Act::Accept
     }
 
-    /// The number and the serial number of the job in a slot.
+    /// Returns the number and the serial number of the job in a slot.
     fn job(&self, at: u8) -> (u16, usize) {
         let number = self.run.borrow().state.number_at(at);
         (number.map_or(0, u16::from), self.serial(at))

@@ -225,7 +225,7 @@ impl State {
         &mut self.slots[usize::from(at) % capacity]
     }
 
-    /// The number of the job queued last.
+    /// Returns the number of the job queued last.
     pub fn last_number(&self, max: u8) -> Option<u8> {
         match (self.writer.next, self.writer.wrapped) {
             (1, true) => Some(max),
@@ -243,7 +243,7 @@ impl State {
         })
     }
 
-    /// The job in a slot, and its number.
+    /// Returns the number of the job in a slot.
     pub fn number_at(&self, at: u8) -> Option<u8> {
         match self.slots.get(usize::from(at))?.content {
             Content::Job { number, .. } => Some(number),
@@ -251,7 +251,7 @@ impl State {
         }
     }
 
-    /// Whether the last reset has taken effect, as the writer sees it.
+    /// Returns whether the last reset has taken effect, as the writer observes it.
     pub fn is_settled(&self, without: Option<Rule>) -> bool {
         self.mark.at <= 0 || without == Some(Rule::SettledIsTheHead)
     }
@@ -285,7 +285,7 @@ impl State {
         }
     }
 
-    /// Every job that is queued now is to be discarded.
+    /// Marks every job that is queued now as to be discarded.
     pub(super) fn clear(&mut self, without: Option<Rule>) {
         for slot in &mut self.slots {
             if let Content::Job { cleared, .. } = &mut slot.content {
@@ -344,7 +344,7 @@ impl State {
         self.free_oldest(max, without);
     }
 
-    /// The reader sees a job.
+    /// Called when the reader finds a job.
     pub(super) fn see(&mut self, at: u8, expected: u8) {
         let is_current = self.reader.is_current;
         let content = if at < self.tail { self.slot(at).content } else { Content::Nothing };
@@ -357,14 +357,14 @@ impl State {
         }
     }
 
-    /// A job was executed.
+    /// Called when a job was executed.
     pub(super) fn executed(&mut self, at: u8) {
         if !matches!(core::mem::replace(&mut self.slot(at).content, Content::Executed), Content::Job { .. }) {
             self.found(EXECUTED_ONCE);
         }
     }
 
-    /// The reader concludes that nothing will ever come.
+    /// Called when the reader concludes that no more jobs will come.
     pub(super) fn expect_nothing(&mut self) {
         if self.slots.iter().any(|slot| matches!(slot.content, Content::Job { cleared: false, .. })) {
             self.found(FOUND);
@@ -378,7 +378,7 @@ impl State {
         }
     }
 
-    /// The end that leaves second drops what is left.
+    /// Lets an end leave; the second one drops the remaining jobs.
     pub(super) fn leave(&mut self, is_second: bool) -> &'static str {
         self.abandoned = true;
         if !is_second {
@@ -426,7 +426,7 @@ impl State {
     }
 }
 
-/// The number this many jobs later.
+/// Returns the number this many jobs later.
 pub(super) fn after(number: u8, jobs: u8, max: u8) -> u8 {
     (number - 1 + jobs) % max + 1
 }

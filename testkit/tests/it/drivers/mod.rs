@@ -139,7 +139,7 @@ impl Row {
         );
     }
 
-    /// Nothing is lost, nothing comes twice, nothing hangs.
+    /// Checks that no request is lost, arrives twice or hangs.
     fn check(&self) {
         self.print();
         let Caller { asked, twice, requests, replied, failed, .. } = &self.caller;
@@ -159,7 +159,7 @@ fn run(
     run_within(TIMEOUT, fault, kind, pipe, requests, polls)
 }
 
-/// The same with another timeout of each request.
+/// Runs the same with another timeout for each request.
 fn run_within(
     timeout: Duration,
     fault: &'static str,
@@ -193,7 +193,7 @@ fn run_within(
     Row { fault, kind, caller, stuck, over }
 }
 
-/// Our server under the driver of std, in a thread.
+/// Starts the project's server under the driver of std, in a thread.
 fn serve(pipe: Pipe) -> JoinHandle<()> {
     thread::spawn(move || {
         let mut server = Server::<_>::new(ServerConfig::tcp(), Numbers).unwrap();
@@ -205,7 +205,7 @@ fn serve(pipe: Pipe) -> JoinHandle<()> {
     })
 }
 
-/// A peer that reads this many bytes at once after each pause, and sends nothing.
+/// Starts a peer that reads this many bytes at once after each pause, and sends no bytes.
 fn slow(pipe: Pipe, pause: Duration) -> JoinHandle<()> {
     thread::spawn(move || {
         while pipe.read(&mut [0]) > 0 {

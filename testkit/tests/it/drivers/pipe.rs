@@ -30,7 +30,8 @@ struct Line {
     waiting: Vec<Waker>,
 }
 
-/// Both ends of a line that holds this many bytes each way, and is cut after this many: [`usize::MAX`] never.
+/// Creates both ends of a line that buffers this many bytes in each direction, and is cut after this many: [`usize::MAX`] is
+/// never.
 pub fn line(room: usize, until_cut: [usize; 2]) -> [Pipe; 2] {
     let ways = [VecDeque::new(), VecDeque::new()];
     let line = Arc::new((
@@ -56,7 +57,7 @@ impl Pipe {
         line.waiting.drain(..).for_each(Waker::wake);
     }
 
-    /// Some bytes, none at the end, or `None`: there are none yet.
+    /// Reads some bytes; 0 at the end, `None` if there are none yet.
     fn try_read(&self, line: &mut Line, buffer: &mut [u8]) -> Option<usize> {
         let way = &mut line.ways[1 - self.way];
         let length = way.len().min(buffer.len());

@@ -67,8 +67,8 @@ impl Rig {
         }
     }
 
-    /// One turn. With `polls` the future of an asynchronous driver is dropped after this many polls, otherwise after [`TURN`]. `keep` is
-    /// asked before anything is written, after an `.await` of its own.
+    /// Runs one turn. With `polls` the future of an asynchronous driver is dropped after this many polls, otherwise after
+    /// [`TURN`]. `keep` is called before anything is written, after an `.await` of its own.
     pub fn turn<S: Session>(
         &mut self,
         session: &mut S,

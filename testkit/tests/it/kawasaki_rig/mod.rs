@@ -10,19 +10,19 @@ use testkit::link::{Delivery, End, Faults, Link};
 
 pub const MS: Duration = Duration::from_millis(1);
 
-/// The line of a place in the picture of an order: no two are alike.
+/// Returns the line with an index in the picture of an order; all lines differ.
 pub fn line(order: u16, index: u32) -> Line {
     let kind = if index.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
     let (x, y) = (index as i32 * 7 - 3000, i32::from(order) * 11 + index as i32);
     Line { kind, start: Point::new(x, y), end: Point::new(x + 7, y - 13) }
 }
 
-/// The first lines of the picture of an order.
+/// Returns the first lines of the picture of an order.
 pub fn expected(order: u16, jobs: u32) -> Vec<Line> {
     (0..jobs).map(|index| line(order, index)).collect()
 }
 
-/// The messages of this name in packets.
+/// Returns the messages with this name in packets.
 pub fn sent(packets: &[Vec<u8>], name: &str) -> Vec<String> {
     let all = String::from_utf8(packets.concat()).unwrap();
     let messages = all.split_inclusive('>').filter(|m| m.starts_with(&format!("<{name}$")));
@@ -31,7 +31,7 @@ pub fn sent(packets: &[Vec<u8>], name: &str) -> Vec<String> {
 
 pub type Source = Box<dyn FnMut(u32) -> Supply<Line>>;
 
-/// An order of `jobs` lines.
+/// Returns an order of `jobs` lines.
 pub fn picture(order: u16, jobs: u32) -> Source {
     Box::new(move |index| if index < jobs { Supply::Job(line(order, index)) } else { Supply::End })
 }
@@ -59,7 +59,7 @@ pub struct Rig<C = Native> {
 }
 
 impl Rig {
-    /// A robot in Rust, as by default.
+    /// Creates a rig with a robot in Rust and the defaults.
     pub fn new(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Self {
         let pc = PcConfig { max_number, ..PcConfig::tcp() };
         Self::with(seed, faults, capacity, max_number, RobotConfig::tcp(), pc)
@@ -78,7 +78,7 @@ impl Rig {
 }
 
 impl<C: Controller> Rig<C> {
-    /// Any robot.
+    /// Creates a rig with any robot.
     pub fn of(
         seed: u64,
         faults: Faults,
@@ -106,7 +106,7 @@ impl<C: Controller> Rig<C> {
         }
     }
 
-    /// One pass of every loop at the present time, then on to the next time at which something happens.
+    /// Runs one pass of every loop at the current time, then advances to the next time at which something happens.
     pub fn step(&mut self) {
         self.motion_task();
         self.robot_pass();
@@ -222,7 +222,7 @@ impl<C: Controller> Rig<C> {
         }
     }
 
-    /// The lines executed, in order.
+    /// Returns the executed lines, in sequence.
     pub fn lines(&self) -> Vec<Line> {
         self.executed.iter().map(|job| job.work).collect()
     }
@@ -234,7 +234,7 @@ impl<C: Controller> Rig<C> {
     }
 }
 
-/// The robot's controller restarted: nothing is left of its memory.
+/// Restarts the robot's controller, which loses its memory.
 pub fn restart<C: Controller>(rig: &mut Rig<C>, capacity: usize, max_number: u16) {
     rig.link.disconnect(rig.now);
     rig.robot = C::begin(RobotConfig { max_number, ..RobotConfig::tcp() }, capacity, 1);

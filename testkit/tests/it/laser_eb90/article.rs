@@ -5,7 +5,7 @@ use testkit::soak::{Article, Fault, frame};
 
 use crate::laser_eb90::cell::MS;
 
-/// Each of the cuts is executed once.
+/// Asserts that each of the cuts is executed once.
 fn assert_once(article: &Article, cuts: u32, what: &str) {
     let mut times = vec![0; cuts as usize];
     article.executed.iter().for_each(|index| times[*index as usize] += 1);

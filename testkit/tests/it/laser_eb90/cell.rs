@@ -15,7 +15,7 @@ pub use crate::laser_eb90::common::{CUT, Cut, MS, STOP, WHERE, cut, write_cut};
 /// A hundred cycles of the controller.
 pub const START: Duration = Duration::from_millis(1600);
 
-/// A controller that was connected at 0.
+/// Returns a controller that was connected at 0.
 pub fn controller(profile: Profile) -> (Controller<'static, Cut>, Reader<'static, Cut>) {
     let (writer, reader) = robot_work_queue::boxed(21, 9999).unwrap();
     let config = ControllerConfig { profile, ..ControllerConfig::default() };
@@ -70,7 +70,7 @@ impl Cell {
         }
     }
 
-    /// A clean line. The host may send at [`START`].
+    /// Creates a clean line. The host may send at [`START`].
     pub fn clean() -> Self {
         Self::configured(KNOWN())
     }
@@ -86,7 +86,7 @@ impl Cell {
         self.host.submit(CUT, |payload| write_cut(payload, cut(index)))
     }
 
-    /// Everything that can happen now, once.
+    /// Does once everything that can happen now.
     pub fn step(&mut self) {
         while let Some(Delivery::Bytes(bytes)) = self.link.receive(End::A, self.now) {
             self.host.handle_input(self.now, &bytes);

@@ -127,7 +127,7 @@ impl<'a> Ends<'a> {
         self.controller.handle_timeout(self.now);
     }
 
-    /// Whether the line is still busy after this tick.
+    /// Returns whether the line is still busy after this tick.
     fn is_blocked_after(&self) -> bool {
         let front = self.world.down.first();
         self.world.down.len() > 1 || front.is_some_and(|front| {
@@ -136,7 +136,7 @@ impl<'a> Ends<'a> {
         })
     }
 
-    /// The bytes of this tick.
+    /// Returns the bytes of this tick.
     fn piece(&self, front: &Transmission) -> Option<Vec<u8>> {
         let mut frame = self.sent[usize::from(front.job)].clone();
         match front.fate {

@@ -6,7 +6,7 @@ use testkit::model::{Margin, Options, Step};
 
 const MS: Duration = Duration::from_millis(1);
 
-/// A margin whose assumed time is 10 ms, and whose property breaks from `from` ms on.
+/// Returns a margin whose assumed time is 10 ms, and whose property breaks from `from` ms on.
 fn margin(from: u32) -> Margin {
     let steps = (8..13).map(|ms| Step::new(10 * MS, ms * MS, move || (ms >= from).then_some("it holds")));
     Margin { end: "an end", setting: "a time", real: "so late", steps: steps.collect() }

@@ -7,7 +7,7 @@ use testkit::soak::{Check, Log, Mark, Tally, Unseen, Wire};
 
 const MS: Duration = Duration::from_millis(1);
 
-/// Two equal bytes are a valid message.
+/// Checks a pair: two equal bytes are a valid message.
 fn pair(_: End, bytes: &[u8]) -> Check {
     match bytes {
         [a, b, ..] if a == b => Check::Good(2),

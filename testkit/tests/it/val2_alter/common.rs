@@ -123,14 +123,14 @@ pub fn plain() -> (HostConfig, ControllerConfig) {
     (host, ControllerConfig::default())
 }
 
-/// A host on an open port.
+/// Returns a host on an open port.
 pub fn connected(config: HostConfig) -> Host {
     let mut host = Host::new(config).unwrap();
     host.handle_connected(Duration::ZERO);
     host
 }
 
-/// A controller on an open port.
+/// Returns a controller on an open port.
 pub fn controller(config: ControllerConfig) -> Controller {
     let mut controller = Controller::new(config).unwrap();
     controller.handle_connected(Duration::ZERO);
@@ -141,7 +141,7 @@ pub fn x(value: i16) -> [i16; 6] {
     [value, 0, 0, 0, 0, 0]
 }
 
-/// A controller in its first cycle, at 28 ms, whose message has just left.
+/// Returns a controller in its first cycle, at 28 ms, whose message has just left.
 pub fn in_first_cycle(config: ControllerConfig) -> Controller {
     let mut controller = self::controller(config);
     let mut out = [0; Frame::MAX_LEN];

@@ -360,7 +360,7 @@ fn answer(host: &mut Host, message: &[u8]) -> HostMessage {
     HostMessage::decode(frame.data(), Framing::DEFAULT).unwrap()
 }
 
-/// A host in an ALTER that has an exception to be sent.
+/// Returns a host in an ALTER with an exception to be sent.
 fn with_exception() -> Host {
     let mut host = connected(HostConfig { subroutine: true, limits: Limits::NONE, ..HostConfig::default() });
     let accepted = answer(&mut host, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
@@ -371,7 +371,7 @@ fn with_exception() -> Host {
     host
 }
 
-/// The codes in the answers to these messages.
+/// Returns the codes in the answers to these messages.
 fn codes<const N: usize>(host: &mut Host, messages: [&[u8]; N]) -> [u8; N] {
     messages.map(|message| match answer(host, message) {
         HostMessage::Reply(reply) => reply.exception.into(),

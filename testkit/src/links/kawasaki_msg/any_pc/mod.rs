@@ -74,12 +74,12 @@ impl AnyPc {
         !matches!(self.peer, Peer::Lossy { .. })
     }
 
-    /// The line may still corrupt, split and break.
+    /// Returns whether the line may still corrupt, split and break.
     fn is_faulty(&self, w: &World) -> bool {
         w.faults > 0 && !matches!(self.peer, Peer::Lossy { only_late: true, .. })
     }
 
-    /// The number of a job, counted from 0.
+    /// Returns the number of a job, counted from 0.
     fn number(&self, job: u8) -> u16 {
         u16::from(job) % self.robot.max_number + 1
     }
@@ -152,7 +152,7 @@ impl AnyPc {
         }
     }
 
-    /// The packet: whether the PC's order was accepted, and the job that is asked for.
+    /// Sends the robot's packet: returns whether the PC's order was accepted, and the requested job.
     fn transmit(&self, w: &mut World, edges: &mut Edges<'_>) -> (bool, Option<u8>) {
         let accepted = w.robot.order.number() == OURS || w.over;
         let queued = w.robot.queued as u8;
@@ -185,7 +185,7 @@ impl AnyPc {
         }
     }
 
-    /// The answers of a PC that keeps the rules.
+    /// Appends the answers of a PC that follows the rules.
     fn answers(&self, w: &World, acts: &mut Vec<Act>) {
         let Peer::Lossy { insists, only_late } = self.peer else { return };
         if w.faults > 0 {
@@ -218,7 +218,7 @@ impl AnyPc {
         }
     }
 
-    /// The messages of a PC that does anything.
+    /// Returns the messages of a PC with any behaviour.
     fn letters(&self, w: &World) -> Vec<Letter> {
         let (next, any) = (w.next(), self.peer == Peer::Any);
         let mut letters =
@@ -242,7 +242,7 @@ impl AnyPc {
         matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW, .. }, .. })
     }
 
-    /// Every report is handed over before every look at the queue that is not the first.
+    /// Returns whether the queue may be checked: all reports are handed over before every check except the first.
     fn may_look(w: &World) -> bool {
         let second = matches!(
             w.stage(),

@@ -120,7 +120,7 @@ impl World {
         if let Order::Active { stage, .. } = self.robot.order { Some(stage) } else { None }
     }
 
-    /// The job that is asked for.
+    /// Returns the requested job.
     pub(super) fn next(&self) -> u8 {
         if self.stage().is_some() { self.robot.queued as u8 } else { 0 }
     }
@@ -133,7 +133,7 @@ impl World {
         self.occupied() == 0
     }
 
-    /// The motion task takes its next job at once.
+    /// Lets the motion task take its next job at once.
     pub(super) fn take(&mut self) {
         if self.executing.is_none() && !self.queue.is_empty() {
             let job = self.queue.remove(0);

@@ -1,7 +1,7 @@
 //! A read of 37 registers over TCP by our client and by those of others.
 //!
-//! `clients serve MS` is the server for all, which takes so many milliseconds for a reply, and prints its address. `clients NAME ADDRESS
-//! ROUNDS` reads so often, to be counted. `clients race ADDRESS` prints the times of all, which take turns.
+//! `clients serve MS` is the server for all, which takes so many milliseconds for a reply, and prints its address. `clients
+//! NAME ADDRESS ROUNDS` reads so often, to be counted. `clients race ADDRESS` prints the times of all, which take turns.
 
 use std::future::Future;
 use std::io::{Read, Write};

@@ -38,8 +38,8 @@ pub struct Link {
 /// The rows of a decoder: valid frames in one piece and byte by byte, and noise.
 pub type Stream = [Count; 5];
 
-/// The goal of a row that is this many times the sum of other rows of its link, as they were counted in the same run; if the row has
-/// a goal of its own, the greater of the two.
+/// The goal of a row that is this many times the sum of other rows of its link, as they were counted in the same run; if the
+/// row has a goal of its own, the greater of the two.
 #[derive(Clone, Copy)]
 pub struct Ratio {
     /// The work of the row, as its [`Count`] names it.

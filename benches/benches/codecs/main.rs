@@ -1,7 +1,8 @@
-//! `cargo bench -p benches --bench codecs [-- FILTER] [--test]`: the time of each link's codec, decoder and sessions, and of the queue.
+//! `cargo bench -p benches --bench codecs [-- FILTER] [--test]`: the time of each link's codec, decoder and sessions, and of
+//! the queue.
 //!
-//! An id is `link/work/by`. The report of a work, `target/criterion/LINK_WORK/report/index.html`, compares our code with a loop by hand
-//! and with other crates. Instructions and their goals are counted by `budgets`, from the same functions.
+//! An id is `link/work/by`. The report of a work, `target/criterion/LINK_WORK/report/index.html`, compares our code with a
+//! loop by hand and with other crates. Instructions and their goals are counted by `budgets`, from the same functions.
 
 #[path = "../links/mod.rs"]
 mod links;

@@ -18,8 +18,8 @@ use robot_work_queue::Reader;
 
 use super::streams::{self, Decoding};
 
-/// The goals of each packet are ratios to the loop by hand for its one layout: the link carries 31 packets a second, and one grammar
-/// for every table and every layout is worth more than their speed.
+/// The goals of each packet are ratios to the loop by hand for its one layout: the link carries 31 packets a second, and one
+/// grammar for every table and every layout is worth more than their speed.
 pub(super) const LINK: Link = Link {
     name: "kawasaki-msg",
     counts: COUNTS,

@@ -1,5 +1,5 @@
-//! The work of every link, and of the queue: a table and its functions in a file each. `budgets` counts every row, `codecs` times those
-//! with a name.
+//! The work of every link, and of the queue: a table and its functions in a file each. `budgets` counts every row, `codecs`
+//! times those with a name.
 
 mod fanuc_hmi_modbus;
 mod fanuc_ls;

@@ -1,5 +1,5 @@
-//! The exchanges of both ends. A PC decodes the robot's packet, which acknowledges the jobs of the packet before, and builds a packet
-//! full of jobs; the robot queues it. And the codec alone for the PC's share.
+//! The exchanges of both ends. A PC decodes the robot's packet, which acknowledges the jobs of the packet before, and builds
+//! a packet full of jobs; the robot queues it. And the codec alone for the PC's share.
 
 use core::hint::black_box;
 use core::time::Duration;

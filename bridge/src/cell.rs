@@ -74,8 +74,8 @@ pub enum Next {
     Another(Box<(site::Cell, Client)>),
 }
 
-/// A report and a command of the same cell may cross, and the later one of their times is that of both then. A greater step back is the
-/// clock's.
+/// A report and a command of the same cell may cross, and the later one of their times is that of both then. A greater step
+/// back is the clock's.
 const CROSSED: u64 = 60_000;
 
 /// Returns the time of a record that was made at `at`, after one that has the time `last`.

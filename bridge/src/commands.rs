@@ -90,7 +90,8 @@ pub enum Decision {
 }
 
 impl Commands {
-    /// Reads what the store remembers, given the names that begin with a prefix. A command without an outcome is unknown from now on.
+    /// Reads what the store remembers, given the names that begin with a prefix. A command without an outcome is unknown
+    /// from now on.
     ///
     /// # Errors
     /// When the store cannot be read.

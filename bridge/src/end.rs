@@ -223,7 +223,8 @@ impl End {
         state.reported.len() < REASONS && state.reported.insert(why.to_owned())
     }
 
-    /// Reports the device's values as implausible, with the reason as an event. Its metrics have no values until it reports others.
+    /// Reports the device's values as implausible, with the reason as an event. Its metrics have no values until it reports
+    /// others.
     pub fn bad(&self, event: &Json) {
         let what = What::Bad(vec![(EVENT, Value::String(event.to_string()))]);
         self.send(&mut self.state(), what);

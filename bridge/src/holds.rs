@@ -1,5 +1,5 @@
-//! Cells whose topics the broker refuses, as a wrong access control does: their records wait in the store, and one of them is tried
-//! each minute until it is taken.
+//! Cells whose topics the broker refuses, as a wrong access control does: their records wait in the store, and one of them
+//! is tried each minute until it is taken.
 
 use std::collections::{BTreeSet, HashMap};
 use std::time::{Duration, Instant};

@@ -1,5 +1,5 @@
-//! The ledger of a bridge: the numbers of the commands of shared cells that it has accepted, in pages. The broker stores the pages, so that
-//! another bridge can read them when this one does not run.
+//! The ledger of a bridge: the numbers of the commands of shared cells that it has accepted, in pages. The broker stores the
+//! pages, so that another bridge can read them when this one does not run.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;

@@ -1,5 +1,5 @@
-//! The payload of Sparkplug B, `sparkplug_b.proto`, as far as the bridge writes and reads it: fields that are not here are skipped
-//! when a payload is read.
+//! The payload of Sparkplug B, `sparkplug_b.proto`, as far as the bridge writes and reads it: fields that are not here are
+//! skipped when a payload is read.
 
 use prost::{Message, Oneof};
 

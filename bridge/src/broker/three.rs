@@ -20,7 +20,8 @@ pub(super) fn open(options: &Options) -> (AsyncClient, EventLoop) {
     let mut mqtt = MqttOptions::new(&options.client, options.place(), options.port);
     mqtt.set_clean_session(true);
     mqtt.set_keep_alive(options.keep_alive);
-    // This version cannot announce a limit, and a longer packet would end each connection. So each is read, and a long one is dropped.
+    // This version cannot announce a limit, and a longer packet would end each connection. So each is read, and a long one
+    // is dropped.
     mqtt.set_max_packet_size(LONGEST_OF_MQTT, LONGEST as usize);
     mqtt.set_inflight(IN_FLIGHT);
     let (topic, message) = options.will.clone();

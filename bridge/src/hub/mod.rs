@@ -6,8 +6,9 @@
 //!                          └──────commands───────┘ └────────commands───────────┘
 //! ```
 //!
-//! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
-//! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
+//! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that
+//! is not on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker
+//! has it.
 
 mod power;
 mod records;

@@ -255,9 +255,9 @@ impl Kawasaki {
         works.collect()
     }
 
-    /// Breaks the order off when the bridge ends, or if the connection is lost before the robot has accepted it: it would begin with the
-    /// next one, whenever that is. It ends after the job that is being executed; if the plant has no message for that, after those that
-    /// the robot has queued.
+    /// Breaks the order off when the bridge ends, or if the connection is lost before the robot has accepted it: it would
+    /// begin with the next one, whenever that is. It ends after the job that is being executed; if the plant has no message
+    /// for that, after those that the robot has queued.
     async fn break_off(&self, end: &End) -> Infallible {
         loop {
             let is_lost = end.refusal(false).is_some() && !self.course.borrow().is_begun;

@@ -6,8 +6,8 @@
 //! later. The bridge's cells are its own for [`LEASE`] from the time at which it sent the message. A bridge that was not heard
 //! for 16 s has no cells any more.
 //!
-//! A command is on a page of its bridge's ledger, which the broker stores, before the cell has it. A bridge gives a command whose id has no
-//! time only after it has read the ledgers of the others.
+//! A command is on a page of its bridge's ledger, which the broker stores, before the cell has it. A bridge gives a command
+//! whose id has no time only after it has read the ledgers of the others.
 
 mod message;
 #[cfg(test)]

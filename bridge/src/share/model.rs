@@ -1,7 +1,7 @@
-//! The clauses of docs/bridge.md and docs/bridge-shared.md by which no id is executed twice, explored: two bridges that share a cell, a broker
-//! that stores pages, delays what it delivers and may lose what it has stored, and a sender that repeats an id with another time whenever it
-//! likes. In every state that can be reached the id was executed once at the most; without any one of the clauses there is a way to execute
-//! it twice.
+//! The clauses of docs/bridge.md and docs/bridge-shared.md by which no id is executed twice, explored: two bridges that
+//! share a cell, a broker that stores pages, delays what it delivers and may lose what it has stored, and a sender that
+//! repeats an id with another time whenever it likes. In every state that can be reached the id was executed once at the
+//! most; without any one of the clauses there is a way to execute it twice.
 
 use std::collections::HashSet;
 
@@ -58,7 +58,8 @@ struct Bridge {
     own: bool,
     bars: bool,
     runs: bool,
-    /// Whether it is connected: whether a mark of that time is at the time of the id or later. And the page that it has not received yet.
+    /// Whether it is connected: whether a mark of that time is at the time of the id or later. And the page that it has not
+    /// received yet.
     since: Option<bool>,
     inbox: Option<Page>,
     /// Whether it has read the ledger of the other on this connection.

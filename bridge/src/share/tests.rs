@@ -238,7 +238,8 @@ fn who_has_not_heard_a_bridge_knows_nothing_of_commands_before() {
     b.connected(start, 500_000);
     exchange(&mut a, &mut b, false, 0, start);
     assert_eq!((a.may_take("f", start), b.may_take("f", start)), (None, None));
-    // Nobody was heard: after a while it is alone, and commands that another may have had are barred: dated ahead of a clock that is ahead.
+    // Nobody was heard: after a while it is alone, and commands that another may have had are barred: dated ahead of a clock
+    // that is ahead.
     let mut now = start;
     while a.may_take("f", now).is_none() {
         now += milliseconds(500);

@@ -376,8 +376,8 @@ impl Uplink {
         };
     }
 
-    /// Publishes a message to the bridges that share cells; the broker stores it if it has a topic below that of this bridge. Returns
-    /// false if it cannot, now.
+    /// Publishes a message to the bridges that share cells; the broker stores it if it has a topic below that of this
+    /// bridge. Returns false if it cannot, now.
     pub fn say(&self, below: &str, message: Vec<u8>) -> bool {
         let (Phase::Waiting { session, .. } | Phase::Online { session }, Some(share)) =
             (&self.phase, &self.share)

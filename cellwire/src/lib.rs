@@ -115,9 +115,10 @@ enum Command {
     Man(manual::Man),
 }
 
-/// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a connection was
-/// lost, 4 standard output could not be written, or the run stopped as it was closed, 5 implausible telemetry was recorded, 6 a Modbus server refused a request,
-/// 7 a journal, a table or a recording could not be written, 8 a Modbus server may have executed a request without a reply.
+/// Runs the command. Exit status: 0 success, 1 corrupt input or a failed check, 2 the command could not be run, 3 a
+/// connection was lost, 4 standard output could not be written, or the run stopped as it was closed, 5 implausible telemetry
+/// was recorded, 6 a Modbus server refused a request, 7 a journal, a table or a recording could not be written, 8 a Modbus
+/// server may have executed a request without a reply.
 pub fn main() -> ExitCode {
     #[cfg(windows)]
     cellwire_io::windows::exact_waits();

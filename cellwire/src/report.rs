@@ -109,8 +109,9 @@ impl Report {
         self.done = Done::Stream { done, lost, may_lose };
     }
 
-    /// Adds the jobs of the run, and the number of those that were executed once with other values than were sent. Jobs that were lost, repeated,
-    /// or executed although they were reported as not executed, are failures; jobs that the link reported as unknown are not.
+    /// Adds the jobs of the run, and the number of those that were executed once with other values than were sent. Jobs that
+    /// were lost, repeated, or executed although they were reported as not executed, are failures; jobs that the link
+    /// reported as unknown are not.
     pub fn jobs(&mut self, jobs: Counts, altered: u64) {
         self.done = Done::Jobs(jobs, altered);
         self.fact("sent", "jobs sent", jobs.sent);

@@ -1,9 +1,9 @@
 //! The workstation's line with its software handshake (§5): XOFF holds what is sent, XON lets it go on. So does time, as in
 //! [`HostConfig::max_hold`](val2_viewer::HostConfig): an XON may be lost, and an XOFF may be another byte that was corrupt.
 //!
-//! A packet leaves in pieces at the line's own pace, so that little follows an XOFF. Nothing is lost and nothing piles up: the rest
-//! of one packet waits, and the session makes no other before it has left. Requests that come meanwhile are given to the session
-//! together, which answers them with one packet.
+//! A packet leaves in pieces at the line's own pace, so that little follows an XOFF. Nothing is lost and nothing piles up:
+//! the rest of one packet waits, and the session makes no other before it has left. Requests that come meanwhile are given
+//! to the session together, which answers them with one packet.
 
 use std::collections::VecDeque;
 use std::io;

@@ -1,5 +1,5 @@
-//! A serial port, or a serial device server, that may go away and come back. Other threads do not wait for it: a thread of its own closes and
-//! opens it.
+//! A serial port, or a serial device server, that may go away and come back. Other threads do not wait for it: a thread of
+//! its own closes and opens it.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};

@@ -19,7 +19,8 @@ use cellwire_links::settings;
 ///
 /// Space and Esc stop the arm on every screen: its values go to zero, and ALTER ends. A accepts the robot's ALTER, V refuses it;
 /// K tests the ball, W the workstation, T the ports at several baud rates; O has the options (ports, the last bytes of
-/// each line, display, gripper, input profile); Q quits. Ctrl-C and signals bring the arm to rest first; a second one ends at once.
+/// each line, display, gripper, input profile); Q quits. Ctrl-C and signals bring the arm to rest first; a second one ends
+/// at once.
 ///
 /// The hand moves the arm only when armed: after a start, an interruption, a stop, stale values or a lost input it must
 /// be released for 0.3 s first.
@@ -69,7 +70,8 @@ struct InputArgs {
     /// The port of the ISRA control ball
     #[arg(long, value_name = "PORT")]
     ball: Option<String>,
-    /// The keyboard: arrows X and Y, page up and down Z, with Shift rotations about these axes, Home and End RZ; a key acts while it repeats
+    /// The keyboard: arrows X and Y, page up and down Z, with Shift rotations about these axes, Home and End RZ; a key acts
+    /// while it repeats
     #[arg(long)]
     keyboard: bool,
     /// A 3Dconnexion device, through the socket of spacenavd

@@ -16,9 +16,9 @@ use cellwire_io::output::log;
 
 /// Makes certificates to try TLS with: those of an authority, a server and clients.
 ///
-/// In the folder are then authority.pem, server.pem and server.key, client.pem and client.key, and a client's certificate and key for each
-/// --role, named after it. The key of the authority is not kept: whoever wants another certificate makes all again, in another folder. For
-/// a plant, take those of its own authority.
+/// In the folder are then authority.pem, server.pem and server.key, client.pem and client.key, and a client's certificate
+/// and key for each --role, named after it. The key of the authority is not kept: whoever wants another certificate makes
+/// all again, in another folder. For a plant, take those of its own authority.
 ///
 /// A role is what Modbus/TCP Security has in a client's certificate.
 #[derive(Debug, clap::Args)]

@@ -22,9 +22,10 @@ use cellwire_links::link::Link;
 
 /// Runs every link against its simulated robot
 ///
-/// A real client session and a simulated controller, over loopback TCP and pseudo-terminals. Prints a row for each link. A signal ends the
-/// demo at once, and the simulated devices with it. The exit status is 0 only if nothing was lost or repeated. A deadline that is missed
-/// at the 99th percentile is LATE; it fails the demo only with --check-times, since other programs on this machine can cause delays.
+/// A real client session and a simulated controller, over loopback TCP and pseudo-terminals. Prints a row for each link. A
+/// signal ends the demo at once, and the simulated devices with it. The exit status is 0 only if nothing was lost or
+/// repeated. A deadline that is missed at the 99th percentile is LATE; it fails the demo only with --check-times, since
+/// other programs on this machine can cause delays.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The links to run [default: all]

@@ -13,8 +13,8 @@ use cellwire_io::output::{self, remark};
 
 /// Adds the tap to Wireshark's list of interfaces.
 ///
-/// Wireshark runs the programs in its folder of extcap programs (Help, About, Folders). Put a script there that runs this command, and
-/// make it executable:
+/// Wireshark runs the programs in its folder of extcap programs (Help, About, Folders). Put a script there that runs this
+/// command, and make it executable:
 ///
 ///   #!/bin/sh
 ///

@@ -12,7 +12,8 @@ use cellwire_io::ports;
 
 /// Lists the serial ports of this machine with their adapters, by the names that other commands take.
 ///
-/// Two adapters of one kind differ only in their serial number; on Windows an adapter keeps its COM port while it stays in the same USB socket.
+/// Two adapters of one kind differ only in their serial number; on Windows an adapter keeps its COM port while it stays in
+/// the same USB socket.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Print one JSON object per line

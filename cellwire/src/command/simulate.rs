@@ -18,16 +18,16 @@ use cellwire_io::trace::TraceArgs;
 
 /// Simulates a device until interrupted.
 ///
-/// Prints one line of JSON when the device is ready, with the address or path to connect to and the address of --control, then one line for
-/// each event.
+/// Prints one line of JSON when the device is ready, with the address or path to connect to and the address of --control,
+/// then one line for each event.
 ///
 /// These protocols have no authentication: any program that reaches the address can connect and send commands. Listen on
-/// 127.0.0.1 unless the peer is another machine. A device on a serial line serves one client and refuses others; a new client of a
-/// Kawasaki end or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once. Clients do not block
-/// each other: data that a client sends faster than the device reads waits in that client's socket.
+/// 127.0.0.1 unless the peer is another machine. A device on a serial line serves one client and refuses others; a new
+/// client of a Kawasaki end or of an MM&A device replaces the previous one; a FANUC controller serves a thousand at once.
+/// Clients do not block each other: data that a client sends faster than the device reads waits in that client's socket.
 ///
-/// Of events that a client can cause at any rate, such as reads, writes and corrupt bytes, ten of a kind are printed in a second; a line
-/// `left_out` has the number of the others. --control lists everything that was executed.
+/// Of events that a client can cause at any rate, such as reads, writes and corrupt bytes, ten of a kind are printed in a
+/// second; a line `left_out` has the number of the others. --control lists everything that was executed.
 ///
 /// Slow readers of the output do not block the device: up to 1 MiB of lines is buffered; then lines are dropped and counted.
 #[derive(Debug, clap::Args)]
@@ -38,8 +38,8 @@ pub struct Args {
     device: &'static Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
-    /// Accept commands to the simulator on this TCP address: faults, inputs, the list of what was executed. One JSON object a line, such as
-    /// {"do":"help"}; see docs/simulate.md. A port alone means 127.0.0.1, port 0 any free port
+    /// Accept commands to the simulator on this TCP address: faults, inputs, the list of what was executed. One JSON object
+    /// a line, such as {"do":"help"}; see docs/simulate.md. A port alone means 127.0.0.1, port 0 any free port
     #[arg(long, value_name = "ADDR")]
     control: Option<String>,
     #[command(flatten)]

@@ -1,11 +1,12 @@
 //! The outcome of each part of some work, in a file that outlives the process: finished parts are not repeated unasked.
 //!
 //! One JSON object a line, and its checksum: first the head, which names the work, then the entries. Each is on the disk before
-//! [`note`](Journal::note) returns. A run that notes parts as unknown before it sends them leaves these unknown when it is killed, and no
-//! others. The head is written with the first entry: a run that sends nothing leaves the journal as it was, with `again` too, and a journal
-//! without an entry is of no work.
+//! [`note`](Journal::note) returns. A run that notes parts as unknown before it sends them leaves these unknown when it is
+//! killed, and no others. The head is written with the first entry: a run that sends nothing leaves the journal as it was,
+//! with `again` too, and a journal without an entry is of no work.
 //!
-//! The checksum is the CRC-32 of all lines up to this one, in hex: a changed digit, a missing line and lines in another sequence are damage.
+//! The checksum is the CRC-32 of all lines up to this one, in hex: a changed digit, a missing line and lines in another
+//! sequence are damage.
 
 use std::borrow::Cow;
 use std::fmt;

@@ -14,8 +14,9 @@ const OFF: &str = "#d04000";
 const START: &str = "#288c46";
 const END: &str = "#c83c32";
 
-/// Draws lines on their sheet as seen from above, with axes in millimetres: X to the right, Y down. The ways between lines are thin;
-/// `names` are those of a line and of such a way in the key. With `outcomes`, one for each line, the lines are marked by them.
+/// Draws lines on their sheet as seen from above, with axes in millimetres: X to the right, Y down. The ways between lines
+/// are thin; `names` are those of a line and of such a way in the key. With `outcomes`, one for each line, the lines are
+/// marked by them.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -29,8 +30,8 @@ pub fn write(
     draw(path, &Plan { sheet, origin: [0.0; 2], up: false, lines, outcomes, names })
 }
 
-/// Draws a route in a plane, in mm with Y upwards: places, and whether the way to each is thick. The sheet fits it, with a margin. With
-/// `outcomes`, one for each place, the ways to them are marked by them.
+/// Draws a route in a plane, in mm with Y upwards: places, and whether the way to each is thick. The sheet fits it, with a
+/// margin. With `outcomes`, one for each place, the ways to them are marked by them.
 ///
 /// # Errors
 /// When the route leaves 10 km, or the file cannot be written.

@@ -1,4 +1,5 @@
-//! The AS program for the controller draws the picture over TCP: against `simulate kawasaki-pc`, and with every packet of jobs cut off.
+//! The AS program for the controller draws the picture over TCP: against `simulate kawasaki-pc`, and with every packet of
+//! jobs cut off.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -64,8 +65,8 @@ impl Drop for Pc {
     }
 }
 
-/// Carries bytes between a robot and the PC, and remembers the jobs. With `cuts`, a packet that holds jobs or the order's end arrives
-/// in part, and the connection ends.
+/// Carries bytes between a robot and the PC, and remembers the jobs. With `cuts`, a packet that holds jobs or the order's
+/// end arrives in part, and the connection ends.
 fn line_to(pc: &str, cuts: bool, sent: Sent) -> u16 {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let (port, pc) = (listener.local_addr().unwrap().port(), pc.to_owned());

@@ -1,6 +1,6 @@
 //! The dangers of the operator's cell, each against the real program over real pseudo-terminals, measured in the cycles of a
-//! controller that shares no code with it. The exact bounds are those of the latch, by its own clock (`motion/src/latch/tests.rs`);
-//! here a busy machine may add a cycle or two.
+//! controller that shares no code with it. The exact bounds are those of the latch, by its own clock
+//! (`motion/src/latch/tests.rs`); here a busy machine may add a cycle or two.
 
 use std::time::Duration;
 
@@ -437,8 +437,8 @@ fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
     });
 }
 
-/// The figures of every danger: `cargo test --release -p cellwire --test it danger -- --ignored --nocapture`, 20 tries each, four at a
-/// time, which loads the machine.
+/// The figures of every danger: `cargo test --release -p cellwire --test it danger -- --ignored --nocapture`, 20 tries each,
+/// four at a time, which loads the machine.
 #[test]
 #[ignore = "takes minutes"]
 fn table() {

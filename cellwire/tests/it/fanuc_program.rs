@@ -78,7 +78,8 @@ fn a_robot_follows_its_program_around_corners_and_stops_where_it_says_fine() {
         let far = path.iter().map(|[_, a, b, c]| (a - x).hypot(b - y).hypot(c - z));
         far.fold(f64::MAX, f64::min)
     };
-    // 100 mm/s and two averages of 0.2 s together: CNT100 leaves the corner by 20·13/72/√2 mm, half of the overlap by an eighth of that.
+    // 100 mm/s and two averages of 0.2 s together: CNT100 leaves the corner by 20·13/72/√2 mm, half of the overlap by an
+    // eighth of that.
     let [first, full, half, fine] = SQUARE.map(nearest);
     assert!(first < 0.01 && fine < 0.01, "{first} {fine}");
     assert!((full - 2.55).abs() < 0.1 && (half - 0.33).abs() < 0.05, "{full} {half}");

@@ -1,4 +1,5 @@
-//! The software handshake of the graphics workstation, over a real pseudo-terminal, with a reader that shares no code with the crates.
+//! The software handshake of the graphics workstation, over a real pseudo-terminal, with a reader that shares no code with
+//! the crates.
 
 use std::time::{Duration, Instant};
 
@@ -72,8 +73,8 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
         rig.controller.start(23);
         rig.arm();
         workstation.ask(3);
-        // In the middle of a packet: a chip's worth follows at most, and one that is being written. On a busy machine the whole packet
-        // may have left before the XOFF is seen: then the next one.
+        // In the middle of a packet: a chip's worth follows at most, and one that is being written. On a busy machine the
+        // whole packet may have left before the XOFF is seen: then the next one.
         let (mut before, mut whole) = (Vec::new(), 0);
         let is_cut = (0..10).any(|_| {
             before = workstation.counts();

@@ -1,7 +1,7 @@
 //! `cellwire identify --serial`: a serial line with unknown rate and format, through a pseudo-terminal.
 //!
-//! A pseudo-terminal has no bits. The other end here has: it writes what a receiver with the rate of the port's settings would make of its
-//! bits, broken characters marked as a driver marks them.
+//! A pseudo-terminal has no bits. The other end here has: it writes what a receiver with the rate of the port's settings
+//! would make of its bits, broken characters marked as a driver marks them.
 
 use std::fs::File;
 use std::io::Write;

@@ -124,8 +124,8 @@ fn a_flood_of_refused_requests_is_counted() {
 fn errors_that_nobody_reads_stop_no_peer() {
     let mut ball = Unread::start("ball --set baud=4000000");
     let mut first = ball.connect();
-    // Each is refused with a line of some 70 bytes on standard error, which a pipe of 64 KiB does not hold. While one waits for the end of
-    // the first, the others are refused at once.
+    // Each is refused with a line of some 70 bytes on standard error, which a pipe of 64 KiB does not hold. While one waits
+    // for the end of the first, the others are refused at once.
     let refused = AtomicUsize::new(0);
     thread::scope(|scope| {
         for _ in 0..2 {

@@ -1,4 +1,5 @@
-//! Files whose lines end with CR LF, and texts that begin with the mark of an editor, are read as others are: to the line of an error.
+//! Files whose lines end with CR LF, and texts that begin with the mark of an editor, are read as others are: to the line of
+//! an error.
 
 use std::fs;
 use std::path::Path;

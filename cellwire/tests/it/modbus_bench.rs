@@ -1,4 +1,5 @@
-//! `cellwire modbus` at the bench: servers that cut replies, ignore writes and have holes; scans, polls, exit statuses; serial lines.
+//! `cellwire modbus` at the bench: servers that cut replies, ignore writes and have holes; scans, polls, exit statuses;
+//! serial lines.
 
 use core::ops::ControlFlow;
 use std::io::{BufRead, BufReader, Read, Write};

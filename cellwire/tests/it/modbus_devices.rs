@@ -27,7 +27,8 @@ fn a_device_that_closes_at_once_is_seldom_connected_to() {
     assert!((3..9).contains(&births), "{births} connections");
 }
 
-/// After a reply that did not come a client reconnects automatically. A server that has room for one connection may refuse that at first.
+/// After a reply that did not come a client reconnects automatically. A server that has room for one connection may refuse
+/// that at first.
 #[test]
 fn a_connection_that_is_refused_to_its_own_reconnect_is_tried_again() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

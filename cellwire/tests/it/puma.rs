@@ -177,8 +177,8 @@ fn an_interruption_is_reported_and_the_arm_rests_in_it() {
     });
 }
 
-/// §3: "Name einer Subroutine, die im Falle einer … Ausnahmebedingung abgearbeitet wird. Ist kein Name angegeben wird das Programm
-/// … abgebrochen."
+/// §3: "Name einer Subroutine, die im Falle einer … Ausnahmebedingung abgearbeitet wird. Ist kein Name angegeben wird das
+/// Programm … abgebrochen."
 #[test]
 fn an_exception_runs_the_subroutine_or_aborts_the_program() {
     in_real_time(|| {

@@ -1,5 +1,5 @@
-//! Tests of what keeps real time, on computers that do not always: an arm has 15 ms for a reply, and a processor may be taken away
-//! for longer.
+//! Tests of what keeps real time, on computers that do not always: an arm has 15 ms for a reply, and a processor may be
+//! taken away for longer.
 
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,8 +14,8 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// A computer whose processors stall for this fraction of the time cannot keep a cycle of 28 ms.
 const UNFIT: u32 = 50;
 
-/// Runs a test. If it fails and the computer was stalled meanwhile, it begins again; if the computer is unfit each time, the test is not
-/// judged, and prints that.
+/// Runs a test. If it fails and the computer was stalled meanwhile, it begins again; if the computer is unfit each time, the
+/// test is not judged, and prints that.
 pub(crate) fn in_real_time(test: impl Fn() + Sync) {
     let mut unfit = true;
     for attempt in 1.. {

@@ -21,9 +21,9 @@ const CHUNK: usize = 64 * 1024;
 
 /// Reads bytes, and prints each message as a line: of JSON, at a terminal as text.
 ///
-/// A line is {"offset":…,"length":…,"message":{…}}, or has "error" in place of "message" where the bytes are corrupt; of a capture
-/// also "flow", "from" and "time" (UTC). Every byte of the input is in exactly one line. Decoding continues after corrupt bytes; the exit
-/// status is 1 if there were any.
+/// A line is {"offset":…,"length":…,"message":{…}}, or has "error" in place of "message" where the bytes are corrupt; of a
+/// capture also "flow", "from" and "time" (UTC). Every byte of the input is in exactly one line. Decoding continues after
+/// corrupt bytes; the exit status is 1 if there were any.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]

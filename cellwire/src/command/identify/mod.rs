@@ -24,11 +24,11 @@ use cellwire_io::output::{counted, remark};
 
 /// Identifies the link of a capture, and the options that the link's source leaves open.
 ///
-/// Tries every combination of options on the bytes, in every format that decode reads; the first bytes show which. A combination is
-/// ruled out when another one decodes bytes that would be corrupt under it. Corrupt bytes, and a capture that begins in the middle of a message, are
-/// tolerated. Options that the bytes do not determine are listed with their other values and the message that would decide:
-/// let the ends send that message, and capture again. --write writes a file for --settings of decode, simulate and the clients;
-/// --rust prints the configuration of the link's crate as a module for a program.
+/// Tries every combination of options on the bytes, in every format that decode reads; the first bytes show which. A
+/// combination is ruled out when another one decodes bytes that would be corrupt under it. Corrupt bytes, and a capture that
+/// begins in the middle of a message, are tolerated. Options that the bytes do not determine are listed with their other
+/// values and the message that would decide: let the ends send that message, and capture again. --write writes a file for
+/// --settings of decode, simulate and the clients; --rust prints the configuration of the link's crate as a module for a program.
 ///
 /// --serial listens to a serial line at 300 to 115200 baud, with eight or seven data bits and each parity, in turn. The choice
 /// follows from framing and parity errors, and from how well the links decode the rest.
@@ -53,8 +53,8 @@ pub struct Args {
     /// Write the settings to a TOML file for --settings, with comments on undecided ones
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Write a draft of the plant's settings to a TOML file: those of --write, and for kawasaki the messages by role, for laser the
-    /// words by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
+    /// Write a draft of the plant's settings to a TOML file: those of --write, and for kawasaki the messages by role, for
+    /// laser the words by class, as used in the capture. A ? marks each line that two messages or more do not prove: check it
     #[arg(long, value_name = "FILE")]
     draft: Option<PathBuf>,
     /// Print the settings as a Rust module instead of tables, with comments on undecided ones

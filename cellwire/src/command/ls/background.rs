@@ -14,8 +14,8 @@ use cellwire_io::output::remark;
 /// Writes the background task that copies the tool's pose and speed to registers for `cellwire fanuc log`.
 ///
 /// It is the source's listing with your register numbers. Run it as a background task (BG Logic) with the given period;
-/// it does not move the robot. Its 19 registers are read over Modbus as 37 from PDU address 0, which needs three slots of `$SNPX_ASG`:
-/// these are printed too.
+/// it does not move the robot. Its 19 registers are read over Modbus as 37 from PDU address 0, which needs three slots of
+/// `$SNPX_ASG`: these are printed too.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The program's name
@@ -36,7 +36,8 @@ pub(super) struct Args {
     /// The file to write, - for standard output [default: NAME.LS]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Write the three slots into this file too, as SETVAR lines of a command file; the simulator's setting `assignments` reads it
+    /// Write the three slots into this file too, as SETVAR lines of a command file; the simulator's setting `assignments`
+    /// reads it
     #[arg(long, value_name = "FILE")]
     assignments: Option<PathBuf>,
     /// The longest program name; 8 on old controllers

@@ -11,8 +11,8 @@ use cellwire_io::output::{counted, printable, remark, stdout};
 
 /// Formats LS files as controllers print them, and shows the changes; --write applies them.
 ///
-/// Aligns line numbers and instructions; formats `0.6sec`, `WAIT    .50(sec)`, and coordinates with three decimals; orders attributes and
-/// frames. Words never change; unknown text, line ends and /APPL are kept. A file written by a controller
+/// Aligns line numbers and instructions; formats `0.6sec`, `WAIT    .50(sec)`, and coordinates with three decimals; orders
+/// attributes and frames. Words never change; unknown text, line ends and /APPL are kept. A file written by a controller
 /// is unchanged.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {

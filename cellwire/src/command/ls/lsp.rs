@@ -11,9 +11,9 @@ use super::run;
 
 /// A language server for LS files, which an editor starts and speaks to over standard input and output.
 ///
-/// Gives an editor the findings of `ls check`, the layout of `ls fmt`, the edits of `ls edit` and the simulation of `ls run`; completion,
-/// hover, references and renaming in all programs of the folder, with the names of a backup's NUMREG.VA, POSREG.VA, STRREG.VA,
-/// SYSMACRO.VA and IOSTATE.DG. `docs/editor.md` has the settings of editors.
+/// Gives an editor the findings of `ls check`, the layout of `ls fmt`, the edits of `ls edit` and the simulation of `ls
+/// run`; completion, hover, references and renaming in all programs of the folder, with the names of a backup's NUMREG.VA,
+/// POSREG.VA, STRREG.VA, SYSMACRO.VA and IOSTATE.DG. `docs/editor.md` has the settings of editors.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]

@@ -176,7 +176,8 @@ fn rules(name_limit: usize) -> Rules {
     rules
 }
 
-/// Writes a program to a file, or to NAME.LS where none is given; returns its name. Unless `replaces`, NAME.LS takes no other program's place.
+/// Writes a program to a file, or to NAME.LS where none is given; returns its name. Unless `replaces`, NAME.LS takes no
+/// other program's place.
 fn write(program: &Program, rules: &Rules, out: Option<&Path>, replaces: bool) -> Result<String> {
     let text = program.to_text(rules)?;
     if out == Some(Path::new("-")) {

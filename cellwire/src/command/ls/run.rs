@@ -19,16 +19,17 @@ use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 
 /// Simulates a program on a virtual clock, and draws its path.
 ///
-/// The same simulation as `cellwire simulate fanuc --set program=FILE`: a test bench, not a controller. Prints one JSON line for each feature that
-/// is not modelled, and for each event of the program. The exit status is 1 when the program stops with an alarm, still runs
-/// after the time of --for, or waits for something that cannot happen.
+/// The same simulation as `cellwire simulate fanuc --set program=FILE`: a test bench, not a controller. Prints one JSON line
+/// for each feature that is not modelled, and for each event of the program. The exit status is 1 when the program stops
+/// with an alarm, still runs after the time of --for, or waits for something that cannot happen.
 ///
-/// As on a controller, a position in a frame other than the selected one stops the program, a block without its end is refused, and a motion
-/// with Skip whose condition was not met continues at its label. Before any selection, the frames are those of the first position.
+/// As on a controller, a position in a frame other than the selected one stops the program, a block without its end is
+/// refused, and a motion with Skip whose condition was not met continues at its label. Before any selection, the frames are
+/// those of the first position.
 ///
 /// Assumptions: an instruction takes 1 ms; a motion accelerates within 0.2 s (at ACC100); CNT100 begins the next motion when this
-/// one begins to decelerate, CNT50 at half of that time; a WAIT with TIMEOUT gives up after 30 s; CONFIG has the turns of J4, J5 and
-/// J6. The world frame has its origin where J1 and J2 meet; there is one task with one motion group of six axes.
+/// one begins to decelerate, CNT50 at half of that time; a WAIT with TIMEOUT gives up after 30 s; CONFIG has the turns of
+/// J4, J5 and J6. The world frame has its origin where J1 and J2 meet; there is one task with one motion group of six axes.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The LS file; programs that it calls are in the same folder
@@ -49,7 +50,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "INPUTS")]
     inputs: Option<String>,
     /// Initial values, TOML: "R[1]" = 5, "PR[1]" = [X, Y, Z, W, P, R] or { joints = [...] }, "SR[1]", "UFRAME[1]",
-    /// "UTOOL[1]", UFRAME_NUM = 1, UTOOL_NUM = 1, "DI[1]" = true, "GI[1]" = 5, "$NAME" = 1, and [macros] with "OPEN HAND" = "PROGRAM"
+    /// "UTOOL[1]", UFRAME_NUM = 1, UTOOL_NUM = 1, "DI[1]" = true, "GI[1]" = 5, "$NAME" = 1, and [macros] with "OPEN HAND" =
+    /// "PROGRAM"
     #[arg(long, value_name = "FILE")]
     preset: Option<PathBuf>,
     /// Draw the tool path without an arm's limits; speeds in % refer to 2000 mm/s

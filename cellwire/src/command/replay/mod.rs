@@ -19,19 +19,22 @@ use cellwire_io::input::time;
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{EventArgs, counted, remark};
 
-/// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the capture.
+/// Plays one end of a captured conversation against a program or a device, and reports where the other end differs from the
+/// capture.
 ///
 /// Prints the first five differences of each kind, one line of JSON each, with the captured and the actual message: `other`,
 /// `missing`, `again` (sent again), `later` (after its successor), `more`, `command` (only numbers differ, and they command), or
-/// `values` (only other numbers differ, such as measured ones), which do not affect the exit status. The last line has the counts, and the
-/// first departure with the message before it. At a terminal these are a report of a few lines. Messages are decoded with the given settings.
+/// `values` (only other numbers differ, such as measured ones), which do not affect the exit status. The last line has the
+/// counts, and the first departure with the message before it. At a terminal these are a report of a few lines. Messages are
+/// decoded with the given settings.
 ///
-/// Numbers command in a job of a Kawasaki PC, and in all that a laser's host, a Modbus client, the central controller of MM&A and a host of ALTER
-/// send. Kawasaki messages that only fill an empty packet are counted, not compared: how many there are depends on the times.
+/// Numbers command in a job of a Kawasaki PC, and in all that a laser's host, a Modbus client, the central controller of
+/// MM&A and a host of ALTER send. Kawasaki messages that only fill an empty packet are counted, not compared: how many there
+/// are depends on the times.
 ///
-/// The captured messages are sent unchanged: a device moves as it did. Only numbers that the other end chooses and this end repeats,
-/// such as an order or transaction number, are replaced by the current ones, and a message with the current ones is the same. An order
-/// number may be in a header or a field, as in the plant's table of messages (give its --settings).
+/// The captured messages are sent unchanged: a device moves as it did. Only numbers that the other end chooses and this end
+/// repeats, such as an order or transaction number, are replaced by the current ones, and a message with the current ones is
+/// the same. An order number may be in a header or a field, as in the plant's table of messages (give its --settings).
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, override_usage = USAGE)]
 pub struct Args {

@@ -26,24 +26,25 @@ use cellwire_links::settings;
 
 /// Runs the jobs of a file on a Kawasaki robot: a picture or a table, each job once
 ///
-/// A picture (.svg): its outlines are drawn, scaled to the setting `board`, whose origin is the upper left corner; Y points down. A job
-/// is a line of it.
+/// A picture (.svg): its outlines are drawn, scaled to the setting `board`, whose origin is the upper left corner; Y points
+/// down. A job is a line of it.
 ///
-/// A table (.csv): the first line names fields of a job, in any order; each other line is a job. The plant's settings have the fields as
-/// tables [[job]] (`cellwire settings run kawasaki` describes them); without them a job is a line of a drawing: kind (1 draws, 2 moves),
-/// x1, y1, x2, y2 in hundredths of a millimetre. Every invalid line is reported before anything is sent.
+/// A table (.csv): the first line names fields of a job, in any order; each other line is a job. The plant's settings have
+/// the fields as tables [[job]] (`cellwire settings run kawasaki` describes them); without them a job is a line of a
+/// drawing: kind (1 draws, 2 moves), x1, y1, x2, y2 in hundredths of a millimetre. Every invalid line is reported before
+/// anything is sent.
 ///
-/// The robot connects, and reconnects when a connection is lost; over UDP (setting udp) it sends first. "Done" means executed, as the
-/// robot reports it.
+/// The robot connects, and reconnects when a connection is lost; over UDP (setting udp) it sends first. "Done" means
+/// executed, as the robot reports it.
 ///
-/// A journal beside the file has the outcome of each job: after any interruption the same command goes on. The robot has meanwhile
-/// executed its queue, and no job is sent twice. If nobody knows whether jobs were executed (the robot was restarted), it asks: check
-/// the work, and type `done`, `repeat` or `stop`, or the number of the last job that is done. Without a keyboard it stops, and --unknown
-/// answers in the next run.
+/// A journal beside the file has the outcome of each job: after any interruption the same command goes on. The robot has
+/// meanwhile executed its queue, and no job is sent twice. If nobody knows whether jobs were executed (the robot was
+/// restarted), it asks: check the work, and type `done`, `repeat` or `stop`, or the number of the last job that is done.
+/// Without a keyboard it stops, and --unknown answers in the next run.
 ///
-/// Ctrl-C, SIGTERM and a closed terminal stop after the current job, or after the queued ones if the plant has no message that interrupts
-/// an order, and wait 30 s at most; a second signal ends the command at once: the robot executes what it has queued, and the next run
-/// takes that over. The end of standard input is not a stop.
+/// Ctrl-C, SIGTERM and a closed terminal stop after the current job, or after the queued ones if the plant has no message
+/// that interrupts an order, and wait 30 s at most; a second signal ends the command at once: the robot executes what it has
+/// queued, and the next run takes that over. The end of standard input is not a stop.
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER, override_usage = USAGE)]
 pub(super) struct Args {

@@ -19,20 +19,20 @@ use cellwire_links::settings;
 
 /// Runs a program on a laser robot (EB 90 frames), each instruction once
 ///
-/// G-code: G0 to G3, G4 P0, G17, G20, G21, G90, G91, M2 to M5, M30, with X Y Z A B C I J R F S. G1 to G3 cut from M3 or M4 to M5 while
-/// S is not 0; otherwise they move with the laser off, as G0 does. F and S that the plant's words do not carry (setting program.values)
-/// are refused without --allow not-carried.
+/// G-code: G0 to G3, G4 P0, G17, G20, G21, G90, G91, M2 to M5, M30, with X Y Z A B C I J R F S. G1 to G3 cut from M3 or M4
+/// to M5 while S is not 0; otherwise they move with the laser off, as G0 does. F and S that the plant's words do not carry
+/// (setting program.values) are refused without --allow not-carried.
 ///
-/// SVG: strokes are cut in their true size. X and Y are 0 at the lower left corner of the page; Y points up. The width and the height
-/// of the <svg> need a unit (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). What cannot be cut, or is
-/// not understood, is refused by name. docs/files.md lists it.
+/// SVG: strokes are cut in their true size. X and Y are 0 at the lower left corner of the page; Y points up. The width and
+/// the height of the <svg> need a unit (mm, cm, in, pt, pc). Curves and arcs become chords (setting program.tolerance). What
+/// cannot be cut, or is not understood, is refused by name. docs/files.md lists it.
 ///
-/// A journal beside the program has the outcome of each instruction: after any interruption the same command goes on. If nobody knows
-/// whether a frame was queued, it asks: check the machine, and type `done`, `repeat` or `stop`. Without a keyboard it stops, and
-/// --unknown answers in the next run.
+/// A journal beside the program has the outcome of each instruction: after any interruption the same command goes on. If
+/// nobody knows whether a frame was queued, it asks: check the machine, and type `done`, `repeat` or `stop`. Without a
+/// keyboard it stops, and --unknown answers in the next run.
 ///
-/// Ctrl-C, SIGTERM and a closed terminal stop after the frame in flight, which takes 30 s at most; a second signal ends the command at
-/// once, and leaves up to seven instructions unknown. The end of standard input is not a stop.
+/// Ctrl-C, SIGTERM and a closed terminal stop after the frame in flight, which takes 30 s at most; a second signal ends the
+/// command at once, and leaves up to seven instructions unknown. The end of standard input is not a stop.
 ///
 /// "Done" means queued: after a stop the controller executes its queue, and one that loses its power has not executed all of it.
 #[derive(Debug, clap::Args)]

@@ -35,8 +35,8 @@ pub(super) struct WorkArgs {
     /// Replace the journal, and repeat the jobs that are done
     #[arg(long)]
     again: bool,
-    /// The answer for what an earlier run has left unknown, without a question: done, repeat, or the number of the last that is done; check
-    /// the machine first
+    /// The answer for what an earlier run has left unknown, without a question: done, repeat, or the number of the last that
+    /// is done; check the machine first
     #[arg(long, value_name = "ANSWER", conflicts_with = "again")]
     pub(super) unknown: Option<Answer>,
     #[command(flatten)]
@@ -159,8 +159,8 @@ impl WorkArgs {
         }
     }
 
-    /// Shows how much of the work is done, and sets the line for a program that has to end at once. `machine` is what the machine still
-    /// does.
+    /// Shows how much of the work is done, and sets the line for a program that has to end at once. `machine` is what the
+    /// machine still does.
     pub(super) fn shown<R: Record, M: Fn(&Tally) -> String>(
         &self,
         progress: &ProgressBar,

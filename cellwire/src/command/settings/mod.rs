@@ -25,8 +25,8 @@ pub use self::list::{Args, named, run};
 pub(super) struct SetArgs {
     /// A setting, such as baud=19200; `cellwire settings` prints all
     ///
-    /// It overrides --settings; an option for the same setting overrides both. `cellwire settings COMMAND NAME` prints all settings of a
-    /// command, with their values and defaults.
+    /// It overrides --settings; an option for the same setting overrides both. `cellwire settings COMMAND NAME` prints all
+    /// settings of a command, with their values and defaults.
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
     /// A TOML file of settings, as `cellwire settings COMMAND NAME` prints one
@@ -254,9 +254,9 @@ fn files<'a>(files: impl Iterator<Item = &'a Path>) -> Result<Map<String, Value>
     Ok(given)
 }
 
-/// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the tables of its
-/// ends. Those that the command does not have are left out, with a remark unless they only affect how bytes are shown; so are the settings
-/// that only another command of the link has.
+/// Moves the settings of a link's bytes, as `identify --write` writes them, to where a command of the link has them: in the
+/// tables of its ends. Those that the command does not have are left out, with a remark unless they only affect how bytes
+/// are shown; so are the settings that only another command of the link has.
 fn adopt(given: &mut Map<String, Value>, known: &[Setting]) -> Result<()> {
     let is_known = |name: &str| {
         let inner = format!("{name}.");

@@ -31,8 +31,8 @@ pub(super) fn print(mut decoding: Decoding<'_>, seen: &Seeing) {
 /// The most bytes of a line. A poll is shorter.
 const MAX_BYTES: usize = 512;
 
-/// Returns whether an entry is to be printed: all messages are, and of corrupt bytes, of long runs of bytes and of complaints of a kind as
-/// many as [`output::admits`].
+/// Returns whether an entry is to be printed: all messages are, and of corrupt bytes, of long runs of bytes and of
+/// complaints of a kind as many as [`output::admits`].
 fn admits(entry: &Entry) -> bool {
     match &entry.what {
         Told::Corrupt { error, .. } => {

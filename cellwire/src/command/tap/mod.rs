@@ -25,8 +25,8 @@ use cellwire_io::output::{self, EventArgs, remark};
 /// Shows the messages of both ends of a link: forwards their bytes unchanged, or only listens.
 ///
 /// Prints a line for each message, with its time (UTC) and sender, and for each error in the bytes, with the clause of the link's
-/// specification; in a pipe these are lines of JSON. The bytes are captured for Wireshark, `decode` and `identify`; the file is valid whenever the
-/// tap ends.
+/// specification; in a pipe these are lines of JSON. The bytes are captured for Wireshark, `decode` and `identify`; the file
+/// is valid whenever the tap ends.
 ///
 /// Shadow ends follow both ends: a line with "shadow" reports that an end broke a rule ("rule"), was later than the source
 /// allows ("budget"), or contradicted a default setting of this project's sessions ("assumption"), with the

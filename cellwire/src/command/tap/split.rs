@@ -9,8 +9,8 @@ use serde_json::Value;
 use crate::command::codec::LinkArgs;
 use cellwire_links::codec::{Item, Kind, Stream};
 
-/// Reads everything as what either side sends. Where both have a message at one place, it is that of the side that has not spoken last:
-/// on a line for both directions, ends take turns.
+/// Reads everything as what either side sends. Where both have a message at one place, it is that of the side that has not
+/// spoken last: on a line for both directions, ends take turns.
 pub(super) struct Split {
     sides: Vec<Side>,
     /// The offset of the first byte whose sender is not yet known.

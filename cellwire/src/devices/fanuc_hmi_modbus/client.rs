@@ -167,7 +167,8 @@ impl Client {
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Answer<T>> {
-        // A server that has room for one connection may not have seen the end of the last one yet: it refuses this one, or closes it.
+        // A server that has room for one connection may not have seen the end of the last one yet: it refuses this one, or
+        // closes it.
         let (is_own, end) = (self.is_used_up, Instant::now() + REGAINED);
         loop {
             let asked = self.ask_once(unit, request, &mut read);
@@ -275,8 +276,8 @@ impl Client {
         self.seen.lost_connections
     }
 
-    /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has replied.
-    /// Returns false when `goes_on` is over before.
+    /// Opens another connection in place of one that is lost, after a pause that is longer each time until the server has
+    /// replied. Returns false when `goes_on` is over before.
     pub fn regain(&mut self, goes_on: impl Fn() -> bool) -> bool {
         while self.backoff.wait(&goes_on) {
             if self.reconnect().is_ok() {

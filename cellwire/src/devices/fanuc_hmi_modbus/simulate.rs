@@ -178,8 +178,8 @@ fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<
     thread.context("cannot start a thread that runs the program").map(drop)
 }
 
-/// Serves any number of clients at once, each with another connection of the same device, until the listener fails. With `shown`, the accesses of
-/// the clients are printed.
+/// Serves any number of clients at once, each with another connection of the same device, until the listener fails. With
+/// `shown`, the accesses of the clients are printed.
 ///
 /// # Errors
 /// When it does; a configuration that cannot work.
@@ -308,7 +308,8 @@ impl Shown {
         }
     }
 
-    /// Returns the first register of an access without an assignment, and the number of registers from there to the end of the access.
+    /// Returns the first register of an access without an assignment, and the number of registers from there to the end of
+    /// the access.
     fn unassigned(&self, event: &FanucEvent) -> Option<(usize, usize)> {
         let (address, count) = match event {
             FanucEvent::Read { table: Table::HoldingRegisters, address, count } => {

@@ -78,7 +78,8 @@ pub fn simulator(setup: &Setup) -> Result<Simulator<Kawasaki<AnyWork>>> {
     Ok(KawasakiRobot { config, ranges: layout, queue, job_time, time_of }.simulator()?)
 }
 
-/// Runs the robot until it is switched off: meets the PC, again whenever the connection is lost. Each job that is executed is given to `stroke`.
+/// Runs the robot until it is switched off: meets the PC, again whenever the connection is lost. Each job that is executed
+/// is given to `stroke`.
 ///
 /// # Errors
 /// The errors of `notify`.

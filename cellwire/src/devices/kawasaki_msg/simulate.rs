@@ -94,7 +94,8 @@ pub fn pc_config(plant: &Plant, config: PcConfig, given: &Map<String, Value>) ->
 /// The jobs of an order whose jobs are not lines.
 const EXAMPLES: usize = 10;
 
-/// Jobs of any layout: fields have their defaults, other numbers count upwards within their range, other texts are as short as they may be.
+/// Jobs of any layout: fields have their defaults, other numbers count upwards within their range, other texts are as short
+/// as they may be.
 fn examples(layout: &Layout, charset: Charset) -> Result<Vec<AnyWork>> {
     let job = |at: usize| {
         let value = |field: &Field| match (field.default, field.holds) {

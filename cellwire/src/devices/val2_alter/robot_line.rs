@@ -20,7 +20,8 @@ pub(super) struct RobotLine<'a> {
 pub(super) struct Times {
     /// The time of the robot's clock.
     pub(super) now: Duration,
-    /// The time for which that clock was stopped: if this process gets no processor, a request is sent late, which is not the host's fault.
+    /// The time for which that clock was stopped: if this process gets no processor, a request is sent late, which is not
+    /// the host's fault.
     pub(super) stood: Duration,
     /// The request that is being answered.
     pub(super) request: Option<Request>,

@@ -53,8 +53,8 @@ pub(super) fn read(
     Ok(Summary { packets: dump.packets, ..Summary::default() })
 }
 
-/// Returns whether a text begins as a dump: a line with bytes has an offset of four digits or more, 0 in the first, and the end of the
-/// previous one in the next. So does a dump that is refused for the form of its bytes.
+/// Returns whether a text begins as a dump: a line with bytes has an offset of four digits or more, 0 in the first, and the
+/// end of the previous one in the next. So does a dump that is refused for the form of its bytes.
 pub fn is_dump(text: &str) -> bool {
     let found: Vec<Row> = rows(text).map(|(_, row)| row).take(3).collect();
     if refused(text).is_some() {
@@ -216,7 +216,8 @@ impl Row {
         u64::from_str_radix(&self.offset, radix).ok()
     }
 
-    /// Returns whether the characters show the bytes in their order: false if those of each word are reversed, `None` if they show neither.
+    /// Returns whether the characters show the bytes in their order: false if those of each word are reversed, `None` if
+    /// they show neither.
     fn order(&self) -> Option<bool> {
         let shows = |bytes: &[u8]| {
             let shown = |(byte, character): (&u8, char)| {

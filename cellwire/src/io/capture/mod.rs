@@ -1,5 +1,5 @@
-//! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being read. They
-//! are files of pcap and pcapng, the text of hex dumps, output of strace or socat, and traces.
+//! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being
+//! read. They are files of pcap and pcapng, the text of hex dumps, output of strace or socat, and traces.
 //!
 //! Everything is reported: bytes that should be a link's but cannot be read are a [`Fault`], and packets that never contain them
 //! are counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
@@ -66,7 +66,8 @@ pub enum Form {
     Trace,
 }
 
-/// Returns why an input that begins so is not read, with the command that makes a capture of it, if it is a known form of captures.
+/// Returns why an input that begins so is not read, with the command that makes a capture of it, if it is a known form of
+/// captures.
 pub fn unreadable(begin: &[u8]) -> Option<String> {
     const PACKED: [(&[u8], &str, &str); 6] = [
         (b"\x1F\x8B", "gzip", "gzip -dc"),

@@ -1,5 +1,5 @@
-//! The bytes that `socat -x`, or `socat -x -v`, has written of both directions: a line with the direction, the time and the length, and lines
-//! of hex.
+//! The bytes that `socat -x`, or `socat -x -v`, has written of both directions: a line with the direction, the time and the
+//! length, and lines of hex.
 
 use std::io::{BufRead, BufReader, Read};
 use std::time::Duration;
@@ -89,7 +89,8 @@ impl Block {
         Some(Self { number, at: time(&microseconds(clock)), by_keeper, length, bytes: Vec::new() })
     }
 
-    /// Appends the bytes of a line: a space and two digits for each, and after two spaces the same as text. False if it is another line.
+    /// Appends the bytes of a line: a space and two digits for each, and after two spaces the same as text. False if it is
+    /// another line.
     fn extend(&mut self, line: &str) -> bool {
         let Some(hex) = line.strip_prefix(' ') else { return false };
         let words = hex.split("  ").next().unwrap_or_default().split(' ');

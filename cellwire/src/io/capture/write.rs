@@ -1,7 +1,8 @@
 //! Writes a capture while it grows: pcapng, whole after each batch of packets.
 //!
-//! Every connection is written as TCP or UDP over IP, a serial line as well: Wireshark puts its messages together, its dissectors know
-//! which end sends, and [`read`](super::read) finds it again. Bytes that are not in it are a gap in the sequence numbers, and a comment.
+//! Every connection is written as TCP or UDP over IP, a serial line as well: Wireshark puts its messages together, its
+//! dissectors know which end sends, and [`read`](super::read) finds it again. Bytes that are not in it are a gap in the
+//! sequence numbers, and a comment.
 
 use std::collections::HashMap;
 use std::fs::File;

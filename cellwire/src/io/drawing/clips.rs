@@ -40,8 +40,8 @@ struct Area {
 }
 
 impl Clip {
-    /// Converts a clip path of elements that have the transform `placed`, and that `outer` clips too. Each shape takes one of `budget`; the
-    /// clip is incomplete when nothing of it remains.
+    /// Converts a clip path of elements that have the transform `placed`, and that `outer` clips too. Each shape takes one
+    /// of `budget`; the clip is incomplete when nothing of it remains.
     pub(super) fn new(
         clip: &usvg::ClipPath,
         placed: Affine,
@@ -86,7 +86,8 @@ impl Clip {
 }
 
 impl Region {
-    /// Passes the visible parts of a line to `part`, in their sequence. Returns the number of parts that were compared with every edge.
+    /// Passes the visible parts of a line to `part`, in their sequence. Returns the number of parts that were compared with
+    /// every edge.
     pub(super) fn visible(&self, line: Line, mut part: impl FnMut(Point, Point)) -> usize {
         let mut crossings = vec![0.0, 1.0];
         self.crossings(line, &mut crossings);

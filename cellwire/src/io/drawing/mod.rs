@@ -102,8 +102,8 @@ impl Picture {
         Ok(picture)
     }
 
-    /// Returns the picture, and warnings of the parts that are not drawn as the file shows them. A warning continues a sentence that begins
-    /// with the name of the drawing.
+    /// Returns the picture, and warnings of the parts that are not drawn as the file shows them. A warning continues a
+    /// sentence that begins with the name of the drawing.
     fn from_svg(data: &[u8], sheet: Point, allow: bool) -> Result<(Self, Vec<String>)> {
         let drawing = Drawing::read(data, Tool::Pen)?;
         let left_out = &drawing.left_out;

@@ -35,7 +35,8 @@ pub struct Drawing {
     pub page: Size,
     /// Whether the file gives both sides of its page in a unit of length: mm, cm, in, pt or pc.
     pub is_physical: bool,
-    /// The parts that the tool does not follow as a viewer shows them, as text with their lines in the file; empty if it follows all.
+    /// The parts that the tool does not follow as a viewer shows them, as text with their lines in the file; empty if it
+    /// follows all.
     pub left_out: String,
     outlines: Vec<Outline>,
 }

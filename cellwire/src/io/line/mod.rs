@@ -315,8 +315,8 @@ impl Line {
         !self.hangs_up() && self.client.is_connected.load(Ordering::Relaxed)
     }
 
-    /// Ends the connection of the client once the bytes to it are carried. A client of a pseudo-terminal keeps it open, and is connected
-    /// again.
+    /// Ends the connection of the client once the bytes to it are carried. A client of a pseudo-terminal keeps it open, and
+    /// is connected again.
     pub fn hang_up(&mut self) {
         self.hangs_up = self.client.is_connected.load(Ordering::Relaxed);
     }

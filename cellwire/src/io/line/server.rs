@@ -23,7 +23,8 @@ const CLIENT: Token = Token(1);
 /// The interval at which the line is checked while it is full, or carries data of a client that has disconnected.
 const BUSY: Duration = Duration::from_millis(5);
 
-/// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all that was sent.
+/// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all
+/// that was sent.
 const AHEAD: usize = 16 << 20;
 
 /// The time for which a second client waits for the end of the first connection: on a busy computer that end is reported after
@@ -183,8 +184,8 @@ impl Connection {
         self.held.is_some() || self.left.is_some()
     }
 
-    /// Reads what the line has room for. An error is the end of the connection, and why, unless the client has ended it and what it
-    /// has sent is carried.
+    /// Reads what the line has room for. An error is the end of the connection, and why, unless the client has ended it and
+    /// what it has sent is carried.
     fn serve(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
         let now = feed.clock.now();
         if self.left.is_some_and(|left| now.saturating_sub(left) >= CARRIED) {

@@ -1,5 +1,5 @@
-//! How a serial line that is listened to divides bits into bytes: which rates and formats to listen with in turn, and which of them explain
-//! what was heard. It opens no port: see [`cellwire_io::marked`].
+//! How a serial line that is listened to divides bits into bytes: which rates and formats to listen with in turn, and which
+//! of them explain what was heard. It opens no port: see [`cellwire_io::marked`].
 
 mod judge;
 #[cfg(test)]

@@ -18,8 +18,9 @@ use file::{File, motions};
 
 /// Reports errors in LS files, with line, column and advice.
 ///
-/// An error is something that a controller refuses to load or run; a warning is a probable mistake, such as a position that the file does
-/// not define: the program stops with an alarm where nobody teaches it; a hint may be intended. In a folder, a call of a program without a file is a hint. The exit status is 1 if there is an error (see --fail-on).
+/// An error is something that a controller refuses to load or run; a warning is a probable mistake, such as a position that
+/// the file does not define: the program stops with an alarm where nobody teaches it; a hint may be intended. In a folder, a
+/// call of a program without a file is a hint. The exit status is 1 if there is an error (see --fail-on).
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Files, or folders with .ls files at any depth

@@ -42,7 +42,8 @@ pub struct Finding {
     pub places: Vec<String>,
 }
 
-/// Reads a program and those that it calls, which are beside it. Gives its name, all of them, and what is not modelled, each once.
+/// Reads a program and those that it calls, which are beside it. Gives its name, all of them, and what is not modelled, each
+/// once.
 ///
 /// # Errors
 /// When the file cannot be read, or a controller would not take it.

@@ -89,7 +89,8 @@ impl fmt::Display for LineSettings {
 const PARITIES: [char; 5] = ['N', 'O', 'E', 'M', 'S'];
 
 impl LineSettings {
-    /// Takes a request to an adapter, with the bytes that go with it; false if it sets nothing. `release` is the device's own number of its version.
+    /// Takes a request to an adapter, with the bytes that go with it; false if it sets nothing. `release` is the device's
+    /// own number of its version.
     pub(super) fn told(&mut self, kind: Adapter, release: Option<u16>, setup: [u8; 8], data: &[u8]) -> bool {
         let [request_type, request, low, high, index_low, index_high, ..] = setup;
         let (value, index) = (u16::from_le_bytes([low, high]), u16::from_le_bytes([index_low, index_high]));

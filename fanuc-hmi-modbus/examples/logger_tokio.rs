@@ -1,7 +1,8 @@
 //! Logs the telemetry block and registers of your own as CSV, with the clock time, ten times a second until Ctrl-C:
 //! `cargo run -p fanuc-hmi-modbus --features tokio --example logger_tokio -- 192.168.0.10:502 log.csv`
 //!
-//! R[101] to R[105] are 16-bit integers from address 1000; the crate's page has the assignments. Without a robot it waits, and says why.
+//! R[101] to R[105] are 16-bit integers from address 1000; the crate's page has the assignments. Without a robot it waits,
+//! and says why.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the program has the clock")]
 
 use core::time::Duration;

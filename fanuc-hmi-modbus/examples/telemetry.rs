@@ -1,4 +1,5 @@
-//! Prints the telemetry block of a robot ten times a second: `cargo run -p fanuc-hmi-modbus --features std --example telemetry -- 192.168.0.10:502`
+//! Prints the telemetry block of a robot ten times a second: `cargo run -p fanuc-hmi-modbus --features std --example
+//! telemetry -- 192.168.0.10:502`
 #![allow(
     clippy::disallowed_methods,
     clippy::disallowed_types,

@@ -379,7 +379,8 @@ fn the_data_of_a_damaged_reply_is_no_exception() {
     }
 }
 
-/// An adapter gives some bytes when it turns its transmitter off; the refusal comes at once or after a silence, and a silence follows it.
+/// An adapter gives some bytes when it turns its transmitter off; the refusal comes at once or after a silence, and a
+/// silence follows it.
 #[test]
 fn an_exception_after_noise_counts_when_the_line_is_silent() {
     let requests = [

@@ -1,5 +1,6 @@
 //! Reads every LS file below a folder, and counts what comes of it: `corpus FOLDER`. The first folders below it are the
-//! repositories. A row is: files, repositories, what, the first example. With `corpus FOLDER every`, each finding is a line before it.
+//! repositories. A row is: files, repositories, what, the first example. With `corpus FOLDER every`, each finding is a line
+//! before it.
 #![allow(clippy::expect_used, clippy::indexing_slicing, reason = "a program for developers")]
 
 use std::collections::{BTreeMap, BTreeSet};

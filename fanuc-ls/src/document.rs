@@ -98,7 +98,8 @@ impl Document {
     /// Returns its contents as values.
     ///
     /// # Errors
-    /// The first of its findings that is [`Problem::Error`](crate::Problem::Error). Other mistakes are in values that can be read.
+    /// The first of its findings that is [`Problem::Error`](crate::Problem::Error). Other mistakes are in values that can be
+    /// read.
     pub fn program(&self) -> Result<Program, DecodeError> {
         Program::from_parts(&self.text, &self.parts)
     }

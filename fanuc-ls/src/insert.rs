@@ -11,8 +11,9 @@ use crate::parts::at;
 use crate::position::Position;
 
 impl Document {
-    /// Inserts a statement before the statement `index`, which counts from 0; at the number of statements or above it, at the end. The
-    /// statement has the number that follows the previous one; [`renumber_lines`](Self::renumber_lines) numbers those after it.
+    /// Inserts a statement before the statement `index`, which counts from 0; at the number of statements or above it, at
+    /// the end. The statement has the number that follows the previous one; [`renumber_lines`](Self::renumber_lines) numbers
+    /// those after it.
     ///
     /// ```
     /// use fanuc_ls::Document;

@@ -356,8 +356,8 @@ mod tests {
 
     use super::*;
 
-    /// Every text of five of these characters, at every place of two blocks of sixteen: no line that may begin something is passed,
-    /// and none is looked at whose marks all are behind something printed.
+    /// Every text of five of these characters, at every place of two blocks of sixteen: no line that may begin something is
+    /// passed, and none is looked at whose marks all are behind something printed.
     #[test]
     fn lines_are_passed_up_to_one_that_may_begin_something() {
         let characters = ['/', 'P', 'x', ' ', '\n', 'é'];

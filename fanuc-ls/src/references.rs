@@ -7,8 +7,8 @@ use crate::expression::ItemKind;
 use crate::parts::{at, offset};
 use crate::text::{digits, indent, is_letter_or_digit};
 
-/// `PR[3:part]` in a text: a register, an input, an output, a label, a position or a frame where it is named by its number. Places are
-/// bytes of the text.
+/// `PR[3:part]` in a text: a register, an input, an output, a label, a position or a frame where it is named by its number.
+/// Places are bytes of the text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reference {
     /// The kind of the item.

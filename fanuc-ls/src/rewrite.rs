@@ -145,8 +145,8 @@ impl Document {
         self.apply(edits)
     }
 
-    /// Moves positions by X, Y and Z in mm, in the frame that each is in: those that `which` names and that are given in X, Y and Z.
-    /// How many have moved, and the numbers of those that `which` names and that have no X, Y and Z.
+    /// Moves positions by X, Y and Z in mm, in the frame that each is in: those that `which` names and that are given in X,
+    /// Y and Z. How many have moved, and the numbers of those that `which` names and that have no X, Y and Z.
     ///
     /// # Errors
     /// When a position cannot be written; nothing has changed.

@@ -26,8 +26,8 @@ pub struct Surroundings {
     pub programs: Option<BTreeSet<String>>,
     /// The names of the controller's macros, in capitals.
     pub macros: BTreeSet<String>,
-    /// The first words of instructions, motion options and operands that the table does not have, such as those of an application:
-    /// a text that begins with one of them, in capitals or not, is not a finding.
+    /// The first words of instructions, motion options and operands that the table does not have, such as those of an
+    /// application: a text that begins with one of them, in capitals or not, is not a finding.
     pub instructions: BTreeSet<String>,
     /// The name of the program's file, without its extension. None: it has no file, or any name.
     pub file: Option<String>,

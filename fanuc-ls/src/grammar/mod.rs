@@ -51,8 +51,8 @@ impl<'a> ParseError<&'a str> for Trouble<'a> {
     }
 }
 
-/// Reads an instruction that is part of another, or of an option of a motion. The table names the parsers of its rows, some of which read
-/// such an instruction by the table again: they do so here.
+/// Reads an instruction that is part of another, or of an option of a motion. The table names the parsers of its rows, some
+/// of which read such an instruction by the table again: they do so here.
 fn simple(input: &str) -> Parsed<'_, Operation> {
     instruction::instruction(input, Place::Anywhere)
 }

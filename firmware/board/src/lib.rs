@@ -1,7 +1,8 @@
 //! The board support of each end's firmware.
 //!
 //! - The bytes of the UART come and go by its interrupt, through two buffers: [`Uart`].
-//! - The session runs in an interrupt of its own, below those of the UART and of the alarm, which trigger it: [`start`], [`wake`].
+//! - The session runs in an interrupt of its own, below those of the UART and of the alarm, which trigger it: [`start`],
+//!   [`wake`].
 //! - The main loop is the motion task. It sleeps in [`idle`], which feeds the watchdog.
 //! - A panic stops the motion, and the board begins again: `panic`.
 //!

@@ -13,7 +13,8 @@ use crate::{Uart, uart};
 pub(crate) const HZ: u32 = 12_500_000;
 /// The system timer counts a whole second.
 pub(crate) const PARTS: u32 = 1;
-/// The second time that the watchdog has counted so far, 4 s after it was fed, it resets the board. An idle one is woken every second.
+/// The second time that the watchdog has counted so far, 4 s after it was fed, it resets the board. An idle one is woken
+/// every second.
 const WATCHDOG: u32 = 2 * HZ;
 
 registers!(0x400F_E000: RIS = 0x050, RCC = 0x060, RCGC0 = 0x100, RCGC1 = 0x104, RCGC2 = 0x108);

@@ -14,7 +14,8 @@ use crate::{Uart, uart};
 pub(crate) const HZ: u32 = 25_000_000;
 /// The system timer counts half a second.
 pub(crate) const PARTS: u32 = 2;
-/// The second time that the watchdog has counted so far, 4 s after it was fed, it resets the board. An idle one is woken more often.
+/// The second time that the watchdog has counted so far, 4 s after it was fed, it resets the board. An idle one is woken
+/// more often.
 const WATCHDOG: u32 = 2 * HZ;
 
 registers!(0x4000_4000: DATA = 0x00, STATE = 0x04, CTRL = 0x08, INT = 0x0C, BAUD = 0x10);

@@ -1,5 +1,5 @@
-//! QEMU's `virt` with a RISC-V of 32 bits: its timer, its UART (16550) and its interrupt controllers are those of many chips. It has no
-//! watchdog, and no pin for the drives.
+//! QEMU's `virt` with a RISC-V of 32 bits: its timer, its UART (16550) and its interrupt controllers are those of many
+//! chips. It has no watchdog, and no pin for the drives.
 
 use core::time::Duration;
 

@@ -1,8 +1,9 @@
-//! The board of `board`, as the programs of `ends` see it, with a peer in memory at the other end of the UART and a time that passes only
-//! when everything has been done: counts the instructions from the last byte of a request to the first byte of its answer.
+//! The board of `board`, as the programs of `ends` see it, with a peer in memory at the other end of the UART and a time
+//! that passes only when everything has been done: counts the instructions from the last byte of a request to the first byte
+//! of its answer.
 //!
-//! Each byte has an interrupt of its own, after the time that it takes on the line. All but the registers of a board's UART and timer is the
-//! programs' and `board`'s own: the buffers, the interrupt of the session, the alarm.
+//! Each byte has an interrupt of its own, after the time that it takes on the line. All but the registers of a board's UART
+//! and timer is the programs' and `board`'s own: the buffers, the interrupt of the session, the alarm.
 #![no_std]
 
 #[path = "../../board/src/alarm.rs"]

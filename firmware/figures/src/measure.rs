@@ -1,7 +1,8 @@
 //! Instructions, counted where the board works for the session: in its interrupts.
 //!
-//! An answer takes what the last byte of its request takes, in the UART's interrupt and the session's, and where the protocol has it wait,
-//! as for the end of a cycle or for a silence, what the session's interrupt at the end of the wait takes until the first byte is out.
+//! An answer takes what the last byte of its request takes, in the UART's interrupt and the session's, and where the
+//! protocol has it wait, as for the end of a cycle or for a silence, what the session's interrupt at the end of the wait
+//! takes until the first byte is out.
 
 use core::cell::Cell;
 

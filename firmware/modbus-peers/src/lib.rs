@@ -1,6 +1,7 @@
 //! One list of requests, for each server the same: instructions from a request to its reply, and the deepest stack.
 //!
-//! Of the tables a server has 200 holding registers, and it is unit 1. A request is in memory as a whole, its reply goes into memory.
+//! Of the tables a server has 200 holding registers, and it is unit 1. A request is in memory as a whole, its reply goes
+//! into memory.
 #![no_std]
 
 pub mod modbus_core;
@@ -80,8 +81,8 @@ impl Frame {
     }
 }
 
-/// Serves every request, and prints of each its name, the ticks that all rounds took, and the reply's length and a checksum; then how many
-/// bytes of stack were used.
+/// Serves every request, and prints of each its name, the ticks that all rounds took, and the reply's length and a checksum;
+/// then how many bytes of stack were used.
 pub fn run(is_tcp: bool, mut serve: impl FnMut(&[u8], &mut [u8; ROOM]) -> usize) -> ! {
     let Some(peripherals) = Peripherals::take() else { fail() };
     let mut clock = peripherals.SYST;

@@ -1,4 +1,5 @@
-//! The controller of a laser robot: instructions go into a queue in the interrupt of the session, and are executed by the main loop.
+//! The controller of a laser robot: instructions go into a queue in the interrupt of the session, and are executed by the
+//! main loop.
 #![no_std]
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! A Modbus server, RTU on a serial line: the interrupt of the session carries requests out on the registers, the main loop is the machine.
+//! A Modbus server, RTU on a serial line: the interrupt of the session carries requests out on the registers, the main loop
+//! is the machine.
 #![no_std]
 #![no_main]
 

@@ -220,8 +220,8 @@ impl Codecs {
 }
 
 impl Way {
-    /// Checks that a message that can be written is read again as it was, also three of them after one another, and that a part of it
-    /// is not a message.
+    /// Checks that a message that can be written is read again as it was, also three of them after one another, and that a
+    /// part of it is not a message.
     fn check_message(&self, message: &Value, cut: usize) {
         let Some(codec) = self.codec() else { return };
         let Ok(bytes) = codec.encode(message.clone()) else { return };

@@ -48,8 +48,8 @@ pub(crate) fn assignment(Bytes(data): Bytes) {
     }
 }
 
-/// Blocks of telemetry, and speeds for DPM: whatever the registers hold, orientations are unit quaternions that follow one another, and
-/// no offset passes a limit.
+/// Blocks of telemetry, and speeds for DPM: whatever the registers hold, orientations are unit quaternions that follow one
+/// another, and no offset passes a limit.
 pub(crate) fn motion(blocks: Vec<Sample>) {
     let axis = Some(Axis::new(0.001));
     let mut modifier = Modifier::new(Config::new([axis; 6])).unwrap();

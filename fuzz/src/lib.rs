@@ -1,8 +1,9 @@
-//! The fuzz targets. Each has a program of one line in `fuzz_targets`; its body is here. The targets of the links come from the table
-//! of links: a decoder, messages, and every end.
+//! The fuzz targets. Each has a program of one line in `fuzz_targets`; its body is here. The targets of the links come from
+//! the table of links: a decoder, messages, and every end.
 //!
-//! A target's input is a type with a derived [`Arbitrary`]. Its body panics when an oracle fails. The oracles are more than "no panic":
-//! decode(encode(x)) = x, any chunking gives the same items, an accepted message encodes to the same bytes, a session keeps the contract.
+//! A target's input is a type with a derived [`Arbitrary`]. Its body panics when an oracle fails. The oracles are more than
+//! "no panic": decode(encode(x)) = x, any chunking gives the same items, an accepted message encodes to the same bytes, a
+//! session keeps the contract.
 
 mod codec;
 mod fanuc_hmi;

@@ -9,7 +9,8 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 
 use crate::{Bytes, Target, seeds, target};
 
-/// The program of a target: libFuzzer's in a build with `--cfg fuzzing`; otherwise it runs the body over the files that it is given.
+/// The program of a target: libFuzzer's in a build with `--cfg fuzzing`; otherwise it runs the body over the files that it
+/// is given.
 #[macro_export]
 macro_rules! target {
     ($name:ident) => {
@@ -30,7 +31,8 @@ thread_local! {
     static TARGET: OnceCell<Target> = const { OnceCell::new() };
 }
 
-/// Makes the target, and writes its seeds into the folder of its name, if that is an argument: into the corpus of `cargo fuzz run`.
+/// Makes the target, and writes its seeds into the folder of its name, if that is an argument: into the corpus of `cargo
+/// fuzz run`.
 ///
 /// # Panics
 /// If a seed cannot be written.

@@ -1,10 +1,10 @@
 #![doc = include_str!("../README.md")]
 //!
-//! Each combination of settings is judged by reading the bytes with it. A message counts whole if the encoder writes the same bytes
-//! again, and half if it writes others. Of two combinations, the one that explains more bytes is chosen; the other is ruled out if
-//! the bytes that it leaves unexplained are too many to be corruption (see `evidence`). The remaining values of a setting are undecided:
-//! the finding lists them, with the bytes that they explain less, and a message that would decide. Values that make no sense (a position of 10⁻⁴¹ mm) decide only if the bytes
-//! do not.
+//! Each combination of settings is judged by reading the bytes with it. A message counts whole if the encoder writes the
+//! same bytes again, and half if it writes others. Of two combinations, the one that explains more bytes is chosen; the
+//! other is ruled out if the bytes that it leaves unexplained are too many to be corruption (see `evidence`). The remaining
+//! values of a setting are undecided: the finding lists them, with the bytes that they explain less, and a message that
+//! would decide. Values that make no sense (a position of 10⁻⁴¹ mm) decide only if the bytes do not.
 #![forbid(unsafe_code)]
 #![allow(clippy::std_instead_of_core, reason = "for programs with std")]
 
@@ -92,8 +92,8 @@ pub struct Finding {
 impl Finding {
     /// The number of bits below which messages may have been read by chance.
     pub const SURE: f64 = 20.0;
-    /// Below that share of the bytes, something else explains most of them. Where one byte of a hundred is corrupt, a third of the
-    /// messages of a hundred bytes is left, and of a few messages less.
+    /// Below that share of the bytes, something else explains most of them. Where one byte of a hundred is corrupt, a third
+    /// of the messages of a hundred bytes is left, and of a few messages less.
     pub const SHARE: f64 = 0.1;
 
     /// Returns the share of the bytes within messages.

@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-/// For a number that is, or against one that is not, a position, an angle or a speed: wrong bytes are one of these once in nine times.
+/// For a number that is, or against one that is not, a position, an angle or a speed: wrong bytes are one of these once in
+/// nine times.
 const NUMBER: f64 = 1.5;
 /// Against an implausible number: the bytes of a round number in the wrong order are one of these.
 const NO_NUMBER: f64 = -8.0;

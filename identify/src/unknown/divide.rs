@@ -1,5 +1,5 @@
-//! Where messages begin and end: of all ways to divide a stream, those with which it could be written in the fewest bits, were each place
-//! of a message to tell what is usual there.
+//! Where messages begin and end: of all ways to divide a stream, those with which it could be written in the fewest bits,
+//! were each place of a message to tell what is usual there.
 //!
 //! Ways to divide: at a mark that begins messages or ends them; where bytes came after a pause, or in another packet.
 

@@ -42,7 +42,8 @@ const WHOLE: &str = "
     robot State M 7 | 0 3 104 104 501
 ";
 
-/// Jobs with two numbers that count, of which the robot speaks of the second; fields without an order in the status; more messages than roles.
+/// Jobs with two numbers that count, of which the robot speaks of the second; fields without an order in the status; more
+/// messages than roles.
 fn other() -> String {
     let mut talk = String::from(
         "robot Hello 9; pc Start 101 B7; pc Setup 0.5; robot Taken B7; pc State 101 102 103 0; robot State 101 102 103 0

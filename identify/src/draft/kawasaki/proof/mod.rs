@@ -1,8 +1,8 @@
 //! The roles and fields of a plant's messages that a conversation proves: each by two messages or more in their context.
 //!
 //! The rules are those of the link: the robot asks for the next job by its number, acknowledges a job that is executed, and
-//! begins an order when the PC says so. Everything else in a draft is a guess. So are the messages that end and interrupt an order,
-//! which look alike when its jobs are executed.
+//! begins an order when the PC says so. Everything else in a draft is a guess. So are the messages that end and interrupt an
+//! order, which look alike when its jobs are executed.
 
 mod orders;
 

@@ -1,5 +1,5 @@
-//! The signals that end a command: Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which a terminal sends when it is closed. The first one asks for an
-//! orderly end, the second one ends the program at once, and says what that leaves.
+//! The signals that end a command: Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which a terminal sends when it is closed. The first
+//! one asks for an orderly end, the second one ends the program at once, and says what that leaves.
 //!
 //! SIGHUP is never a second signal: a closed terminal may send it twice, and a service manager may send it with SIGTERM.
 
@@ -44,12 +44,13 @@ const LAST_LINE: Duration = Duration::from_secs(2);
 pub enum Policy {
     /// A signal ends the program, after every action given to [`before_exit`]. If there is an [`account`], it is printed.
     End,
-    /// As [`End`](Self::End); the first signal waits, five seconds at most, while there is an [`account`]: for a program whose request
-    /// is in flight.
+    /// As [`End`](Self::End); the first signal waits, five seconds at most, while there is an [`account`]: for a program
+    /// whose request is in flight.
     EndAfterReply,
     /// The first signal is noted: [`requested`] is true then, and the command ends normally. Another one ends the program.
     Note,
-    /// As [`Note`](Self::Note); a command that has not ended after this time is terminated, with the remark: a disk may block for minutes.
+    /// As [`Note`](Self::Note); a command that has not ended after this time is terminated, with the remark: a disk may
+    /// block for minutes.
     NoteWithin(Duration, &'static str),
     /// Each signal only calls this with its count, from 1, on a thread of its own.
     Call(Box<dyn FnMut(u32) + Send>),
@@ -112,7 +113,8 @@ pub fn requested() -> bool {
     COUNT.load(Ordering::Relaxed) > 0
 }
 
-/// Counts a signal, for a program that has a handler of its own: the count, from 1. `None` if the signal belongs to an earlier one.
+/// Counts a signal, for a program that has a handler of its own: the count, from 1. `None` if the signal belongs to an
+/// earlier one.
 pub fn count(is_hangup: bool) -> Option<u32> {
     let mut first = lock(&FIRST);
     if first.is_some_and(|first| is_hangup || first.elapsed() < TOGETHER) {

@@ -37,7 +37,8 @@ impl Marked {
         Ok(Self { file, name: name.into() })
     }
 
-    /// Listens with another rate and format from now on; false where the port has no such format: a pseudo-terminal has 8N1 alone.
+    /// Listens with another rate and format from now on; false where the port has no such format: a pseudo-terminal has 8N1
+    /// alone.
     ///
     /// # Errors
     /// When the port does not have the rate, or is gone.

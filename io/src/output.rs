@@ -127,8 +127,8 @@ fn is_quiet() -> bool {
 /// The lines that [`admits`] has counted.
 static LIMITER: Mutex<Limiter> = Mutex::new(Limiter::NEW);
 
-/// Returns whether a line of this kind is to be printed: ten a second are. The next line that is printed is preceded by the number of the
-/// others.
+/// Returns whether a line of this kind is to be printed: ten a second are. The next line that is printed is preceded by the
+/// number of the others.
 pub fn admits(kind: &str) -> bool {
     LIMITER.lock().unwrap_or_else(PoisonError::into_inner).admits(now(), kind)
 }

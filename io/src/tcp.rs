@@ -12,8 +12,8 @@ use socket2::SockRef;
 use crate::input::time;
 use crate::output::remark;
 
-/// Listens on an address; a port alone is one of this machine's loopback address. Access from other machines is reported on standard
-/// error: none of the protocols has authentication.
+/// Listens on an address; a port alone is one of this machine's loopback address. Access from other machines is reported on
+/// standard error: none of the protocols has authentication.
 ///
 /// # Errors
 /// When the address is invalid, in use, or not this machine's. The error contains advice.
@@ -60,8 +60,8 @@ pub fn warn_unless_loopback(place: SocketAddr) {
 pub struct Dialing {
     /// The time that a TCP connection may take to open.
     pub timeout: Duration,
-    /// The pause between a connection, or an open serial port, and the first byte that is sent. Some devices lose bytes that arrive
-    /// sooner.
+    /// The pause between a connection, or an open serial port, and the first byte that is sent. Some devices lose bytes that
+    /// arrive sooner.
     pub pause: Duration,
 }
 

@@ -17,8 +17,8 @@ use crate::tcp::{self, Dialing};
 /// The options of every command that opens or accepts TCP connections.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct TlsArgs {
-    /// Speak TLS, with peers whose certificate is signed by this authority (PEM); `cellwire certificates` makes some to try. A server with
-    /// --tls-cert alone accepts clients without a certificate
+    /// Speak TLS, with peers whose certificate is signed by this authority (PEM); `cellwire certificates` makes some to try.
+    /// A server with --tls-cert alone accepts clients without a certificate
     #[arg(long, value_name = "AUTHORITY")]
     tls: Option<PathBuf>,
     /// The certificate of this end (PEM); a server needs one
@@ -157,8 +157,8 @@ impl<T: Transport> Transport for Carrier<T> {
     }
 }
 
-/// Returns whether bytes are the answer of a TLS server to others: a record with one fatal alert. No link has a message of these bytes; in
-/// RTU the third one would be an odd number of bytes of registers.
+/// Returns whether bytes are the answer of a TLS server to others: a record with one fatal alert. No link has a message of
+/// these bytes; in RTU the third one would be an odd number of bytes of registers.
 fn is_alert(bytes: &[u8]) -> bool {
     matches!(bytes, [0x15, 3, 1 | 3, 0, 2, 2, _])
 }

@@ -23,7 +23,8 @@ const BYTES_A_LINE: usize = 16;
 /// `--trace`: whether bytes are kept, how many, and where they are written.
 #[derive(Debug, Clone, clap::Args)]
 pub struct TraceArgs {
-    /// Keep the last N bytes (1000) of each direction with their times, and write them to a file when a session ends or is interrupted
+    /// Keep the last N bytes (1000) of each direction with their times, and write them to a file when a session ends or is
+    /// interrupted
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     trace: Option<u32>,
     /// The folder of the trace files
@@ -142,7 +143,8 @@ impl Trace {
         true
     }
 
-    /// Writes the kept bytes to a new file, whose name no earlier trace has, clears the trace, and returns the path. `None` when there is nothing to write.
+    /// Writes the kept bytes to a new file, whose name no earlier trace has, clears the trace, and returns the path. `None`
+    /// when there is nothing to write.
     ///
     /// # Errors
     /// When the file cannot be written.

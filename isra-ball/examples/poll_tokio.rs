@@ -1,4 +1,5 @@
-//! Prints the values of a ball, as long as they are new: `cargo run -p isra-ball --features tokio-serial --example poll_tokio -- /dev/ttyUSB0`
+//! Prints the values of a ball, as long as they are new: `cargo run -p isra-ball --features tokio-serial --example
+//! poll_tokio -- /dev/ttyUSB0`
 
 use isra_ball::HostConfig;
 use isra_ball::robot_session::tokio::{Serial, tokio_serial};

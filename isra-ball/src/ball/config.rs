@@ -10,8 +10,8 @@ pub struct BallConfig {
     /// Sensor number, 0..=7. Default: 0.
     pub sensor: u8,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a packet come back first
-    /// then: they are compared with it and dropped, and others are [`BallEvent::Echo`](crate::BallEvent::Echo), a collision. While it is off, the
-    /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
+    /// then: they are compared with it and dropped, and others are [`BallEvent::Echo`](crate::BallEvent::Echo), a collision.
+    /// While it is off, the first packet that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

@@ -20,12 +20,12 @@ pub struct HostConfig {
     /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) now and then, and no values are new.
     pub max_delay: Duration,
     /// The age at which values are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
-    /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms if every
-    /// reply is as late as it may be; the source gives none. [`Duration::MAX`] means no limit.
+    /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms
+    /// if every reply is as late as it may be; the source gives none. [`Duration::MAX`] means no limit.
     pub max_age: Duration,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. Each poll comes back
-    /// first then, and is dropped; another byte is [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off, polls that come back are corrupt
-    /// bytes.
+    /// first then, and is dropped; another byte is [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is
+    /// off, polls that come back are corrupt bytes.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]
@@ -36,8 +36,8 @@ pub struct HostConfig {
 robot_session::rules! {
     /// The rules of the host's machine against the use of old values.
     pub enum Rule for HostConfig {
-        /// After a connection is made, nothing is sent until the reply to a poll of before would have come, and longer than from one
-        /// poll to the next.
+        /// After a connection is made, nothing is sent until the reply to a poll of before would have come, and longer than
+        /// from one poll to the next.
         DrainFirst,
         /// The next poll is sent only when the reply to the last one has come or can come no more.
         AwaitReply,

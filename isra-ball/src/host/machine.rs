@@ -1,11 +1,12 @@
 //! The host's machine: when it polls, which packet is the reply, and until when values may be used. No bytes, no clock.
 //!
-//! Packets have no number, and of a packet's values it is only known that they are newer than those of the reply before. So a packet
-//! is the reply to the last poll if it comes within the time that the line takes and the longest delay; and its values are
-//! proved not to be older than [`max_age`](HostConfig::max_age) if the poll of the reply before is not.
+//! Packets have no number, and of a packet's values it is only known that they are newer than those of the reply before. So
+//! a packet is the reply to the last poll if it comes within the time that the line takes and the longest delay; and its
+//! values are proved not to be older than [`max_age`](HostConfig::max_age) if the poll of the reply before is not.
 //!
-//! A ball that is late by whole periods would seem to answer a later poll each time. Its first packets are missed; so the polls after
-//! them are farther apart than the others. Its packets come as the polls were sent, and those do not go on being where replies can be.
+//! A ball that is late by whole periods would seem to answer a later poll each time. Its first packets are missed; so the
+//! polls after them are farther apart than the others. Its packets come as the polls were sent, and those do not go on being
+//! where replies can be.
 //!
 //! As the model has explored it:
 #![doc = include_str!("../../diagrams/host.md")]

@@ -20,8 +20,9 @@ use machine::{Action, Enquiry, HostMachine, Input};
 
 /// The computer that polls the ball, "Steuerrechner" (§4.2, §9.5): one ENQ a period, one packet back.
 ///
-/// The order of calls is the [`Session`](robot_session::Session)'s. Every poll has one outcome: [`Packet`](HostEvent::Packet), [`Old`](HostEvent::Old) or
-/// [`Missed`](HostEvent::Missed). No poll is sent before the outcomes of the ones before are taken.
+/// The order of calls is the [`Session`](robot_session::Session)'s. Every poll has one outcome:
+/// [`Packet`](HostEvent::Packet), [`Old`](HostEvent::Old) or [`Missed`](HostEvent::Missed). No poll is sent before the
+/// outcomes of the ones before are taken.
 ///
 /// - **Age.** A ball that cannot measure repeats its values and marks them as old; one that measured long ago marks the values as
 ///   new all the same, because no poll came since. So values are reported as new only if the reply before proves that they
@@ -33,8 +34,8 @@ use machine::{Action, Enquiry, HostMachine, Input};
 ///   [later](HostConfig::quiet) than the others, and no delay fits both.
 /// - **Corrupt bytes** are an event, and the next packet is still read. Bytes that are still without a whole packet when no
 ///   reply can come any more are given up: the line is half duplex, so nothing before a poll belongs to its reply.
-/// - **Life.** A poll without reply ends with its connection, and the values are stale then. The first poll of a connection is sent
-///   after the time in which the reply to a poll of another host could still come.
+/// - **Life.** A poll without reply ends with its connection, and the values are stale then. The first poll of a connection
+///   is sent after the time in which the reply to a poll of another host could still come.
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
@@ -50,7 +51,8 @@ pub enum HostEvent {
     /// The reply to a poll, with new values: use them until [`Host::live_until`].
     #[cfg_attr(feature = "serde", serde(rename = "new", serialize_with = "robot_session::under::message"))]
     Packet(Packet),
-    /// The reply to a poll, with values that were used before or may be too old: use the previous ones, as long as they are not stale.
+    /// The reply to a poll, with values that were used before or may be too old: use the previous ones, as long as they are
+    /// not stale.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Old(Packet),
     /// A poll without a reply.
@@ -59,8 +61,8 @@ pub enum HostEvent {
     /// new values come.
     Stale,
     /// A notice: a packet that is not a reply. Packets are delayed by more than [`max_delay`](HostConfig::max_delay), or noise
-    /// was a poll to the ball, which only sends when polled (§4.2). An occasional one is noise; if they continue and no values are
-    /// new, it is a delay.
+    /// was a poll to the ball, which only sends when polled (§4.2). An occasional one is noise; if they continue and no
+    /// values are new, it is a delay.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(Packet),
     /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.
@@ -97,8 +99,8 @@ impl Host {
     /// Creates a host without a connection.
     ///
     /// # Errors
-    /// [`ConfigError::Period`] if a poll and its packet do not fit the line in the period, [`ConfigError::MaxAge`] if the values of a
-    /// correct ball could become stale.
+    /// [`ConfigError::Period`] if a poll and its packet do not fit the line in the period, [`ConfigError::MaxAge`] if the
+    /// values of a correct ball could become stale.
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::Disconnected, Decoder::new());

@@ -105,8 +105,8 @@ fn ten_seconds_called(
     seen
 }
 
-/// One packet in four is old, corrupt or lost, and each is as late as it may be: the values never become stale, and whoever uses them
-/// may be 20 ms late.
+/// One packet in four is old, corrupt or lost, and each is as late as it may be: the values never become stale, and whoever
+/// uses them may be 20 ms late.
 #[test]
 fn a_packet_that_is_missing_makes_nothing_stale() {
     for fate in [Fate::Old, Fate::Corrupt, Fate::Lost] {
@@ -123,8 +123,8 @@ fn a_packet_that_is_missing_makes_nothing_stale() {
     assert_eq!((two_old.stale, two_old.unasked), (0, 0), "{two_old:?}");
 }
 
-/// Packets have no number: one that is late by whole periods seems to answer another poll. That never goes on for as long as a hand
-/// has to rest, and is seen.
+/// Packets have no number: one that is late by whole periods seems to answer another poll. That never goes on for as long as
+/// a hand has to rest, and is seen.
 #[test]
 fn values_of_a_ball_that_is_late_each_time_are_never_too_old_nor_used_for_long() {
     let max_age = HostConfig::default().max_age;
@@ -151,8 +151,8 @@ fn a_ball_that_becomes_late_is_stale_in_time() {
     }
 }
 
-/// A ball that is late each time, and a host that is called late twice a second: values that are too old are used no longer than twice the greatest
-/// age.
+/// A ball that is late each time, and a host that is called late twice a second: values that are too old are used no longer
+/// than twice the greatest age.
 #[test]
 fn late_values_of_a_host_that_is_called_late_are_found_out() {
     let max_age = HostConfig::default().max_age;

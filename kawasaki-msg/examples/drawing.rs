@@ -1,4 +1,5 @@
-//! A PC lets a robot draw a zigzag: `cargo run --features std --example drawing -- pc tcp`, and `-- robot tcp` in another terminal.
+//! A PC lets a robot draw a zigzag: `cargo run --features std --example drawing -- pc tcp`, and `-- robot tcp` in another
+//! terminal.
 
 pub(crate) mod ends;
 

@@ -1,4 +1,5 @@
-//! A PC lets a robot fill a pallet: `cargo run --features std --example pallet -- pc tcp`, and `-- robot tcp` in another terminal.
+//! A PC lets a robot fill a pallet: `cargo run --features std --example pallet -- pc tcp`, and `-- robot tcp` in another
+//! terminal.
 
 pub(crate) mod ends;
 

@@ -103,7 +103,8 @@ fn rejected(events: &[RobotEvent]) -> Vec<MessageError> {
     errors.collect()
 }
 
-/// §7.2: of five messages three fit: "the rest of the packet is destroyed, and after the queue has drained a resend is asked for".
+/// §7.2: of five messages three fit: "the rest of the packet is destroyed, and after the queue has drained a resend is asked
+/// for".
 #[test]
 fn a_full_queue_discards_the_rest_and_asks_again_when_it_has_drained() {
     let mut bench = Bench::new(RobotConfig { low_water: Some(1), ..PATIENT }, 3, 9999);

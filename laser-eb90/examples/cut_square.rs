@@ -1,4 +1,5 @@
-//! Cuts a square over a serial line: `cargo run --features serialport --example cut_square /dev/ttyUSB0`. A simulator to try it on: `cellwire simulate laser --pty /tmp/laser`.
+//! Cuts a square over a serial line: `cargo run --features serialport --example cut_square /dev/ttyUSB0`. A simulator to try
+//! it on: `cellwire simulate laser --pty /tmp/laser`.
 
 use core::ops::ControlFlow;
 

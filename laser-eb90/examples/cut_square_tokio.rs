@@ -1,4 +1,5 @@
-//! Cuts a square, then asks for the robot's state: `cargo run -p laser-eb90 --features tokio-serial --example cut_square_tokio -- /dev/ttyUSB0`
+//! Cuts a square, then asks for the robot's state: `cargo run -p laser-eb90 --features tokio-serial --example
+//! cut_square_tokio -- /dev/ttyUSB0`
 
 use laser_eb90::HostConfig;
 use laser_eb90::robot_session::tokio::{Serial, tokio_serial};

@@ -9,8 +9,8 @@ use crate::payload::Payload;
 use crate::profile::{Profile, Tags};
 
 impl<'b> Payload<'b> {
-    /// Writes the items that a fuzzer's bytes stand for into `buffer`. Most payloads are instructions: each a command word, mostly
-    /// one of the default words, and the items of its parameters.
+    /// Writes the items that a fuzzer's bytes stand for into `buffer`. Most payloads are instructions: each a command word,
+    /// mostly one of the default words, and the items of its parameters.
     ///
     /// # Errors
     /// [`Error::IncorrectFormat`] when `buffer` is too short for the first item.

@@ -37,8 +37,8 @@ use crate::words::Refusal;
 
 /// Has a laser robot execute instructions. Cloning it is cheap.
 ///
-/// Runs are sent one after the other, in frames of up to seven instructions; what [`query`](Self::query) and [`now`](Self::now) send goes
-/// between two frames of a run. All events of the session are those of the [`handle`](Self::handle).
+/// Runs are sent one after the other, in frames of up to seven instructions; what [`query`](Self::query) and
+/// [`now`](Self::now) send goes between two frames of a run. All events of the session are those of the [`handle`](Self::handle).
 #[derive(Debug, Clone)]
 pub struct Laser {
     handle: Handle<Instructions>,
@@ -117,7 +117,8 @@ pub enum Error {
 }
 
 impl Laser {
-    /// Sends instructions, and waits until the controller has taken all of them: interpreted ones are queued then, and not executed yet.
+    /// Sends instructions, and waits until the controller has taken all of them: interpreted ones are queued then, and not
+    /// executed yet.
     ///
     /// If the future is [dropped](Handle#dropped-futures), the instructions that are not submitted yet are withdrawn too.
     ///

@@ -22,8 +22,9 @@ pub struct ControllerConfig {
     /// that pauses longer within a frame gets an error code for what it has sent, and none for the rest.
     pub silence: Duration,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of an answer come
-    /// back first then: they are compared with it and dropped, and others are [`ControllerEvent::Echo`](crate::ControllerEvent::Echo), a collision. While
-    /// it is off on such a line, each answer comes back as an instruction without parameters.
+    /// back first then: they are compared with it and dropped, and others are
+    /// [`ControllerEvent::Echo`](crate::ControllerEvent::Echo), a collision. While it is off on such a line, each answer
+    /// comes back as an instruction without parameters.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

@@ -35,12 +35,12 @@ use crate::words::{Class, Refusal};
 /// - [`Execute`](ControllerEvent::Execute) is answered by [`answer`](Self::answer) or [`refuse`](Self::refuse); until then
 ///   [`instruction`](Self::instruction) holds what to execute.
 /// - A corrupt frame is dropped, and answered with an error code when the line has been silent for
-///   [`silence`](ControllerConfig::silence). The beginning of a frame that is held then is dropped with it. Two answers to one frame
-///   would make the host send, and the robot execute, a frame twice; so bytes that are too few for a frame are not answered at all,
-///   nor is corruption between a good frame and its answer, nor, after an error code, what has no head: it is the rest of what was
-///   answered.
-/// - Nothing is executed from the middle of corrupt bytes: after them a frame is executed only when the line was silent in between,
-///   and answered with an error code before. Fewer than eight bytes of noise before it do not count.
+///   [`silence`](ControllerConfig::silence). The beginning of a frame that is held then is dropped with it. Two answers to
+///   one frame would make the host send, and the robot execute, a frame twice; so bytes that are too few for a frame are not
+///   answered at all, nor is corruption between a good frame and its answer, nor, after an error code, what has no head: it
+///   is the rest of what was answered.
+/// - Nothing is executed from the middle of corrupt bytes: after them a frame is executed only when the line was silent in
+///   between, and answered with an error code before. Fewer than eight bytes of noise before it do not count.
 /// - A frame with an immediate instruction or a query and another instruction is refused, and so is a NaN or an infinity.
 /// - An answer is sent at the end of the controller's cycle. If another frame comes before, the host has stopped waiting: the
 ///   older answer is withdrawn.

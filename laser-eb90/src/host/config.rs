@@ -64,8 +64,9 @@ pub struct HostConfig {
     /// The time for which the queue may stay full before the frame counts as refused. Default: 60 s.
     pub full_timeout: Duration,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a frame come back first
-    /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off,
-    /// a frame with more than one command word shows it: an answer has nothing else. That is the same event, and from then on they are dropped.
+    /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision.
+    /// While it is off, a frame with more than one command word shows it: an answer has nothing else. That is the same
+    /// event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

@@ -26,7 +26,8 @@ use crate::words::{Class, Refusal};
 
 /// The host (上位机): sends one frame at a time, compares the echo, resends from its backup (§3(4), §3(5)).
 ///
-/// [`submit`](Self::submit) instructions until it returns [`SessionError::Full`]; drive it as every [`Session`](robot_session::Session).
+/// [`submit`](Self::submit) instructions until it returns [`SessionError::Full`]; drive it as every
+/// [`Session`](robot_session::Session).
 ///
 /// - Interpreted instructions that are submitted while a frame is in flight travel together in the next one, up to
 ///   [`batch`](HostConfig::batch); immediate instructions and queries travel alone.
@@ -40,8 +41,8 @@ use crate::words::{Class, Refusal};
 /// - After `Refused` and `Unknown` nothing is sent until [`resume`](Self::resume), so that the caller can check first.
 /// - Corrupt bytes are skipped and reported. An unsolicited answer is reported: it is the only sign that an assumption
 ///   of [`HostConfig`] is wrong.
-/// - There is one outcome for each frame, and nothing is sent before it has been taken. Instructions that were submitted but not sent when a
-///   connection is lost are sent on the next.
+/// - There is one outcome for each frame, and nothing is sent before it has been taken. Instructions that were submitted but
+///   not sent when a connection is lost are sent on the next.
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,

@@ -22,7 +22,8 @@ pub struct Link {
     pub about: &'static str,
     /// The names of the sides that send messages; the first is the default.
     pub sides: &'static [&'static str],
-    /// The side that sends, in a capture: the TCP client, or the server on this port; `None`: an end that sends no messages, and polls.
+    /// The side that sends, in a capture: the TCP client, or the server on this port; `None`: an end that sends no messages,
+    /// and polls.
     pub sender: fn(is_client: bool, server_port: u16) -> Option<&'static str>,
     /// The traces of the tool by name: the sides that sent the bytes which the trace lists as sent and as received. `None` for a
     /// side that sends no messages.
@@ -37,7 +38,8 @@ pub struct Link {
     pub settings: fn() -> Vec<Setting>,
     /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
     pub codec: MakeCodec,
-    /// Whether its decoder may accept what its encoder would write another way, or not at all; everything else is written in one way.
+    /// Whether its decoder may accept what its encoder would write another way, or not at all; everything else is written in
+    /// one way.
     pub tolerates: fn(&Accepted<'_>) -> bool,
     /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
     pub clauses: &'static [(&'static str, &'static str)],
@@ -72,7 +74,8 @@ pub struct Open {
     pub settings: &'static [&'static str],
     /// Other settings that show what decides, with their values: `view`, `telemetry`.
     pub beside: &'static [(&'static str, &'static str)],
-    /// Other settings of the ends, which bytes show and a command may lack: their values in these messages, and the reason for each.
+    /// Other settings of the ends, which bytes show and a command may lack: their values in these messages, and the reason
+    /// for each.
     pub places: fn(messages: &[(&'static str, Value)]) -> Vec<Place>,
     /// The names of [`places`](Self::places).
     pub place_names: &'static [&'static str],

@@ -6,8 +6,8 @@ use serde_json::Value;
 /// The keys that every message may have.
 const ALL: [&str; 3] = ["transaction", "unit", "function"];
 
-/// Returns an error text that names the first key that messages of the object's function do not have, and those that they have. `None`
-/// if every key is known, or the function is missing.
+/// Returns an error text that names the first key that messages of the object's function do not have, and those that they
+/// have. `None` if every key is known, or the function is missing.
 pub fn unknown_key(message: &Value, side: Side) -> Option<String> {
     let message = message.as_object()?;
     let code = u8::try_from(message.get("function")?.as_u64()?).ok()?;

@@ -1,12 +1,12 @@
 //! The counts of what the shadows report, by link, and the lists that they are made from.
 //!
-//! `SHADOW_LISTS=FOLDER cargo test -p cellwire-links --test it shadow` writes the lists to FOLDER, an absolute path. A test that fails
-//! prints the new counts; if a checksum has changed, compare the lists with those of an earlier revision.
+//! `SHADOW_LISTS=FOLDER cargo test -p cellwire-links --test it shadow` writes the lists to FOLDER, an absolute path. A test
+//! that fails prints the new counts; if a checksum has changed, compare the lists with those of an earlier revision.
 
 use std::path::PathBuf;
 
-/// The complaints about the peers in the stories: how many by kind and clause, and the checksum of `LINK.txt`, the list of them. A
-/// complaint that follows one of the same words in its story does not count.
+/// The complaints about the peers in the stories: how many by kind and clause, and the checksum of `LINK.txt`, the list of
+/// them. A complaint that follows one of the same words in its story does not count.
 pub(super) const STORIES: &str = "\
 kawasaki-msg Assumption: KM-51 104, KM-87 113
 kawasaki-msg Budget: KM-50 84
@@ -34,10 +34,10 @@ mmacell-proto Rule: MM-18 3, MM-3 15, MM-4 10, MM-54 1, MM-74 14
 mmacell-proto list 80178ce444839e70
 ";
 
-/// The stories that are read with one fault. The columns are: how many of all stories; for each of [`FAULTS`](super::faults::FAULTS) the
-/// faults that are complained about, of those that can be seen, + those that nobody between the ends can see; the complaints that come
-/// later than the next two messages; the faults that nobody can see, for each of [`REASONS`](super::unseen::REASONS); the checksum of
-/// `LINK-faults.txt`.
+/// The stories that are read with one fault. The columns are: how many of all stories; for each of
+/// [`FAULTS`](super::faults::FAULTS) the faults that are complained about, of those that can be seen, + those that nobody
+/// between the ends can see; the complaints that come later than the next two messages; the faults that nobody can see, for
+/// each of [`REASONS`](super::unseen::REASONS); the checksum of `LINK-faults.txt`.
 pub(super) const FAULTS: &str = "\
 kawasaki-msg: 53 of 220; 255/269 + 25, 283/294, 292/293 + 1, 20/20 + 169, 68/68 + 226; 6; 169 21 4 1 0 0 226 0; list 301ccec6354cf117
 val2-alter: 68 of 300; 174/181 + 89, 267/270, 146/149 + 121, 9/9 + 197, 270/270; 17; 173 97 5 105 0 27 0 0; list 5d486678cf483887

@@ -67,8 +67,8 @@ impl Document {
         self.numbering.take();
     }
 
-    /// Applies the changes of the editor, each to the text that the previous one has made. A document that is too long ignores changes of
-    /// a part: only the whole text can be shorter.
+    /// Applies the changes of the editor, each to the text that the previous one has made. A document that is too long
+    /// ignores changes of a part: only the whole text can be shorter.
     pub(crate) fn change(&mut self, version: i32, changes: Vec<TextDocumentContentChangeEvent>) {
         self.version = Some(version);
         for change in changes {

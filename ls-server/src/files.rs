@@ -3,8 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The files in and below a folder whose names end in one of some endings, in order; a file that is named is itself. Links are not
-/// followed, except one that is named.
+/// The files in and below a folder whose names end in one of some endings, in order; a file that is named is itself. Links
+/// are not followed, except one that is named.
 #[derive(Debug)]
 pub struct Walk {
     rest: Vec<(PathBuf, bool)>,

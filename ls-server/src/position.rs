@@ -89,7 +89,8 @@ impl Lines {
     }
 }
 
-/// A text with its lines, and an encoding: converts positions. Offsets that only grow within a line are converted in one pass over it.
+/// A text with its lines, and an encoding: converts positions. Offsets that only grow within a line are converted in one
+/// pass over it.
 #[derive(Debug)]
 pub(crate) struct Converter<'a> {
     text: &'a str,

@@ -1,4 +1,5 @@
-//! Sends a robot home and waits until it has arrived: `cargo run -p mmacell-proto --features std --example home -- 192.168.0.1:2001`
+//! Sends a robot home and waits until it has arrived: `cargo run -p mmacell-proto --features std --example home --
+//! 192.168.0.1:2001`
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "the driver loop is where I/O is")]
 

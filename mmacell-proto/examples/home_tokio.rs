@@ -1,4 +1,5 @@
-//! Moves a robot home, and prints its status: `cargo run -p mmacell-proto --features tokio --example home_tokio -- 192.168.0.1:2001`
+//! Moves a robot home, and prints its status: `cargo run -p mmacell-proto --features tokio --example home_tokio --
+//! 192.168.0.1:2001`
 
 use mmacell_proto::robot_session::tokio::Tcp;
 use mmacell_proto::tokio::central;

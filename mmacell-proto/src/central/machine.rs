@@ -152,8 +152,8 @@ impl<P: Pose> Machine for CentralMachine<P> {
     type Config = CentralConfig;
 
     /// # Errors
-    /// A request while another command is not finished or without a connection, bytes without a connection, a command sent that was
-    /// not due.
+    /// A request while another command is not finished or without a connection, bytes without a connection, a command sent
+    /// that was not due.
     #[inline(always)] // where the input is known, little of it is left
     fn on(
         &mut self,

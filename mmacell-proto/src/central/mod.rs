@@ -22,8 +22,8 @@ use crate::pose::Pose;
 /// The central controller's end of the connections to one device, whose axes are `P`: [`RobotPose`](crate::RobotPose),
 /// [`PlatformPose`](crate::PlatformPose), or [`NoPose`](crate::NoPose) for one without axes.
 ///
-/// [`request`](Self::request) a command and drive the session as [`Session`](robot_session::Session) requires; its outcome is an event, and then the next
-/// one may be requested.
+/// [`request`](Self::request) a command and drive the session as [`Session`](robot_session::Session) requires; its outcome
+/// is an event, and then the next one may be requested.
 ///
 /// - One command is outstanding at a time: replies have no number, and are matched by their order. Hence everything except
 ///   one well-formed, timely reply of the right kind ends the connection: [`CentralEvent::Closed`] reports the command that was

@@ -17,8 +17,8 @@ use crate::step::{Step, Trigger, Wait};
 ///
 /// It gives an order to a device only when the last one to the same device is answered, so each can be sent at once. While it
 /// waits for a motion to end it asks for the status every [`TaskConfig::poll`], and goes on when the device has
-/// [arrived](mmacell_proto::Progress::Arrived): a device that is at rest elsewhere has failed. Up to eight [`Output::Entered`] wait to be polled;
-/// then the oldest is dropped.
+/// [arrived](mmacell_proto::Progress::Arrived): a device that is at rest elsewhere has failed. Up to eight
+/// [`Output::Entered`] wait to be polled; then the oldest is dropped.
 #[derive(Debug, Clone)]
 pub struct Task {
     config: TaskConfig,

@@ -53,8 +53,9 @@ pub enum Event {
     /// After [`Step::Placed`], [`Step::Unpicked`] or [`Step::NothingFound`]: the next part. This and the next two wait until they
     /// can be followed; the last one counts.
     Next,
-    /// After [`Step::Placed`], [`Step::Unpicked`], [`Step::NothingFound`] or [`Step::Faulted`]: close the connections. After a fault only
-    /// when the devices that are there have confirmed the stop, and report that they are at rest: the caller limits that wait.
+    /// After [`Step::Placed`], [`Step::Unpicked`], [`Step::NothingFound`] or [`Step::Faulted`]: close the connections. After
+    /// a fault only when the devices that are there have confirmed the stop, and report that they are at rest: the caller
+    /// limits that wait.
     Finish,
     /// After [`Step::Faulted`], as soon as all devices are ready: reset, and on from step 3.
     Recover,

@@ -135,8 +135,8 @@ pub enum Delay {
 /// the time.
 ///
 /// Searches the range in steps of `step` seconds, then closer around the best: a step of a tenth of the time in which the
-/// motion turns back finds the right valley. None when a motion is empty or at rest, or the range is none or of more than a million
-/// steps.
+/// motion turns back finds the right valley. None when a motion is empty or at rest, or the range is none or of more than a
+/// million steps.
 pub fn fit_delay(
     reference: &[State],
     recording: &[State],

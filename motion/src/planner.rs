@@ -205,8 +205,9 @@ impl Planner {
         self.anywhere.is_some()
     }
 
-    /// Adds a curve through all goals, which begins at `now` with the arm at rest, and ends at rest: the times of the goals. Paces are those of
-    /// straight lines, except that of [`Pace::Path`], which is the speed on the curve. A tool that goes anywhere follows none.
+    /// Adds a curve through all goals, which begins at `now` with the arm at rest, and ends at rest: the times of the goals.
+    /// Paces are those of straight lines, except that of [`Pace::Path`], which is the speed on the curve. A tool that goes
+    /// anywhere follows none.
     ///
     /// # Errors
     /// The arm cannot reach a goal; nothing has changed.

@@ -5,8 +5,8 @@ use super::kinematics::{Arm, Kinematics};
 /// The pieces in which the length of a stretch is measured.
 const PIECES: u32 = 24;
 
-/// A motion through several positions, at rest at both ends. FANUC's curve is not published: this one is a cubic, and each stretch takes the time
-/// of its length at its speed.
+/// A motion through several positions, at rest at both ends. FANUC's curve is not published: this one is a cubic, and each
+/// stretch takes the time of its length at its speed.
 #[derive(Debug, Clone)]
 pub(crate) struct Spline {
     points: Vec<Point>,

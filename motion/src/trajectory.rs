@@ -44,7 +44,8 @@ impl Trajectory {
     /// with `#`.
     ///
     /// # Errors
-    /// The first line that is not seven numbers, or whose time is not later than the previous one, or more than a day after the first.
+    /// The first line that is not seven numbers, or whose time is not later than the previous one, or more than a day after
+    /// the first.
     pub fn from_csv(text: &str) -> Result<Self, TrajectoryError> {
         let mut samples = Vec::new();
         let mut has_names = false;

@@ -12,8 +12,8 @@ pub trait Counters: Copy + Default + Debug + PartialEq {
     fn dropped_notices(&mut self) -> &mut u64;
 }
 
-/// Defines the counters of an end: those that are listed, and the two that the loop of every session keeps. The crate has the features
-/// `defmt` and `serde`.
+/// Defines the counters of an end: those that are listed, and the two that the loop of every session keeps. The crate has
+/// the features `defmt` and `serde`.
 ///
 /// ```
 /// robot_session::counters! {

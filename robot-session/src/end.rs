@@ -127,8 +127,8 @@ pub trait End: Sized {
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
-    /// Reads other inputs, such as the queue that a robot fills, after expired deadlines. The code that changes such an input wakes the
-    /// caller, see [`Session`].
+    /// Reads other inputs, such as the queue that a robot fills, after expired deadlines. The code that changes such an
+    /// input wakes the caller, see [`Session`].
     #[inline]
     fn look(&mut self, _now: Duration) {}
 
@@ -421,7 +421,8 @@ fn read_held<E: End>(end: &mut E, now: Duration) {
     }
 }
 
-/// The accessors of an [`End`](crate::end::End) whose [`Core`](crate::end::Core) is its field `core`, and the event of an [`Unexpected`].
+/// The accessors of an [`End`](crate::end::End) whose [`Core`](crate::end::Core) is its field `core`, and the event of an
+/// [`Unexpected`].
 #[macro_export]
 macro_rules! core {
     ($unexpected:path) => {
@@ -441,7 +442,8 @@ macro_rules! core {
     };
 }
 
-/// The methods of an [`End`](crate::end::End) for its field `echo`, an [`Echo`](crate::end::Echo), and the event of an [`EchoError`](crate::EchoError).
+/// The methods of an [`End`](crate::end::End) for its field `echo`, an [`Echo`](crate::end::Echo), and the event of an
+/// [`EchoError`](crate::EchoError).
 #[macro_export]
 macro_rules! echo {
     ($event:path) => {

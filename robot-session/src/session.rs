@@ -5,22 +5,24 @@ use core::time::Duration;
 /// One end of a link, without a clock, a socket or a port.
 ///
 /// After any `handle_…` or request of the caller: call [`poll_event`](Self::poll_event) and
-/// [`poll_transmit`](Self::poll_transmit) until both return `None` ([`Steps`](crate::Steps) do it), then sleep until bytes arrive or
-/// [`poll_timeout`](Self::poll_timeout) is reached. Other orders of calls lose nothing; calling too often or too late affects only
-/// the protocol's own deadlines.
+/// [`poll_transmit`](Self::poll_transmit) until both return `None` ([`Steps`](crate::Steps) do it), then sleep until bytes
+/// arrive or [`poll_timeout`](Self::poll_timeout) is reached. Other orders of calls lose nothing; calling too often or too
+/// late affects only the protocol's own deadlines.
 ///
 /// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stop. All arithmetic
 ///   saturates, and `Duration::MAX` is legal everywhere: as a setting or a deadline it means never.
 /// - **Connections.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
 ///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
 ///   connection. No state of a connection carries over to the next, except state that the machine keeps on purpose.
-/// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the sender.
-///   When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
+/// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the
+///   sender. When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
 /// - **Wakes.** Nothing busy-waits. Other inputs of a session, such as the queue that a robot fills,
 ///   are read in [`handle_timeout`](Self::handle_timeout). The code that changes such an input wakes the caller,
-///   which then calls it. The drivers have a `waker`: a turn ends when it is used, and the next one calls `handle_timeout` at once.
+///   which then calls it. The drivers have a `waker`: a turn ends when it is used, and the next one calls `handle_timeout`
+///   at once.
 /// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,
-///   unsolicited messages) can be: when the queue is full, the oldest is dropped and counted, see [`EventQueue`](crate::end::EventQueue).
+///   unsolicited messages) can be: when the queue is full, the oldest is dropped and counted, see
+///   [`EventQueue`](crate::end::EventQueue).
 /// - **Statistics.** Counters, including one of inputs that the machine did not expect.
 pub trait Session {
     /// An event of the session: small and owned, so that a handler may call the session.

@@ -1,5 +1,5 @@
-//! One turn of the loops that wait by `.await`: tokio's, and that over `embedded-io-async`. A turn that is dropped loses nothing, so the
-//! loop over `embedded-io` is the same one, polled once.
+//! One turn of the loops that wait by `.await`: tokio's, and that over `embedded-io-async`. A turn that is dropped loses
+//! nothing, so the loop over `embedded-io` is the same one, polled once.
 
 use core::future::{Ready, pending, poll_fn};
 use core::ops::ControlFlow;

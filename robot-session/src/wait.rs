@@ -127,8 +127,8 @@ impl<'a> Wait<'a> {
     }
 }
 
-/// Ends the wait of a [`Driver`](crate::Driver), from any thread: the hook of a queue, or the caller's own event. It never blocks, and
-/// waking often before the driver has looked costs no more than waking once.
+/// Ends the wait of a [`Driver`](crate::Driver), from any thread: the hook of a queue, or the caller's own event. It never
+/// blocks, and waking often before the driver has looked costs no more than waking once.
 #[derive(Debug, Clone)]
 pub struct Waker(Arc<Wakeup>);
 

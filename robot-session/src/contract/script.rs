@@ -6,7 +6,8 @@ use std::vec::Vec;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 
-/// A string of calls of a session. `I` is the [`Input`](super::Subject::Input) of its subject, `C` the [`Call`](super::Subject::Call).
+/// A string of calls of a session. `I` is the [`Input`](super::Subject::Input) of its subject, `C` the
+/// [`Call`](super::Subject::Call).
 #[derive(Debug, Clone, Arbitrary)]
 pub struct Script<I, C> {
     /// The configuration, counted on from 0 again after the last.

@@ -37,7 +37,8 @@ pub fn session(subject: &impl Subject, seeds: u64) {
     }
 }
 
-/// Holds a session to the contract, on a string of calls: for a fuzzer, which draws it as an [`Arbitrary`](arbitrary::Arbitrary) value.
+/// Holds a session to the contract, on a string of calls: for a fuzzer, which draws it as an
+/// [`Arbitrary`](arbitrary::Arbitrary) value.
 ///
 /// # Panics
 /// When the session breaks a rule.

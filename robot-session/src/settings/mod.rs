@@ -173,8 +173,8 @@ pub fn no_setting(what: &str, name: &str, names: &[impl AsRef<str>]) -> String {
 
 /// Returns the question after an unknown name, such as `` ; did you mean `baud`? ``, or nothing if no name is similar.
 ///
-/// Names are similar by the measure that clap has for arguments. A name without a table is compared with the names in every table, and
-/// each name also with the tables.
+/// Names are similar by the measure that clap has for arguments. A name without a table is compared with the names in every
+/// table, and each name also with the tables.
 pub fn did_you_mean(unknown: &str, names: &[&str]) -> String {
     const LEAST: f64 = 0.75;
     const NEARLY: f64 = 0.05;

@@ -65,15 +65,15 @@ impl<T> Future for Outcome<T> {
 /// - While there is a connection, the session's own times hold: those of its configuration. Calls that have to wait for
 ///   others wait for their outcomes. An order or a motion takes as long as the peer reports that it continues.
 /// - Without a connection, a call waits for the current attempt to connect, and fails with it.
-/// - When a connection is lost, the outcome of a call that was sent is unknown, unless its session can continue it on the next connection.
-///   A call that was not sent waits for the next one.
+/// - When a connection is lost, the outcome of a call that was sent is unknown, unless its session can continue it on the
+///   next connection. A call that was not sent waits for the next one.
 /// - No call waits longer than [`Task::give_up_after`](super::Task::give_up_after) for a usable connection. A connection is
 ///   not usable if its peer closes it at once, or while the state cannot be stored.
 ///
 /// # Dropped futures
-/// A call whose future is dropped while the call waits is withdrawn: nothing of it is sent. Once the session has accepted a call, it goes
-/// on, and its outcome is one of the [`events`](Self::events). A call that stops a motion, ends an order or clears a queue is made in any
-/// case. Where another call differs, its own documentation says so.
+/// A call whose future is dropped while the call waits is withdrawn: nothing of it is sent. Once the session has accepted a
+/// call, it goes on, and its outcome is one of the [`events`](Self::events). A call that stops a motion, ends an order or
+/// clears a queue is made in any case. Where another call differs, its own documentation says so.
 pub struct Handle<S: Service> {
     pub(super) calls: mpsc::Sender<S::Call>,
     pub(super) events: broadcast::Receiver<S::Event>,
@@ -89,8 +89,8 @@ pub struct Handle<S: Service> {
 pub struct Closed;
 
 impl<S: Service> Handle<S> {
-    /// Makes a call and waits for its outcome: `call` gets the receiver of that. The session limits the number of calls in progress;
-    /// others wait, the oldest first. Without a connection they wait for the current attempt, and fail with it.
+    /// Makes a call and waits for its outcome: `call` gets the receiver of that. The session limits the number of calls in
+    /// progress; others wait, the oldest first. Without a connection they wait for the current attempt, and fail with it.
     ///
     /// [What a dropped future withdraws](Self#dropped-futures).
     ///

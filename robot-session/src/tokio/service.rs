@@ -12,8 +12,8 @@ use crate::Session;
 
 /// The part of a link for handles: its calls, and the matching of outcomes to calls.
 ///
-/// While the task sleeps, a caller makes its call itself, so the methods run in any thread, one at a time. If one of them panics, the task
-/// panics.
+/// While the task sleeps, a caller makes its call itself, so the methods run in any thread, one at a time. If one of them
+/// panics, the task panics.
 pub trait Service: Send {
     /// The session that receives the calls.
     type Session: Session + Send;
@@ -59,9 +59,9 @@ pub trait Service: Send {
         ready(Ok(()))
     }
 
-    /// Ends the calls that the session has accepted and not sent, as [`refuse`](Self::refuse) does, and withdraws them from the session:
-    /// for [`Task::give_up_after`](super::Task::give_up_after) there was no usable connection. A service whose calls all end with their
-    /// connection need not override it.
+    /// Ends the calls that the session has accepted and not sent, as [`refuse`](Self::refuse) does, and withdraws them from
+    /// the session: for [`Task::give_up_after`](super::Task::give_up_after) there was no usable connection. A service whose
+    /// calls all end with their connection need not override it.
     fn give_up(
         &mut self,
         _session: &mut Self::Session,

@@ -200,7 +200,8 @@ impl<S: Service> Drop for Borrowed<'_, S> {
     }
 }
 
-/// The place of a connection that the task serves. When the task stops serving the connection, even if its future is dropped, the connection is dropped too.
+/// The place of a connection that the task serves. When the task stops serving the connection, even if its future is
+/// dropped, the connection is dropped too.
 pub(super) struct Open<'a, S: Service>(&'a Shared<S>);
 
 impl<S: Service> Drop for Open<'_, S> {

@@ -101,8 +101,8 @@ impl<S: Service> Drop for Ends<S> {
 }
 
 /// The delays of a [`Task`] before it reconnects: doubled after each attempt, and half of it random, so that many tasks that
-/// lost the same peer do not reconnect at once. After a connection that lasted longer than the last pause it restarts, unless the peer has
-/// sent nothing and the connection was [given up](Handle::reconnect) or unusable for the link.
+/// lost the same peer do not reconnect at once. After a connection that lasted longer than the last pause it restarts,
+/// unless the peer has sent nothing and the connection was [given up](Handle::reconnect) or unusable for the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reconnect {
     /// The delay after the first attempt. Default: 100 ms.

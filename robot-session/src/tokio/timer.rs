@@ -10,8 +10,8 @@ use ::tokio::time::{Instant, Sleep, sleep_until};
 
 use crate::std_driver::instant;
 
-/// A timer for deadlines that mostly move to later times: it is set again only for an earlier deadline. When the time that it is set to
-/// is over, it is set to the deadline of then.
+/// A timer for deadlines that mostly move to later times: it is set again only for an earlier deadline. When the time that
+/// it is set to is over, it is set to the deadline of then.
 #[derive(Debug, Default)]
 pub(super) struct Timer(Option<Armed>);
 

@@ -1,5 +1,5 @@
-//! TLS over TCP for handles, and for the sessions of a listener. [`client`](crate::tls::client) and [`server`](crate::tls::server) read
-//! certificates.
+//! TLS over TCP for handles, and for the sessions of a listener. [`client`](crate::tls::client) and
+//! [`server`](crate::tls::server) read certificates.
 //!
 //! ```no_run
 //! use robot_session::tls::client;
@@ -109,8 +109,8 @@ async fn in_time<T>(handshake: impl Future<Output = io::Result<T>>) -> io::Resul
     timeout(HANDSHAKE, handshake).await.map_err(|_| late())?.map_err(advised)
 }
 
-/// As [`serve`](super::serve), over TLS. `session` is called after each handshake, with the certificates of the peer among others, or with the
-/// reason why there is no connection; `None` ends the connection.
+/// As [`serve`](super::serve), over TLS. `session` is called after each handshake, with the certificates of the peer among
+/// others, or with the reason why there is no connection; `None` ends the connection.
 ///
 /// # Errors
 /// The errors of the listener.

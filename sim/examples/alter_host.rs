@@ -95,8 +95,8 @@ mod tests {
         assert!(count(|event| matches!(event, PumaEvent::Started(_))) >= 3);
         let done = sim.executed();
         assert!(done.iter().all(|moved| moved.work.pose.p[1].abs() < 50.01), "it has left the box");
-        // The tool points down: its Y is against the world's. A reply that was lost, or late on a busy machine, has moved nothing:
-        // at most 1.25 mm each.
+        // The tool points down: its Y is against the world's. A reply that was lost, or late on a busy machine, has moved
+        // nothing: at most 1.25 mm each.
         let lost = count(|event| matches!(event, PumaEvent::BadReply(_))).max(3);
         let short = f64::from(u32::try_from(lost).unwrap()) * 1.25 + 0.25;
         let [x, y, _] = done.last().unwrap().work.pose.p;

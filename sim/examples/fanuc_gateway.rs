@@ -1,6 +1,7 @@
-//! Polls robots every 8 ms, and gives a PLC what they say: robot N has the 37 registers from 100 N on; what the PLC writes there goes to
-//! the robot, unless that does not answer. The reply to a write comes before the robot's: the PLC's next reads show whether it was executed.
-//! `cargo run -p cellwire-sim --all-features --example fanuc_gateway -- 0.0.0.0:5020 192.168.0.10:502 192.168.0.11:502`
+//! Polls robots every 8 ms, and gives a PLC what they say: robot N has the 37 registers from 100 N on; what the PLC writes
+//! there goes to the robot, unless that does not answer. The reply to a write comes before the robot's: the PLC's next reads
+//! show whether it was executed. `cargo run -p cellwire-sim --all-features --example fanuc_gateway -- 0.0.0.0:5020
+//! 192.168.0.10:502 192.168.0.11:502`
 
 use core::time::Duration;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,6 +1,6 @@
-//! The controller of a laser robot for a board: the session over any `embedded-io-async` port, and the motion beside it. On a board the
-//! hooks set an `embassy_sync` signal and the queue is a static; here it all runs on a computer, whose port is a TCP connection:
-//! `cargo run -p cellwire-sim --all-features --example laser_board -- 192.168.0.20:4001`
+//! The controller of a laser robot for a board: the session over any `embedded-io-async` port, and the motion beside it. On
+//! a board the hooks set an `embassy_sync` signal and the queue is a static; here it all runs on a computer, whose port is a
+//! TCP connection: `cargo run -p cellwire-sim --all-features --example laser_board -- 192.168.0.20:4001`
 
 use core::cell::Cell;
 use core::ops::ControlFlow;

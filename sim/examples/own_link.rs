@@ -1,5 +1,6 @@
-//! A link of one's own, from its bytes to calls by await: a scale that is asked `W` and a number, and answers with the number, the weight in
-//! grams and a sum of both. `cargo run -p cellwire-sim --all-features --example own_link -- 192.168.0.30:4001`
+//! A link of one's own, from its bytes to calls by await: a scale that is asked `W` and a number, and answers with the
+//! number, the weight in grams and a sum of both. `cargo run -p cellwire-sim --all-features --example own_link --
+//! 192.168.0.30:4001`
 //!
 //! ```text
 //! W7\r ──▶    ◀── 7 +01250 5C\r

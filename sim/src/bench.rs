@@ -33,8 +33,9 @@ impl Default for Wire {
 
 /// A session of yours, and a device that it talks to.
 ///
-/// Time passes in [`run_for`](Self::run_for), [`run_until`](Self::run_until) and [`next_event`](Self::next_event) alone, from deadline to
-/// deadline. The two are connected by themselves, first at once and again when a connection has ended; a device that is a client says when.
+/// Time passes in [`run_for`](Self::run_for), [`run_until`](Self::run_until) and [`next_event`](Self::next_event) alone,
+/// from deadline to deadline. The two are connected by themselves, first at once and again when a connection has ended; a
+/// device that is a client says when.
 #[derive(Debug)]
 pub struct Bench<S: Session, D: Device> {
     /// The connection between the two ends.

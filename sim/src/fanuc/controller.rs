@@ -159,8 +159,8 @@ impl Controller {
         (0..count).map(|offset| self.tables.signal(place(offset)?)).collect()
     }
 
-    /// Sets values from this PDU address of a table on, 0 or 1 of a bit, as the cell, an operator or the controller itself does, and a
-    /// program reads them. `None` outside the table: then nothing is set.
+    /// Sets values from this PDU address of a table on, 0 or 1 of a bit, as the cell, an operator or the controller itself
+    /// does, and a program reads them. `None` outside the table: then nothing is set.
     pub fn set_values(&mut self, table: Table, address: u16, values: &[u16]) -> Option<()> {
         let end = usize::from(address) + values.len();
         self.values(table, address, u16::try_from(values.len()).ok()?)?;

@@ -44,8 +44,8 @@ pub struct Fanuc {
     pub files: Lists,
     /// The queues of function 24, by the address of their count; none: it refuses that.
     pub queues: Lists,
-    /// The accesses that the role in a client's certificate permits; others are refused with exception 1. Without it every client may do
-    /// everything.
+    /// The accesses that the role in a client's certificate permits; others are refused with exception 1. Without it every
+    /// client may do everything.
     pub roles: Roles,
 }
 
@@ -102,8 +102,8 @@ pub enum FanucEvent {
         function: u8,
         /// The reason of the refusal.
         exception: Exception,
-        /// The table, the PDU address of the first value, and the number of values; `None` if the request was not looked up in a table: an
-        /// unknown function, or a quantity of 0.
+        /// The table, the PDU address of the first value, and the number of values; `None` if the request was not looked up
+        /// in a table: an unknown function, or a quantity of 0.
         values: Option<(Table, u16, u16)>,
     },
 }

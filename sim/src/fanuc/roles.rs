@@ -5,8 +5,9 @@ use core::str::FromStr;
 
 use fanuc_hmi_modbus::security::Access;
 
-/// The accesses that each role permits: `operator:read,engineer:read,engineer:write@100-199`. An item is a role, and `any`, `read`, `write` or
-/// the number of a function; with `@`, only at these PDU addresses. Without items every client may do everything.
+/// The accesses that each role permits: `operator:read,engineer:read,engineer:write@100-199`. An item is a role, and `any`,
+/// `read`, `write` or the number of a function; with `@`, only at these PDU addresses. Without items every client may do
+/// everything.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Roles(Vec<Permission>);
 

@@ -59,8 +59,8 @@ impl Handshakes {
         }
     }
 
-    /// Goes on with a handshake as far as the client's bytes have come. Returns the client when the handshake is over, or the client and the
-    /// reason for which it is refused.
+    /// Goes on with a handshake as far as the client's bytes have come. Returns the client when the handshake is over, or
+    /// the client and the reason for which it is refused.
     pub(super) fn advance(
         &mut self,
         token: usize,

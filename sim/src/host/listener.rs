@@ -11,8 +11,8 @@ use mio::net::{TcpListener, TcpStream};
 use mio::{Interest, Registry, Token};
 use socket2::{SockRef, TcpKeepalive};
 
-/// A peer that has vanished without a word is noticed when it acknowledges no probe: the first is sent after this long, the others
-/// after each [`PROBE_INTERVAL`].
+/// A peer that has vanished without a word is noticed when it acknowledges no probe: the first is sent after this long, the
+/// others after each [`PROBE_INTERVAL`].
 const FIRST_PROBE: Duration = Duration::from_secs(30);
 const PROBE_INTERVAL: Duration = Duration::from_secs(5);
 
@@ -20,8 +20,8 @@ const PROBE_INTERVAL: Duration = Duration::from_secs(5);
 #[derive(Debug)]
 pub struct Listener {
     listener: TcpListener,
-    /// When no descriptor is free, this one is given up to accept a client and to close its connection: it would otherwise wait forever,
-    /// and its arrival would be reported again and again.
+    /// When no descriptor is free, this one is given up to accept a client and to close its connection: it would otherwise
+    /// wait forever, and its arrival would be reported again and again.
     reserve: Option<File>,
 }
 

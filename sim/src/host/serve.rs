@@ -36,8 +36,8 @@ pub struct Server<C> {
     pub clock: C,
     /// A client that neither sends nor takes a byte for this long is disconnected.
     pub idle_timeout: Option<Duration>,
-    /// The interval at which the sessions are called even if no bytes arrive and no deadline has passed, because another thread may have
-    /// changed them; also the longest time until the server stops.
+    /// The interval at which the sessions are called even if no bytes arrive and no deadline has passed, because another
+    /// thread may have changed them; also the longest time until the server stops.
     pub look: Option<Duration>,
     /// The clients have to speak TLS, with this.
     #[cfg(feature = "tls")]
@@ -57,7 +57,8 @@ impl<C: Fn() -> Duration> Server<C> {
         }
     }
 
-    /// Serves while `goes_on`. A client that does not read its replies stops the reading of its requests, and does not stop another client.
+    /// Serves while `goes_on`. A client that does not read its replies stops the reading of its requests, and does not stop
+    /// another client.
     ///
     /// # Errors
     /// The system cannot wait for events; the errors of `observe`.
@@ -387,8 +388,8 @@ impl<S: Hosted> Client<S> {
             match self.stream.read(input) {
                 Ok(0) => return Err(Ending::ByPeer.into()),
                 Ok(length) => {
-                    // On Unix, bytes after a read that was not filled are an event again; an end that was reported is not. On Windows there
-                    // is no event until a read would have to wait.
+                    // On Unix, bytes after a read that was not filled are an event again; an end that was reported is not.
+                    // On Windows there is no event until a read would have to wait.
                     let is_filled = length == input.len() || self.stream.keeps_bytes();
                     self.is_readable = is_filled || self.is_ended || cfg!(windows);
                     self.active = now;

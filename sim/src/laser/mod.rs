@@ -1,4 +1,5 @@
-//! The controller of a laser robot: it queues, executes one instruction after the other, and answers five words besides. And its host.
+//! The controller of a laser robot: it queues, executes one instruction after the other, and answers five words besides. And
+//! its host.
 
 mod host;
 

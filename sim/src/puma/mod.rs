@@ -1,4 +1,5 @@
-//! The PUMA 562 on its MARK III controller: its program runs ALTER, its operator starts that again, and its arm goes where the replies say.
+//! The PUMA 562 on its MARK III controller: its program runs ALTER, its operator starts that again, and its arm goes where
+//! the replies say.
 
 mod arm;
 mod incident;

@@ -134,8 +134,8 @@ impl<D: Device> Simulator<D> {
         self.off <= now
     }
 
-    /// Returns whether a fault, or the lack of a connection, keeps the device from reading. If the time of a transport passes only while it is
-    /// read, the caller advances it then.
+    /// Returns whether a fault, or the lack of a connection, keeps the device from reading. If the time of a transport
+    /// passes only while it is read, the caller advances it then.
     pub fn is_held(&self) -> bool {
         let is_free = self.is_there() && self.incoming.is_empty() && self.outgoing.is_empty();
         !is_free && !self.wants_input()

@@ -4,7 +4,8 @@
 //!
 //! - a variable is a real, a string (`$name`) or a location; a real has 24 bits, TRUE is −1, a string ends after 255 bytes
 //! - a name has at most 15 characters, an index is 0 to 9999, a line holds one statement
-//! - `.name` belongs to the program that is being executed; the values of a called program's parameters are copied back when it returns
+//! - `.name` belongs to the program that is being executed; the values of a called program's parameters are copied back when
+//!   it returns
 //! - `$ENCODE` writes a blank where a sign could be, unless `/L` is given
 //! - a motion command is given to the arm and the program goes on; `BREAK` waits for the arm
 //! - tasks run side by side: between two statements of one, any number of statements of another may be executed

@@ -1,5 +1,5 @@
-//! Programs without std, started by the C library, or by the reset of a Cortex-M: `--cfg program="…"` names the one that is built. A name
-//! in `proofs` is a crate's, one in `ends` that of an end; `none` is the program that the ends are compared with.
+//! Programs without std, started by the C library, or by the reset of a Cortex-M: `--cfg program="…"` names the one that is
+//! built. A name in `proofs` is a crate's, one in `ends` that of an end; `none` is the program that the ends are compared with.
 #![no_std]
 #![no_main]
 

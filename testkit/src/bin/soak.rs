@@ -16,8 +16,8 @@ use testkit::soak::{HANDLES, Log, ROWS, Row, Tally};
 
 /// Runs both ends of every session over the faults that its transport can commit, on a virtual clock, from seeds.
 ///
-/// The same seed makes the same session on every machine. Exit 1 if a job was lost or executed twice without a report, if a session
-/// was stuck, or if more corruption went unseen than the protocol's own check can be blamed for.
+/// The same seed makes the same session on every machine. Exit 1 if a job was lost or executed twice without a report, if a
+/// session was stuck, or if more corruption went unseen than the protocol's own check can be blamed for.
 #[derive(Debug, Parser)]
 struct Args {
     /// Sessions of each link and transport.

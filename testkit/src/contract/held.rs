@@ -149,7 +149,8 @@ impl Subject for Held {
     }
 
     fn may_be_cut(&self, story: usize, bytes: &[u8]) -> bool {
-        // A packet of Kawasaki's ends where a read ends outside of a message: one message may be cut anywhere, several not between them.
+        // A packet of Kawasaki's ends where a read ends outside of a message: one message may be cut anywhere, several not
+        // between them.
         let is_one =
             matches!(bytes, [b'<', within @ .., b'>'] if !within.iter().any(|byte| b"<>".contains(byte)));
         let is_datagram = self.stories[story].config.get("datagrams") == Some(&json!(true));

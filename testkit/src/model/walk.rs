@@ -1,7 +1,7 @@
 //! One end and any peer: a random walk of the model's [`Peer`](crate::model::Peer), whose words are bytes on a bad line.
 //!
-//! After every step the session is compared with its machine, the bytes that it sends and its events with the machine's decisions, and
-//! the jobs with the properties of the model. A job is a word that the end hears or loses.
+//! After every step the session is compared with its machine, the bytes that it sends and its events with the machine's
+//! decisions, and the jobs with the properties of the model. A job is a word that the end hears or loses.
 
 use core::time::Duration;
 use std::collections::HashMap;

@@ -1,5 +1,5 @@
-//! Serial lines as a UART with a FIFO, a USB adapter and a serial device server deliver them: in pieces, and late. The table of what is answered:
-//! `cargo test -p testkit --test it adapters -- --nocapture`.
+//! Serial lines as a UART with a FIFO, a USB adapter and a serial device server deliver them: in pieces, and late. The table
+//! of what is answered: `cargo test -p testkit --test it adapters -- --nocapture`.
 
 use core::time::Duration;
 use std::collections::VecDeque;

@@ -1,5 +1,5 @@
-//! The contract tests themselves, of a session with its stories: one that keeps the contract passes, and each broken rule is found.
-//! `robot-session` has those of decoders.
+//! The contract tests themselves, of a session with its stories: one that keeps the contract passes, and each broken rule is
+//! found. `robot-session` has those of decoders.
 
 #[path = "../../../robot-session/tests/it/common/mod.rs"]
 mod toy;

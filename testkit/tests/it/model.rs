@@ -480,7 +480,8 @@ mod pairs {
     use testkit::links::PAIRS;
     use testkit::model::{Depth, Terms, WRITTEN, check_or_write};
 
-    /// The clauses that the peer of one end keeps are those that the other end is shown to keep with any peer: both hold together.
+    /// The clauses that the peer of one end keeps are those that the other end is shown to keep with any peer: both hold
+    /// together.
     #[test]
     fn what_a_peer_keeps_the_other_end_is_shown_to_keep() {
         for link in ["isra-ball", "mmacell-proto", "val2-alter", "val2-viewer"] {

@@ -1,4 +1,5 @@
-//! Libraries that `cargo test` leaves out: one with `test = false` has no test in `src`, and one with `doctest = false` no example.
+//! Libraries that `cargo test` leaves out: one with `test = false` has no test in `src`, and one with `doctest = false` no
+//! example.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
-//! VAL II ALTER: its host with any controller, and its controller with any host. Each keeps what the other one relies on. The line loses,
-//! corrupts and delays messages, either end is restarted and called late, and controllers make any sense of words that are left out.
+//! VAL II ALTER: its host with any controller, and its controller with any host. Each keeps what the other one relies on.
+//! The line loses, corrupts and delays messages, either end is restarted and called late, and controllers make any sense of
+//! words that are left out.
 
 mod any_controller;
 mod any_host;

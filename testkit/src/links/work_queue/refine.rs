@@ -1,5 +1,6 @@
-//! Every path of the model on the queue itself, in one thread: a job that is dropped and a question whether a job is wanted call out,
-//! and the writer goes on there. A claim and a batch are made when they are published or dropped: they borrow the writer.
+//! Every path of the model on the queue itself, in one thread: a job that is dropped and a question whether a job is wanted
+//! call out, and the writer goes on there. A claim and a batch are made when they are published or dropped: they borrow the
+//! writer.
 
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -294,7 +294,8 @@ fn a_cut_in_each_phase_leaves_one_outcome() {
     }
 }
 
-/// A program that keeps the number of each request before it is sent is killed at any moment: the peer has nothing that was not kept.
+/// A program that keeps the number of each request before it is sent is killed at any moment: the peer has nothing that was
+/// not kept.
 #[test]
 fn a_kill_between_keeping_and_writing_leaves_nothing_unknown() {
     let mut rng = Rng::new(7);

@@ -35,8 +35,9 @@ fn a_frame_that_pauses_is_executed_once() {
     assert!(frames > 10_000, "{frames} frames");
 }
 
-/// The first transmission is corrupt in one byte, perhaps of its head, and all of them pause, perhaps twice. The others not within
-/// the head: when it is cut there, and the rest of the frame before is in front of it, nothing shows that a frame has begun.
+/// The first transmission is corrupt in one byte, perhaps of its head, and all of them pause, perhaps twice. The others not
+/// within the head: when it is cut there, and the rest of the frame before is in front of it, nothing shows that a frame has
+/// begun.
 #[test]
 fn a_frame_that_is_corrupt_and_pauses_is_executed_once() {
     let (mut rng, mut transmissions) = (Rng::new(90), 0);

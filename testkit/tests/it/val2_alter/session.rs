@@ -1,4 +1,5 @@
-//! How a session begins, keeps its deadlines, misses one and ends: both ends, on a good line and on one that corrupts what it carries.
+//! How a session begins, keeps its deadlines, misses one and ends: both ends, on a good line and on one that corrupts what
+//! it carries.
 
 use core::time::Duration;
 

@@ -30,8 +30,8 @@ pub(super) const BOUND: &str = "the alarm comes within its bound";
 /// The behaviour of the PC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Peer {
-    /// It keeps the source's rules: the jobs from the requested one on, the order's end after the last of them in the same packet.
-    /// The line corrupts, splits, delays and breaks. `insists`: once all is sent, every answer without jobs is the end.
+    /// It keeps the source's rules: the jobs from the requested one on, the order's end after the last of them in the same
+    /// packet. The line corrupts, splits, delays and breaks. `insists`: once all is sent, every answer without jobs is the end.
     Lossy {
         /// Whether it does.
         insists: bool,

@@ -1,6 +1,6 @@
-//! A host on a serial port: `cargo run -p val2-alter --features serialport --example to_and_fro -- /dev/ttyS0`. Moves the tool slowly to and fro.
-//! Each reply that is lost shifts the path, and nothing bounds it; a program that is ended leaves the stop to the controller. The handle has a
-//! reach and a stop: `to_and_fro_tokio`.
+//! A host on a serial port: `cargo run -p val2-alter --features serialport --example to_and_fro -- /dev/ttyS0`. Moves the
+//! tool slowly to and fro. Each reply that is lost shifts the path, and nothing bounds it; a program that is ended leaves
+//! the stop to the controller. The handle has a reach and a stop: `to_and_fro_tokio`.
 
 use core::ops::ControlFlow;
 

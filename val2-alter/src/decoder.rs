@@ -29,9 +29,9 @@ pub struct Received<M> {
 /// names ([`Message::is_plausible`]). The work is bounded: a byte is looked at once for each start mark in the
 /// [`Frame::MAX_LEN`] bytes before it.
 ///
-/// Frames and errors cover the stream without gaps: an error covers the bytes from the start mark of a corrupt frame to where the next frame
-/// may begin, which may be inside of it. Where that is shows when the next start mark comes; that something is wrong is certain
-/// earlier, and [`corruption`](Self::corruption) returns it then.
+/// Frames and errors cover the stream without gaps: an error covers the bytes from the start mark of a corrupt frame to
+/// where the next frame may begin, which may be inside of it. Where that is shows when the next start mark comes; that
+/// something is wrong is certain earlier, and [`corruption`](Self::corruption) returns it then.
 #[derive(Debug, Clone)]
 pub struct Decoder<M> {
     framing: Framing,
@@ -108,7 +108,8 @@ impl<M: Message> Decoder<M> {
         self.position as usize
     }
 
-    /// Reads the frame at `start`, of which `available` bytes are there. An error comes with the number of bytes that it is about.
+    /// Reads the frame at `start`, of which `available` bytes are there. An error comes with the number of bytes that it is
+    /// about.
     #[inline]
     fn read(&mut self, available: usize, finished: bool) -> Result<Option<(M, usize)>, (DecodeError, usize)> {
         let bytes = self.buffer.get(self.start..self.start + available).unwrap_or_default();

@@ -79,8 +79,8 @@ pub enum Error {
 }
 
 impl Arm {
-    /// Sets where the next replies go: as [`Host::set_target`], within the limits of the configuration and the reach. It holds for
-    /// [`HostConfig::target_timeout`] from now on, and is of no use before the controller has started ALTER.
+    /// Sets where the next replies go: as [`Host::set_target`], within the limits of the configuration and the reach. It
+    /// holds for [`HostConfig::target_timeout`] from now on, and is of no use before the controller has started ALTER.
     pub fn set_target(&self, target: [i16; AXES]) {
         self.target.send_replace(Some((target, now())));
     }
@@ -96,8 +96,8 @@ impl Arm {
         *self.commanded.borrow()
     }
 
-    /// Brings the arm to rest within the limits, then ends ALTER; waits for that. The next start of the controller is not answered before
-    /// [`accept`](Self::accept).
+    /// Brings the arm to rest within the limits, then ends ALTER; waits for that. The next start of the controller is not
+    /// answered before [`accept`](Self::accept).
     ///
     /// # Errors
     /// See [`Error`].

@@ -125,8 +125,8 @@ impl Active {
         let exception = self.to_send(config);
         let Some(request) = self.request.take() else { return Action::Nothing };
         self.sent = if self.settles_at.is_some() { self.sent | moving } else { moving };
-        // It is unknown whether a controller keeps the words that come while its subroutine runs. An exception that was not read may
-        // come late and have started it since the message.
+        // It is unknown whether a controller keeps the words that come while its subroutine runs. An exception that was not
+        // read may come late and have started it since the message.
         let is_interrupted =
             request.phase == MotionPhase::Interrupted && config.keeps(Rule::WordsInterrupted);
         let is_unread = matches!(self.exception, Pending::Unread { .. }) && config.keeps(Rule::WordsUnread);

@@ -35,8 +35,8 @@ use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judg
 /// that are and were zero, which is valid for either reading of the source; an axis whose word does not fit waits at
 /// rest until another has come to rest.
 ///
-/// A corrupt frame costs the bytes that the error covers; the session continues, and requests a corrupt start message again. When 16
-/// events wait, the oldest notice is dropped and counted; [`HostEvent::End`] and [`HostEvent::Lost`] of an ALTER,
+/// A corrupt frame costs the bytes that the error covers; the session continues, and requests a corrupt start message again.
+/// When 16 events wait, the oldest notice is dropped and counted; [`HostEvent::End`] and [`HostEvent::Lost`] of an ALTER,
 /// [`HostEvent::Exception`] and [`HostEvent::Stopped`] are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Host {
@@ -66,8 +66,8 @@ impl Host {
         })
     }
 
-    /// Sets the target of the next replies, in units of their words: a speed in each cycle (cumulative), or an offset from the path
-    /// (non-cumulative). It holds for [`HostConfig::target_timeout`]; a new start sets it to zero.
+    /// Sets the target of the next replies, in units of their words: a speed in each cycle (cumulative), or an offset from
+    /// the path (non-cumulative). It holds for [`HostConfig::target_timeout`]; a new start sets it to zero.
     pub fn set_target(&mut self, now: Duration, target: [i16; AXES]) {
         self.target = target;
         self.advance(now, Input::Target, None);

@@ -1,8 +1,8 @@
 //! The codes of the messages. Every enum is total: a code that the source does not name is kept and is written again
 //! unchanged.
 
-/// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form. The range has the codes
-/// that its field on the wire can hold.
+/// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form. The range has
+/// the codes that its field on the wire can hold.
 macro_rules! codes {
     ($(#[$doc:meta])* $name:ident in $codes:expr => { $($(#[$variant_doc:meta])* $variant:ident = $value:literal,)* }) => {
         $(#[$doc])*

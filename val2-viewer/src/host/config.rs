@@ -23,8 +23,9 @@ pub struct HostConfig {
     /// When ALTER has ended, the arm's position is unknown: requests then wait for a new pose. The source's host stops reading
     /// them (§9.4).
     pub max_age: Duration,
-    /// The longest time from an XOFF to the next byte that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the source
-    /// gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the line. [`Duration::MAX`] means never.
+    /// The longest time from an XOFF to the next byte that is sent, if neither XON nor another XOFF comes. Above 0. Default:
+    /// 5 s; the source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the line.
+    /// [`Duration::MAX`] means never.
     pub max_hold: Duration,
     /// The format of a packet. Default: the line of [`PosePacket`], since the source does not describe its own format.
     ///
@@ -32,8 +33,8 @@ pub struct HostConfig {
     /// XON and XOFF, is [not sent](crate::HostEvent::Unsendable).
     pub format: Format,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a packet come back first
-    /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision. While it is off, the
-    /// first packet that comes back shows it: that is the same event, and from then on they are dropped.
+    /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision.
+    /// While it is off, the first packet that comes back shows it: that is the same event, and from then on they are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

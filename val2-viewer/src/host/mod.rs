@@ -20,8 +20,8 @@ use machine::{Action, Answer, HostMachine, Input};
 /// The computer that knows where the arm is, "Steuerrechner" (§5): answers a request with the newest pose, and sends nothing
 /// unasked.
 ///
-/// The order of calls is the [`Session`](robot_session::Session)'s; [`set_pose`](Self::set_pose) whenever there is a new pose, which ALTER gives every
-/// 28 ms.
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`set_pose`](Self::set_pose) whenever there is a new
+/// pose, which ALTER gives every 28 ms.
 ///
 /// - Requests that have piled up have one answer (§9.4): at most one packet is sent in an [`interval`](HostConfig::interval), the
 ///   first one that long after the connection was made. A host that does not read while ALTER is off reports

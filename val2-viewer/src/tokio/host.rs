@@ -48,8 +48,8 @@ pub enum Error {
 }
 
 impl Screen {
-    /// Sets the pose that requests are answered with from now on, and waits for the first packet with it. It outlasts its connection, for
-    /// up to [`HostConfig::max_age`].
+    /// Sets the pose that requests are answered with from now on, and waits for the first packet with it. It outlasts its
+    /// connection, for up to [`HostConfig::max_age`].
     ///
     /// # Errors
     /// See [`Error`].

@@ -1,5 +1,5 @@
-//! Both ends in a task of their own, which reopens its port automatically: the [`workstation`] has the latest pose at any time, a [`Screen`]
-//! shows poses by `.await`.
+//! Both ends in a task of their own, which reopens its port automatically: the [`workstation`] has the latest pose at any
+//! time, a [`Screen`] shows poses by `.await`.
 //!
 //! ```no_run
 //! use val2_viewer::WorkstationConfig;

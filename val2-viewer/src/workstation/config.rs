@@ -9,16 +9,18 @@ pub struct WorkstationConfig {
     /// The pause between two display cycles after which it requests again without an answer. Above
     /// [`timing::CYCLE`]. Default: 2 s (§9.4; "about 5 seconds" in §10.5). [`Duration::MAX`] means never.
     pub pause: Duration,
-    /// The time without a pose after which the picture is [stale](crate::WorkstationEvent::Stale), and without an answer after which a request is
-    /// [missed](crate::WorkstationEvent::Missed). Above [`timing::CYCLE`]. Default: 1.5 s; the source gives none. [`Duration::MAX`] is
-    /// never.
+    /// The time without a pose after which the picture is [stale](crate::WorkstationEvent::Stale), and without an answer
+    /// after which a request is [missed](crate::WorkstationEvent::Missed). Above [`timing::CYCLE`]. Default: 1.5 s; the
+    /// source gives none. [`Duration::MAX`] is never.
     pub stale_after: Duration,
-    /// The longest time from an XOFF to the next request that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the
-    /// source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation. [`Duration::MAX`] means never.
+    /// The longest time from an XOFF to the next request that is sent, if neither XON nor another XOFF comes. Above 0.
+    /// Default: 5 s; the source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation.
+    /// [`Duration::MAX`] means never.
     pub max_hold: Duration,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. Each request comes
-    /// back first then, and is dropped; another byte is [`WorkstationEvent::Echo`](crate::WorkstationEvent::Echo), a collision. While it is off, the first
-    /// request that comes back shows it: that is the same event, and from then on they are dropped.
+    /// back first then, and is dropped; another byte is [`WorkstationEvent::Echo`](crate::WorkstationEvent::Echo), a
+    /// collision. While it is off, the first request that comes back shows it: that is the same event, and from then on they
+    /// are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

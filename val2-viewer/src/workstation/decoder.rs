@@ -5,7 +5,8 @@ use crate::message::PosePacket;
 
 /// The lines of a stream, and its XON and XOFF, which are taken out of it wherever they are.
 ///
-/// An XON or XOFF within a line comes before it. Offsets in the line and lengths do not count it; the position in the stream does.
+/// An XON or XOFF within a line comes before it. Offsets in the line and lengths do not count it; the position in the stream
+/// does.
 #[derive(Debug, Clone, Default)]
 pub struct HandshakeDecoder {
     lines: Decoder,

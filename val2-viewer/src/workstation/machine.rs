@@ -1,6 +1,7 @@
 //! The workstation's machine: when it asks, and whether its picture is stale. No bytes, no clock.
 //!
-//! It has a *credit of one* (§9.4): it asks in the first display cycle, then only after an answer, or after a pause of the display.
+//! It has a *credit of one* (§9.4): it asks in the first display cycle, then only after an answer, or after a pause of the
+//! display.
 //!
 //! As the model has explored it:
 #![doc = include_str!("../../diagrams/workstation.md")]

@@ -26,8 +26,8 @@ use machine::{Action, Enquiry, Input, WorkstationMachine};
 /// - **Credit of one.** It asks in the first display cycle of a connection, and then only after an answer. Every request has one
 ///   outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent before the outcomes of
 ///   the ones before are taken.
-/// - **An answer that does not come.** After [`stale_after`](WorkstationConfig::stale_after) the request is missed and the picture is
-///   [`Stale`](WorkstationEvent::Stale), and nothing is sent until the operator pauses the display for
+/// - **An answer that does not come.** After [`stale_after`](WorkstationConfig::stale_after) the request is missed and the
+///   picture is [`Stale`](WorkstationEvent::Stale), and nothing is sent until the operator pauses the display for
 ///   [`pause`](WorkstationConfig::pause): the next display cycle then asks again. A host that is off would otherwise find a pile of
 ///   requests. An answer that comes later is [`Unasked`](WorkstationEvent::Unasked), and the next display cycle asks again.
 /// - **XOFF** holds the next request until XON, or until [`max_hold`](WorkstationConfig::max_hold) is over.
@@ -48,8 +48,8 @@ pub enum WorkstationEvent {
     /// The answer to a request: draw it.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Pose(PosePacket),
-    /// A request without an answer: none has come for [`stale_after`](WorkstationConfig::stale_after), it could not be read, the display
-    /// was paused, or the connection is lost.
+    /// A request without an answer: none has come for [`stale_after`](WorkstationConfig::stale_after), it could not be read,
+    /// the display was paused, or the connection is lost.
     Missed,
     /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may
     /// be somewhere else. Reported once, until a new pose comes.

@@ -1,7 +1,7 @@
 //! The place of an end in the endless sequence of jobs.
 //!
-//! A position counts jobs from 0 up to [`Limits::wrap`], and then from 0 again: after this many laps that no two positions which are
-//! compared are half of that apart.
+//! A position counts jobs from 0 up to [`Limits::wrap`], and then from 0 again: after this many laps that no two positions
+//! which are compared are half of that apart.
 
 /// The parameters of a queue. The highest number is above the capacity.
 #[derive(Debug, Clone, Copy)]

@@ -38,8 +38,8 @@
 //! ```
 //!
 //! Jobs arrive in packets and leave one by one. So the two ends share one index each instead of a stamp per slot: the jobs of a
-//! packet are published by one store ([`Writer::claim_batch`]), and a slot is as large as its job. The cost is one more shared cache line
-//! when jobs are queued singly.
+//! packet are published by one store ([`Writer::claim_batch`]), and a slot is as large as its job. The cost is one more
+//! shared cache line when jobs are queued singly.
 //!
 //! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it, `boxed` returns ends that own their storage.
 #![no_std]

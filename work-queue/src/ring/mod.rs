@@ -7,17 +7,18 @@
 //!     |  published: the READER's   |  free: the WRITER's   |
 //! ```
 //!
-//! 1. Slots from `head` to `tail` are the reader's and hold a job, unless their flag in `done` says that it was completed before its
-//!    turn. The flags are the reader's alone.
+//! 1. Slots from `head` to `tail` are the reader's and hold a job, unless their flag in `done` says that it was completed
+//!    before its turn. The flags are the reader's alone.
 //! 2. Slots from `tail` to `head + capacity` are the writer's and hold no job.
-//! 3. Only the writer stores `tail`: the release store hands the slots before it to the reader, whose acquire load takes them over.
-//!    Only the reader stores `head`, and hands slots back in the same way.
-//! 4. An end keeps what it saw of the other one as its cursor's `end`: slots from `at` to `end` are its own. They are on one lap up to
-//!    `stop`. Cursors are made here alone, of the ring's own limits: their index is below the capacity.
-//! 5. Only the writer stores the mark, which hands nothing over: the reader discards no slots but its own. A job is published after
-//!    the marks before it: an end that has acquired a tail finds the mark from which the jobs before it are numbered.
-//! 6. There is one writer and one reader. The end that leaves second drops what is left between `head` and `tail`, where the storage
-//!    is theirs; elsewhere the queue does, when it is dropped or split again.
+//! 3. Only the writer stores `tail`: the release store hands the slots before it to the reader, whose acquire load takes
+//!    them over. Only the reader stores `head`, and hands slots back in the same way.
+//! 4. An end keeps what it saw of the other one as its cursor's `end`: slots from `at` to `end` are its own. They are on one
+//!    lap up to `stop`. Cursors are made here alone, of the ring's own limits: their index is below the capacity.
+//! 5. Only the writer stores the mark, which hands nothing over: the reader discards no slots but its own. A job is
+//!    published after the marks before it: an end that has acquired a tail finds the mark from which the jobs before it are
+//!    numbered.
+//! 6. There is one writer and one reader. The end that leaves second drops what is left between `head` and `tail`, where the
+//!    storage is theirs; elsewhere the queue does, when it is dropped or split again.
 
 mod reader;
 mod storage;

@@ -42,8 +42,8 @@ impl<T, W: Wake> Reader<'_, T, W> {
         Some(Taken { hold: self.end.hold, front: &mut self.front, here, writer: &self.end.other })
     }
 
-    /// Takes the oldest jobs, at most `most`, by reference: fewer if fewer were published when the reader last ran out of jobs, or if
-    /// the lap, the numbers, or a job that was completed before its turn end the row. They are completed together.
+    /// Takes the oldest jobs, at most `most`, by reference: fewer if fewer were published when the reader last ran out of
+    /// jobs, or if the lap, the numbers, or a job that was completed before its turn end the row. They are completed together.
     #[inline(always)]
     pub fn take_batch(&mut self, most: usize) -> Option<TakenBatch<'_, T, W>> {
         if most == 0 || !self.front.find(&self.end.hold, &self.end.other, check::mark_in_batch()) {
@@ -232,8 +232,8 @@ impl<'a, T, W: Wake> IntoIterator for &'a Reader<'_, T, W> {
 /// A job that is being executed, in its slot. A reset does not discard it.
 ///
 /// Only [`complete`](Self::complete) frees the slot. If this is dropped without it, the job waits again; if it was the oldest,
-/// [`Reader::take`] returns it next, unless a reset has discarded it meanwhile. It is the job behind `*`: a job's own method of the
-/// name `number` or `complete` is `(*taken).number()`.
+/// [`Reader::take`] returns it next, unless a reset has discarded it meanwhile. It is the job behind `*`: a job's own method
+/// of the name `number` or `complete` is `(*taken).number()`.
 #[must_use = "a job that is not completed waits again"]
 pub struct Taken<'a, T, W: Wake = NoWake> {
     hold: Hold<T>,

@@ -29,8 +29,8 @@ struct Ring<T, S, D> {
 
 /// A queue of at most `N` jobs, stored inline: `1..=9999`, any number, not only powers of two.
 ///
-/// [`split`](Self::split) it into its two ends, or [`split_static`](Self::split_static) one in a `static`. When the queue is dropped,
-/// its remaining jobs are dropped too.
+/// [`split`](Self::split) it into its two ends, or [`split_static`](Self::split_static) one in a `static`. When the queue is
+/// dropped, its remaining jobs are dropped too.
 pub struct WorkQueue<T, const N: usize>(Ring<T, [Slot<T>; N], [AtomicBool; N]>);
 
 // SAFETY: jobs go from one end to the other; `split_static` alone uses a shared queue, and makes one pair of ends at a time.

@@ -9,8 +9,9 @@ use crate::wake::{NoWake, Wake};
 /// The end of the communication task: queues jobs, in the order of their numbers. There is one for each queue.
 ///
 /// For each job of a packet: [`claim`](Self::claim) a slot, decode the job, [`commit`](Claim::commit) it; or do so in a
-/// [`claim_batch`](Self::claim_batch), whose jobs are published at once. When the queue is [`Full`], discard the rest of the packet,
-/// wait until it has [`drained`](Self::drained), and ask for a resend from the job after [`last_number`](Self::last_number).
+/// [`claim_batch`](Self::claim_batch), whose jobs are published at once. When the queue is [`Full`], discard the rest of the
+/// packet, wait until it has [`drained`](Self::drained), and ask for a resend from the job after
+/// [`last_number`](Self::last_number).
 ///
 /// Nothing here ever waits for the reader.
 pub struct Writer<'q, T, R: Wake = NoWake> {

@@ -1,5 +1,5 @@
-//! Every string of eight operations, and of seven with batches among them, on queues of 1 to 4 jobs, against a plain `VecDeque`. The highest number and the start lap are
-//! chosen so that numbers and laps wrap around within the strings.
+//! Every string of eight operations, and of seven with batches among them, on queues of 1 to 4 jobs, against a plain
+//! `VecDeque`. The highest number and the start lap are chosen so that numbers and laps wrap around within the strings.
 
 use core::cell::Cell;
 use std::collections::VecDeque;

@@ -10,7 +10,8 @@ use proc_macro2::{TokenStream, TokenTree};
 
 /// Returns a paragraph for each pair of files of the crate in `root/folder`: their paths from `root`, and the imports of both.
 ///
-/// A re-export counts as the file that it comes from. A module and its descendants are not a pair, and inline tests import what they like.
+/// A re-export counts as the file that it comes from. A module and its descendants are not a pair, and inline tests import
+/// what they like.
 pub(crate) fn pairs(root: &Path, folder: &str) -> Result<Vec<String>> {
     let mut files = Files::default();
     files.read_folder(&root.join(folder).join("src"), &[])?;

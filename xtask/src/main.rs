@@ -23,7 +23,8 @@ struct Args {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Format, lints and tests of the packages that differ from the last commit. For a link: under a minute, if it was built before
+    /// Format, lints and tests of the packages that differ from the last commit. For a link: under a minute, if it was built
+    /// before
     Check {
         /// These packages instead
         packages: Vec<String>,

@@ -19,8 +19,8 @@ use machine::{Action, DeviceMachine, Input, Reply};
 
 /// The device: answers each request, one after the other.
 ///
-/// The order of calls is the [`Session`](robot_session::Session)'s; [`answer`](Self::answer) after each [`DeviceEvent::Asked`]. Requests
-/// that come meanwhile wait.
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`answer`](Self::answer) after each
+/// [`DeviceEvent::Asked`]. Requests that come meanwhile wait.
 #[derive(Debug, Clone)]
 pub struct Device {
     core: CoreOf<Self>,

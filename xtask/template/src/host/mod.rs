@@ -83,7 +83,8 @@ impl Host {
     /// Asks for the value of a register.
     ///
     /// # Errors
-    /// [`SessionError::NotConnected`]; [`SessionError::Busy`] while the request before, or eight events, wait. Nothing has changed.
+    /// [`SessionError::NotConnected`]; [`SessionError::Busy`] while the request before, or eight events, wait. Nothing has
+    /// changed.
     pub fn get(&mut self, now: Duration, register: u8) -> Result<(), SessionError> {
         self.handle_timeout(now); // a request whose time is over is none
         if !self.core.events.has_room(1) {

@@ -1,6 +1,6 @@
 //! The bytes that a decoder holds of its stream.
 
-/// The bytes of a stream that a [`Decoder`](crate::Decoder) holds, at most `N`, and where they are in it.
+/// The bytes of a stream that a [`Decoder`](crate::Decoder) buffers, at most `N`, and their offset in the stream.
 #[derive(Debug, Clone)]
 pub struct StreamBuffer<const N: usize> {
     bytes: [u8; N],

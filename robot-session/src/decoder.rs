@@ -7,8 +7,8 @@
 /// [`finish`](Self::finish) and `next_frame` again.
 ///
 /// - Frames and errors cover the stream without gaps: every byte belongs to exactly one of them, and
-///   [`position`](Self::position) returns the end of each. An error covers the bytes up to where the next frame may begin, so
-///   a valid frame after an error is not lost.
+///   [`position`](Self::position) returns the end of each. An error covers the bytes up to the possible beginning of the
+///   next frame, so a valid frame after an error is not lost.
 /// - Chunking of the stream has no effect.
 /// - Incomplete input is `None`, never an error; only `finish` makes it one.
 /// - After an error, calling again makes progress: a finite input gives finitely many frames and errors.

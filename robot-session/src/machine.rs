@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use crate::unexpected::Unexpected;
 
-/// The state machine of one end of a link: everything that decides what happens next, without bytes, buffers or a clock.
+/// The state machine of one end of a link: all decisions about the next action, without bytes, buffers or a clock.
 ///
 /// The state is a value: equal states behave equally. Every time in it is a deadline, which is compared only with `now`, so
 /// that the states are finitely many and a model can visit all of them. `Duration::MAX` means never.

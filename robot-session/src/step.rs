@@ -7,7 +7,7 @@ use crate::session::Session;
 /// The next thing to do for a session.
 #[derive(Debug)]
 pub enum Step<'a, E> {
-    /// Something has happened: the caller handles it.
+    /// An event for the caller to handle.
     Event(E),
     /// The caller sends these bytes.
     Write(&'a [u8]),

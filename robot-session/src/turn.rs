@@ -190,7 +190,7 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
         }
     }
 
-    /// Waits until the port has done something, the time is over, or the driver is woken. Returns whether that took a wait,
+    /// Waits until the port has made progress, the time is over, or the driver is woken. Returns whether that took a wait,
     /// and the port's progress.
     async fn wait(
         &mut self,

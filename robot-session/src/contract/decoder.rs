@@ -65,7 +65,8 @@ where
 
 /// Holds a decoder to the contract over valid frames of its link, each alone, in streams with corrupt bytes, and cut anywhere.
 ///
-/// `spread` is how many frames next to a corrupt byte a link may lose with it: 0 where a corrupt byte costs its own frame alone.
+/// `spread` is the number of frames next to a corrupt byte that a link may lose with it: 0 if a corrupt byte costs its own
+/// frame alone.
 pub fn decoder<D>(name: &str, new: impl Fn() -> D, frames: &[Vec<u8>], spread: usize)
 where
     D: Decoder<Error: Debug>,
@@ -168,7 +169,7 @@ where
     decoder.clear();
     assert_eq!(decoder.position(), taken, "{name}: what is cleared counts");
     assert!(decoder.next_frame().is_none(), "{name}: nothing is left");
-    // A frame or an error may say where in the stream it is.
+    // A frame or an error may contain its offset in the stream.
     let place = |item: &Item, after: u64| (item.content.is_ok(), item.end + after);
     let expected: Vec<_> = clean.iter().map(|item| place(item, taken)).collect();
     let found: Vec<_> = decode(&mut decoder, &[stream]).iter().map(|item| place(item, 0)).collect();

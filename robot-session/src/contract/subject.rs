@@ -17,7 +17,7 @@ pub enum Happened<'a, E> {
     Connection,
     /// A byte arrives on a connection.
     Byte(u8),
-    /// Something is transmitted, in one piece.
+    /// A message is transmitted, in one piece.
     Sent(&'a [u8]),
     /// An event is reported.
     Event(&'a E),
@@ -54,7 +54,7 @@ pub trait Subject {
     /// truncated to it.
     fn input(&self, session: &Self::Session, configuration: usize, input: &Self::Input) -> Vec<u8>;
 
-    /// Makes one of the user's calls, valid or not, and returns its name and result as text. `None`: there are no calls.
+    /// Makes one of the user's calls, valid or not, and returns its name and result as text. `None` if there are no calls.
     fn call(
         &self,
         _session: &mut Self::Session,
@@ -82,7 +82,7 @@ pub trait Subject {
     }
 
     /// Returns a check of one session, called with every act in sequence: for example that each request has one outcome. The
-    /// check panics if something is wrong.
+    /// check panics if it fails.
     fn watch(&self) -> impl FnMut(Happened<'_, <Self::Session as Session>::Event>) {
         |_| ()
     }

@@ -264,7 +264,7 @@ impl Table<'_> {
     }
 }
 
-/// Returns a number as a number, anything else as text.
+/// Returns a number as a number, any other value as text.
 fn shown(value: impl Display) -> Value {
     let text = value.to_string();
     serde_json::from_str(&text).ok().filter(Value::is_number).unwrap_or(text.into())

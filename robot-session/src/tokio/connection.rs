@@ -359,7 +359,7 @@ impl<S: Service> Connection<S> {
 enum Sent {
     /// All of them, and the task sleeps on.
     All,
-    /// The task goes on.
+    /// The task continues.
     Part,
 }
 

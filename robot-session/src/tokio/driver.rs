@@ -195,8 +195,8 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
         Self { transport, has_written: false }
     }
 
-    /// Writes bytes first: in most cases the peer sends nothing before it has them. Then reads the port, so that a session
-    /// that always has something to send reads too. `unread` is called when the port was read and had nothing.
+    /// Writes bytes first: in most cases the peer sends nothing before it has received them. Then reads the port, so that a
+    /// session that always has bytes to send reads too. `unread` is called if the port had no bytes.
     #[inline(always)]
     pub(super) fn poll(
         &mut self,

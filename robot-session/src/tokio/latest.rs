@@ -11,7 +11,7 @@ use crate::now;
 #[derive(Debug, Clone)]
 pub struct Latest<T>(watch::Receiver<Option<(T, Duration)>>);
 
-/// The sender of the values. When it is dropped, there is no value any more.
+/// The sender of the values. After the sender is dropped, there is no value.
 #[derive(Debug)]
 pub struct Source<T>(watch::Sender<Option<(T, Duration)>>);
 

@@ -60,8 +60,8 @@ pub trait Service: Send {
     }
 
     /// Ends the calls that the session has accepted and not sent, as [`refuse`](Self::refuse) does, and withdraws them from
-    /// the session: for [`Task::give_up_after`](super::Task::give_up_after) there was no usable connection. A service whose
-    /// calls all end with their connection need not override it.
+    /// the session: there was no usable connection for the time of [`Task::give_up_after`](super::Task::give_up_after). A
+    /// service whose calls all end with their connection need not override it.
     fn give_up(
         &mut self,
         _session: &mut Self::Session,

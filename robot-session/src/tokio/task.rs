@@ -145,9 +145,9 @@ impl<S: Service, C: Connector> Task<S, C> {
     }
 
     /// Sets the time without a usable connection after which calls that wait for one fail, in place of [`GIVE_UP_AFTER`];
-    /// [`Duration::MAX`]: never. A connection is usable if something was sent on it, unless the service then found the peer
-    /// silent or wrong within that time. The time begins when the task runs, when a usable connection is lost, and whenever
-    /// calls have failed so.
+    /// [`Duration::MAX`]: never. A connection is usable if bytes were sent on it, unless the service then found the peer
+    /// silent or wrong within that time. The time begins when the task runs, when a usable connection is lost, and each time
+    /// that calls have failed in this way.
     pub fn give_up_after(self, time: Duration) -> Self {
         Self { give_up_after: time, ..self }
     }
@@ -315,7 +315,7 @@ struct Inbox<S: Service> {
     shared: Arc<Shared<S>>,
 }
 
-/// The time without a connection on which something was sent.
+/// The time without a connection on which bytes were sent.
 struct Outage {
     limit: Duration,
     /// The time at which waiting calls fail.

@@ -166,8 +166,8 @@ impl Mark {
         ((self.0 >> 16) as u16).wrapping_sub((at & 0xFFFF) as u16).cast_signed()
     }
 
-    /// Returns whether it is so far behind `at` that it must be renewed. Called at least once per lap, of at most
-    /// 9999 jobs.
+    /// Returns whether the mark is so far behind `at` that it must be renewed. Called at least once per lap, of at most 9999
+    /// jobs.
     pub(crate) const fn is_stale(self, at: u32) -> bool {
         self.ahead_of(at) < -(1 << 14)
     }

@@ -1,6 +1,6 @@
 /// Every slot holds a job that is waiting or being executed.
 ///
-/// Discard the rest of the packet, wait until [`drained`](crate::Writer::drained), then ask for a resend from the job after
+/// Discard the rest of the packet, wait until [`drained`](crate::Writer::drained), then request a resend from the job after
 /// [`last_number`](crate::Writer::last_number).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

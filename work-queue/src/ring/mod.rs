@@ -7,18 +7,19 @@
 //!     |  published: the READER's   |  free: the WRITER's   |
 //! ```
 //!
-//! 1. Slots from `head` to `tail` are the reader's and hold a job, unless their flag in `done` says that it was completed
-//!    before its turn. The flags are the reader's alone.
+//! 1. Slots from `head` to `tail` are the reader's and contain a job, unless their flag in `done` is set because the job was
+//!    completed before its turn. The flags are the reader's alone.
 //! 2. Slots from `tail` to `head + capacity` are the writer's and hold no job.
 //! 3. Only the writer stores `tail`: the release store hands the slots before it to the reader, whose acquire load takes
 //!    them over. Only the reader stores `head`, and hands slots back in the same way.
-//! 4. An end keeps what it saw of the other one as its cursor's `end`: slots from `at` to `end` are its own. They are on one
-//!    lap up to `stop`. Cursors are made here alone, of the ring's own limits: their index is below the capacity.
+//! 4. An end stores the last observed position of the other one as its cursor's `end`: slots from `at` to `end` are its own.
+//!    They are on one lap up to `stop`. Cursors are made only here, from the ring's own limits: their index is below the
+//!    capacity.
 //! 5. Only the writer stores the mark, which hands nothing over: the reader discards no slots but its own. A job is
 //!    published after the marks before it: an end that has acquired a tail finds the mark from which the jobs before it are
 //!    numbered.
-//! 6. There is one writer and one reader. The end that leaves second drops what is left between `head` and `tail`, where the
-//!    storage is theirs; elsewhere the queue does, when it is dropped or split again.
+//! 6. There is one writer and one reader. The end that leaves second drops the remaining jobs between `head` and `tail`, if
+//!    the ends own the storage; otherwise the queue drops them when it is dropped or split again.
 
 mod reader;
 mod storage;
@@ -149,7 +150,7 @@ impl<T> Shared<T> {
     ///
     /// # Safety
     ///
-    /// No end is in use any more, and it is known where the slots are.
+    /// Both ends are out of use, and the location of the slots is known.
     unsafe fn drop_jobs(&self) {
         let tail = self.tail.0.load(Ordering::Relaxed);
         loop {
@@ -158,7 +159,7 @@ impl<T> Shared<T> {
                 return;
             }
             let cursor = Cursor::new(head, 1, self.limits());
-            // SAFETY: no one else has the slot, and by 1 holds a job if its flag does not say otherwise; the head moves over it.
+            // SAFETY: no other end has the slot, and by 1 it contains a job unless its flag is set; the head moves over it.
             let job = (!self.done(&cursor).load(Ordering::Relaxed))
                 .then(|| unsafe { self.slot(&cursor).place().read() });
             self.head.0.store(self.limits().after(head, 1), Ordering::Relaxed);

@@ -191,7 +191,8 @@ impl Front {
             let mut job = None;
             if ahead > 0 {
                 if !self.passes(hold) {
-                    // SAFETY: the cursor is open, so the slot is ours, and by 1 it holds a job; the cursor moves over it.
+                    // SAFETY: the cursor is open, so the slot is the reader's, and by 1 it contains a job; the cursor moves
+                    // over it.
                     job = Some(unsafe { hold.slot(&self.cursor).place().read() });
                 }
                 self.cursor.step(hold.limits());
@@ -231,9 +232,9 @@ impl<'a, T, W: Wake> IntoIterator for &'a Reader<'_, T, W> {
 
 /// A job that is being executed, in its slot. A reset does not discard it.
 ///
-/// Only [`complete`](Self::complete) frees the slot. If this is dropped without it, the job waits again; if it was the oldest,
-/// [`Reader::take`] returns it next, unless a reset has discarded it meanwhile. It is the job behind `*`: a job's own method
-/// of the name `number` or `complete` is `(*taken).number()`.
+/// Only [`complete`](Self::complete) frees the slot. If the guard is dropped without it, the job waits again; if the job was
+/// the oldest, [`Reader::take`] returns it next, unless a reset has discarded it meanwhile. The guard dereferences to the
+/// job: a job's own method with the name `number` or `complete` is `(*taken).number()`.
 #[must_use = "a job that is not completed waits again"]
 pub struct Taken<'a, T, W: Wake = NoWake> {
     hold: Hold<T>,
@@ -312,7 +313,7 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
         slots.iter().enumerate().map(move |(offset, slot)| {
             #[expect(clippy::cast_possible_truncation, reason = "a row is not longer than the numbers")]
             let number = first + offset as u16;
-            // SAFETY: the slots of the row are ours and hold jobs; each is lent once.
+            // SAFETY: the slots of the row are the reader's and contain jobs; each is lent once.
             (number, unsafe { &mut *slot.place() })
         })
     }

@@ -219,7 +219,7 @@ pub fn boxed_with<T, R: Wake, W: Wake>(
 ) -> Result<Ends<'static, T, R, W>, ConfigError> {
     check_config(capacity, max_number)?;
     let done = (0..capacity).map(|_| AtomicBool::new(false)).collect();
-    // Of loom's cells none is where it was not made.
+    // Loom's cells cannot be used at another address than the one at which they were created.
     let spare = if cfg!(loom) { 0 } else { LINE.checked_div(size_of::<Slot<T>>()).unwrap_or(0) };
     let slots = (0..capacity + spare).map(|_| Slot::new()).collect();
     let ring: BoxedRing<T> = Ring { shared: Shared::new(capacity, max_number), slots, done };

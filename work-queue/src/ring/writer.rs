@@ -10,7 +10,7 @@ use crate::wake::{NoWake, Wake};
 ///
 /// For each job of a packet: [`claim`](Self::claim) a slot, decode the job, [`commit`](Claim::commit) it; or do so in a
 /// [`claim_batch`](Self::claim_batch), whose jobs are published at once. When the queue is [`Full`], discard the rest of the
-/// packet, wait until it has [`drained`](Self::drained), and ask for a resend from the job after
+/// packet, wait until it has [`drained`](Self::drained), and request a resend from the job after
 /// [`last_number`](Self::last_number).
 ///
 /// Nothing here ever waits for the reader.
@@ -163,7 +163,7 @@ fn turn<T>(hold: Hold<T>, cursor: &mut Cursor, publish: bool) {
     }
 }
 
-/// Puts the mark at the head, where it discards nothing.
+/// Puts the mark at the head, at which it discards no jobs.
 #[cold]
 #[inline(never)]
 fn renew<T>(hold: Hold<T>, at: u32, number: u16, publish: bool) {
@@ -207,8 +207,8 @@ impl<T, R: Wake> Claim<'_, T, R> {
         self.commit_with(number, || job)
     }
 
-    /// Queues what `job` returns, and calls it only if the number is right. The job is built in its slot: nothing is copied if
-    /// the compiler can inline `job`.
+    /// Queues what `job` returns, and calls it only if the number is the next one. The job is built in its slot, without a
+    /// copy if the compiler can inline `job`.
     ///
     /// # Errors
     ///
@@ -362,7 +362,7 @@ impl<T, R: Wake> Drop for Batch<'_, T, R> {
     }
 }
 
-/// Moves back to where a batch began, and drops the jobs that were filled from there on.
+/// Moves back to the beginning of a batch, and drops the jobs that were filled from there on.
 #[cold]
 #[inline(never)]
 fn drop_unpublished<T>(hold: Hold<T>, cursor: &mut Cursor, start: u32) {

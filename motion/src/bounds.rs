@@ -2,7 +2,7 @@
 
 use super::evaluate::{Deviation, State};
 
-/// A share of 95 % of what other stretches of the same motion would give lies between these two.
+/// The bounds within which a share of 95 % of the results of other stretches of the same motion lie.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Bounds {
     /// The least.
@@ -33,7 +33,7 @@ pub struct Confidence {
 impl Confidence {
     /// The length of a block, in s.
     pub const BLOCK: f64 = 0.25;
-    /// Fewer blocks say nothing.
+    /// Fewer blocks are not significant.
     pub const LEAST_BLOCKS: usize = 8;
     const DRAWS: usize = 1000;
 
@@ -81,7 +81,8 @@ impl Confidence {
 struct Sums {
     count: f64,
     squares: [f64; 4],
-    /// Of the deviation times the speed, and of the speed squared: a delay that is off by so much moves a state by its speed.
+    /// Of the deviation times the speed, and of the speed squared: an error of the delay moves a state in proportion to its
+    /// speed.
     moved: f64,
     speed: f64,
 }

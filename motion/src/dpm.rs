@@ -1,13 +1,13 @@
-//! Offsets for DYNAMIC PATH MODIFIER: what to put into the group inputs of six axes in every interpolation period.
+//! Offsets for DYNAMIC PATH MODIFIER: the values of the group inputs of six axes for every interpolation period.
 //!
 //! The option (R739) adds the number in a group input to the robot's position in every interpolation period (ITP, 8 ms):
 //! the number is a speed. It has 16 bits, a scale, a limit a period and a limit a path (Fig. 13), and it must go back to zero
 //! when its source falls silent: the robot would drift on.
 //!
-//! The exact meaning of the controller's `Scale factor` is disputed: with a group input, one user ran into the limit
-//! at once with a scale of 1, another believes that 75 gives 1 : 1. So measure `mm_per_count`: send 100 counts in one
-//! period, see how far the robot went, divide. `Offset accumulate: FALSE` of Fig. 13 and the increments of the text
-//! agree only if FALSE is about what is kept from one path to the next: find out before you rely on it. Motion must
+//! The exact meaning of the controller's `Scale factor` is disputed: with a group input, one user ran into the limit at once
+//! with a scale of 1, another reports that 75 gives 1 : 1. So measure `mm_per_count`: send 100 counts in one period, and
+//! divide the distance that the robot moved by 100. `Offset accumulate: FALSE` of Fig. 13 and the increments of the text
+//! agree only if FALSE means that no offset is kept from one path to the next: test this before you rely on it. Motion must
 //! have begun before the offsets do (`DPMO-005 NO Zero Dist Motion` otherwise).
 
 use core::time::Duration;

@@ -1,8 +1,8 @@
-//! A recorded motion against the one that was asked for: errors of position, orientation and their speeds, after the delay
+//! Compares a recorded motion with the requested one: errors of position, orientation and their speeds, after the delay
 //! between them has been found.
 //!
-//! The source found 4 mm at 100 mm/s, which is a delay of 40 ms: without the fit, an error shows more about when than
-//! about where. Nothing is stored here: both motions are slices of the caller's.
+//! The source found 4 mm at 100 mm/s, which is a delay of 40 ms: without the fit, an error shows more about the time than
+//! about the position. Nothing is stored here: both motions are slices of the caller's.
 
 use core::ops::RangeInclusive;
 
@@ -65,14 +65,14 @@ pub fn differentiate(states: &mut [State]) {
     }
 }
 
-/// The error of the recording at one of its states: recorded minus asked for.
+/// The error of the recording at one of its states: recorded minus requested.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Deviation {
     /// The time on the recording's clock, in s.
     pub time: f64,
     /// In mm.
     pub position: [f64; 3],
-    /// From the orientation that was asked for to the recorded one: a rotation vector in degrees (footnote 5).
+    /// The rotation from the requested orientation to the recorded one: a rotation vector in degrees (footnote 5).
     pub rotation: [f64; 3],
     /// In mm/s.
     pub velocity: [f64; 3],
@@ -135,8 +135,8 @@ pub enum Delay {
 /// the time.
 ///
 /// Searches the range in steps of `step` seconds, then closer around the best: a step of a tenth of the time in which the
-/// motion turns back finds the right valley. None when a motion is empty or at rest, or the range is none or of more than a
-/// million steps.
+/// motion turns back finds the right valley. `None` if a motion is empty or at rest, or if the range is empty or has more
+/// than a million steps.
 pub fn fit_delay(
     reference: &[State],
     recording: &[State],

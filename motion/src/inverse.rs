@@ -113,7 +113,7 @@ fn turn_wrist(wrist: &Pose, j1: f64, j3: f64, flip: bool, near: [f64; 6]) -> [f6
         (turned([1.0, 0.0, 0.0]), turned([0.0, 1.0, 0.0]), turned([0.0, 0.0, 1.0]));
     let sine = sqrt(x1 * x1 + x2 * x2);
     if sine < 1e-9 {
-        // The axes of J4 and J6 are one: J4 stays where it is.
+        // The axes of J4 and J6 are one: J4 does not move.
         let [_, _, _, j4, ..] = near;
         let j4 = j4.to_radians();
         let both = if x0 > 0.0 { atan2(y2, y1) } else { -atan2(y2, y1) };

@@ -99,11 +99,11 @@ impl Pose {
 /// An arm with the usual six joints of a FANUC robot: a column, an upper arm, a forearm with an offset, a wrist whose
 /// three axes meet.
 ///
-/// J3 counts from the horizontal: tilting the upper arm (J2) leaves the forearm's direction as it is. Controllers show
-/// and take it so; the source's listing agrees (J3 + J5 is 90.000 whatever J2 is, with the tool upright). Programs that
-/// count J3 from the upper arm convert by [`Trajectory::from_upper_arm`](super::Trajectory::from_upper_arm).
+/// J3 counts from the horizontal: tilting the upper arm (J2) leaves the forearm's direction unchanged. Controllers show and
+/// accept J3 in this form; the source's listing agrees (J3 + J5 is 90.000 for every J2, with the tool upright). Programs
+/// that count J3 from the upper arm convert by [`Trajectory::from_upper_arm`](super::Trajectory::from_upper_arm).
 ///
-/// The world frame stands where the axis of J1 meets the height of J2.
+/// The origin of the world frame is on the axis of J1 at the height of J2.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arm {
     /// From the axis of J1 to the axis of J2, horizontally, in mm.

@@ -1,8 +1,9 @@
-//! Motions one after the other: where an arm is at each time, when the next motion may begin, and how a corner is rounded.
+//! Plans motions one after the other: the arm's position at each time, the time at which the next motion may begin, and the
+//! rounding of corners.
 //!
-//! A motion asks for a constant speed and is smoothed by a moving average, as controllers do: it takes the time of its way at its
-//! speed, and the time of the average more. Where the next one begins before the average has run out, the two overlap, and the
-//! corner between them is rounded. What FANUC's own filters do exactly is not published.
+//! A motion has a constant commanded speed and is smoothed by a moving average, as in controllers: it takes the time of its
+//! path at that speed, plus the time of the average. If the next one begins before the end of the average, the two overlap,
+//! and the corner between them is rounded. The exact behaviour of FANUC's own filters is not published.
 
 use super::inverse::Posture;
 use super::kinematics::{Arm, Kinematics, Pose};
@@ -115,7 +116,7 @@ enum Path {
 const FASTEST_TURN: f64 = 500.0;
 /// The share of the first of two moving averages.
 const FIRST_AVERAGE: f64 = 2.0 / 3.0;
-/// The speed of a tool at which no arm is asked for, in mm/s.
+/// The highest speed of a tool without an arm, in mm/s.
 const FASTEST_WAY: f64 = 2000.0;
 /// The number of pieces in which a way is examined.
 const PIECES: u32 = 25;
@@ -161,7 +162,7 @@ impl Planner {
         }
     }
 
-    /// Ends every motion where the arm is now.
+    /// Ends every motion at the arm's current position.
     pub fn halt(&mut self, now: f64) {
         let (joints, here) = (self.at(now), self.pose(now));
         (self.base, self.target, self.shown) = (joints, joints, joints);
@@ -256,7 +257,7 @@ impl Planner {
         } else {
             let start = self.anywhere.map_or_else(|| self.arm.forward(&self.base), |(base, _)| base);
             let pose = self.pose_on_the_way(start, now);
-            // Between two ways of the arm there may be poses that it cannot take: it waits where it is.
+            // Between two paths of the arm there may be poses that it cannot reach: it waits at its current one.
             self.arm.nearest(&pose, &self.shown, &self.limits).unwrap_or(self.shown)
         };
         self.shown

@@ -10,7 +10,7 @@ use crate::{Arm, Limits, Pose, Quaternion};
 /// The reason that a block is implausible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fault {
-    /// A value is no number.
+    /// A value is not a number.
     Nan,
     /// A value is infinite.
     Infinite,
@@ -53,7 +53,7 @@ pub struct Plausibility {
 
 /// The tolerance of a real: single precision, and a robot that is a little worn.
 const SLACK: f64 = 1.0;
-/// No arm reaches further than this, in mm, whatever it is mounted on.
+/// The greatest reach of any arm, in mm, regardless of its mounting.
 const FARTHEST: f32 = 100_000.0;
 
 impl Plausibility {
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(fault(|b| b.quaternion[0] = 1e-40), Some((Fault::Denormal, "Q_1")));
         assert_eq!(fault(|b| b.quaternion[1] = 0.9), Some((Fault::Quaternion, "Q_1")));
         assert_eq!(fault(|b| b.position[0] = 900.0), Some((Fault::Unreachable, "POS_X")));
-        // The worst of several; without a robot only what none reaches.
+        // The worst of several faults; without a robot, only values that no robot reaches.
         assert_eq!(fault(|b| (b.position[0], b.wpr[0]) = (1e-40, f32::NAN)), Some((Fault::Nan, "POS_W")));
         let mut far = good();
         far.position[0] = 900.0;

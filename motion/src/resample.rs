@@ -16,9 +16,9 @@ pub enum Sampling {
     Angle(f64),
     /// After this many seconds.
     Time(f64),
-    /// After `max` seconds where nothing accelerates, after `min` seconds where the acceleration is greatest, and in
-    /// proportion between: dense where the motion changes. The source finds this way best. The acceleration is taken over
-    /// `min` on either side, so that the last decimal of a table does not pass for one.
+    /// Samples after `max` seconds if nothing accelerates, after `min` seconds at the greatest acceleration, and in
+    /// proportion between: dense where the motion changes. The source rates this sampling best. The acceleration is taken
+    /// over `min` on either side, so that the last decimal of a table does not count as one.
     Dynamic {
         /// The shortest step in s (tdMin).
         min: f64,
@@ -29,7 +29,7 @@ pub enum Sampling {
     },
 }
 
-/// The acceleration that [`Sampling::Dynamic`] looks at, as a share of the greatest in the trajectory.
+/// The acceleration that [`Sampling::Dynamic`] uses, as a share of the greatest in the trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Acceleration {
     /// The acceleration of the position.
@@ -76,9 +76,9 @@ impl Resampling {
     /// Creates the program, with its name and comment, and a report of the differences from the trajectory.
     ///
     /// `J P[1]` goes to the first sample and stops there; an `S` with CNT100 goes to each point, the last with FINE. The
-    /// speed of a move is the length of the tool's path from the point before, by the time that the trajectory takes
-    /// for it. How the controller curves between the points is not published: expect what the source measured, 4 mm and 0.5° at
-    /// 100 mm/s.
+    /// speed of a move is the length of the tool's path from the previous point, divided by the time of the trajectory for
+    /// it. The controller's curve between the points is not published: expect the deviations that the source measured, 4 mm
+    /// and 0.5° at 100 mm/s.
     ///
     /// # Errors
     /// If a step makes no sense, the points are more than a program holds, or the program cannot be written.
@@ -341,15 +341,15 @@ impl Path {
                 break;
             }
             let allowed = from + max - (max - min) * share;
-            // An acceleration that begins later ends the step where it begins, not before.
+            // An acceleration that begins later ends the step at its beginning, not before.
             end = end.min(allowed.max(knot.time));
         }
         end
     }
 }
 
-/// The greatest acceleration counts as this at least, in mm/s² or °/s²: of what rounding makes of an even motion, the
-/// shares are small.
+/// The lower limit of the greatest acceleration, in mm/s² or °/s²: with it, the shares of rounding errors in an even motion
+/// are small.
 const LEAST_ACCELERATION: f64 = 1.0;
 
 /// Returns the acceleration at each sample, as a share of the greatest. It is taken from `window` seconds before the sample to

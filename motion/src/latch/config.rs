@@ -7,8 +7,8 @@ pub struct LatchConfig {
     pub rest: Duration,
     /// Whether a key has to confirm it besides. Default: no.
     ///
-    /// Where values are offsets from the path (non-cumulative ALTER) it should be set: armed, the arm leaves the offset that is
-    /// held, and goes to that of the hand.
+    /// Requires a confirmation by a key. It should be set if values are offsets from the path (non-cumulative ALTER): when
+    /// armed, the arm leaves its held offset, and moves to that of the hand.
     pub confirm: bool,
     /// Whether the arm moves only while the hand holds a key: to let it go disarms. Default: no.
     pub hold_to_run: bool,
@@ -56,7 +56,7 @@ robot_session::rules! {
         Profile,
         /// The key that has to be held disarms when it is let go.
         HoldToRun,
-        /// A key has to confirm, where that is configured.
+        /// A key must confirm, if [`LatchConfig::confirm`] is set.
         Confirm,
         /// Only a hand that has rested is confirmed.
         ConfirmRested,

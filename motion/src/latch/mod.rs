@@ -9,9 +9,10 @@
 //!  Stopping, Ending ◀── stop, end: from every state; the values go to zero, and nothing arms
 //! ```
 //!
-//! Every start of ALTER, every interruption, an arm that the robot stops, old values, a lost input, a stop and a changed profile
-//! disarm. Only fresh values of a hand at rest arm, uninterrupted for [`LatchConfig::rest`]: an arm never moves because something
-//! came back. Single values may be missing in between, as long as those before them are fresh.
+//! Every start of ALTER, every interruption, an arm that the robot stops, old values, a lost input, a stop and a changed
+//! profile disarm. Only fresh values of a hand at rest arm, uninterrupted for [`LatchConfig::rest`]: an arm never moves
+//! merely because a lost input or connection has returned. Single values may be missing in between, as long as those before
+//! them are fresh.
 //!
 //! As the model has explored it:
 #![doc = include_str!("../../diagrams/latch.md")]

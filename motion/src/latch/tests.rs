@@ -14,14 +14,14 @@ fn hand(now: Duration, rests: bool) -> On {
 /// and the time for which nothing has happened that forbids motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Oracle {
-    /// Whether there is an ALTER that wants values.
+    /// Whether ALTER runs and requests values.
     on: bool,
     /// Whether it is not interrupted.
     runs: bool,
     /// Whether the operator has stopped, and ALTER is not over.
     stopped: bool,
     ends: bool,
-    /// Time since the first value of the rest that goes on, no more than is asked for.
+    /// The time since the first value of the current rest, limited to the required time.
     rested: Option<Duration>,
     /// The remaining time of the last value.
     fresh: Duration,
@@ -185,7 +185,8 @@ fn three_tenths_of_a_second_of_rest_arm_and_not_a_millisecond_less() {
     assert!(!after(&config, &inputs).is_armed(310 * MS));
 }
 
-/// Every danger of the operator's cell that a latch can meet: a push that goes on meanwhile moves nothing afterwards.
+/// Tests every danger of the operator's cell that a latch can meet: a push that continues meanwhile does not move the arm
+/// afterwards.
 #[test]
 fn every_danger_disarms_and_a_push_that_goes_on_moves_nothing() {
     let config = LatchConfig::default();

@@ -177,7 +177,7 @@ fn is_at(found: Pose, place: Pose) {
     assert!(found.distance(&place) < 1e-6 && dot(turn, turn) < 1e-12, "{found:?}, expected {place:?}");
 }
 
-/// A turn of 70 degrees about an axis that is none of the frame's.
+/// A turn of 70 degrees about an axis that is not one of the frame's.
 #[test]
 fn in_the_middle_of_its_time_a_line_is_in_the_middle_of_its_way_and_of_its_turn() {
     let start = Pose { position: [30.0, -40.0, 50.0], ..rotation([10.0, -20.0, 30.0]) };
@@ -221,7 +221,7 @@ fn an_arc_is_that_of_the_circle_through_its_points() {
     }
 }
 
-/// "The three places of an arc are on one line": within a thousandth, whatever their size.
+/// "The three places of an arc are on one line": within a thousandth, for any size.
 #[test]
 fn an_arc_has_three_places_that_are_not_on_one_line() {
     let arc = |via: [f64; 3], [x, y, z]: [f64; 3]| {

@@ -21,7 +21,7 @@ pub struct Attribute {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum AttributeValue {
-    /// `= text;`, with its quotes where it has them.
+    /// `= text;`, with its quotes, if it has them.
     Text(
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::attribute_text))] String,
     ),
@@ -89,14 +89,14 @@ impl Attribute {
         }
     }
 
-    /// Refuses what would be read again as something else. `index` is its place, from 1; `written` is what
-    /// [`encode`](Self::encode) has written.
+    /// Rejects an attribute whose text would be decoded differently. `index` is its position, from 1; `written` is its text
+    /// by [`encode`](Self::encode).
     pub(crate) fn check(&self, index: usize, written: &str) -> Result<(), EncodeError> {
         let same = Self::decode(written).is_ok_and(|(rest, again)| rest.is_empty() && again == *self);
         if same { Ok(()) } else { Err(EncodeError::Attribute { index }) }
     }
 
-    /// Writes one entry, its value in the column where controllers put it.
+    /// Writes one entry, with its value in the column of controllers.
     pub(crate) fn encode(&self, out: &mut String) {
         out.push_str(&self.name);
         match &self.value {

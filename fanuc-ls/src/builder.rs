@@ -112,8 +112,8 @@ impl Builder {
         self.push(Instruction::Motion(motion))
     }
 
-    /// Adds any instruction by its text, such as `CALL WELD_ON` or `!comment`. [`build`](Self::build) refuses what
-    /// cannot be read.
+    /// Adds any instruction by its text, such as `CALL WELD_ON` or `!comment`. [`build`](Self::build) rejects text that
+    /// cannot be decoded.
     pub fn instruction(&mut self, text: &str) -> &mut Self {
         self.push(Instruction::from_text(text).unwrap_or_else(|| Instruction::Other(text.to_string())))
     }

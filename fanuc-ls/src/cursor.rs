@@ -24,7 +24,7 @@ impl<'a> Cursor<'a> {
         self.rest
     }
 
-    /// Moves on by this many bytes, to where a character begins.
+    /// Advances by this many bytes, to the beginning of a character.
     #[inline(always)]
     pub(crate) fn advance(&mut self, bytes: usize) {
         self.rest = self.rest.get(bytes..).unwrap_or(&[]);
@@ -90,8 +90,7 @@ impl<'a> Cursor<'a> {
 
     /// Reads a whole number without a sign.
     ///
-    /// # Errors
-    /// When there is no number, or it does not fit into `N`.
+    /// # Errors If there is no number, or if it does not fit into `N`.
     #[inline(always)]
     pub(crate) fn number<N: TryFrom<u32>>(&mut self, reason: Reason) -> Result<N, Fault<'a>> {
         let (mut rest, mut number) = (self.rest, 0u64);
@@ -110,8 +109,7 @@ impl<'a> Cursor<'a> {
 
     /// Reads a decimal number.
     ///
-    /// # Errors
-    /// When there is no number.
+    /// # Errors If there is no number.
     #[inline(always)]
     pub(crate) fn decimal(&mut self, reason: Reason) -> Result<f64, Fault<'a>> {
         let Some((value, length)) = decimal_prefix(self.rest) else { return Err(self.fault(reason)) };

@@ -16,7 +16,7 @@ use crate::position::Position;
 use crate::program::{Program, Rules};
 use crate::statement::Statement;
 
-/// An LS file, to the byte: its text, and where in it the attributes, statements and positions are.
+/// An LS file, to the byte: its text, and the ranges of its attributes, statements and positions.
 ///
 /// Reads any file with `/PROG`, `/MN` and `/END`. Text that is not understood stays as it is spelled, and is one of the
 /// [`findings`](Self::findings). The written file is equal to the one that was read, except for edits.
@@ -61,7 +61,7 @@ impl Document {
         Self::new(text.to_owned(), Encoding::Utf8)
     }
 
-    /// Reads the bytes of an LS file: UTF-8, else Latin-1.
+    /// Reads the bytes of an LS file: UTF-8, otherwise Latin-1.
     ///
     /// # Errors
     /// As [`decode`](Self::decode).

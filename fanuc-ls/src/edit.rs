@@ -1,4 +1,4 @@
-//! Edits of a [`Document`]: each changes what it names, and nothing else of the text.
+//! Edits of a [`Document`]: each changes only the part that it names.
 
 use alloc::format;
 use alloc::string::String;
@@ -16,13 +16,12 @@ use crate::program::check_name;
 use crate::statement::Statement;
 use crate::text::{Fault, joint};
 
-/// A part of a text, and what takes its place.
+/// The range of a text, and its replacement.
 pub(crate) type Edit = (Range<usize>, String);
 
 /// Returns the instruction of the statement `index` as a controller prints it, from its text.
 ///
-/// # Errors
-/// When the text would be read as something else.
+/// # Errors If the text would be decoded as another instruction.
 pub(crate) fn printed(index: usize, text: &str) -> Result<String, EncodeError> {
     let line = index.saturating_add(1);
     let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
@@ -45,8 +44,7 @@ impl Document {
 
     /// Sets the text of an attribute in its place, or adds the attribute to `/ATTR`.
     ///
-    /// # Errors
-    /// When it would be read as something else, is a list, or there is no `/ATTR`.
+    /// # Errors If the value would be decoded differently, if the attribute is a list, or if there is no `/ATTR`.
     pub fn set_attribute(&mut self, name: &str, value: &str) -> Result<(), EncodeError> {
         let new = Attribute::text(name, value);
         let read =
@@ -73,8 +71,7 @@ impl Document {
 
     /// Sets the motion of a statement; `index` counts from 0. Unchanged values stay as they are spelled.
     ///
-    /// # Errors
-    /// When there is no such statement, it is nested or has no number, or the motion cannot be written.
+    /// # Errors If there is no such statement, if it is nested or has no number, or if the motion cannot be encoded.
     pub fn set_motion(&mut self, index: usize, motion: &Motion) -> Result<(), EncodeError> {
         if let Some((place, text)) = self.motion_edit(index, motion)? {
             self.replace(place, &text);
@@ -104,12 +101,12 @@ impl Document {
 
     /// Sets the instruction of a statement by its text, such as `CALL WELD_ON`; `index` counts from 0.
     ///
-    /// # Errors
-    /// When there is no such statement, it is nested or has no number, or the text would be read as something else.
+    /// # Errors If there is no such statement, if it is nested or has no number, or if the text would be decoded as another
+    /// instruction.
     pub fn set_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
         let written = printed(index, text)?;
         let old = self.body(index)?;
-        // A motion's letter is right after the colon, anything else after two blanks; existing blanks stay.
+        // A motion's letter follows the colon directly, any other text after two blanks; existing blanks stay.
         let blanks = self.text.get(..old.start).is_some_and(|before| before.ends_with([' ', '\t']));
         let written = if blanks { written.trim() } else { written.trim_end() };
         let (place, text) = self.lines_edit(old, written);
@@ -119,8 +116,7 @@ impl Document {
 
     /// Sets the position with this number. Unchanged values stay as they are spelled.
     ///
-    /// # Errors
-    /// When there is no such position, or it cannot be written.
+    /// # Errors If there is no such position, or if it cannot be encoded.
     pub fn set_position(&mut self, position: &Position) -> Result<(), EncodeError> {
         if let Some((place, text)) = self.position_edit(position)? {
             self.replace(place, &text);

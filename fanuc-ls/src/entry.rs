@@ -104,7 +104,7 @@ impl<'a> Entries<'a> {
         self.found.push(Entry { place, content: content.ok(), findings });
     }
 
-    /// Takes the finding of a fault. Its place may be after its entry, where the next one begins.
+    /// Takes the finding of a fault. The fault's offset may be after its entry, at the beginning of the next one.
     fn take(&mut self, offset: usize, reason: Reason) -> Option<Finding> {
         let first = self.findings.partition_point(|(finding, _)| finding.offset < offset);
         let there = self.findings.get_mut(first..)?.iter_mut().take_while(|(f, _)| f.offset == offset);

@@ -1,5 +1,5 @@
 use crate::expression::ItemKind;
-/// Why a text is not an LS program, and where.
+/// The reason that a text is not an LS program, and its position.
 ///
 /// Lines and columns count from 1, columns in characters (a tab is one).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -55,10 +55,10 @@ pub enum Reason {
     /// A line of `/MN` that does not begin with its number.
     #[error("expected a line number and `:`")]
     LineNumber,
-    /// An instruction that neither ends in `;` nor goes on in the next line.
+    /// An instruction that neither ends in `;` nor continues in the next line.
     #[error("the instruction is not closed with `;`, and the next line does not continue it with `:`")]
     InstructionEnd,
-    /// Something follows the `;` of an instruction.
+    /// Text follows the `;` of an instruction.
     #[error("expected nothing after the `;`: write comments as `!text ;`")]
     AfterInstruction,
     /// A motion instruction without a target.
@@ -172,7 +172,7 @@ pub enum EncodeError {
         /// The place of the attribute among the attributes, from 1.
         index: usize,
     },
-    /// A line of `/APPL` would be read as something else.
+    /// A line of `/APPL` begins a section, or contains a line end.
     #[error("line {index} of /APPL cannot be written: it begins a section or holds a line end")]
     Application {
         /// The place of the line in the section, from 1.
@@ -227,7 +227,7 @@ impl From<core::fmt::Error> for EncodeError {
     }
 }
 
-/// Something in a program that a controller accepts and its author probably did not mean.
+/// A construct in a program that a controller accepts and its author probably did not intend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]

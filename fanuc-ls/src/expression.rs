@@ -20,9 +20,9 @@ pub enum Expression {
     Rising,
     /// `OFF-`: ON before, OFF now. Conditions outside of mixed logic have it.
     Falling,
-    /// `LPOS`: where the robot is, in X Y Z W P R.
+    /// `LPOS`: the position of the robot, in X Y Z W P R.
     CartesianPosition,
-    /// `JPOS`: where the robot is, by its joints.
+    /// `JPOS`: the position of the robot, by its joints.
     JointPosition,
     /// `R[1]`.
     Item(Item),
@@ -98,7 +98,7 @@ pub enum Function {
     Truncate,
     /// How long a string is.
     StringLength,
-    /// Where a string is in another one.
+    /// The offset of a string in another one.
     FindString,
     /// A part of a string: from where, and how long.
     SubString,
@@ -187,7 +187,7 @@ impl Operator {
 pub struct Item {
     /// The kind of the item.
     pub kind: ItemKind,
-    /// The motion group, where one is named: 1 for `GP1`, and the first of `GP1,2`.
+    /// The motion group, if one is named: 1 for `GP1`, and the first of `GP1,2`.
     pub group: Option<u8>,
     /// The number of the item, or the item that contains it.
     pub index: Index,
@@ -241,7 +241,7 @@ pub enum ItemKind {
     Label,
     /// `VR`: the result of a vision process.
     VisionRegister,
-    /// `PL`: where in a pallet the next part is.
+    /// `PL`: the position of the next part in a pallet.
     PalletRegister,
     WeldInput,
     WeldOutput,

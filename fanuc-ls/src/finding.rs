@@ -4,7 +4,7 @@ use core::fmt;
 use crate::error::{Reason, Warning};
 use crate::mistake::{Level, Mistake};
 
-/// Something in a file that its author should look at, and where.
+/// A construct in a file that its author should check, and its position.
 ///
 /// Lines and columns count from 1, columns in characters (a tab is one).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,11 +14,11 @@ use crate::text::{Fault, indent, is_nested, is_plain, join_lines, plain_number, 
 pub enum Instruction {
     /// A line with nothing in it.
     Empty,
-    /// `!` and what follows it, a leading space included.
+    /// `!` and the text after it, including a leading space.
     Comment(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::comment))] String),
-    /// `UFRAME_NUM=`: the user frame of what follows.
+    /// `UFRAME_NUM=`: the user frame of the following motions.
     UserFrame(u16),
-    /// `UTOOL_NUM=`: the tool frame of what follows.
+    /// `UTOOL_NUM=`: the tool frame of the following motions.
     UserTool(u16),
     /// A motion.
     Motion(Motion),
@@ -36,7 +36,7 @@ impl Instruction {
         Self::decode(text).ok()
     }
 
-    /// Reads what stands between the line's `:` and its `;`.
+    /// Decodes the text between the line's `:` and its `;`.
     pub(crate) fn decode(input: &str) -> Result<Self, Fault<'_>> {
         let body = trim(input);
         if body.is_empty() {
@@ -72,8 +72,8 @@ impl Instruction {
         }
     }
 
-    /// Refuses what would be read again as something else. `line` is the number that it gets, or for a nested line the
-    /// number of the line above it; `written` is what [`encode`](Self::encode) has written.
+    /// Rejects an instruction whose text would be decoded differently. `line` is its number, or for a nested line the number
+    /// of the line above it; `written` is its text by [`encode`](Self::encode).
     pub(crate) fn check(&self, line: usize, in_block: bool, written: &str) -> Result<(), EncodeError> {
         let readable = match self {
             Self::Motion(motion) => return motion.check(line, written),

@@ -32,7 +32,7 @@ impl Level {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Mistake {
-    /// Something else belongs there.
+    /// Other text is required there.
     #[error("expected {what}")]
     Expected {
         /// The missing text.

@@ -18,11 +18,11 @@ pub struct Motion {
     pub via: Option<Target>,
     /// The text after that point, as spelled: `Offset,PR[3]`. Empty if there is no such text.
     pub via_options: String,
-    /// Where the robot moves to.
+    /// The target of the motion.
     pub target: Target,
     /// How fast.
     pub speed: Speed,
-    /// How close the robot comes to the target before it goes on. Some applications leave it out.
+    /// The distance from the target at which the robot begins the next motion. Some applications omit it.
     pub termination: Option<Termination>,
     /// The text after the termination, as spelled: `ACC50 Offset,PR[3]`. Empty if there is no such text.
     pub options: String,
@@ -35,7 +35,7 @@ impl Motion {
         Self { kind, via: None, via_options, target, speed, termination: Some(termination), options }
     }
 
-    /// Reads what stands between the line's `:` and `;`.
+    /// Decodes the text between the line's `:` and `;`.
     pub(crate) fn decode(input: &str) -> Read<'_, Self> {
         let (rest, mut motion) = Self::head(input)?;
         motion.options = join_lines(rest);
@@ -70,7 +70,7 @@ impl Motion {
         Ok((joint(rest), Self { kind, via, via_options, target, speed, termination, options }))
     }
 
-    /// Writes what [`decode`](Self::decode) reads, with the controller's spaces before the `;`.
+    /// Writes the form that [`decode`](Self::decode) reads, with the controller's spaces before the `;`.
     pub(crate) fn encode(&self, out: &mut String) {
         out.push(self.kind.letter());
         if let Some(via) = &self.via {
@@ -97,8 +97,8 @@ impl Motion {
         out.push_str("   ");
     }
 
-    /// Refuses what a controller would not take, or what would be read again as something else.
-    /// `written` is what [`encode`](Self::encode) has written.
+    /// Rejects a motion that a controller would reject, or whose text would be decoded differently. `written` is its text by
+    /// [`encode`](Self::encode).
     pub(crate) fn check(&self, line: usize, written: &str) -> Result<(), EncodeError> {
         if self.via.is_some() != (self.kind == MotionKind::Circular)
             || (self.via.is_none() && !self.via_options.is_empty())
@@ -169,7 +169,7 @@ impl MotionKind {
     }
 }
 
-/// Where a motion goes.
+/// The target of a motion.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
@@ -371,7 +371,7 @@ impl SpeedUnit {
     }
 
     fn decode(input: &str) -> Read<'_, Self> {
-        // Controllers set to German say `sek`.
+        // Controllers set to German print `sek`.
         let (unit, length) = match input.as_bytes() {
             [b'%', ..] => (Self::Percent, 1),
             [b's', b'e', b'c' | b'k', ..] => (Self::Sec, 3),

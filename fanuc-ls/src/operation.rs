@@ -9,14 +9,14 @@ use crate::expression::{Expression, Index, Item};
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Operation {
-    /// `CALL NAME(1,R[2])`: runs another program, and goes on when that has ended.
+    /// `CALL NAME(1,R[2])`: runs another program, and continues after its end.
     Call {
-        /// The program's name as it stands; `SR[25]` where a register has it.
+        /// The program's name as in the text; `SR[25]` if a register contains it.
         program: String,
         /// The values of the called program's `AR[1]` and so on.
         arguments: Vec<Expression>,
     },
-    /// `RUN NAME`: starts another program, and goes on.
+    /// `RUN NAME`: starts another program, and continues.
     Run(String),
     /// `LBL[3:name]`.
     Label(Item),
@@ -26,9 +26,9 @@ pub enum Operation {
     Assign(Item, Expression),
     /// `$WAITTMOUT=500`.
     AssignSystem(String, Expression),
-    /// `UFRAME_NUM=1`: the user frame of what follows.
+    /// `UFRAME_NUM=1`: the user frame of the following motions.
     UserFrame(Expression),
-    /// `UTOOL_NUM=1`: the tool frame of what follows.
+    /// `UTOOL_NUM=1`: the tool frame of the following motions.
     UserTool(Expression),
     /// `OVERRIDE=100%`.
     Override(Expression),
@@ -42,7 +42,7 @@ pub enum Operation {
     WaitFor {
         /// The condition that ends the wait.
         condition: Expression,
-        /// Where the program goes when `$WAITTMOUT` ends it.
+        /// The label to which the program goes when `$WAITTMOUT` ends the wait.
         timeout: Option<Item>,
     },
     /// `IF R[1]=2,JMP LBL[3]`.

@@ -1,4 +1,4 @@
-//! Where the parts of a program's text are.
+//! The ranges of the parts of a program's text.
 
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -9,7 +9,7 @@ use crate::position::Position;
 use crate::statement::Statement;
 use crate::text::{Fault, after_blanks, indent, is_letter_or_digit, is_nested};
 
-/// The places of what a text holds. It refers to the text by bytes and copies nothing of it.
+/// The ranges of the parts of a text, in bytes; nothing is copied.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Parts {
     pub(crate) name: Range<usize>,
@@ -29,8 +29,7 @@ pub(crate) struct Parts {
 impl Parts {
     /// Finds the sections, the statements and the positions. Does not check their contents.
     ///
-    /// # Errors
-    /// When the text has no name, no `/MN` or no `/END`, or something follows that.
+    /// # Errors If the text has no name, no `/MN` or no `/END`, or if text follows `/END`.
     pub(crate) fn find(text: &str) -> Result<Self, DecodeError> {
         let error = |at, reason| Err(DecodeError::new(text, at, reason));
         let mut parts = Self::default();
@@ -105,7 +104,8 @@ impl Parts {
                 Ok((after, attribute)) => (after, Ok(attribute)),
                 Err(error) => {
                     let fault = Fault::of(error);
-                    // The faulty text ends where the next attribute begins, at the left edge; items of a list are indented.
+                    // The faulty text ends at the beginning of the next attribute, at the left edge; items of a list are
+                    // indented.
                     let blank = |c: char| c.is_whitespace();
                     let next =
                         fault.at.match_indices('\n').map(|(at, _)| fault.at.get(at + 1..).unwrap_or(""));
@@ -232,7 +232,7 @@ struct Lines<'a> {
     start: usize,
 }
 
-/// A line without its end, and where it begins in the text.
+/// A line without its end, and its offset in the text.
 #[derive(Debug, Clone, Copy)]
 struct Line<'a> {
     text: &'a str,
@@ -244,7 +244,7 @@ impl<'a> Lines<'a> {
         Self { rest: at(text, &part), start: part.start }
     }
 
-    /// Moves to the next line that may begin a section or a position: where nothing that is printed is before a mark of one.
+    /// Advances to the next line that may begin a section or a position: one with only blanks before such a mark.
     fn pass_plain(&mut self) {
         let bytes = self.rest.as_bytes();
         let mut at = mark(bytes, 0);
@@ -356,8 +356,8 @@ mod tests {
 
     use super::*;
 
-    /// Every text of five of these characters, at every place of two blocks of sixteen: no line that may begin something is
-    /// passed, and none is looked at whose marks all are behind something printed.
+    /// Every text of five of these characters, at every offset of two blocks of sixteen: no line that may begin a section or
+    /// a position is passed, and no line is examined whose marks all follow printed characters.
     #[test]
     fn lines_are_passed_up_to_one_that_may_begin_something() {
         let characters = ['/', 'P', 'x', ' ', '\n', 'é'];

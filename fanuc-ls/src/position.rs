@@ -16,7 +16,7 @@ pub struct Position {
     /// The name of the position, without the quotes that it has in `/POS`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub name: Option<String>,
-    /// Where each motion group stands. Most cells have one, `GP1`.
+    /// The position of each motion group. Most cells have one, `GP1`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::list::<1, 2, _>))]
     pub groups: Vec<Group>,
 }
@@ -45,7 +45,7 @@ impl Position {
         Some(joints)
     }
 
-    /// Reads a block of `/POS`: one position and nothing else.
+    /// Reads a block of `/POS`: exactly one position.
     pub(crate) fn decode_block(block: &str) -> Result<Self, Fault<'_>> {
         let mut cursor = Cursor::new(block);
         let position = Self::decode(&mut cursor)?;
@@ -104,7 +104,7 @@ impl Position {
     }
 }
 
-/// Where one motion group stands.
+/// The position of one motion group.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
@@ -192,7 +192,7 @@ impl Group {
                 continue;
             }
             cursor.space();
-            // Old controllers leave the comma out between what was never taught.
+            // Old controllers omit the comma between untaught values.
             if !cursor.take(",") && AxisName::decode(&mut { *cursor }).is_err() {
                 return Ok(Self { number, user_frame, user_tool, configuration, axes });
             }
@@ -239,7 +239,7 @@ impl Group {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Configuration {
-    /// `CONFIG`; controllers set to German say `KONFIG`.
+    /// `CONFIG`; controllers set to German print `KONFIG`.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::keyword))]
     pub keyword: String,
     /// N or F (wrist not flipped, flipped), U or D (elbow up, down), T or B (arm in front, behind), and the turns of

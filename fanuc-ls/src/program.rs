@@ -64,12 +64,13 @@ pub enum CommentRule {
     /// [`EncodeError::CommentLength`].
     #[default]
     Refuse,
-    /// Keep what fits.
+    /// Truncate the comment.
     Truncate,
 }
 
 impl Program {
-    /// Reads an LS file that is understood whole. Tolerant in blanks, line ends, leading zeros and what controllers leave out.
+    /// Decodes an LS file, which must be understood completely. Tolerates differences in blanks, line ends and leading
+    /// zeros, and parts that controllers omit.
     ///
     /// # Errors
     /// The first place that cannot be read, by line and column.
@@ -101,8 +102,7 @@ impl Program {
 
     /// Checks that the program can be encoded by these rules; [`encode`](Self::encode) checks the same.
     ///
-    /// # Errors
-    /// The first thing that a controller would refuse, or that would be read again as something else.
+    /// # Errors The first element that a controller would reject, or that would be decoded differently.
     pub fn check(&self, rules: &Rules) -> Result<(), EncodeError> {
         self.to_text(rules).map(drop)
     }

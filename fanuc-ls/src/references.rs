@@ -1,4 +1,4 @@
-//! Registers, inputs, labels, positions and frames where a text names them by a number: their places, to change one word alone.
+//! Registers, inputs, labels, positions and frames that a text names by number: their ranges, to change one word alone.
 
 use core::ops::Range;
 
@@ -7,8 +7,8 @@ use crate::expression::ItemKind;
 use crate::parts::{at, offset};
 use crate::text::{digits, indent, is_letter_or_digit};
 
-/// `PR[3:part]` in a text: a register, an input, an output, a label, a position or a frame where it is named by its number.
-/// Places are bytes of the text.
+/// `PR[3:part]` in a text: a register, an input, an output, a label, a position or a frame that is named by its number.
+/// Ranges are in bytes of the text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reference {
     /// The kind of the item.

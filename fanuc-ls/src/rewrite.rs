@@ -18,7 +18,7 @@ use crate::position::{AxisName, Position};
 use crate::statement::Statement;
 
 impl Document {
-    /// Gives motions another speed, where `speed` has one for them. How many have changed.
+    /// Gives motions another speed, if `speed` returns one for them. Returns the number of changed motions.
     ///
     /// ```
     /// use fanuc_ls::{Document, Speed, SpeedUnit};
@@ -50,8 +50,9 @@ impl Document {
         self.apply(edits)
     }
 
-    /// Puts another register, input, label, position or frame wherever one is named by its number. All at once: two may change
-    /// places. A frame is also what `UFRAME_NUM=` and the positions name, a position also what `/POS` has. How many have changed.
+    /// Replaces each number of a register, input, label, position or frame. All are replaced at once, so two may be
+    /// exchanged. `UFRAME_NUM=` and the positions also name frames, and `/POS` also names positions. Returns the number of
+    /// changes.
     ///
     /// ```
     /// use fanuc_ls::{Document, ItemKind};

@@ -2,9 +2,9 @@ use crate::error::Reason;
 use crate::instruction::Instruction;
 use crate::text::{Fault, after_blanks, digits, indent, line_number};
 
-/// A statement of `/MN` as it is in the text: its number, its instruction and what closes it.
+/// A statement of `/MN` as it is in the text: its number, its instruction and its end.
 ///
-/// Most are a line. A long one goes on in lines that begin with `:`.
+/// Most are a line. A long one continues in lines that begin with `:`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Statement<'a> {
     text: &'a str,

@@ -13,7 +13,7 @@ use crate::error::Reason;
 /// The unread text, and the result.
 pub(crate) type Read<'a, T> = IResult<&'a str, T, Fault<'a>>;
 
-/// Where reading stopped, and why. Becomes a [`DecodeError`](crate::DecodeError) once the whole text is at hand.
+/// The offset and the reason of a failure. Becomes a [`DecodeError`](crate::DecodeError) once the whole text is available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Fault<'a> {
     pub(crate) at: &'a str,
@@ -139,7 +139,7 @@ pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
 
 /// Returns the number in a text that consists of digits alone.
 pub(crate) fn plain_number<N: core::str::FromStr>(text: &str) -> Option<N> {
-    // Only the first may be something else than a digit for `parse`.
+    // `parse` accepts a sign as the first character.
     if text.starts_with(|first: char| first.is_ascii_digit()) { text.parse().ok() } else { None }
 }
 
@@ -438,6 +438,6 @@ pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
     let body = line.get(spaces..).unwrap_or("");
     let digits = digits(body);
     let own = body.get(..digits).and_then(line_number);
-    // A line of a block may go on in one that begins with the colon.
+    // A line of a block may continue in one that begins with the colon.
     number > 0 && (in_block || own != Some(number.saturating_add(1)) && !body.starts_with(':'))
 }

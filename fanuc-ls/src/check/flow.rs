@@ -199,7 +199,7 @@ pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, fo
                     let Target::Position { number, .. } = target else { continue };
                     let group = positions.get(number).and_then(|position| position.groups.first());
                     let (Some(group), number) = (group, *number) else { continue };
-                    // Once for each pair: where one position is of another frame, all of them may be.
+                    // Once for each pair: if one position is of another frame, all of them may be.
                     let mut other = |is_tool: bool, chosen: Option<u16>, found: Option<u16>| {
                         let pair = chosen.zip(found).filter(|(chosen, found)| chosen != found);
                         pair.filter(|pair| told.insert((is_tool, *pair)))

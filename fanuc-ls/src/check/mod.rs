@@ -51,7 +51,7 @@ impl Surroundings {
     }
 }
 
-/// A statement, and what it does.
+/// A statement, and its meaning.
 struct Line<'a> {
     /// The text of the instruction.
     place: &'a str,
@@ -79,7 +79,7 @@ impl Found<'_> {
         self.found.push((offset(self.text, at), Problem::Mistake(mistake)));
     }
 
-    /// Adds what is wrong with the text `unknown`, unless it is one of the instructions that the caller has named.
+    /// Adds the mistake of the text `unknown`, unless it is one of the instructions that the caller has named.
     fn add_unknown(&mut self, at: &str, unknown: &str, mistake: Mistake) {
         let is_unknown = matches!(
             mistake,
@@ -147,8 +147,8 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
     found.found
 }
 
-/// Checks a line of the block of a motion, if it ends an instruction; `open` is where that has begun, if not in this line.
-/// Returns the instruction.
+/// Checks a line of the block of a motion, if it ends an instruction; `open` is the offset at which that has begun, if it is
+/// not in this line. Returns the instruction.
 fn nested(line: &str, open: &mut Option<usize>, found: &mut Found<'_>) -> What {
     let begin = open.take().unwrap_or(offset(found.text, line));
     let end = offset(found.text, line) + line.trim_end().len();

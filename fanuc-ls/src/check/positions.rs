@@ -1,4 +1,4 @@
-//! Positions: whether each has what a controller asks for.
+//! Positions: checks that each has the values that a controller requires.
 
 use super::Found;
 use crate::mistake::Mistake;

@@ -1,4 +1,4 @@
-//! Values: the numbers of registers, and what may be assigned to what.
+//! Values: checks the numbers of registers, and the types of assignments.
 
 use super::Found;
 use crate::expression::{Expression, Index, Item, ItemKind, Operator};

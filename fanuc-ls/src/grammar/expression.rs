@@ -1,4 +1,4 @@
-//! Values, conditions and what they are made of.
+//! Values, conditions and their parts.
 
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};

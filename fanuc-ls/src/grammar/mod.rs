@@ -101,7 +101,8 @@ pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), 
     }
 }
 
-/// Reads words after blanks, in capitals or not, with any blanks between them. The last one ends where it ends in the text.
+/// Reads words after blanks, in upper or lower case, with any blanks between them. The last one must be a whole word of the
+/// text.
 pub(crate) fn keyword<'a>(words: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
     move |input: &'a str| {
         let mut rest = input;

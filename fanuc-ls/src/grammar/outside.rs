@@ -1,4 +1,4 @@
-//! Instructions for what is outside of the controller: requests that start programs, and sensors on a serial port.
+//! Instructions for the outside of the controller: requests that start programs, and sensors on a serial port.
 
 use alloc::string::ToString;
 

@@ -22,9 +22,9 @@ pub(crate) enum Form {
     Index(u32, u32),
     /// The same of a motion group, which may be named.
     IndexOfGroup(u32, u32),
-    /// A motion group in brackets or nothing, `=` and a value, within a range where it is a number.
+    /// A motion group in brackets or nothing, `=` and a value, within a range if it is a number.
     Set(f64, f64),
-    /// A value, within a range where it is a number.
+    /// A value, within a range if it is a number.
     Value(f64, f64),
     /// ON, OFF, or a condition.
     State,
@@ -36,7 +36,7 @@ pub(crate) enum Form {
     Own(fn(&str) -> Parsed<'_, Operation>),
 }
 
-/// Where an instruction may stand.
+/// The context of an instruction.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Place {
     /// On a line of its own.

@@ -25,8 +25,8 @@ pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
 
 /// The number of reasons that are reported of a device that does not answer.
 const REASONS: usize = 20;
-/// The interval at which a report that does not fit is tried again, and at which a task that is to end looks for its command's
-/// outcome.
+/// The interval at which a report that does not fit is tried again, and at which a task that is to end checks for its
+/// command's outcome.
 const AGAIN: Duration = Duration::from_millis(10);
 
 /// The condition on which a cell's task ends.
@@ -108,7 +108,8 @@ impl Inbox {
     }
 }
 
-/// The end of a cell's task. No method waits: what must not be lost waits for room at the hub until [`flush`](Self::flush).
+/// The end of a cell's task. No method waits: reports that must not be lost wait for free space at the hub until
+/// [`flush`](Self::flush).
 #[derive(Debug)]
 pub struct End {
     cell: usize,
@@ -267,7 +268,7 @@ impl End {
         self.link(state, true, &serde_json::json!({"event": "connected", "place": place}));
     }
 
-    /// Reports that there is no connection, or that it has ended.
+    /// Reports that the connection has not been made, or has ended.
     pub fn unlinked(&self, why: &str) {
         self.state().is_linked = false;
         self.disconnected(why);

@@ -3,18 +3,18 @@
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// After a connection that has lasted this long, reasons that were logged before are logged again. The same applies after this
-/// time without a connection if the last line of the log says that there is one.
+/// After a connection that has lasted this long, reasons that were logged before are logged again. The same applies after
+/// this time without a connection if the last line of the log states that there is one.
 const LASTING: Duration = Duration::from_secs(60);
 
 /// The reasons that were logged during an outage.
 #[derive(Debug, Default)]
 pub struct Outages {
-    /// The reasons why there is no connection, as logged.
+    /// The reasons of failed connections, as logged.
     logged: HashSet<String>,
     /// Whether there is a connection, and the time since which that is so.
     since: Option<(bool, Instant)>,
-    /// The last line of the log says that there is a connection.
+    /// Whether the last line of the log states that there is a connection.
     says_connected: bool,
 }
 

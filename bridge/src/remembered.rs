@@ -176,7 +176,7 @@ impl Remembered {
         }
     }
 
-    /// Forgets the oldest, or those that were refused as later than `latest` where they are the most.
+    /// Forgets the oldest commands, or those that were refused as later than `latest`, if these are the most numerous.
     fn make_room(&mut self, cell: &str, latest: u64, batch: &mut Batch) {
         let over = self.entries.iter().filter(|(_, entry)| entry.outcome != Outcome::Accepted);
         let (mut early, mut due): (Vec<_>, Vec<_>) =

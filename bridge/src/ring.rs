@@ -56,7 +56,8 @@ pub struct Known {
     pub seed: u64,
     /// The number of the first frame that is needed.
     pub first: u64,
-    /// Frames below this number are there; a frame from this on that is bound to what is kept elsewhere was not finished.
+    /// Frames below this number are complete; a frame from this number on that is bound to the contents of another file was
+    /// not finished.
     pub end: u64,
     /// The key of the next record is this or higher.
     pub next: u64,
@@ -102,8 +103,7 @@ struct Frame {
 impl Ring {
     /// Opens the ring of a file, or begins one. Frames from `cut` on do not count.
     ///
-    /// # Errors
-    /// When the file cannot be read, or is not what is known of it ([`io::ErrorKind::InvalidData`]).
+    /// # Errors If the file cannot be read, or differs from `known` ([`io::ErrorKind::InvalidData`]).
     pub fn open(file: File, known: Known, most: u64, cut: Option<u64>) -> io::Result<Self> {
         let mut ring = Self {
             file,

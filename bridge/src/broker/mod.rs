@@ -29,7 +29,7 @@ const ROOM: usize = 256;
 const LONGEST: u32 = 16 << 20;
 /// The reason code "packet too large": the standard does not list it for PUBACK, and mosquitto sends it nevertheless.
 const TOO_LARGE: u8 = 0x95;
-/// The number of messages in flight; a broker may ask for fewer.
+/// The number of messages in flight; a broker may request fewer.
 const IN_FLIGHT: u16 = 1000;
 
 /// The address of the broker, and the identity of the client.
@@ -93,7 +93,7 @@ pub enum Happened {
         topic: String,
         /// The payload of the message.
         payload: Vec<u8>,
-        /// The message is retained, or its sender has asked for that.
+        /// Whether the message is retained, or its sender has requested that it be.
         is_retained: bool,
     },
     /// A message was dropped because it is longer than 16 MiB.
@@ -116,7 +116,7 @@ pub enum Happened {
     },
     /// The broker does not take a message without a token; the reason.
     NotTaken(String),
-    /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
+    /// The broker rejects a message that is too long, without its identity; [`Closed`](Self::Closed) follows.
     TooLong,
     /// Another client has connected with the same name; [`Closed`](Self::Closed) follows.
     TakenOver,
@@ -191,14 +191,14 @@ impl Session {
         }
     }
 
-    /// Publishes a message: with QoS 0, or with QoS 1. The outcome of a message with a token is reported. Returns false when
+    /// Publishes a message: with QoS 0, or with QoS 1. The outcome of a message with a token is reported. Returns false if
     /// there is no free space yet.
     pub fn publish(&self, topic: &str, payload: Vec<u8>, acknowledged: bool, token: Option<u64>) -> bool {
         self.send(topic, payload, acknowledged, token, false)
     }
 
-    /// Publishes a message that the broker stores, with QoS 1; an empty one removes it. Returns false when there is no free space
-    /// yet.
+    /// Publishes a message that the broker stores, with QoS 1; an empty one removes it. Returns false if there is no free
+    /// space yet.
     pub fn store(&self, topic: &str, payload: Vec<u8>) -> bool {
         self.send(topic, payload, true, None, true)
     }
@@ -292,8 +292,7 @@ impl Options {
 
 /// Checks that a text has certificates in PEM form, as [`Tls`] takes them.
 ///
-/// # Errors
-/// When there is no certificate, or one that cannot be read.
+/// # Errors If there is no certificate, or if one cannot be read.
 pub fn check_certificates(text: &str) -> Result<()> {
     let mut certificates = CertificateDer::pem_slice_iter(text.as_bytes()).peekable();
     ensure!(certificates.peek().is_some(), "no BEGIN CERTIFICATE in PEM format");

@@ -300,7 +300,7 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
     assert_eq!(outcome(&commands.decide(to("c", &order("newer", now + 501)), now, &mut batch)).0, "give");
     store.write(&batch, &|_| Vec::new()).unwrap();
     drop(commands);
-    // This bridge's own are unknown when it has ended, and not what another one has.
+    // When this bridge ends, the outcomes of its own commands become unknown, but not those of another bridge.
     let mut batch = Batch::default();
     let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     commands.hear("c", "theirs", by(Outcome::Accepted, now), now, &mut batch);

@@ -1,4 +1,4 @@
-//! The hub: takes what the cells report, keeps it in the store, and publishes it from there.
+//! The hub: receives the reports of the cells, stores them, and publishes them from the store.
 //!
 //! ```text
 //!  device ◀──link──▶ cell's task ────reports──▶ hub ──▶ store ──▶ uplink ──▶ broker
@@ -6,9 +6,9 @@
 //!                          └──────commands───────┘ └────────commands───────────┘
 //! ```
 //!
-//! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that
-//! is not on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker
-//! has it.
+//! One thread has the store. A turn collects the reports that have come, writes them at once, and then acts on them: only
+//! records on the disk are published, only remembered commands are given to a cell, and a record leaves the store when the
+//! broker has it.
 
 mod power;
 mod records;
@@ -115,7 +115,7 @@ struct Turn {
 }
 
 impl<'a> Hub<'a> {
-    /// Opens the store and starts the cells. `log` gets what a person may want to know.
+    /// Opens the store and starts the cells. `log` gets the messages for people.
     ///
     /// # Errors
     /// When the store cannot be opened, or the system has no room for a thread.
@@ -396,7 +396,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// Logs the loss of a connection, once for each reason: attempts go on.
+    /// Logs the loss of a connection, once for each reason: attempts continue.
     fn lost(&mut self, why: String) {
         self.figures.broker.why.clone_from(&why);
         if self.outages.is_news(&why, Instant::now()) {

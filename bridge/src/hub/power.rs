@@ -24,7 +24,7 @@ pub(super) fn ended(batch: &mut Batch) {
     batch.names.push((BOOT.into(), None));
 }
 
-/// Returns the id of this start of the computer; where the system does not provide it, a random one.
+/// Returns the id of this start of the computer; if the system does not provide it, a random one.
 fn boot() -> String {
     match std::fs::read_to_string("/proc/sys/kernel/random/boot_id") {
         Ok(boot) => boot.trim_end().into(),

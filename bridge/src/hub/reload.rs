@@ -209,7 +209,7 @@ impl Hub<'_> {
                 removed.push(name.clone());
             }
         }
-        // The node's birth says how many there are.
+        // The node's birth contains the number of cells.
         if site.cell.len() != self.site.cell.len() {
             self.uplink.bear_again();
         }

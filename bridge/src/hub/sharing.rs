@@ -52,7 +52,7 @@ impl Hub<'_> {
         Ok(())
     }
 
-    /// Sends what is due to the bridges that share cells. The commands that it reports are on the disk.
+    /// Sends the messages that are due to the bridges that share cells. The commands that it reports are on the disk.
     pub(super) fn say(&mut self, news: Vec<News>) {
         let Some(share) = &mut self.share else { return };
         for (place, id, command) in news {

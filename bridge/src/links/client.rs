@@ -1,4 +1,4 @@
-//! A cell whose device has a handle: what happens on its connections, and the work that the bridge does with it.
+//! A cell whose device has a handle: the events of its connections, and the bridge's requests to it.
 
 use std::convert::Infallible;
 use std::future::{Future, pending};
@@ -101,7 +101,7 @@ impl Worker for Refuses {
     }
 }
 
-/// The terms on which a device is asked.
+/// The terms of requests to a device.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Terms {
     /// The silence after which the device counts as dead.

@@ -138,7 +138,7 @@ fn of<C: Connector + 'static>(
     let place = cell.listen.as_ref().and_then(|listen| listen.parse().ok());
     let connector = Noting { connector, peer: Arc::clone(&peer), place };
     let (pc, task) = kawasaki::pc_with_ranges(config, layout.clone(), Sent(course.clone()), connector)?;
-    // An order goes on with the next connection, whenever that is.
+    // An order continues on the next connection, at any time.
     let (task, handle) = (task.give_up_after(Duration::MAX), pc.handle().clone());
     let terms = Terms { silence: Silence::of_session(), every: None, deadline: None };
     let state = State { course: course.clone(), peer, connection: 0, status: String::new() };

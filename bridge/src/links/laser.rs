@@ -96,7 +96,7 @@ pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
     // Some defaults follow from the rate.
     let baud = given.session.baud;
     let settings = settings::read(&cell.link, Settings::at_baud(baud), &cell.settings)?;
-    // A device that is asked nothing has nothing to answer.
+    // A device without a query has nothing to answer.
     let is_asked = settings.query != 0;
     let silence = if is_asked { settings.silence } else { Duration::ZERO };
     let silence = Silence::of_asked(silence, settings.poll);
@@ -114,7 +114,8 @@ impl Listener for Answers {
     fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
         match event {
             HostEvent::Answer { .. } | HostEvent::Refused { .. } => end.answered(),
-            // An answer to an earlier connection's query says nothing about this one: the device may still not take its query.
+            // An answer to an earlier connection's query is no evidence about this one: the device may still reject its
+            // query.
             HostEvent::Done { unanswered, .. } => {
                 self.unanswered.store(unanswered, Ordering::Relaxed);
                 if unanswered == 0 {

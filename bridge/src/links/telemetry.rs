@@ -42,7 +42,7 @@ struct Fault {
     at: Duration,
 }
 
-/// A fault that goes on is reported again after this time.
+/// A fault that continues is reported again after this time.
 const AGAIN: Duration = Duration::from_secs(60);
 
 impl Telemetry {

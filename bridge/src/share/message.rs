@@ -33,9 +33,9 @@ pub(super) struct Alive {
     pub store: String,
     /// The cells that the bridge offers to have, and whether it has them.
     pub cells: BTreeMap<String, bool>,
-    /// The other bridges that it has heard, and the terms that they had then.
+    /// The other bridges whose messages this one has received, and their terms at that time.
     pub knows: BTreeMap<String, String>,
-    /// The other bridges that it has heard and whose ledgers it has not read: they publish them again.
+    /// The other bridges whose messages this one has received, but not their ledgers: they publish these again.
     pub lacks: BTreeSet<String>,
     /// The time of the latest command that the bridge knows to have been given, in milliseconds since 1970 UTC.
     pub until: u64,
@@ -44,7 +44,7 @@ pub(super) struct Alive {
 }
 
 impl Alive {
-    /// Returns whether the other bridges would do the same if they heard this state in place of the other.
+    /// Returns whether the other bridges would act in the same way if they received this state in place of the other.
     pub(super) fn says_the_same(&self, other: &Self) -> bool {
         (&self.store, &self.cells, &self.knows, &self.lacks, self.ends)
             == (&other.store, &other.cells, &other.knows, &other.lacks, other.ends)

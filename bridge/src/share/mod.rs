@@ -1,10 +1,10 @@
 //! Bridges that share cells: they agree over the broker alone which of them has which cell. docs/bridge-shared.md explains why it
 //! holds.
 //!
-//! Each bridge announces every 1.5 s, on a topic of its own, which cells it offers and has, and which others it knows. The
-//! message comes back to it: so the broker has it, and every connected client has it before any message that the broker takes
-//! later. The bridge's cells are its own for [`LEASE`] from the time at which it sent the message. A bridge that was not heard
-//! for 16 s has no cells any more.
+//! Each bridge announces every 1.5 s, on a topic of its own, the cells that it offers and has, and the other bridges that it
+//! knows. The broker returns the message to the bridge: this shows that the broker has it, and that every connected client
+//! gets it before any message that the broker accepts later. The bridge's cells are its own for [`LEASE`] from the time at
+//! which it sent the message. A bridge that was silent for 16 s has no cells any more.
 //!
 //! A command is on a page of its bridge's ledger, which the broker stores, before the cell has it. A bridge gives a command
 //! whose id has no time only after it has read the ledgers of the others.
@@ -36,9 +36,9 @@ const EVERY: Duration = Duration::from_millis(1500);
 pub const LEASE: Duration = Duration::from_secs(6);
 /// A thread lets its device go within this time, and clocks go as fast as one another to within the rest.
 const MARGIN: Duration = Duration::from_secs(4);
-/// A bridge that was not heard for this long has no cell. The time covers its lease and that of the observing bridge: the last
-/// message that came back to the observer was sent at most one lease ago, and messages that the broker has had since then may not
-/// have arrived yet.
+/// A bridge that was silent for this long has no cells. The time covers its lease and that of the observing bridge: the last
+/// message that came back to the observer was sent at most one lease ago, and messages that the broker has had since then
+/// may not have arrived yet.
 const SILENT: Duration = Duration::from_secs(2 * LEASE.as_secs() + MARGIN.as_secs());
 /// The shortest interval at which the whole ledger is published again for a bridge that lacks it.
 const AGAIN: Duration = Duration::from_secs(5);
@@ -52,8 +52,8 @@ pub struct Share {
     store: String,
     lease: Arc<Lease>,
     peers: BTreeMap<String, Peer>,
-    /// A word that changes each time that the bridge loses its lease or offers other cells: a bridge that knows it has heard the
-    /// messages with it.
+    /// A word that changes each time that the bridge loses its lease or offers other cells: a bridge that knows the word has
+    /// received the messages with it.
     term: String,
     held: bool,
     /// The number of the next message.
@@ -62,7 +62,7 @@ pub struct Share {
     ahead: u64,
     /// The messages that have not come back, and the times at which they were sent.
     sent: VecDeque<(u64, Duration)>,
-    /// The time since which everything is heard, and the time of day then.
+    /// The time since which all messages are received, and the time of day then.
     since: Option<(Duration, u64)>,
     /// The last announcement of this bridge, and its time on this connection.
     said: Option<Alive>,
@@ -83,17 +83,17 @@ pub struct Share {
     ends: bool,
 }
 
-/// Another bridge, as it was heard on this connection.
+/// Another bridge, by its messages on this connection.
 #[derive(Debug, Default)]
 struct Peer {
     heard: Option<Duration>,
     term: String,
     alive: Alive,
-    /// The peer's latest command when it was heard first: later ones were heard one by one.
+    /// The number of the peer's latest command when the first message came: later ones are received one by one.
     until: u64,
 }
 
-/// The result of a message that was heard.
+/// The result of a received message.
 #[derive(Debug, PartialEq)]
 pub enum Heard {
     /// A message has come back.
@@ -192,7 +192,7 @@ impl Share {
         let (from, page_of) = from.split_once('/').map_or((from, None), |(node, page)| (node, Some(page)));
         let store = page_of.and_then(|page| page.split('/').next());
         let is_own = from == self.node && store.is_none_or(|store| store == self.store);
-        // A page was removed, or the broker returns what this bridge has said on an earlier connection.
+        // A page was removed, or the broker returns a message of this bridge on an earlier connection.
         if payload.is_empty() || is_retained && (is_own || store.is_none()) {
             return None;
         }
@@ -280,14 +280,14 @@ impl Share {
         }
     }
 
-    /// Returns, if a cell that this bridge does not have is its to take, the time until which commands may have been given by
-    /// others without being heard of, in milliseconds since 1970 UTC.
+    /// Returns the time until which other bridges may have given commands that this one has not received, in milliseconds
+    /// since 1970 UTC; `None` if this bridge may not take the cell. The bridge does not have the cell yet.
     pub fn may_take(&self, cell: &str, now: Duration) -> Option<u64> {
         let (_, today) = self.since.filter(|_| !self.ends && self.held && self.lease.holds_at(now))?;
         let mut until = 0;
         for (name, peer) in &self.peers {
             if self.lives(peer, now)? {
-                // The other bridge has heard that this bridge lives, and so does not take cells that are this one's by rank.
+                // The other bridge knows that this bridge lives, and so does not take cells that are this one's by rank.
                 let knows_this = peer.alive.knows.get(&self.node) == Some(&self.term);
                 let comes_after =
                     peer.alive.cells.get(cell).is_none_or(|has| !has && self.is_before(name, cell));

@@ -1,7 +1,7 @@
 //! The clauses of docs/bridge.md and docs/bridge-shared.md by which no id is executed twice, explored: two bridges that
-//! share a cell, a broker that stores pages, delays what it delivers and may lose what it has stored, and a sender that
-//! repeats an id with another time whenever it likes. In every state that can be reached the id was executed once at the
-//! most; without any one of the clauses there is a way to execute it twice.
+//! share a cell, a broker that stores pages, delays messages and may lose its stored pages, and a sender that repeats an id
+//! with another time at any moment. In every reachable state the id was executed at most once; without any one of the
+//! clauses there is a way to execute it twice.
 
 use std::collections::HashSet;
 
@@ -66,7 +66,7 @@ struct Bridge {
     has_read: bool,
     /// Its page of this connection is with the broker.
     is_said: bool,
-    /// The command was accepted, and its page is to be said, or to come back.
+    /// Whether the command was accepted, and its page is to be sent, or to come back.
     unsaid: bool,
     waits: bool,
 }
@@ -83,9 +83,9 @@ struct State {
 struct Model {
     without: Option<Clause>,
     has_time: bool,
-    /// The clock of the second bridge is behind by so much.
+    /// The time by which the clock of the second bridge is slow.
     behind: u8,
-    /// The broker may lose what it has stored.
+    /// Whether the broker may lose its stored pages.
     loses: bool,
 }
 

@@ -99,7 +99,7 @@ mod tests {
         assert_eq!((known(&reading), reading.has_gap("b")), ((false, false), true));
         reading.read("b", "t", &page(1, Some(1), 1));
         assert!(reading.is_read("b", Some("t")) && reading.is_read("b", None));
-        // It is dead, and the connection is another: what is read now counts alone, and nothing of before once it runs.
+        // Node b is dead, and the connection is new: once b runs, only what is read now counts.
         reading.opened(|node| node == "b");
         assert!(reading.is_read("b", None));
         reading.read("b", "t", &page(2, Some(1), 1));

@@ -14,7 +14,7 @@ use crate::store::Batch;
 #[test]
 fn no_two_bridges_have_a_cell_and_no_id_is_executed_twice_whatever_fails() {
     for seed in 0..16 {
-        // The broker loses what it has stored, or the bridges lose their stores.
+        // The broker loses its stored pages, or the bridges lose their stores.
         let loses_stores = seed % 2 == 1;
         let mut world = World::new(seed, loses_stores);
         for round in 0..20 {
@@ -83,7 +83,7 @@ fn an_id_that_a_dead_bridge_has_executed_is_executed_by_no_other() {
         };
         run(&mut world, 8);
         for round in 0..16 {
-            // One bridge runs alone, executes commands, and dies. The broker may lose what it has stored.
+            // One bridge runs alone, executes commands, and dies. The broker may lose its stored pages.
             let alone = world.rng.usize(..NAMES.len());
             let until = world.now + day;
             (0..NAMES.len()).for_each(|at| world.kill(at, until));
@@ -190,7 +190,7 @@ fn a_command_is_given_when_its_page_has_come_back_and_not_when_the_connection_is
     assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), Some(back));
     assert!(a.lease.holds_at(now + LEASE - STEP) && !a.lease.holds_at(now + LEASE));
     assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), None, "once");
-    // The other bridge hears who has given the command, from the stored page or from the message.
+    // The other bridge learns the giver of the command from the stored page or from the message.
     for is_stored in [false, true] {
         let mut b = share("b");
         b.connected(now, 100);
@@ -238,8 +238,8 @@ fn who_has_not_heard_a_bridge_knows_nothing_of_commands_before() {
     b.connected(start, 500_000);
     exchange(&mut a, &mut b, false, 0, start);
     assert_eq!((a.may_take("f", start), b.may_take("f", start)), (None, None));
-    // Nobody was heard: after a while it is alone, and commands that another may have had are barred: dated ahead of a clock
-    // that is ahead.
+    // No other bridge was heard: after a while this one is alone, and commands that another may have received are barred:
+    // those dated ahead of a clock that is fast.
     let mut now = start;
     while a.may_take("f", now).is_none() {
         now += milliseconds(500);
@@ -252,7 +252,8 @@ fn who_has_not_heard_a_bridge_knows_nothing_of_commands_before() {
     let ledger = said(&mut earlier, false, &commands(430_000), now).remove(0);
     a.hear(&ledger.0, &ledger.1, true, now);
     assert_eq!((a.unread(), a.may_take("f", now)), (None, Some(430_000)));
-    // Another one was heard, with the latest command that it knows. It may take the cell until it has heard this one.
+    // Another bridge was heard, with the latest command that it knows. This one may take the cell until the other has heard
+    // it.
     let mut now = now + milliseconds(500);
     exchange(&mut b, &mut a, false, 450_000, now);
     assert_eq!(a.may_take("f", now), None);

@@ -16,7 +16,7 @@ use crate::store::Batch;
 pub(super) const STEP: Duration = Duration::from_millis(50);
 pub(super) const NAMES: [&str; 3] = ["bridge-1", "bridge-2", "bridge-3"];
 pub(super) const CELLS: [&str; 6] = ["handling", "painter", "cutter", "assembly", "arm", "ball"];
-/// The longest time for which a thread may go on with work that it has begun.
+/// The longest time for which a thread may continue work that it has begun.
 const THREAD: Duration = Duration::from_secs(2);
 const MAX_AGE: Duration = Duration::from_secs(30);
 /// The maximum difference of the clocks of the bridges and of the sender, in milliseconds.
@@ -291,8 +291,8 @@ impl World {
 
     fn bridge(&mut self, at: usize, is_broker_there: bool) {
         let now = self.now;
-        // The threads of its cells go on while the hub is stopped, as long as the lease lasts. A thread that is to end begins
-        // nothing.
+        // The threads of its cells continue while the hub is stopped, as long as the lease lasts. A thread that is to end
+        // begins nothing.
         let cells = self.bridges[at].cells.iter().filter(|(_, ends)| ends.is_none());
         let cells: Vec<usize> = cells.map(|(cell, _)| *cell).collect();
         if self.bridges[at].share.lease.holds_at(now) {

@@ -33,7 +33,7 @@ const OWNER: &str = "owner";
 
 /// The size of the cache of the database, in bytes.
 const CACHE: usize = 16 << 20;
-/// The ring's file grows by so many bytes at once.
+/// The size by which the ring's file grows, in bytes.
 const EXTENT: u64 = 256 << 10;
 /// The number of unused bytes of the ring that may remain before they are overwritten.
 const WASTE: u64 = 1 << 20;
@@ -152,8 +152,8 @@ impl Store {
         Ok(Self { path: path.to_owned(), open: Some((database, ring)), next, number, most })
     }
 
-    /// Opens the files again: after an error of the disk nothing else makes them usable. The last write counts, and nothing after
-    /// it.
+    /// Opens the files again, since no other action makes them usable after an error of the disk. The last completed write
+    /// is the last one that counts.
     ///
     /// # Errors
     /// As [`open`](Self::open).

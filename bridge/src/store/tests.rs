@@ -303,8 +303,8 @@ fn a_bit_that_is_flipped_is_an_error_or_changes_nothing() {
     }
 }
 
-/// A bit of the database's header says which of its last two commits counts: with the earlier one, what has the last would
-/// be forgotten.
+/// A bit of the database's header selects the last commit of two: with the earlier one, the contents of the last would be
+/// lost.
 #[test]
 fn a_bit_of_the_header_that_is_flipped_is_an_error_or_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -339,8 +339,8 @@ fn a_bit_of_the_header_that_is_flipped_is_an_error_or_changes_nothing() {
     assert_eq!(older, 1);
 }
 
-/// Outcomes of commands, one a commit; the last one without a record. Each byte of each of them in the file, also of what a
-/// commit before had in another page.
+/// Outcomes of commands, one per commit; the last one without a record. Flips each byte of each of them in the file,
+/// including the copies of an earlier commit in another page.
 #[test]
 fn a_changed_outcome_is_an_error_or_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();

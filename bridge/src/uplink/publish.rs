@@ -37,7 +37,7 @@ impl Uplink {
         Ok(())
     }
 
-    /// Publishes births. Returns false when there is no free space for more.
+    /// Publishes births. Returns false if there is no free space for more.
     fn publish_births(&mut self, store: &Store, cells: &mut [Cell]) -> bool {
         let Phase::Online { session } = &self.phase else { return false };
         if !self.is_born {
@@ -61,7 +61,7 @@ impl Uplink {
             })
     }
 
-    /// Publishes one record of each cell that is held and due. Returns false when there is no free space for more.
+    /// Publishes one record of each cell that is held and due. Returns false if there is no free space for more.
     fn publish_trials(&mut self, (store, words): (&mut Store, &Words), cells: &mut [Cell]) -> Result<bool> {
         while let Some((place, key)) = self.holds.due(Instant::now()) {
             let stored = store.records(key, 1)?.into_iter().find(|(found, _)| *found == key);
@@ -77,7 +77,8 @@ impl Uplink {
         Ok(true)
     }
 
-    /// Publishes the next records of the store, except those of held cells. Returns false when there is no free space for more.
+    /// Publishes the next records of the store, except those of held cells. Returns false if there is no free space for
+    /// more.
     fn publish_records(
         &mut self,
         (store, words): (&mut Store, &Words),
@@ -95,7 +96,7 @@ impl Uplink {
                 if let (Some(record), Some(place)) = (record, place)
                     && let Some(cell) = cells.get_mut(place)
                 {
-                    // After a hold has ended others are on their way among what was held.
+                    // After the end of a hold, some of the held records are in flight already.
                     if !self.flight.contains_key(&key)
                         && !self.holds.keep(place, key)
                         && !self.publish_record(cell, place, key, record.metrics, key < self.live)
@@ -111,7 +112,7 @@ impl Uplink {
         Ok(true)
     }
 
-    /// Publishes a record, after the birth of its cell. Returns false when there is no free space for it.
+    /// Publishes a record, after the birth of its cell. Returns false if there is no free space for it.
     fn publish_record(
         &mut self,
         cell: &mut Cell,

@@ -34,8 +34,8 @@ impl Default for Wire {
 /// A session of yours, and a device that it talks to.
 ///
 /// Time passes in [`run_for`](Self::run_for), [`run_until`](Self::run_until) and [`next_event`](Self::next_event) alone,
-/// from deadline to deadline. The two are connected by themselves, first at once and again when a connection has ended; a
-/// device that is a client says when.
+/// from deadline to deadline. The two are connected automatically, first at once and again after a connection has ended; a
+/// device that is a client requests each connection.
 #[derive(Debug)]
 pub struct Bench<S: Session, D: Device> {
     /// The connection between the two ends.
@@ -44,7 +44,7 @@ pub struct Bench<S: Session, D: Device> {
     simulator: Simulator<D>,
     now: Duration,
     link: Link,
-    /// The device has asked for a connection.
+    /// Whether the device has requested a connection.
     is_wanted: bool,
     to_device: Way<Vec<u8>>,
     to_session: Way<Arrival>,
@@ -56,7 +56,7 @@ pub struct Bench<S: Session, D: Device> {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Link {
-    /// The device is to ask for a connection, if it ever does.
+    /// There is no connection until the device requests one.
     Down,
     /// There is one from then on, if the device accepts it.
     At(Duration),
@@ -156,7 +156,7 @@ impl<S: Session, D: Device> Bench<S, D> {
         &self.told
     }
 
-    /// Ends the connection, as a session may ask for.
+    /// Ends the connection, as a session may request.
     pub fn disconnect(&mut self) {
         if matches!(self.link, Link::Up | Link::Ending) {
             self.session.handle_disconnected(self.now);

@@ -16,7 +16,7 @@ pub trait Device {
     type Event: Clone + Debug + Send + 'static;
     /// A unit of work that the device executes.
     type Work: Clone + Debug + Send + 'static;
-    /// Whether it connects to its peer, when its [`Notes::connect`] says so; otherwise its peer connects to it.
+    /// Whether it connects to its peer, when it calls [`Notes::connect`]; otherwise its peer connects to it.
     const IS_CLIENT: bool = false;
 
     /// Returns the session of the device's end.
@@ -39,10 +39,10 @@ pub trait Device {
     /// Returns the latest time of the next call of [`advance`](Self::advance).
     fn due(&self) -> Option<Duration>;
 
-    /// Restarts the device after a loss of power: it has no connection, and keeps what a real device keeps.
+    /// Restarts the device after a loss of power: it has no connection, and retains the state that a real device retains.
     fn restart(&mut self, now: Duration);
 
-    /// Drops what the device holds and has not executed; the connection goes on.
+    /// Drops the device's unexecuted work; the connection continues.
     fn forget(&mut self, now: Duration);
 
     /// Called when the peer of a TLS connection has shown this certificate (DER), which is verified, and before the first
@@ -105,7 +105,7 @@ impl<E, W> Notes<E, W> {
     }
 }
 
-/// The reason that there is no device.
+/// The reason that a device cannot be created.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -9,7 +9,7 @@ pub enum Reported {
     NotDone,
     /// The job is executed once, or not at all.
     Unknown,
-    /// The job is executed at least this often: its sender has asked for repetitions.
+    /// The job is executed at least this often: its sender has requested repetitions.
     AnyTimes(u32),
 }
 

@@ -45,9 +45,9 @@ impl Pty {
         polled.is_ok() && (found.contains(PollFlags::IN) || !found.contains(PollFlags::HUP))
     }
 
-    /// Discards what a program that has closed its end has not read: the next one would.
+    /// Discards the unread bytes of a program that has closed its end, which the next program would read otherwise.
     pub(crate) fn discard(&self) {
-        // A program may have opened it again, and loses what was not sent to it.
+        // A program that has opened it again loses the bytes that were not sent to it.
         if let Ok(program) = program_end(&self.path) {
             let _ = tcflush(program, QueueSelector::IFlush);
         }

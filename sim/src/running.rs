@@ -98,7 +98,7 @@ impl<D: Device + Send + 'static> Running<D> {
         })
     }
 
-    /// Runs as a TCP client: it connects when the device asks for it, and tries again when that fails.
+    /// Runs as a TCP client: it connects when the device requests it, and tries again after a failure.
     ///
     /// # Errors
     /// The system's.

@@ -119,7 +119,7 @@ impl Device for Screen {
         notes: &mut Notes<WorkstationEvent, PosePacket>,
     ) {
         if let WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) = event {
-            // One that comes twice is no gap.
+            // A repeated one is not a gap.
             let last = self.last_count.filter(|last| *last != packet.count);
             self.drawn.gaps += last.map_or(0, |last| u64::from(packet.lost_since(last)));
             (self.last_count, self.moved) = (Some(packet.count), now);

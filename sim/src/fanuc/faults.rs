@@ -19,7 +19,7 @@ pub struct NoFault(String);
 /// A fault of the telemetry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TelemetryFault {
-    /// The speed in X is no number.
+    /// The speed in X is not a number.
     Nan,
     /// R is infinite.
     Infinite,

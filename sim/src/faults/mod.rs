@@ -30,7 +30,7 @@ pub enum Fault {
     Freeze(Duration),
     /// The device loses power, and restarts after this time. The message is lost, and the connection ends.
     Restart(Duration),
-    /// The device loses the work that it holds and has not executed. The message is carried, and the connection goes on.
+    /// The device loses its unexecuted work. The message is carried, and the connection continues.
     Forget,
 }
 

@@ -99,7 +99,7 @@ struct Serving<C, S, H> {
     handshakes: Handshakes,
     /// The clients with more to read, of which no further event comes.
     busy: Vec<usize>,
-    /// The earliest time at which something is due, or earlier.
+    /// A time not after the earliest deadline.
     due: Option<Duration>,
     input: Vec<u8>,
     out: Vec<u8>,
@@ -388,8 +388,8 @@ impl<S: Hosted> Client<S> {
             match self.stream.read(input) {
                 Ok(0) => return Err(Ending::ByPeer.into()),
                 Ok(length) => {
-                    // On Unix, bytes after a read that was not filled are an event again; an end that was reported is not.
-                    // On Windows there is no event until a read would have to wait.
+                    // On Unix, bytes after a read that did not fill its buffer are an event again; an end that was reported
+                    // is not. On Windows there is no event until a read would have to wait.
                     let is_filled = length == input.len() || self.stream.keeps_bytes();
                     self.is_readable = is_filled || self.is_ended || cfg!(windows);
                     self.active = now;

@@ -116,7 +116,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
         let is_connected = self.session.machine().is_connected();
         let was_connected = core::mem::replace(&mut self.was_connected, is_connected);
         let has_order = self.session.order().is_some();
-        // An order goes on with the next connection.
+        // An order continues on the next connection.
         self.is_wanted |= is_connected && !was_connected && !has_order;
         if self.is_wanted && !has_order {
             // With too many events it is tried again once they are taken.

@@ -1,4 +1,4 @@
-//! A Kawasaki robot: it connects to its PC, queues what that sends, and executes one job after the other.
+//! A Kawasaki robot: it connects to its PC, queues that PC's jobs, and executes one job after the other.
 
 use core::fmt;
 use core::time::Duration;
@@ -117,7 +117,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
                 begins = end;
                 // An order that was dropped meanwhile needs no report.
                 let _ = self.session.job_done(now, job.number);
-                // Reported before it is complete, it is never asked for again. A reset has discarded it already.
+                // Reported before it is complete, the job is never requested again. A reset has discarded it already.
                 if let Some(taken) = self.queue.take_where(|waiting, _| waiting == number) {
                     taken.complete();
                 }

@@ -70,14 +70,14 @@ impl<P: Simulated> Axes<P> {
         self.duration = 1.5 * self.from.time_to(to);
     }
 
-    /// Stops where the axes are.
+    /// Stops the axes at their current position.
     pub(super) fn stop(&mut self, now: Duration) {
         self.advance(now);
         let here = self.pose();
         (self.from, self.to, self.duration, self.progress) = (here, here, 0.0, 1.0);
     }
 
-    /// Stops where the axes were half-way, if they have come so far by now.
+    /// Stops the axes at the half of their way, if they have come so far by now.
     pub(super) fn stop_half_way(&mut self) -> bool {
         if self.progress < 0.5 {
             return false;

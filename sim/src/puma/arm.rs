@@ -119,7 +119,7 @@ mod tests {
         // In world coordinates a turn leaves the position alone, whichever comes first.
         assert_eq!(rounded(&add(CoordinateFrame::World, [&shift, &turn])), with([1000, 0, 0]));
         assert_eq!(rounded(&add(CoordinateFrame::World, [&turn, &shift])), with([1000, 0, 0]));
-        // In tool coordinates `set` comes first: a turn turns what has been added up.
+        // In tool coordinates `set` comes first: a turn also turns the accumulated correction.
         assert_eq!(rounded(&add(CoordinateFrame::Tool, [&shift, &turn])), with([0, 1000, 0]));
         assert_eq!(rounded(&add(CoordinateFrame::Tool, [&turn, &shift])), with([1000, 0, 0]));
 
@@ -209,7 +209,7 @@ mod tests {
         };
         assert_eq!(at(Mode::CUMULATIVE_23, &[80, 80]), (405.0, 405 * 32));
         assert_eq!(at(Mode::NON_CUMULATIVE_22, &[160, 80]), (402.5, 12880));
-        // The path of the next ALTER begins where the previous one has left the arm.
+        // The path of the next ALTER begins at the position in which the previous one has left the arm.
         let mut arm = Arm::new(ArmConfig::default(), Mode::NON_CUMULATIVE_22);
         for x in [405.0, 410.0] {
             arm.begin();

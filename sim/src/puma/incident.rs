@@ -13,7 +13,7 @@ pub enum Incident {
     Misread(ErrorCode),
     /// The next message leaves the controller with a wrong checksum.
     Corrupt,
-    /// The messages say this of the motion segment from now on.
+    /// The messages report this status of the motion segment from now on.
     Status(SegmentStatus),
     /// The program ends ALTER.
     Finish,

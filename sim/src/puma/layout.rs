@@ -7,8 +7,9 @@ use super::pose::Pose;
 /// The layout of the pose in the twelve words. It is not documented; the default is the natural reading: percentages
 /// are Q14 and lengths 1/32 mm elsewhere in the protocol, and VAL lists transformations by columns.
 ///
-/// To find out on a live robot, compare [`Pose::orthonormality`] of each [`Layout::NAMED`] and move the arm along one axis:
-/// the check shows where the position is, but a rotation matrix and its transpose are equally orthonormal.
+/// To determine the layout on a live robot, compare [`Pose::orthonormality`] of each [`Layout::NAMED`] and move the arm
+/// along one axis: the check shows the words of the position, but a rotation matrix and its transpose are equally
+/// orthonormal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layout {
     /// The order of the words.

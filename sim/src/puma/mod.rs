@@ -1,5 +1,5 @@
-//! The PUMA 562 on its MARK III controller: its program runs ALTER, its operator starts that again, and its arm goes where
-//! the replies say.
+//! The PUMA 562 on its MARK III controller: its program runs ALTER, its operator restarts the program, and its arm follows
+//! the replies.
 
 mod arm;
 mod incident;

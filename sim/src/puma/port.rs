@@ -1,4 +1,4 @@
-//! The controller's port: what leaves it takes its time, and what arrives may be something else.
+//! The controller's port: bytes leave it with the delays of the line, and a reply may be damaged on arrival.
 
 use core::time::Duration;
 
@@ -28,7 +28,7 @@ pub struct Port {
 enum Answer {
     None,
     Begun,
-    /// Something else has arrived in its place.
+    /// Another value has arrived in its place.
     Replaced,
 }
 

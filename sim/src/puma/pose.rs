@@ -80,7 +80,7 @@ impl Pose {
         add(add(scaled(self.n, v[0]), scaled(self.o, v[1])), scaled(self.a, v[2]))
     }
 
-    /// Takes out what rounding adds up over thousands of cycles.
+    /// Removes the rounding errors of thousands of cycles.
     fn orthonormalize(&mut self) {
         self.n = scaled(self.n, 1.0 / length(self.n));
         self.o = add(self.o, scaled(self.n, -dot(self.n, self.o)));

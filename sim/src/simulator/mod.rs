@@ -146,12 +146,12 @@ impl<D: Device> Simulator<D> {
         self.notes.executed.pop_front()
     }
 
-    /// Does what is due without a message.
+    /// Does the work that is due without a message.
     fn go_on(&mut self, now: Duration) {
         self.is_settled &= now <= self.now;
         self.now = self.now.max(now);
         loop {
-            // The faults that were asked for before this call are due.
+            // The faults that were requested before this call are due.
             let call = self.remote.as_ref().filter(|remote| remote.is_called()).and_then(Remote::next);
             while let Some(fault) = self.faults.due(self.now) {
                 if matches!(fault, Fault::Cut | Fault::Close) {
@@ -231,7 +231,7 @@ impl<D: Device> Simulator<D> {
         }
     }
 
-    /// Gives the device what is due to arrive.
+    /// Gives the device the bytes that are due to arrive.
     fn deliver(&mut self) {
         while self.reads() && self.incoming.front().is_some_and(|(at, _)| *at <= self.now) {
             let Some((_, bytes)) = self.incoming.pop_front() else { return };
@@ -380,7 +380,7 @@ impl<D: Device> Session for Simulator<D> {
             return [Some(self.off), faults].into_iter().flatten().min();
         }
         let session = self.device.session().poll_timeout();
-        // Behind what is sent later, the session waits.
+        // The session waits until the first delayed message has left, and while the device is frozen.
         let held = self.outgoing.front().map_or(Duration::ZERO, |(at, _)| *at).max(self.frozen);
         let session = if self.closing.is_some() { None } else { session.map(|at| at.max(held)) };
         let sent = self.outgoing.front().map(|(at, _)| (*at).max(self.frozen));

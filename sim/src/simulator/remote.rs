@@ -54,8 +54,9 @@ impl<D: Device> Remote<D> {
         &self.0.faults
     }
 
-    /// Calls `call` in the thread of the device, between two messages, and returns its result. Faults that were asked for at
-    /// once before have happened by then. `None` if the thread has not begun the call within this time: the call is withdrawn.
+    /// Calls `call` in the thread of the device, between two messages, and returns its result. Faults that were requested at
+    /// once before have happened by then. `None` if the thread has not begun the call within this time: the call is
+    /// withdrawn.
     pub fn call<R: Send + 'static>(
         &self,
         within: Duration,

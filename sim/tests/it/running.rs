@@ -98,7 +98,7 @@ fn a_program_that_reads_late_gets_every_byte_and_one_that_never_reads_stops_noth
 
 #[cfg(target_os = "linux")]
 fn reads_late(is_blocked: bool) {
-    // 43 bytes: a multiple of them is no buffer of a system.
+    // 43 bytes: no system has a buffer of a multiple of them.
     let text = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopq";
     let sends = vec![(NOW, text); 8000];
     let line = Line { is_blocked, ..Line::sending(&sends) };

@@ -19,7 +19,7 @@ use crate::json;
 pub struct EndRow {
     /// The name of the end.
     pub name: &'static str,
-    /// The rules that its machine can be told to leave out.
+    /// The rules that can be disabled in its machine.
     pub rules: fn() -> Vec<String>,
     /// Returns the names of the calls.
     pub calls: fn() -> Vec<&'static str>,
@@ -48,13 +48,13 @@ pub enum By<'a> {
     Call(&'a str),
     /// An event; one with a `count` counts this often.
     Event(&'a str),
-    /// An event that ends whatever there is.
+    /// An event that ends all open items.
     All(&'a str),
     /// A transmission.
     Sent,
     /// A byte that is read.
     Byte(u8),
-    /// A connection is made or lost: it ends whatever there is.
+    /// A connection is made or lost: it ends all open items.
     Connection,
 }
 
@@ -95,7 +95,7 @@ pub trait End {
     /// Makes a call by its name. The inner error is the object of a refusal.
     ///
     /// # Errors
-    /// There is no such call, or it has another argument.
+    /// If there is no such call, or if it has another argument.
     fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called;
 
     /// Returns the name of the machine's state.
@@ -116,7 +116,7 @@ pub type Called = Result<Result<(), String>>;
 /// A call by its name.
 pub(crate) type Call<O> = (&'static str, fn(&mut O, Duration, &Value) -> Called);
 
-/// A session with what its user has beside it, such as the other end of its queue.
+/// A session with the other objects of its user, such as the other end of its queue.
 pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     /// The session.
     type End: robot_session::end::End<

@@ -9,7 +9,7 @@ use crate::codec::items;
 use crate::link::Link;
 pub use crate::parts::{Part, Parts, Read, count};
 
-/// A message or an error in a stream, and what its bytes are.
+/// A message or an error in a stream, and the meaning of its bytes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Explained {
     /// The first byte, from the start of the stream.

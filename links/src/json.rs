@@ -27,7 +27,7 @@ pub fn write(value: &impl Serialize, out: &mut Vec<u8>) -> serde_json::Result<()
     let begin = out.len();
     serde_json::to_writer(&mut *out, value)?;
     // JSON escapes the control characters below 20h. The others are 7Fh, and C2h with a second byte below A0h. Without an
-    // early end, the loop looks at many bytes at once.
+    // early end, the loop examines many bytes at once.
     let line = out.get(begin..).unwrap_or_default();
     if line.iter().fold(false, |found, byte| found | (*byte == 0x7F) | (*byte == 0xC2)) {
         escape(begin, out);

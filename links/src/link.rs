@@ -28,18 +28,20 @@ pub struct Link {
     /// The traces of the tool by name: the sides that sent the bytes which the trace lists as sent and as received. `None` for a
     /// side that sends no messages.
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
-    /// Whether something marks where a frame begins: if not, a frame that is cut takes the next with it.
+    /// Whether a mark shows the beginning of a frame: if not, a truncated frame takes the next one with it.
     pub marks_begin: bool,
-    /// The two bytes that hold the line and let it go on, wherever they are: a session takes them out of what its decoder sees.
+    /// The two bytes that stop the line and restart it, at any position: a session removes them before its decoder gets the
+    /// bytes.
     pub flow_control: Option<[u8; 2]>,
     /// The configurations of its crate.
     pub configs: &'static [Config],
     /// Returns the settings of the codec, with the defaults.
     pub settings: fn() -> Vec<Setting>,
-    /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
+    /// The codec of a side's messages, with settings other than the defaults, as in the vectors' `options`:
+    /// `{"framing":"rtu"}`.
     pub codec: MakeCodec,
-    /// Whether its decoder may accept what its encoder would write another way, or not at all; everything else is written in
-    /// one way.
+    /// Whether its decoder may accept bytes that its encoder would write differently, or not at all; all other messages have
+    /// one form.
     pub tolerates: fn(&Accepted<'_>) -> bool,
     /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
     pub clauses: &'static [(&'static str, &'static str)],
@@ -51,7 +53,7 @@ pub struct Link {
     /// Makes a shadow, which observes a conversation of both ends.
     #[cfg(feature = "captures")]
     pub shadow: MakeShadow,
-    /// The ends; the one that asks comes first.
+    /// The ends; the requesting one comes first.
     pub ends: &'static [EndRow],
 }
 
@@ -63,7 +65,7 @@ pub type Listed = Result<Vec<Setting>, Refused>;
 pub struct Config {
     /// The name of its type.
     pub name: &'static str,
-    /// The fields of the default, or of what it becomes with these values, in the form that `reference/` has.
+    /// The fields of the default, or of the default with these values, in the form of `reference/`.
     pub fields: fn(given: &Map<String, Value>) -> Listed,
 }
 
@@ -72,7 +74,7 @@ pub struct Config {
 pub struct Open {
     /// The settings of the codec that bytes decide.
     pub settings: &'static [&'static str],
-    /// Other settings that show what decides, with their values: `view`, `telemetry`.
+    /// Other settings that affect the view of the bytes, with their values: `view`, `telemetry`.
     pub beside: &'static [(&'static str, &'static str)],
     /// Other settings of the ends, which bytes show and a command may lack: their values in these messages, and the reason
     /// for each.
@@ -85,7 +87,7 @@ pub struct Open {
     pub deciding: &'static [Deciding],
     /// Values with which more is read, and the same is written: the setting, the value, and which bytes would decide.
     pub reads_more: &'static [(&'static str, &'static str, &'static str)],
-    /// The settings of the codec as a function that returns the crate's configuration, with what it needs.
+    /// The settings of the codec as a function that returns the crate's configuration, with all necessary definitions.
     pub rust: fn(&Map<String, Value>, Carrier) -> Result<String>,
     /// Returns the information that a message contributes after the previous one of the same side, in bits.
     pub sense: fn(before: &Value, message: &Value) -> f64,
@@ -99,7 +101,7 @@ pub type Place = (&'static str, u64, &'static str);
 /// The transport of a capture's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Carrier {
-    /// The capture does not say.
+    /// The capture does not show the carrier.
     #[default]
     Unknown,
     /// TCP or UDP.

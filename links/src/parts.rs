@@ -46,7 +46,7 @@ impl<'a> Parts<'a> {
         Self { bytes, places: (0..bytes.len()).collect(), at: 0, single: bytes.len(), parts: Vec::new() }
     }
 
-    /// Divides a frame in which this byte is written twice, from `begin` up to where it is single.
+    /// Divides a frame in which this byte is written twice, from `begin` up to the first single one.
     pub fn stuffed(bytes: &'a [u8], begin: usize, twice: u8) -> Self {
         let mut places: Vec<usize> = (0..begin.min(bytes.len())).collect();
         let mut at = begin;

@@ -1,9 +1,9 @@
 //! Shadow ends: compare the messages of both ends of a conversation with the link's specification while they pass.
 //!
-//! A shadow sees what a tap sees, in order of time, and reports an end that breaks a rule or misses a budget of the source, and a
-//! session's assumption that is wrong. It may begin in the middle of a conversation: it does not report anything that depends on
-//! unseen bytes. Bytes that are not a message are not reported: they are already an error of the decoder, with a clause of its
-//! own.
+//! A shadow gets the events of a tap in sequence of time, and reports an end that breaks a rule or misses a budget of the
+//! source, and a session's assumption that is wrong. It may begin in the middle of a conversation: it does not report
+//! anything that depends on unseen bytes. Bytes that are not a message are not reported: they are already an error of the
+//! decoder, with a clause of its own.
 
 use core::time::Duration;
 
@@ -42,7 +42,7 @@ pub struct Setup<'a> {
     pub is_serial: bool,
 }
 
-/// Something that happens between the ends.
+/// An event between the ends.
 #[derive(Debug, Clone, Copy)]
 pub enum Seen<'a> {
     /// A connection is made. It has not carried any bytes.
@@ -111,10 +111,10 @@ pub enum Kind {
     Assumption,
 }
 
-/// Where complaints go.
+/// The receiver of complaints.
 #[derive(Debug)]
 pub struct Report<'a> {
-    /// The time of what is seen.
+    /// The time of the current event.
     pub now: Duration,
     /// The complaints so far.
     pub complaints: &'a mut Vec<Complaint>,
@@ -202,7 +202,7 @@ impl Setup<'_> {
     }
 }
 
-/// Two things may be seen so much closer to each other than they were, or farther: adapters and drivers deliver bytes late.
+/// The difference that two observed times may have from the real ones: adapters and drivers deliver bytes late.
 pub(crate) const JITTER: Duration = Duration::from_millis(20);
 
 /// Returns a time as a text for people.

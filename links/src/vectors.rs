@@ -18,7 +18,7 @@ pub struct Vector {
     pub id: u32,
     /// A description of the vector.
     pub comment: String,
-    /// The side that sends these bytes, where the link's sides differ.
+    /// The side that sends these bytes, if the link's sides differ.
     pub from: Option<String>,
     /// Settings of the codec other than the link's defaults, such as `{"framing":"rtu"}`.
     #[serde(default)]
@@ -30,7 +30,7 @@ pub struct Vector {
     pub result: Outcome,
     /// The decoded object, for `valid` and `acceptable`.
     pub message: Option<Value>,
-    /// For `invalid`, the first error's object: its `kind`, and whatever else the vector pins down.
+    /// For `invalid`, the first error's object: its `kind`, and further pinned fields.
     pub error: Option<Value>,
     /// The result is given only at the end of the stream: the bytes are incomplete.
     #[serde(default)]
@@ -117,8 +117,8 @@ impl Vector {
     }
 }
 
-/// Returns whether `found` contains everything that `expected` contains: a vector pins down an error's kind and, where it
-/// matters, its fields.
+/// Returns whether `found` contains everything that `expected` contains: a vector pins down an error's kind and, if
+/// relevant, its fields.
 pub fn includes(found: &Value, expected: &Value) -> bool {
     match (found, expected) {
         (Value::Object(found), Value::Object(expected)) => {

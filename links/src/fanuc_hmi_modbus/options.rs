@@ -13,7 +13,7 @@ pub enum Frames {
     Rtu,
 }
 
-/// The settings of a view of the link's bytes, and the registers that a client asks for.
+/// The settings of a view of the link's bytes, and the registers that a client requests.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ViewSettings {
     /// The frames.
@@ -22,9 +22,9 @@ pub struct ViewSettings {
     pub telemetry: bool,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// The unit that a client asks; `None`: that of the command. The bytes of every unit are shown.
+    /// The unit to which a client sends requests; `None`: that of the command. The bytes of every unit are shown.
     pub unit: Option<u8>,
-    /// The PDU address of the first register that a client asks for; `None`: that of the command. Every register is shown.
+    /// The PDU address of the first register that a client requests; `None`: that of the command. Every register is shown.
     pub address: Option<u16>,
 }
 
@@ -53,7 +53,7 @@ impl Configure for ViewSettings {
     }
 }
 
-/// A client of the tool: how the connection is made decides the framing, and it asks one thing at a time.
+/// A client of the tool: the kind of connection decides the framing, and there is one request at a time.
 #[derive(Debug)]
 pub struct ClientSettings<'a>(pub &'a mut ClientConfig);
 

@@ -45,7 +45,7 @@ struct Modbus {
     config: ClientConfig,
     /// Every request that may still be answered was seen.
     is_known: bool,
-    /// When something was seen first.
+    /// The time at which the first byte was observed.
     since: Option<Duration>,
     /// Requests without a reply, oldest first.
     open: Vec<Request>,

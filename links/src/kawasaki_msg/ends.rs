@@ -215,7 +215,7 @@ impl Robot {
 }
 
 impl Motion {
-    /// Removes what was cleared. While a job is being executed its slot comes first, and nothing is looked at.
+    /// Removes cleared jobs. While a job is being executed its slot comes first, and no job is removed.
     fn sweep(&mut self) {
         if self.executes.is_none() {
             let _ = self.reader.take();
@@ -258,7 +258,7 @@ impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
     }
 }
 
-/// Reads what both ends have agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
+/// Reads the agreements of both ends that are not settings: `charset`, `messages` and `job` of a configuration.
 pub(super) fn plant(given: &mut Given) -> Result<(Dialect, Layout)> {
     let mut plant = Plant::default();
     plant.charset = given.take("charset")?.unwrap_or(plant.charset);

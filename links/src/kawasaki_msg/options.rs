@@ -9,7 +9,7 @@ use kawasaki_msg::{PcConfig, RobotConfig};
 pub struct CodecSettings {
     /// The plant's messages.
     pub plant: Plant,
-    /// Messages are read and written as what they mean in the plant's table.
+    /// Messages are read and written by their roles in the plant's table.
     pub roles: bool,
 }
 

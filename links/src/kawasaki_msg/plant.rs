@@ -28,7 +28,7 @@ pub struct Plant {
     pub max_number: u16,
     /// The way in which executed jobs are acknowledged.
     pub acks: Acks,
-    /// The coordinates of the drawing's lines, where a job is one.
+    /// The coordinates of the drawing's lines, if jobs are lines.
     pub bounds: Bounds,
     /// The fields of a job; without them it is a line of a drawing.
     pub(super) job: Option<Vec<Value>>,
@@ -128,7 +128,7 @@ impl Plant {
     /// Returns the table of messages. The table is made once, and stays in memory as long as the tool runs.
     ///
     /// # Errors
-    /// When the table contradicts itself, or lacks what no session can do without.
+    /// When the table contradicts itself, or lacks a message that every session needs.
     pub fn dialect(&self) -> Result<Dialect> {
         static MADE: Mutex<BTreeMap<String, Dialect>> = Mutex::new(BTreeMap::new());
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -142,10 +142,10 @@ impl Plant {
         Ok(dialect.with_charset(self.charset))
     }
 
-    /// Replaces messages by role, as a configuration of the reference does: `null` where the plant lacks one.
+    /// Replaces messages by role, as in a configuration of the reference: `null` if the plant lacks a message.
     ///
     /// # Errors
-    /// When there is no such role, or an object is not a message.
+    /// If there is no such role, or if an object is not a message.
     pub(super) fn replace(&mut self, messages: Map<String, Value>) -> Result<()> {
         for (role, given) in messages {
             let known = self.messages.get(&role).map(|message| message.default);

@@ -1,4 +1,4 @@
-//! Messages by their roles in the plant's table, whatever their names are there.
+//! Messages by their roles in the plant's table, regardless of their names there.
 
 use anyhow::{Context, anyhow};
 use kawasaki_msg::{Decoder, Dialect, Field, Message, Params, Role};

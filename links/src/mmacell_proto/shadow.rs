@@ -49,7 +49,7 @@ enum Axes {
     Unknown,
     Off,
     Still,
-    /// Since the `OK` to the order, if no status was asked for since.
+    /// Since the `OK` to the order, if no status was requested since.
     Moving(Option<Duration>),
     Fault,
 }

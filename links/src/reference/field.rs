@@ -30,7 +30,7 @@ pub struct Field {
     pub stories: Vec<Story>,
 }
 
-/// The bytes of a side, and what a decoder makes of them.
+/// The bytes of a side, and the items that a decoder finds in them.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Stream {
     /// The number of the stream.

@@ -72,7 +72,7 @@ impl Do {
 /// The driver's actions that a step omits.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Omits {
-    /// `hold`: it asks for nothing to transmit.
+    /// `hold`: it does not poll for bytes to transmit.
     pub transmit: bool,
     /// `keep`: it takes no event.
     pub events: bool,

@@ -305,7 +305,7 @@ impl Alter {
         match (is_start, is_read, word) {
             (true, Some(true), "accept") => (self.phase, self.last) = (Phase::Running, Some(now)),
             (true, Some(true), "refuse") => (self.phase, self.asked) = (Phase::Off, None),
-            // Whether the controller has read it shows what it sends next.
+            // The controller's next message shows whether it has read the reply.
             (true, ..) => self.phase = Phase::Unknown,
             (false, ..) if is_right => self.phase = Phase::Running,
             _ => {}

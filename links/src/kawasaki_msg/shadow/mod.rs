@@ -80,7 +80,7 @@ enum Talk {
 #[derive(Debug, Clone, Copy, Default)]
 struct Asked {
     status: bool,
-    /// The number of the job that is asked for.
+    /// The number of the requested job.
     job: Option<u16>,
     is_damaged: bool,
 }

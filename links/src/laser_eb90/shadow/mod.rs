@@ -55,7 +55,7 @@ struct Stretch {
     corrupt: u64,
     /// When the last byte came.
     last: Duration,
-    /// The longest pause within what is held.
+    /// The longest pause within the buffered bytes.
     pause: Duration,
 }
 

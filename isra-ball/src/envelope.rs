@@ -2,7 +2,7 @@
 
 use crate::error::DecodeError;
 
-/// The byte that asks for one packet, ASCII Enquire (§4.2).
+/// The byte that requests one packet, ASCII Enquire (§4.2).
 pub const ENQ: u8 = 0x05;
 
 /// Length byte, its complement, its XOR, and the checksum.

@@ -35,8 +35,8 @@ pub enum DecodeError {
         /// The checksum that came.
         found: u8,
     },
-    /// The stream paused or ended inside a packet. On a line with XON/XOFF switched on this is what the lost force values
-    /// 17 and 19 look like.
+    /// The stream paused or ended inside a packet. On a line with XON/XOFF switched on the lost force values 17 and 19 have
+    /// this effect.
     #[error("packet ends after {found} of {expected} bytes")]
     Incomplete {
         /// The bytes of the whole packet by its length byte, checksum included.

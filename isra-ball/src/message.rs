@@ -115,7 +115,7 @@ impl Encode for Packet {
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 #[repr(u8)]
 pub enum Status {
-    /// 00: asked for correctly, and the values are new.
+    /// 00: requested correctly, and the values are new.
     Fresh = 0x00,
     /// 01: the source gives it no meaning.
     Reserved = 0x08,

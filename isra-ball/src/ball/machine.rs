@@ -24,7 +24,7 @@ pub struct BallMachine {
 pub enum Link {
     /// No connection.
     Disconnected,
-    /// Nothing is asked for.
+    /// No reply is requested.
     Ready,
     /// A reply is to be sent.
     Replying,

@@ -20,8 +20,8 @@ use machine::{Action, BallMachine, Input, Reply};
 
 /// The ball: answers each ENQ with one packet, and sends nothing else (§4.2).
 ///
-/// The order of calls is the [`Session`](robot_session::Session)'s; [`measure`](Self::measure) whenever the sensor has new
-/// values. There are no timeouts.
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`measure`](Self::measure) each time that the sensor has
+/// new values. There are no timeouts.
 ///
 /// - A reply has the newest values when it is sent. If there are none since the last reply, those are sent again, marked as
 ///   [`Status::Old`].

@@ -4,9 +4,9 @@
 //! a packet is the reply to the last poll if it comes within the time that the line takes and the longest delay; and its
 //! values are proved not to be older than [`max_age`](HostConfig::max_age) if the poll of the reply before is not.
 //!
-//! A ball that is late by whole periods would seem to answer a later poll each time. Its first packets are missed; so the
-//! polls after them are farther apart than the others. Its packets come as the polls were sent, and those do not go on being
-//! where replies can be.
+//! A ball that is late by whole periods would seem to answer a later poll each time. Its first packets are missed, so the
+//! next polls are farther apart than the others. Its packets follow the spacing of the polls, and so do not stay within the
+//! times of replies.
 //!
 //! As the model has explored it:
 #![doc = include_str!("../../diagrams/host.md")]

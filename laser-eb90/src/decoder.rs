@@ -9,8 +9,8 @@ use crate::profile::Profile;
 
 /// Cuts a stream into frames: see [`robot_session::Decoder`] for the order of the calls.
 ///
-/// After an error the stream goes on at the next head within the bytes that were examined, so a frame after a corrupt one, or
-/// after a false head, is not lost. Bytes without a head are one error when a head follows them, or when there are
+/// After an error the stream continues at the next head within the bytes that were examined, so a frame after a corrupt one,
+/// or after a false head, is not lost. Bytes without a head are one error when a head follows them, or when there are
 /// [`MAX_PAYLOAD`] of them. The items of a frame have been read once: its [`Items`] give no error.
 #[derive(Debug, Clone)]
 pub struct Decoder {
@@ -32,7 +32,7 @@ impl Decoder {
         Self { profile: *profile, raw, scan: Scan::NEW, hunted: 0, finished: false, payload }
     }
 
-    /// Returns whether there are no bytes that wait for the rest of a frame.
+    /// Returns whether no bytes wait for the rest of a frame.
     pub fn is_empty(&self) -> bool {
         self.raw.is_empty()
     }
@@ -77,7 +77,7 @@ impl Decoder {
         Some(Err(corrupt.error))
     }
 
-    /// Looks for a head, where none is yet.
+    /// Searches for a head, unless one was found.
     fn hunt(&mut self) -> Option<DecodeError> {
         let raw = self.raw.bytes();
         let hunted = self.hunted;

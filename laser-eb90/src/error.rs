@@ -51,7 +51,7 @@ pub enum DecodeError {
         /// The checksum in the frame.
         found: u16,
     },
-    /// A byte that is not a tag where one must be. In front of the payload it shows a false head.
+    /// A byte that is not a tag in the position of one. Before the payload, it shows a false head.
     #[error("{found:02X}h is not a tag (at payload byte {offset})")]
     Tag {
         /// The offset in the payload.

@@ -32,13 +32,15 @@ impl<'a> Frame<'a> {
         Self { payload, profile: *profile }
     }
 
-    /// Reads the frame that `bytes` begin with: `None` when more bytes are needed, else the frame and the bytes that it took.
+    /// Decodes the frame at the beginning of `bytes`: returns `None` if more bytes are needed, otherwise the frame and its
+    /// length on the line.
     ///
-    /// A frame without doubled bytes stays where it is, any other is unstuffed into `payload`, whose length is also the limit
-    /// of what is taken; [`MAX_PAYLOAD`] bytes hold whatever [`Frame::encode`] writes. The items are not looked at yet.
+    /// A frame without doubled bytes is used in place, any other is unstuffed into `payload`, whose length is also the limit
+    /// of an accepted payload; [`MAX_PAYLOAD`] bytes suffice for every frame of [`Frame::encode`]. The items are not decoded
+    /// yet.
     ///
     /// # Errors
-    /// Everything in [`DecodeError`]. A stream goes on at the next head: [`Decoder`](crate::Decoder) finds it.
+    /// Everything in [`DecodeError`]. A stream continues at the next head: [`Decoder`](crate::Decoder) finds it.
     #[inline]
     pub fn decode(
         bytes: &'a [u8],
@@ -149,7 +151,7 @@ pub(crate) fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> 
     good.then_some((payload, bytes.len() - check.len() + profile.checksum.len()))
 }
 
-/// The position up to which a frame has been read and its payload copied; goes on from there when more bytes come.
+/// The position up to which a frame has been read and its payload copied; continues from there when more bytes come.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scan {
     /// Bytes of the frame that are done with; 0 as long as nothing has been read.
@@ -349,7 +351,7 @@ fn sum_to_mark(bytes: &[u8]) -> (usize, u32) {
         sum += add(block);
         rest = after;
     }
-    // Found first and summed then: where both are done to a block this short, each byte is taken out of the vector alone.
+    // Found first and summed then: if both are done to a block this short, each byte is taken out of the vector alone.
     let mut tail = rest;
     while let Some((block, after)) = tail.split_first_chunk::<16>()
         && is_clean(block)

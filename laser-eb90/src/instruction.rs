@@ -3,7 +3,7 @@
 use crate::error::DecodeError;
 use crate::items::{Item, Items};
 
-/// One instruction, or one reply: a word, and what goes with it.
+/// One instruction, or one reply: a word, and its parameters or values.
 ///
 /// The word is the command word (命令字, §3(5)), which the controller echoes, or in a reply an error code (错误码). The
 /// source gives neither its width nor its place: here it is a short of its own in front, unsigned.

@@ -6,7 +6,7 @@ use crate::profile::{ByteOrder, Profile, Tags};
 /// One item of a payload: values of one type.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Item<'a> {
-    /// `float` values, tag F0h by default: IEEE 754, whatever the unit of the instruction is.
+    /// `float` values, tag F0h by default: IEEE 754, in the unit of the instruction.
     F32(Values<'a, f32>),
     /// `short` values, tag F1h by default.
     I16(Values<'a, i16>),
@@ -113,7 +113,7 @@ impl<'a> Iterator for Items<'a> {
     }
 }
 
-/// Numbers of one type as they are in the payload, read when asked for.
+/// Numbers of one type in the form of the payload, decoded on access.
 #[derive(Clone, Copy)]
 pub struct Values<'a, T> {
     bytes: &'a [u8],

@@ -2,9 +2,9 @@
 
 /// The format of an installation's frames.
 ///
-/// The source prints the frame's marks and two of the four tags; everything else here is open. Each default is our
-/// reading, and its field's doc gives the reason. Both ends must agree: a capture from a real controller would settle all of
-/// them.
+/// The source prints the frame's marks and two of the four tags; everything else here is open. Each default is the project's
+/// reading, for the reason in its field's documentation. Both ends must agree: a capture from a real controller would settle
+/// all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(

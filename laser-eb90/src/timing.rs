@@ -5,10 +5,10 @@ use core::time::Duration;
 /// The controller's cycle: every task runs once in it, and answers leave at its end (§4.1).
 pub const TICK: Duration = Duration::from_millis(16);
 
-/// The baud rate that is assumed where none is given: the source names none, 9600 is ours.
+/// The default baud rate. The source names none; 9600 is the project's choice.
 pub const BAUD: u32 = 9600;
 
-/// An answer without values, in bytes: 11, and two more where its word has a 90h twice.
+/// An answer without values, in bytes: 11, and two more if its word has a 90h twice.
 pub(crate) const SHORT_ANSWER: usize = 13;
 
 /// Returns the time that `bytes` take on the line, ten bits each (8N1). Without limit at a rate of 0.

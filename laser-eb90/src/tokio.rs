@@ -37,8 +37,8 @@ use crate::words::Refusal;
 
 /// Has a laser robot execute instructions. Cloning it is cheap.
 ///
-/// Runs are sent one after the other, in frames of up to seven instructions; what [`query`](Self::query) and
-/// [`now`](Self::now) send goes between two frames of a run. All events of the session are those of the [`handle`](Self::handle).
+/// Runs are sent one after the other, in frames of up to seven instructions; the frames of [`query`](Self::query) and
+/// [`now`](Self::now) go between two frames of a run. All events of the session are those of the [`handle`](Self::handle).
 #[derive(Debug, Clone)]
 pub struct Laser {
     handle: Handle<Instructions>,
@@ -108,7 +108,7 @@ pub enum Error {
     /// An earlier run failed, and nothing of this one was sent: check the machine first.
     #[error("an earlier run failed; nothing of this one was sent")]
     NotSent,
-    /// There is no connection, or none on which it could be sent; nothing was sent.
+    /// There is no usable connection; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
     /// The task has ended. The outcome of the run is unknown.
@@ -192,7 +192,7 @@ pub enum Call {
     Single(Single),
 }
 
-/// A run, and who waits for it.
+/// A run, and the channel of its outcome.
 #[derive(Debug)]
 pub struct Run {
     commands: Vec<Command>,
@@ -204,7 +204,7 @@ pub struct Run {
     reply: Reply<Result<(), Error>>,
 }
 
-/// An instruction that has a frame of its own, and who waits for it.
+/// An instruction in a frame of its own, and the channel of its reply.
 #[derive(Debug)]
 pub struct Single {
     command: Command,

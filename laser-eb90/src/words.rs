@@ -7,7 +7,8 @@ use crate::error::{ConfigError, WordUse};
 /// The words of an installation: each command word has one class, and no error code is a command word, so that an echo
 /// cannot be taken for an error.
 ///
-/// The source gives no numbers. The defaults are ours: 0100h–01FFh interpreted, 0200h–02FFh immediate, 0300h–03FFh query.
+/// The source gives no numbers. The defaults are the project's: 0100h–01FFh interpreted, 0200h–02FFh immediate, 0300h–03FFh
+/// query.
 ///
 /// With feature `serde` they can be loaded:
 /// `{"commands":[{"first":256,"last":511,"class":"interpreted"}],"errors":{"bad_checksum":57345}}`.
@@ -73,7 +74,7 @@ impl core::fmt::Display for Refusal {
     }
 }
 
-/// The error codes of an installation. The source gives no numbers; the defaults E001h to E006h are ours.
+/// The error codes of an installation. The source gives no numbers; the defaults E001h to E006h are the project's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(

@@ -18,8 +18,8 @@ pub struct ControllerConfig {
     pub batch: u8,
     /// The controller's cycle, at whose end answers are sent. Default: 16 ms (§4.1).
     pub tick: Duration,
-    /// The silence after which corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
-    /// that pauses longer within a frame gets an error code for what it has sent, and none for the rest.
+    /// The silence after which corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC that
+    /// pauses longer within a frame gets an error code for the bytes that it has sent, and none for the rest.
     pub silence: Duration,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of an answer come
     /// back first then: they are compared with it and dropped, and others are

@@ -9,9 +9,9 @@ use super::config::{ControllerConfig, Rule};
 use crate::timing;
 use crate::words::Refusal;
 
-/// The controller's machine: sends only when asked, once for each frame (§3(1), §3(5)).
+/// The controller's machine: sends only in reply, once for each frame (§3(1), §3(5)).
 ///
-/// Every time in it is a deadline, and is compared with now and nothing else.
+/// Every time in the state is a deadline, which is compared with the current time alone.
 ///
 #[doc = include_str!("../../diagrams/controller.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -209,7 +209,8 @@ impl Machine for ControllerMachine {
                 On::Corrupt { refusal, bytes, begun },
             ) => {
                 let (work, is_answered) = match work {
-                    // Behind the rest of a frame, less than a head may be more of it, and less than a frame the end of its tail.
+                    // After the rest of a frame, less than a head may be more of it, and less than a frame the end of its
+                    // tail.
                     Is::Listening { rest: true } if config.keeps(Rule::IgnoreRest) => {
                         let begins = begun && bytes >= Fault::HEAD;
                         let is_enough = stretch.fault.is_none() || bytes >= Fault::ENOUGH;

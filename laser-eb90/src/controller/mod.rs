@@ -26,19 +26,19 @@ use crate::words::{Class, Refusal};
 /// The controller (下位机): interpreted instructions go into a [`robot_work_queue`] and are answered at once, immediate ones
 /// are executed first (§2). Drive it as every [`Session`](robot_session::Session).
 ///
-/// `T` is the job of the motion task: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
-/// called twice for each instruction, because a frame is queued completely or not at all: every instruction is
-/// checked, and the free space for all of them, before the first is queued. The job numbers of the queue are counted
-/// here; the link does not have any. The queue's [`Wake`] wakes the motion task; the controller looks at the queue
-/// when a frame comes, and need not be woken.
+/// `T` is the job of the motion task: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It
+/// is called twice for each instruction, because a frame is queued completely or not at all: every instruction is checked,
+/// and the free space for all of them, before the first is queued. The job numbers of the queue are counted here; the link
+/// does not have any. The queue's [`Wake`] wakes the motion task; the controller checks the queue when a frame comes, and
+/// need not be woken.
 ///
 /// - [`Execute`](ControllerEvent::Execute) is answered by [`answer`](Self::answer) or [`refuse`](Self::refuse); until then
-///   [`instruction`](Self::instruction) holds what to execute.
+///   [`instruction`](Self::instruction) returns the instruction to execute.
 /// - A corrupt frame is dropped, and answered with an error code when the line has been silent for
 ///   [`silence`](ControllerConfig::silence). The beginning of a frame that is held then is dropped with it. Two answers to
 ///   one frame would make the host send, and the robot execute, a frame twice; so bytes that are too few for a frame are not
-///   answered at all, nor is corruption between a good frame and its answer, nor, after an error code, what has no head: it
-///   is the rest of what was answered.
+///   answered at all, nor is corruption between a good frame and its answer, nor, after an error code, bytes without a head:
+///   they are the rest of the answered frame.
 /// - Nothing is executed from the middle of corrupt bytes: after them a frame is executed only when the line was silent in
 ///   between, and answered with an error code before. Fewer than eight bytes of noise before it do not count.
 /// - A frame with an immediate instruction or a query and another instruction is refused, and so is a NaN or an infinity.

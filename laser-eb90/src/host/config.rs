@@ -39,9 +39,8 @@ pub struct HostConfig {
     /// execution. After an error code and after an unknown outcome nothing is sent until all of the frame has certainly been
     /// received, and for this long after that. Above the controller's silence, cycle and answer together. Default: 100 ms.
     pub settle: Duration,
-    /// *Assumption:* the longest total pause of PC and line within a frame. A driver that calls
-    /// `handle_transmitted` before it passes on what was received since makes it unnecessary, but for the first frame of a
-    /// connection. Default: 300 ms.
+    /// *Assumption:* the longest total pause of PC and line within a frame. It is unnecessary, except for the first frame of
+    /// a connection, if the driver calls `handle_transmitted` before it passes on later bytes. Default: 300 ms.
     pub max_pause: Duration,
     /// *Assumption:* the longest from the controller's decision to the last byte of its answer: an error code that comes later
     /// than this after the end of the frame refers to the whole frame. Default: 40 ms.
@@ -49,9 +48,9 @@ pub struct HostConfig {
     /// *Assumption:* the longest frame in bytes that a host on this line sends. The first frame of a connection waits until one
     /// that an earlier host began has passed. Default: [`Frame::MAX_LEN`](crate::Frame::MAX_LEN).
     pub longest_frame: usize,
-    /// *Assumption:* how long an immediate instruction or a query that an earlier host has sent may still be executed when a
-    /// connection is made: its answer could be taken for the first frame's. Default: 0; set it to the longest execution where
-    /// a host may be restarted while the robot executes.
+    /// *Assumption:* the longest time for which an immediate instruction or a query of an earlier host may still be executed
+    /// after a connection is made: its answer could be taken for the first frame's. Default: 0; set it to the longest
+    /// execution if a host may be restarted while the robot executes.
     pub earlier_execution: Duration,
     /// The controller drops a partial frame when it answers an error code, as this crate's does. Then "bad frame"
     /// always proves that nothing was queued. A controller that keeps it reads the rest after a pause as the same frame, so
@@ -65,8 +64,8 @@ pub struct HostConfig {
     pub full_timeout: Duration,
     /// Whether the line returns the sent bytes, as adapters for two wires do. Off. The bytes of a frame come back first
     /// then: they are compared with it and dropped, and others are [`HostEvent::Echo`](crate::HostEvent::Echo), a collision.
-    /// While it is off, a frame with more than one command word shows it: an answer has nothing else. That is the same
-    /// event, and from then on they are dropped.
+    /// While it is off, a frame with more than one command word shows it, because an answer has only one. This is reported
+    /// by the same event, and from then on the returned bytes are dropped.
     pub echo: bool,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

@@ -1,4 +1,4 @@
-//! The frame that was sent last: where it has come to, and what follows from an answer to it, or from none.
+//! The frame that was sent last: its state, and the effect of an answer to it, or of a missing answer.
 
 use core::fmt;
 use core::time::Duration;

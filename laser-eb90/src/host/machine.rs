@@ -11,7 +11,7 @@ use crate::words::{Class, Refusal};
 
 /// The host's machine: one frame at a time, and the next only after the answer to the last (§3(5)).
 ///
-/// Every time in it is a deadline, and is compared with now and nothing else.
+/// Every time in the state is a deadline, which is compared with the current time alone.
 ///
 #[doc = include_str!("../../diagrams/host.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -58,7 +58,7 @@ pub enum Input {
     Corrupt,
     /// A deadline has passed.
     Timeout,
-    /// The caller goes on after a refusal or an unknown outcome.
+    /// The caller continues after a refusal or an unknown outcome.
     Resume,
 }
 

@@ -143,8 +143,8 @@ impl Host {
 
     /// Adds an instruction to the next frame; returns its number in events: 0, 1, 2 …
     ///
-    /// `parameters` writes what follows the command word. In an interpreted instruction no item may be a single short: that
-    /// begins the next instruction. In others a single short must not be a command word.
+    /// `parameters` writes the items after the command word. In an interpreted instruction no item may be a single short,
+    /// because that begins the next instruction. In other instructions a single short must not be a command word.
     ///
     /// # Errors
     /// [`SessionError::Full`] if the instruction does not fit the frame, or would mix classes: call again when the
@@ -298,7 +298,7 @@ impl End for Host {
         };
         let config = &self.core.config;
         let len = Frame::new(frame.as_bytes(), &config.profile).encode(out).ok()?;
-        // An answer has one command word, and nothing else after that.
+        // An answer has one command word, and no instruction after that.
         let is_proof = Items::new(frame.as_bytes(), &config.profile).count() > 1;
         self.echo.sent(out.get(..len).unwrap_or_default(), is_proof);
         Some((len, Input::Sent { line: timing::transmission_time(len, config.baud) }))

@@ -12,7 +12,7 @@ use crate::frame::{Line, find_end};
 /// taken for a message, and the line after it is found.
 pub type Decoder = LineDecoder<{ Line::MAX_LEN }>;
 
-/// A [`Decoder`] that holds `N` bytes, [`Line::MAX_LEN`] at least: more than a line where lines wait.
+/// A [`Decoder`] that buffers `N` bytes, [`Line::MAX_LEN`] at least: more than a line if lines wait.
 #[derive(Debug, Clone)]
 pub struct LineDecoder<const N: usize> {
     dialect: Dialect,

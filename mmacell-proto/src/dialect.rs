@@ -1,8 +1,8 @@
-/// The places where the source contradicts itself, and a peer may have been written from the other reading. Everything is off by
+/// The points on which the source contradicts itself, so that a peer may follow the other reading. Everything is off by
 /// default: the source's own definition.
 ///
-/// Decoding accepts both readings of what is on; encoding writes the other one, and only that. So what is accepted and what is
-/// written are two values: [`TOLERANT`](Self::TOLERANT) is for what is accepted.
+/// If a field is on, decoding accepts both readings, and encoding writes only the other one. So decoding and encoding have
+/// two separate values: [`TOLERANT`](Self::TOLERANT) is for decoding.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
@@ -16,7 +16,7 @@ pub struct Dialect {
     pub itr: bool,
     /// `OVRD` is `OVR`: so written in §6 step 4.
     pub ovrd: bool,
-    /// `HND…CLOS` is `HND…CLOSE`: §4.10 counts 15 characters where its own fields add up to 16.
+    /// `HND…CLOS` is `HND…CLOSE`: §4.10 counts 15 characters, but its own fields add up to 16.
     pub clos: bool,
     /// `SRVOFF` is `SRVOF`.
     pub off: bool,
@@ -29,7 +29,7 @@ pub struct Dialect {
 }
 
 impl Dialect {
-    /// Only what the source defines. The default.
+    /// The source's definition alone. The default.
     pub const STRICT: Self = Self {
         itr: false,
         ovrd: false,

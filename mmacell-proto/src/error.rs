@@ -47,7 +47,7 @@ pub enum DecodeError {
         /// The characters that should follow.
         expected: Expected,
     },
-    /// The line goes on after its last field.
+    /// The line continues after its last field.
     #[error("expected the end of the line at byte {offset}")]
     Trailing {
         /// The offset of the first byte too many.
@@ -173,7 +173,7 @@ pub enum SessionError {
     /// The owner accepts or refuses an order that is not pending.
     #[error("this order is not pending")]
     NotPending,
-    /// The order has become impossible since it was asked for, and is refused.
+    /// The order has become impossible since it was requested, and is refused.
     #[error("the order is no longer possible and is refused")]
     NotPossible,
     /// The command has no form on the wire.

@@ -1,4 +1,4 @@
-//! The fields of messages, each read beside where it is written.
+//! The fields of messages, each with its decoder next to its encoder.
 
 use crate::dialect::Dialect;
 use crate::error::{DecodeError, EncodeError, Expected};

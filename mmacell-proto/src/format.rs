@@ -33,7 +33,7 @@ pub(crate) const ANGLE: Format = {
     Format::new(*b"+00.0000", 10_000, 10, &[Sign, Digit, Digit, Point, Digit, Digit, Digit, Digit])
 };
 
-/// `Sxxxxx`: the first two bytes of the word are whatever precedes the field.
+/// `Sxxxxx`: the first two bytes of the word are any bytes before the field.
 pub(crate) const INTEGER: Format = {
     use Expected::{Digit, Sign};
     Format::new(*b"\0\0+00000", 10_000, 1, &[Sign, Digit, Digit, Digit, Digit, Digit])

@@ -40,8 +40,8 @@ pub struct PlatformPose {
     pub b: Angle,
 }
 
-/// A device without axes: vision or gripper with a controller of its own, or the conditioning system, for which the
-/// source defines no command. There is no such pose, so there is no motion and no status.
+/// A device without axes: vision or gripper with a controller of its own, or the conditioning system, for which the source
+/// does not define commands. There is no such pose, so there is no motion and no status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NoPose {}
 
@@ -52,7 +52,7 @@ impl defmt::Format for NoPose {
     }
 }
 
-/// The pose of a device that is not known beforehand: four axes or two, as the line is long. For those who listen in.
+/// The pose of a device that is not known beforehand: four axes or two, by the length of the line. For passive listeners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]

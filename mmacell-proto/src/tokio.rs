@@ -32,7 +32,7 @@ const ASK: Duration = Duration::from_millis(50);
 
 /// A device: its commands are executed one after the other. Cloning it is cheap.
 ///
-/// All events of the session are those of the [`handle`](Self::handle). A motion that has begun goes on when its future is
+/// All events of the session are those of the [`handle`](Self::handle). A motion that has begun continues when its future is
 /// [dropped](Handle#dropped-futures).
 #[derive(Debug)]
 pub struct Device<P: Pose + Send + 'static> {
@@ -106,7 +106,8 @@ impl<P: Pose + Send + 'static> Device<P> {
         self.ask(Command::Status, Until::Reply).await?.ok_or(Error::Stopped)
     }
 
-    /// Moves to a pose, and waits until the device is there: its status then. It is asked 20 times a second.
+    /// Moves to a pose, and waits until the device is there; returns the status then. The status is requested 20 times a
+    /// second.
     ///
     /// # Errors
     /// See [`Error`].
@@ -142,7 +143,7 @@ enum Until {
     Arrived,
 }
 
-/// A command, and who waits for it.
+/// A command, and the channel of its outcome.
 #[derive(Debug)]
 pub struct Asked<P> {
     command: Command<P>,

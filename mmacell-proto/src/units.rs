@@ -2,7 +2,7 @@
 
 /// A length in micrometres, the last digit of the field `Sxxx.yyy` (§4): ±999.999 mm.
 ///
-/// Any `i32` can be held; encoding refuses what the field cannot.
+/// Any `i32` is possible; encoding rejects a value that does not fit the field.
 ///
 /// ```
 /// use mmacell_proto::Length;
@@ -42,7 +42,7 @@ impl Length {
 
 /// An angle in tenths of a milliradian, the last digit of the field `Sxx.yyyy` (§4): ±99.9999 rad.
 ///
-/// Any `i32` can be held; encoding refuses what the field cannot.
+/// Any `i32` is possible; encoding rejects a value that does not fit the field.
 ///
 /// ```
 /// use mmacell_proto::Angle;

@@ -67,7 +67,7 @@ pub enum Closing {
     Disconnected,
     /// A line that is not a reply of such a device.
     Malformed(DecodeError),
-    /// A well-formed reply that was not asked for, or of another kind than the command has.
+    /// A well-formed reply that was not requested, or that does not fit the command.
     Mismatch,
 }
 
@@ -89,8 +89,8 @@ pub enum Unfinished<P> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Progress {
-    /// The device is at rest, and there is no target to compare with: no motion was commanded, it was stopped, or it was a
-    /// [`Command::Reset`] or a relative motion from an unknown pose.
+    /// The device is at rest, and there is no target to compare with: no motion was commanded, the motion was stopped, or
+    /// the command was a [`Command::Reset`] or a relative motion from an unknown pose.
     Still,
     /// The device has accepted a motion and has not been seen moving. It may seem to be at rest: the status may be
     /// older than the motion.

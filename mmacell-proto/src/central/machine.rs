@@ -76,7 +76,7 @@ pub enum Motion<P> {
     Stopping,
     /// The device is not known to move.
     Rest {
-        /// The pose where it should be.
+        /// The expected pose.
         target: Target<P>,
         /// The pose of the device since it accepted a motion last.
         pose: Place<P>,
@@ -144,7 +144,7 @@ robot_session::inputs!(Input<P: Pose>: Request, Abort, Reply, Corrupt, Sent);
 
 impl<P: Pose> Machine for CentralMachine<P> {
     const END: &'static str = "central";
-    /// A reply that has waited for a caller who is late still counts.
+    /// A reply that has waited for a late caller still counts.
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input<P>;
     type Action = Action<P>;

@@ -10,8 +10,8 @@ pub struct DeviceConfig {
     /// The form of replies: each reading that is on is written instead of the source's own. Default:
     /// [`Dialect::STRICT`].
     pub writes: Dialect,
-    /// The error number of what the protocol itself refuses: an unknown or malformed command, a motion that is not possible
-    /// now. Any but 0 that fits its field. Default: [`ErrorCode::Generic`], 1.
+    /// The error number of commands that the protocol itself refuses: an unknown or malformed command, or a motion that is
+    /// not possible now. Any number except 0 that fits its field. Default: [`ErrorCode::Generic`], 1.
     pub refusal: ErrorCode,
     /// The rules of the machine, all of which are kept.
     #[cfg(feature = "model")]

@@ -329,7 +329,7 @@ impl<P: Pose> DeviceMachine<P> {
             }
             None => Axes::Moving,
         };
-        // The state changes before the reply is sent: a status asked for after `OK` shows that the device moves.
+        // The state changes before the reply is sent: a status requested after `OK` shows that the device moves.
         self.axes = axes;
         if let Order::Override { percent } = order {
             self.percent = percent;

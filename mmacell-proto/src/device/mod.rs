@@ -23,24 +23,24 @@ use crate::pose::Pose;
 /// The end of a device with axes, [`RobotPose`](crate::RobotPose) or [`PlatformPose`](crate::PlatformPose), or without,
 /// [`NoPose`](crate::NoPose).
 ///
-/// Drive it as [`Session`](robot_session::Session) requires. Answer each [`DeviceEvent::Asked`] with [`accept`](Self::accept) or
-/// [`refuse`](Self::refuse), and report what the axes do: [`set_pose`](Self::set_pose), [`arrived`](Self::arrived),
-/// [`fail`](Self::fail).
+/// Drive it as [`Session`](robot_session::Session) requires. Answer each [`DeviceEvent::Asked`] with
+/// [`accept`](Self::accept) or [`refuse`](Self::refuse), and report the progress of the axes: [`set_pose`](Self::set_pose),
+/// [`arrived`](Self::arrived), [`fail`](Self::fail).
 ///
 /// Every line gets exactly one reply (§3). The session answers a status automatically, and refuses with
-/// [`refusal`](DeviceConfig::refusal) a command that is unknown, malformed, or invalid now; the owner refuses other
-/// commands with any error number. There are no deadlines at this end. A command is read when the reply to the
-/// previous one has been sent, and until then the session wants no input: a central controller that does not wait
-/// loses nothing until it hangs up, and commands that were not read then are not executed. Further input may wait
-/// too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
+/// [`refusal`](DeviceConfig::refusal) a command that is unknown, malformed, or invalid now; the owner refuses other commands
+/// with any error number. There are no deadlines at this end. A command is read when the reply to the previous one has been
+/// sent, and until then the session does not accept input: a central controller that does not wait loses no command until it
+/// disconnects, and commands that were not read by then are not executed. Further input may wait too, up to
+/// [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
 ///
 /// A new connection replaces the previous one at once, even if its loss was not reported: the previous one may be
 /// half open. Its commands are not answered on the new one; motions continue.
 ///
-/// Decisions where the source is open: a motion is refused during another one, with the servo motors off, or out
-/// of the range that a status can hold; an error stops the motion, switches the servo motors off, shows in the status, and is
-/// cleared by a reset; a reset is answered at once, switches the servo motors on and goes home; a device that refuses a command
-/// does not latch an error.
+/// Decisions on points that the source leaves open: a motion is refused during another one, with the servo motors off, or
+/// out of the range of a status; an error stops the motion, switches the servo motors off, shows in the status, and is
+/// cleared by a reset; a reset is answered at once, switches the servo motors on and goes home; a device that refuses a
+/// command does not latch an error.
 #[derive(Debug, Clone)]
 pub struct Device<P: Pose> {
     core: Core<DeviceMachine<P>, LineDecoder<BACKLOG>, EventQueue<DeviceEvent<P>, 8>, DeviceStatistics>,
@@ -79,7 +79,7 @@ impl<P: Pose> Device<P> {
     ///
     /// # Errors
     /// This order is not pending (the connection is gone, or it has been answered), or it has become impossible since it was
-    /// asked for, and is refused.
+    /// requested, and is refused.
     pub fn accept(&mut self, order: Order<P>) -> Result<(), SessionError> {
         match self.core.on(Duration::ZERO, Input::Accept(order)) {
             Ok(Action::Report(event)) => {

@@ -84,7 +84,7 @@ pub enum Command<P> {
     },
 }
 
-/// Whether a pose is where to go, or how far (§4.4).
+/// Whether a pose is a target or a distance (§4.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -103,7 +103,7 @@ impl<P: Pose> Command<P> {
     /// Decodes the command in a line.
     ///
     /// # Errors
-    /// The line is no command of such a device.
+    /// The line is not a command of such a device.
     pub fn decode(line: Line<'_>, dialect: &Dialect) -> Result<Self, DecodeError> {
         let mut reader = Reader::new(line.content(), dialect);
         let command = match reader.take::<3>(Expected::Command)? {

@@ -82,7 +82,7 @@ impl<P: Pose> Reply<P> {
     /// Decodes the reply in a line.
     ///
     /// # Errors
-    /// The line is no reply of such a device.
+    /// The line is not a reply of such a device.
     #[inline]
     pub fn decode(line: Line<'_>, dialect: &Dialect) -> Result<Self, DecodeError> {
         let mut reader = Reader::new(line.content(), dialect);

@@ -10,14 +10,14 @@ use crate::step::{Step, Trigger, Wait};
 
 /// Runs the task: events in, orders out.
 ///
-/// 1. Report what happens by [`handle_event`](Self::handle_event); [`Event::from_central`] translates the events of a
+/// 1. Report events by [`handle_event`](Self::handle_event); [`Event::from_central`] translates the events of a
 ///    [`Central`](mmacell_proto::Central). Call [`handle_timeout`](Self::handle_timeout) when the time of
 ///    [`poll_timeout`](Self::poll_timeout) has come.
-/// 2. Carry out what [`poll_output`](Self::poll_output) gives until it gives `None`.
+/// 2. Execute the outputs of [`poll_output`](Self::poll_output) until it returns `None`.
 ///
-/// It gives an order to a device only when the last one to the same device is answered, so each can be sent at once. While it
-/// waits for a motion to end it asks for the status every [`TaskConfig::poll`], and goes on when the device has
-/// [arrived](mmacell_proto::Progress::Arrived): a device that is at rest elsewhere has failed. Up to eight
+/// The task gives an order to a device only when the last one to the same device is answered, so each can be sent at once.
+/// While it waits for the end of a motion, it requests the status every [`TaskConfig::poll`], and continues when the device
+/// has [arrived](mmacell_proto::Progress::Arrived): a device that is at rest elsewhere has failed. Up to eight
 /// [`Output::Entered`] wait to be polled; then the oldest is dropped.
 #[derive(Debug, Clone)]
 pub struct Task {

@@ -47,7 +47,7 @@ pub enum Event {
         /// High: the vacuum is deep enough for a part to be on the gripper.
         high: bool,
     },
-    /// Stop everything now, from whatever step: [`Step::Faulted`] follows. A command that a session has in flight is answered
+    /// Stops everything now, from any step: [`Step::Faulted`] follows. A command that a session has in flight is answered
     /// first, or its session's `abort` is called.
     Abort,
     /// After [`Step::Placed`], [`Step::Unpicked`] or [`Step::NothingFound`]: the next part. This and the next two wait until they
@@ -95,7 +95,8 @@ pub enum Fault {
         /// The step.
         step: Step,
     },
-    /// The vacuum switch is high where nothing can be on the gripper: before the vacuum is on, or after the part was blown off.
+    /// The vacuum switch is high although the gripper must be empty: before the vacuum is on, or after the part was blown
+    /// off.
     SwitchHigh {
         /// The step.
         step: Step,

@@ -20,19 +20,19 @@ pub enum Step {
     GoHome,
     /// \[6\] Asks both until they have arrived.
     AwaitHome,
-    /// \[7\] Robot to where camera 1 sees the parts.
+    /// \[7\] Robot to the position at which camera 1 sees the parts.
     GoCamera1,
     /// \[8\] Asks the robot until it has arrived.
     AwaitCamera1,
-    /// \[9\] Camera 1: which part, and where.
+    /// \[9\] Camera 1: the next part, and its position.
     FindPart,
     /// \[10\] Platform to the pose that this part needs.
     TurnPlatform,
-    /// \[11\] Robot to where camera 2 sees the place.
+    /// \[11\] Robot to the position at which camera 2 sees the slot.
     GoCamera2,
     /// \[12\] Asks both until they have arrived.
     AwaitCamera2,
-    /// \[13\] Camera 2: where the part goes.
+    /// \[13\] Camera 2: the position of the slot for the part.
     FindSlot,
     /// \[14\] Robot to the part.
     GoPick,
@@ -66,10 +66,11 @@ pub enum Step {
     Placed,
     /// The part was missed or lost as often as it may be. Goes on with step 7 at [`Event::Next`](crate::Event::Next).
     Unpicked,
-    /// A camera saw nothing; what then the source leaves open. Goes on with step 7 at [`Event::Next`](crate::Event::Next).
+    /// A camera saw nothing; the source leaves the next action open. Continues with step 7 at
+    /// [`Event::Next`](crate::Event::Next).
     NothingFound,
-    /// A device failed, a step took too long, the switch cannot be right, or the caller aborted; what then the source leaves
-    /// open: everything is stopped, and the valves are closed.
+    /// A device failed, a step took too long, the switch is implausible, or the caller aborted. The source leaves the next
+    /// action open: everything is stopped, and the valves are closed.
     Faulted,
     /// At [`Event::Recover`](crate::Event::Recover): reset of robot and platform, valves closed, then on from step 3.
     Resetting,
@@ -86,7 +87,7 @@ pub enum Trigger {
     Failed,
     /// The caller requests the end.
     Finish,
-    /// The caller requests to go on after a failure, and all devices are there again.
+    /// The caller requests to continue after a failure, and all devices are present again.
     Recover,
     /// The caller requests the next part.
     Next,
@@ -283,7 +284,7 @@ impl Step {
         }
     }
 
-    /// Returns what limits the step if no trigger ends it.
+    /// Returns the limit of the step if no trigger ends it.
     pub(crate) const fn waits_for(self) -> Wait {
         match self {
             Self::AwaitDevices => Wait::Devices,

@@ -7,7 +7,7 @@ use crate::frame::{Frame, Reading, find_dle, plain_data, plain_len};
 use crate::framing::{DLE, ETX, Framing, STX};
 use crate::message::Message;
 
-/// A message and where its frame is.
+/// A message, and the offset of its frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Received<M> {
     /// The frame's first byte, counted from the first byte that the decoder was given; wraps with `usize`.
@@ -29,9 +29,9 @@ pub struct Received<M> {
 /// names ([`Message::is_plausible`]). The work is bounded: a byte is looked at once for each start mark in the
 /// [`Frame::MAX_LEN`] bytes before it.
 ///
-/// Frames and errors cover the stream without gaps: an error covers the bytes from the start mark of a corrupt frame to
-/// where the next frame may begin, which may be inside of it. Where that is shows when the next start mark comes; that
-/// something is wrong is certain earlier, and [`corruption`](Self::corruption) returns it then.
+/// Frames and errors cover the stream without gaps: an error covers the bytes from the start mark of a corrupt frame to the
+/// possible beginning of the next frame, which may be inside it. The end of the error is known when the next start mark
+/// comes; that the frame is corrupt is certain earlier, and [`corruption`](Self::corruption) returns the error then.
 #[derive(Debug, Clone)]
 pub struct Decoder<M> {
     framing: Framing,
@@ -39,7 +39,7 @@ pub struct Decoder<M> {
     buffer: [u8; CAPACITY + Frame::MAX_LEN],
     start: usize,
     end: usize,
-    /// The end of what `next_frame` returned last.
+    /// The offset after the frame or error that `next_frame` returned last.
     position: u64,
     /// Bytes from `position` on that belong to no frame and are not reported yet.
     skipped: u64,
@@ -131,7 +131,7 @@ impl<M: Message> Decoder<M> {
         }
     }
 
-    /// Reads a whole frame without a DLE in its data, as nearly all are, where nothing corrupt was before it.
+    /// Reads a whole frame without a DLE in its data, as nearly all are, if no corrupt bytes precede it.
     #[inline]
     fn plain(&mut self) -> Option<Received<M>> {
         let available = self.end - self.start;
@@ -189,7 +189,8 @@ impl<M: Message> Decoder<M> {
         }
     }
 
-    /// Skips what cannot belong to a start mark. True: `start` is at one; false: at its beginning or at the end.
+    /// Skips bytes that cannot belong to a start mark. Returns true if `start` is at a mark, false if it is at the beginning
+    /// of one or at the end.
     fn seek_mark(&mut self) -> bool {
         let needed = self.framing.leading_dle.count();
         if let Some((mark, [STX, ..])) = self.bytes().split_at_checked(needed)

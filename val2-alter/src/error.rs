@@ -70,7 +70,7 @@ pub enum DecodeError {
         /// The number of data bytes.
         found: usize,
     },
-    /// The answer to a start message is none of 00, 01, FF (§3.3.1).
+    /// The answer to a start message is not 00, 01 or FF (§3.3.1).
     #[error("start reply {found:#04x} of the frame at byte {offset} is neither 0x00 nor 0x01 nor 0xff")]
     StartReply {
         /// The frame's first byte.
@@ -91,7 +91,7 @@ pub enum DecodeError {
     ReplyLength {
         /// The frame's first byte.
         offset: usize,
-        /// The data bytes that the select byte asks for.
+        /// The number of data bytes for the select byte.
         expected: usize,
         /// The data bytes that arrived.
         found: usize,
@@ -170,7 +170,7 @@ pub enum EncodeError {
         /// The most that fits.
         limit: usize,
     },
-    /// A length or an angle outside what its 16-bit word holds (§3.3.2: ±1024 mm, ±180°).
+    /// A length or an angle outside the range of its 16-bit word (§3.3.2: ±1024 mm, ±180°).
     #[error("{found} units do not fit a word of -32768..=32767")]
     Range {
         /// The value in units of the word, rounded; at the end of its range when it is further away (or no number).

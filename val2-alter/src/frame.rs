@@ -88,7 +88,7 @@ impl Frame {
         let (Some(line), Some(out)) = (line.get(..needed), out.get_mut(..needed)) else {
             return Err(EncodeError::BufferTooSmall { needed, available });
         };
-        // Most replies: two words that overlap, where a call would take longer.
+        // Most replies: two overlapping words, because a call would take longer.
         if let (Some(first), Some(last)) = (line.first_chunk::<16>(), line.last_chunk::<16>())
             && needed <= 32
         {

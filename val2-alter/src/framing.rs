@@ -14,10 +14,10 @@ pub const ETX: u8 = 0x03;
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Framing {
-    /// The DLEs in front of STX: what is written, and the fewest that are read as a start mark. The text has two; the
+    /// The DLEs before STX: the number to write, and the least number that is read as a start mark. The text has two; the
     /// source's own tables of lengths fit one as well.
     pub leading_dle: LeadingDle,
-    /// The checksum is the two's complement of the sum, instead of the sum. The text only says "simple checksum".
+    /// The checksum is the two's complement of the sum, instead of the sum. The text has only "simple checksum".
     pub negated_sum: bool,
     /// A checksum of 10h is doubled like a DLE of the data. The text doubles inside the data, and the checksum is outside.
     pub stuffed_checksum: bool,

@@ -16,7 +16,7 @@ impl Limits {
     /// As good as none: a meter, or half a turn, in each cycle.
     pub const NONE: Self = Self { velocity: [u16::MAX; AXES], acceleration: [u16::MAX; AXES] };
 
-    /// 100 mm/s and 30 °/s, reached in ten cycles. The source gives no numbers: these are ours, and gentle.
+    /// 100 mm/s and 30 °/s, reached in ten cycles. The source gives no numbers: these are the project's choice, and gentle.
     pub const GENTLE: Self =
         Self { velocity: [90, 90, 90, 150, 150, 150], acceleration: [9, 9, 9, 15, 15, 15] };
 }
@@ -59,14 +59,14 @@ impl Limiter {
         Self { limits, most: words(limits.velocity), change: words(limits.acceleration), axes: Axes::REST }
     }
 
-    /// Returns the next values of cumulative ALTER, where a value is a speed: as near to `target` as the limits allow.
+    /// Returns the next values of cumulative ALTER, whose values are speeds: as near to `target` as the limits allow.
     pub fn speeds(&mut self, target: [i16; AXES]) -> [i16; AXES] {
         self.axes = self.speeds_from(self.axes, target);
         self.axes.speed
     }
 
-    /// Returns the next values of non-cumulative ALTER, where a value is an offset from the path: on the way to `target`
-    /// with a speed from which it can stop there. If a target comes nearer than the braking distance, the arm passes it and
+    /// Returns the next values of non-cumulative ALTER, whose values are offsets from the path: on the way to `target` with
+    /// a speed from which it can stop there. If a target comes nearer than the braking distance, the arm passes it and
     /// returns. At the ends of a word (±1024 mm) the arm stops at once.
     pub fn positions(&mut self, target: [i16; AXES]) -> [i16; AXES] {
         self.axes = self.positions_from(self.axes, target);

@@ -56,13 +56,13 @@ pub(crate) fn after(now: Duration, nanos: u64) -> Duration {
     }
 }
 
-/// The time in one cycle, and who takes it.
+/// The time in one cycle, divided by its users.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget {
     /// The request on the line.
     pub request: Duration,
-    /// From the request's end to the reply's end: the window, or what the request leaves of the cycle if that is less. (At
-    /// 38400 baud a request with transformation takes 13.5 ms, and leaves 14.5 ms of the 15 ms.)
+    /// From the request's end to the reply's end: the window, or the rest of the cycle after the request if that is less.
+    /// (At 38400 baud a request with transformation takes 13.5 ms, and leaves 14.5 ms of the 15 ms.)
     pub window: Duration,
     /// The reply on the line.
     pub reply: Duration,

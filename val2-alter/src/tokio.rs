@@ -12,7 +12,8 @@
 //! # Ok(()) }
 //! ```
 //!
-//! A reply is due 15 ms after its message: where other tasks may compute for this long, [`Task::thread`] gives this one a thread.
+//! A reply is due 15 ms after its message: if other tasks may compute for this long, [`Task::thread`] gives this one a
+//! thread.
 
 use core::time::Duration;
 use std::io;
@@ -79,8 +80,9 @@ pub enum Error {
 }
 
 impl Arm {
-    /// Sets where the next replies go: as [`Host::set_target`], within the limits of the configuration and the reach. It
-    /// holds for [`HostConfig::target_timeout`] from now on, and is of no use before the controller has started ALTER.
+    /// Sets the target of the next replies as [`Host::set_target`] does, within the limits of the configuration and the
+    /// reach. The target is valid for [`HostConfig::target_timeout`] from now on, and has no effect before the controller
+    /// has started ALTER.
     pub fn set_target(&self, target: [i16; AXES]) {
         self.target.send_replace(Some((target, now())));
     }

@@ -14,8 +14,8 @@ use crate::timing::{self, Budget};
 pub struct ControllerConfig {
     /// The envelope. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
-    /// The line's baud rate: the reply window opens when the request has left, and what arrives before is no reply to it.
-    /// Default: 38400.
+    /// The line's baud rate: the reply window opens when the request has left, and bytes that arrive before are not a reply
+    /// to it. Default: 38400.
     pub baud: u32,
     /// The mode of the ALTER instruction. Default: 23.
     pub mode: Mode,

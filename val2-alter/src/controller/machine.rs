@@ -1,4 +1,4 @@
-//! The controller's machine: everything that decides what the controller does, and nothing else.
+//! The controller's machine: all decisions of the controller, and nothing else.
 
 use core::time::Duration;
 

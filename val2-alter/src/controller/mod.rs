@@ -28,11 +28,11 @@ use machine::{
 /// The controller's session: a MARK III without its arm. Its verbs are those of [`robot_session::Session`]; it never reads a
 /// clock and never blocks. [`start`](Controller::start) executes the ALTER instruction.
 ///
-/// The first good reply in the window of a message decides; what comes outside a window, or while the message is still on the
-/// line, has no effect and is reported. A reply that cannot be read gives the error code of the next message, and the arm does
-/// not move by it; a missing one ends ALTER with error 6. A session that is late itself sends the next message late: it never
-/// sends two in one cycle. When 16 events wait, the oldest notice is dropped and counted; how a start goes,
-/// exceptions and the end of ALTER are outcomes and are not.
+/// The first good reply in the window of a message decides; a reply outside a window, or while the message is still on the
+/// line, has no effect and is reported. A reply that cannot be read sets the error code of the next message, and does not
+/// move the arm; a missing one ends ALTER with error 6. A session that is late itself sends the next message late: it never
+/// sends two in one cycle. When 16 events wait, the oldest notice is dropped and counted; the result of a start, exceptions
+/// and the end of ALTER are outcomes, which are not dropped.
 #[derive(Debug, Clone)]
 pub struct Controller {
     core: CoreOf<Self>,
@@ -97,13 +97,13 @@ impl Controller {
         self.ask(now, Input::Return)
     }
 
-    /// Sets what the next messages say of the motion segment: its status, its number (from 1), and the part of it that is done
+    /// Sets the motion segment in the next messages: its status, its number (from 1), and its completed part
     /// ([`Motion::DONE`] is all).
     pub fn set_segment(&mut self, status: SegmentStatus, number: u16, percent: u16) {
         self.segment = (status, number, percent);
     }
 
-    /// Sets where the next messages say that the tool is, if mode bit 2 asks for it. At first all words are zero.
+    /// Sets the position of the tool in the next messages, if mode bit 2 requests it. At first all words are zero.
     pub fn set_transform(&mut self, transform: Transform) {
         self.transform = transform;
     }

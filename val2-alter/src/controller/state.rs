@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use crate::message::ErrorCode;
 
-/// The state of a controller: everything that decides what it does, and nothing else.
+/// The state of a controller: the basis of all its decisions, and nothing else.
 ///
 #[doc = include_str!("../../diagrams/controller.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]

@@ -178,8 +178,8 @@ impl Active {
         }
     }
 
-    /// Returns where the values go. A target that is too old is not followed, even if a caller has not passed the
-    /// time before it asks for bytes.
+    /// Returns the goal of the values. A target that is too old is not followed, even if a caller has not passed the time
+    /// before it polls for bytes.
     pub(super) fn course(&self, now: Duration, config: &HostConfig) -> Course {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         match self.stage {
@@ -216,7 +216,7 @@ impl Active {
     fn select_some(&self, now: Duration, draft: &Draft, due: Due, config: &HostConfig) -> Option<(u8, u8)> {
         let fits = |select: u8, reserve| {
             let words = draft.words.iter().enumerate().filter(|(axis, _)| select >> axis & 1 != 0);
-            // The select byte is doubled where it selects RY alone.
+            // The select byte is doubled if it selects RY alone.
             let len = usize::from(draft.bare)
                 + usize::from(select == DLE)
                 + words.map(|(_, len)| usize::from(*len)).sum::<usize>();

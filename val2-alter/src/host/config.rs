@@ -214,8 +214,8 @@ pub enum HostEvent {
     /// after it than a controller sends them. Exceptions may be executed twice on such a line: change its adapter or
     /// this setting.
     Delayed,
-    /// The controller could not read the last reply, with the reason. After a message that was lost or corrupt, and
-    /// so not answered, it may be about the missing reply: then offsets go on from that of the last reply.
+    /// The controller could not read the last reply, with the reason. After a message that was lost or corrupt, and so not
+    /// answered, it may be about the missing reply: then offsets continue from that of the last reply.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
     /// No target was set for [`HostConfig::target_timeout`].

@@ -69,8 +69,8 @@ pub enum Input {
     Subroutine(bool),
 }
 
-/// An answer that could be sent. Its lengths may be greater than they are where that
-/// [fits](crate::host::machine::HostMachine::fits).
+/// An answer that could be sent. Its lengths may be greater than the real ones if these greater lengths
+/// [fit](crate::host::machine::HostMachine::fits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Draft {
     /// The length without words.

@@ -1,5 +1,5 @@
-//! The host's machine: everything that decides what the host does, and nothing else. It does not contain the values
-//! of axes, only which words may be other than zero.
+//! The host's machine: all decisions of the host, and nothing else. It does not contain the values of axes, only which words
+//! may be other than zero.
 
 use core::time::Duration;
 

@@ -219,7 +219,7 @@ impl Host {
     #[cold]
     fn write_start(&mut self, now: Duration, code: StartCode, out: &mut [u8]) -> Option<(usize, Input)> {
         if code == StartCode::Accept && !self.core.events.has_room(OUTCOMES) {
-            // The controller asks again.
+            // The controller requests the start again.
             return Some((0, Input::Ignored));
         }
         let draft = Draft { bare: self.bare() - 1, words: [0; AXES], moving: 0 };

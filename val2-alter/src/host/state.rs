@@ -6,8 +6,8 @@ use super::config::Policy;
 use super::due::Due;
 use crate::message::{Exception, MotionPhase};
 
-/// The state of a host: everything that decides what it does, and nothing else. It does not contain the values of
-/// axes, only which words may be other than zero.
+/// The state of a host: the basis of all its decisions, and nothing else. It does not contain the values of axes, only which
+/// words may be other than zero.
 ///
 #[doc = include_str!("../../diagrams/host.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]

@@ -123,8 +123,8 @@ impl Start {
     }
 }
 
-/// The data list of an ALTER instruction: up to [`List::MAX`] words. The source sets no limit; ours makes a start message
-/// no longer than the longest standard message.
+/// The data list of an ALTER instruction: up to [`List::MAX`] words. The source sets no limit; this limit makes a start
+/// message no longer than the longest standard message.
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
 pub struct List {
     pub(super) words: [i16; List::MAX],
@@ -208,7 +208,7 @@ pub struct Motion {
     pub segment: u16,
     /// The part of the segment that is done; 16384 (40000 octal) is all of it. See [`Motion::fraction`].
     pub percent: u16,
-    /// The position and orientation of the tool, if mode bit 2 asks for it.
+    /// The position and orientation of the tool, if mode bit 2 requests it.
     pub transform: Option<Transform>,
 }
 

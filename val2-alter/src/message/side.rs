@@ -15,14 +15,15 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
     /// Reads a frame's data. Unknown codes are kept.
     ///
     /// # Errors
-    /// The data is no message of this side.
+    /// The data is not a message of this side.
     fn decode(data: &[u8], framing: Framing) -> Result<Self, DecodeError>;
 
-    /// Reads the frame at the start of `bytes`, which begin with a start mark, and its message: in place, where its data holds no
-    /// DLE. `None`: more bytes are needed. The second value is the number of bytes that the frame has on the line.
+    /// Reads the frame at the start of `bytes`, which begin with a start mark, and its message: in place, if its data
+    /// contains no DLE. `None` if more bytes are needed. The second value is the number of bytes that the frame has on the
+    /// line.
     ///
     /// # Errors
-    /// The frame is corrupt, or its data is no message of this side.
+    /// The frame is corrupt, or its data is not a message of this side.
     fn decode_frame(bytes: &[u8], framing: Framing) -> Result<Option<(Self, usize)>, DecodeError> {
         if let Some(data) = plain_data(bytes, bytes.len(), framing)
             && let Ok(message) = Self::decode(data, framing)
@@ -65,8 +66,7 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
     }
 }
 
-/// A message with the envelope that it is written in: what a framed transport sends
-/// (`robot_session::tokio::Codec`).
+/// A message with the envelope in which it is written: the item of a framed transport (`robot_session::tokio::Codec`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Framed<M> {
     /// The message.

@@ -1,8 +1,8 @@
 //! The 24 transformation bytes of a standard message.
 
-/// The twelve transformation words as they are on the wire, low byte first. The source says no more about them. Elsewhere in
-/// the protocol 16384 is 1.0 and a millimetre is 32, and VAL lists transformations by columns: the natural reading is the
-/// columns n, o, a of a rotation and a position.
+/// The twelve transformation words as they are on the wire, low byte first. The source does not describe them further.
+/// Elsewhere in the protocol 16384 is 1.0 and a millimetre is 32, and VAL lists transformations by columns: the natural
+/// reading is the columns n, o, a of a rotation and a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(transparent))]

@@ -5,12 +5,12 @@ use crate::message::PosePacket;
 
 /// Bytes in, poses out, also after corrupt bytes. The verbs are those of [`robot_session::Decoder`].
 ///
-/// A line begins with `$`, which is nowhere else in it, and ends with its line feed. An error covers a whole line, or everything
-/// up to the next `$`: corruption costs no packet but those it touched.
+/// A line begins with its only `$`, and ends with its line feed. An error covers a whole line, or all bytes up to the next
+/// `$`: corruption costs only the packets that it touched.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: StreamBuffer<256>,
-    /// The number of bytes that neither end what the first one begins, nor begin a line after it.
+    /// The number of bytes without an end of the first line and without a beginning of another.
     searched: usize,
     /// The number of bytes that are an item in any case: [`PosePacket::MAX_LEN`], and one once the stream has ended.
     limit: usize,

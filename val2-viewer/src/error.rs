@@ -9,14 +9,13 @@ use core::time::Duration;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// A line with something else where the format has a fixed byte.
+    /// A line with another byte in place of a fixed one.
     #[error("byte {offset} of the line does not match the format")]
     Format {
         /// The place in the line.
         offset: usize,
     },
-    /// A line without a number where one must be, or with one outside its range: 0..=65535 for the count, −32768..=32767 for
-    /// a word.
+    /// A line with a missing number, or with one outside its range: 0..=65535 for the count, −32768..=32767 for a word.
     #[error("the number at byte {offset} of the line is missing or out of range")]
     Number {
         /// The offset of the number.
@@ -30,7 +29,7 @@ pub enum DecodeError {
         /// The checksum that came.
         found: u8,
     },
-    /// A line that does not end where the longest packet does.
+    /// A line that is longer than the longest packet.
     #[error("line has more than {limit} bytes")]
     TooLong {
         /// The longest packet.

@@ -4,7 +4,7 @@ use robot_session::Encode;
 
 use crate::error::{DecodeError, EncodeError};
 
-/// The byte that asks for one pose, ASCII Enquire (§5).
+/// The byte that requests one pose, ASCII Enquire (§5).
 pub const ENQ: u8 = 0x05;
 
 /// A pose for the workstation, as one line:

@@ -57,7 +57,7 @@ robot_session::rules! {
         Hold,
         /// XOFF again holds it for longer.
         Prolong,
-        /// XON lets it go on.
+        /// XON restarts the line.
         Resume,
         /// An XOFF, which may be noise, expires.
         EndHold,

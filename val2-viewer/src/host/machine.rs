@@ -28,12 +28,12 @@ pub struct HostMachine {
 pub enum Link {
     /// No connection.
     Disconnected,
-    /// Nothing is asked for.
+    /// No reply is requested.
     Ready {
         /// The time from which a packet may be sent.
         from: Duration,
     },
-    /// A packet is asked for, once or more often.
+    /// A packet is requested, once or more often.
     Asked {
         /// The time from which it may be sent.
         from: Duration,

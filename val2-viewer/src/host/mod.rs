@@ -1,4 +1,4 @@
-//! The computer that knows where the arm is.
+//! The computer that knows the position of the arm.
 
 mod config;
 pub mod machine;
@@ -17,8 +17,8 @@ use crate::flow::{XOFF, XON};
 use crate::message::{ENQ, PosePacket};
 use machine::{Action, Answer, HostMachine, Input};
 
-/// The computer that knows where the arm is, "Steuerrechner" (§5): answers a request with the newest pose, and sends nothing
-/// unasked.
+/// The computer that knows the position of the arm, "Steuerrechner" (§5): answers a request with the newest pose, and sends
+/// only replies.
 ///
 /// The order of calls is the [`Session`](robot_session::Session)'s; [`set_pose`](Self::set_pose) whenever there is a new
 /// pose, which ALTER gives every 28 ms.
@@ -58,7 +58,7 @@ pub enum HostEvent {
     Unsendable,
     /// No XON has come since the last XOFF, for [`max_hold`](HostConfig::max_hold): packets are sent again.
     HoldEnded,
-    /// A byte that is none of ENQ, XON and XOFF.
+    /// A byte other than ENQ, XON and XOFF.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
     /// A notice: the line returns the sent bytes, and [`echo`](HostConfig::echo) is off; or it is on, and other bytes came back.

@@ -14,7 +14,7 @@ use crate::error::ConfigError;
 use crate::host::{Host, HostConfig, HostEvent};
 use crate::message::PosePacket;
 
-/// The screen of a workstation that asks for poses. Cloning it is cheap.
+/// The screen of a workstation that requests poses. Cloning it is cheap.
 #[derive(Debug, Clone)]
 pub struct Screen {
     handle: Handle<Poses>,
@@ -33,10 +33,10 @@ pub fn host<C: Connector>(config: HostConfig, connector: C) -> Result<(Screen, T
 #[derive(Debug, Clone, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The workstation has not asked for a pose within [`HostConfig::max_age`], or its packet could not be sent.
+    /// The workstation has not requested a pose within [`HostConfig::max_age`], or its packet could not be sent.
     #[error("the workstation did not request a pose before it was too old")]
     Stale,
-    /// Another pose has taken its place before the workstation asked for one.
+    /// Another pose has replaced it before the workstation requested one.
     #[error("another pose has replaced it")]
     Replaced,
     /// There is no connection; nothing was sent.

@@ -42,10 +42,11 @@ pub fn workstation<C: Connector>(
 }
 
 impl Arm {
-    /// Pauses the display, or goes on with it. If the queue of calls is full, in a task that has no connection, the
-    /// call is not made: returns whether it is made.
+    /// Pauses the display, or continues it. If the queue of calls is full, in a task without a connection, the call is not
+    /// made: returns whether it is made.
     ///
-    /// After a host that was off, the display has to be paused for [`WorkstationConfig::pause`] before it asks again.
+    /// After a host that was off, the display must be paused for [`WorkstationConfig::pause`] before it sends a request
+    /// again.
     pub fn pause(&self, is_paused: bool) -> bool {
         self.handle.try_call(Paused(is_paused))
     }

@@ -31,9 +31,9 @@ pub struct WorkstationConfig {
 robot_session::rules! {
     /// The rules of the workstation's machine.
     pub enum Rule for WorkstationConfig {
-        /// The workstation asks again only after an answer.
+        /// The workstation sends the next request only after an answer.
         Credit,
-        /// The workstation asks again after a pause.
+        /// The workstation sends a request again after a pause.
         AskAgain,
         /// An undecodable line was the answer.
         CorruptIsAnswer,

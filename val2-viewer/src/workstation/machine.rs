@@ -1,7 +1,7 @@
-//! The workstation's machine: when it asks, and whether its picture is stale. No bytes, no clock.
+//! The workstation's machine: the times of its requests, and whether its picture is stale. No bytes, no clock.
 //!
-//! It has a *credit of one* (§9.4): it asks in the first display cycle, then only after an answer, or after a pause of the
-//! display.
+//! It has a *credit of one* (§9.4): it sends a request in the first display cycle, then only after an answer, or after a
+//! pause of the display.
 //!
 //! As the model has explored it:
 #![doc = include_str!("../../diagrams/workstation.md")]
@@ -19,7 +19,7 @@ use crate::flow::Flow;
 pub enum WorkstationMachine {
     /// No connection.
     Disconnected,
-    /// The host is asked.
+    /// A connection to the host.
     Connected(Display),
 }
 
@@ -38,20 +38,20 @@ pub struct Display {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
-    /// The next display cycle asks.
+    /// The next display cycle sends a request.
     Allowed,
     /// The request is to be sent.
     Due,
     /// The answer is awaited.
     Waiting {
-        /// The time from which the next display cycle asks again: the last request was so long before.
+        /// The time from which the next display cycle sends a request again: the last one was so long before.
         again_from: Duration,
         /// The time from which the request counts as missed.
         missed_from: Duration,
     },
     /// No answer has come in time, which is reported. The picture is stale.
     Overdue {
-        /// The time from which the next display cycle asks again: the last request was so long before.
+        /// The time from which the next display cycle sends a request again: the last one was so long before.
         again_from: Duration,
     },
 }

@@ -18,18 +18,19 @@ use crate::message::{ENQ, PosePacket};
 use decoder::{HandshakeDecoder, Word};
 use machine::{Action, Enquiry, Input, WorkstationMachine};
 
-/// The graphics workstation that draws the arm (§5, §9.4): asks for one pose at a time.
+/// The graphics workstation that draws the arm (§5, §9.4): requests one pose at a time.
 ///
 /// The order of calls is the [`Session`](robot_session::Session)'s; [`draw`](Self::draw) in every display cycle, after the
 /// arrived bytes were passed in.
 ///
-/// - **Credit of one.** It asks in the first display cycle of a connection, and then only after an answer. Every request has one
-///   outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent before the outcomes of
-///   the ones before are taken.
+/// - **Credit of one.** It sends a request in the first display cycle of a connection, and then only after an answer. Every
+///   request has one outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent
+///   before the outcomes of the previous ones are polled.
 /// - **An answer that does not come.** After [`stale_after`](WorkstationConfig::stale_after) the request is missed and the
 ///   picture is [`Stale`](WorkstationEvent::Stale), and nothing is sent until the operator pauses the display for
-///   [`pause`](WorkstationConfig::pause): the next display cycle then asks again. A host that is off would otherwise find a pile of
-///   requests. An answer that comes later is [`Unasked`](WorkstationEvent::Unasked), and the next display cycle asks again.
+///   [`pause`](WorkstationConfig::pause): the next display cycle then sends a request again. A host that is off would
+///   otherwise find a pile of requests. An answer that comes later is [`Unasked`](WorkstationEvent::Unasked), and the next
+///   display cycle sends a request again.
 /// - **XOFF** holds the next request until XON, or until [`max_hold`](WorkstationConfig::max_hold) is over.
 /// - **Corrupt bytes** are an event, and the next packet is still read. A whole line that cannot be read was the answer.
 /// - **Life.** A request ends with its connection, and the picture is stale then.
@@ -51,10 +52,10 @@ pub enum WorkstationEvent {
     /// A request without an answer: none has come for [`stale_after`](WorkstationConfig::stale_after), it could not be read,
     /// the display was paused, or the connection is lost.
     Missed,
-    /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may
-    /// be somewhere else. Reported once, until a new pose comes.
+    /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may be at
+    /// another position. Reported once, until a new pose comes.
     Stale,
-    /// A notice: a packet that no request has asked for, such as the answer to a request that is missed.
+    /// A notice: an unsolicited packet, such as the answer to a request that is missed.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(PosePacket),
     /// A notice: bytes without a packet, or a corrupt packet.

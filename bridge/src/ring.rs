@@ -103,7 +103,8 @@ struct Frame {
 impl Ring {
     /// Opens the ring of a file, or begins one. Frames from `cut` on do not count.
     ///
-    /// # Errors If the file cannot be read, or differs from `known` ([`io::ErrorKind::InvalidData`]).
+    /// # Errors
+    /// If the file cannot be read, or differs from `known` ([`io::ErrorKind::InvalidData`]).
     pub fn open(file: File, known: Known, most: u64, cut: Option<u64>) -> io::Result<Self> {
         let mut ring = Self {
             file,

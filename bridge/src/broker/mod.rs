@@ -292,7 +292,8 @@ impl Options {
 
 /// Checks that a text has certificates in PEM form, as [`Tls`] takes them.
 ///
-/// # Errors If there is no certificate, or if one cannot be read.
+/// # Errors
+/// If there is no certificate, or if one cannot be read.
 pub fn check_certificates(text: &str) -> Result<()> {
     let mut certificates = CertificateDer::pem_slice_iter(text.as_bytes()).peekable();
     ensure!(certificates.peek().is_some(), "no BEGIN CERTIFICATE in PEM format");

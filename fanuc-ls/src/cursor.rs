@@ -90,7 +90,8 @@ impl<'a> Cursor<'a> {
 
     /// Reads a whole number without a sign.
     ///
-    /// # Errors If there is no number, or if it does not fit into `N`.
+    /// # Errors
+    /// If there is no number, or if it does not fit into `N`.
     #[inline(always)]
     pub(crate) fn number<N: TryFrom<u32>>(&mut self, reason: Reason) -> Result<N, Fault<'a>> {
         let (mut rest, mut number) = (self.rest, 0u64);
@@ -109,7 +110,8 @@ impl<'a> Cursor<'a> {
 
     /// Reads a decimal number.
     ///
-    /// # Errors If there is no number.
+    /// # Errors
+    /// If there is no number.
     #[inline(always)]
     pub(crate) fn decimal(&mut self, reason: Reason) -> Result<f64, Fault<'a>> {
         let Some((value, length)) = decimal_prefix(self.rest) else { return Err(self.fault(reason)) };

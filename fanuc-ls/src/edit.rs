@@ -21,7 +21,8 @@ pub(crate) type Edit = (Range<usize>, String);
 
 /// Returns the instruction of the statement `index` as a controller prints it, from its text.
 ///
-/// # Errors If the text would be decoded as another instruction.
+/// # Errors
+/// If the text would be decoded as another instruction.
 pub(crate) fn printed(index: usize, text: &str) -> Result<String, EncodeError> {
     let line = index.saturating_add(1);
     let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
@@ -44,7 +45,8 @@ impl Document {
 
     /// Sets the text of an attribute in its place, or adds the attribute to `/ATTR`.
     ///
-    /// # Errors If the value would be decoded differently, if the attribute is a list, or if there is no `/ATTR`.
+    /// # Errors
+    /// If the value would be decoded differently, if the attribute is a list, or if there is no `/ATTR`.
     pub fn set_attribute(&mut self, name: &str, value: &str) -> Result<(), EncodeError> {
         let new = Attribute::text(name, value);
         let read =
@@ -71,7 +73,8 @@ impl Document {
 
     /// Sets the motion of a statement; `index` counts from 0. Unchanged values stay as they are spelled.
     ///
-    /// # Errors If there is no such statement, if it is nested or has no number, or if the motion cannot be encoded.
+    /// # Errors
+    /// If there is no such statement, if it is nested or has no number, or if the motion cannot be encoded.
     pub fn set_motion(&mut self, index: usize, motion: &Motion) -> Result<(), EncodeError> {
         if let Some((place, text)) = self.motion_edit(index, motion)? {
             self.replace(place, &text);
@@ -101,7 +104,8 @@ impl Document {
 
     /// Sets the instruction of a statement by its text, such as `CALL WELD_ON`; `index` counts from 0.
     ///
-    /// # Errors If there is no such statement, if it is nested or has no number, or if the text would be decoded as another
+    /// # Errors
+    /// If there is no such statement, if it is nested or has no number, or if the text would be decoded as another
     /// instruction.
     pub fn set_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
         let written = printed(index, text)?;
@@ -116,7 +120,8 @@ impl Document {
 
     /// Sets the position with this number. Unchanged values stay as they are spelled.
     ///
-    /// # Errors If there is no such position, or if it cannot be encoded.
+    /// # Errors
+    /// If there is no such position, or if it cannot be encoded.
     pub fn set_position(&mut self, position: &Position) -> Result<(), EncodeError> {
         if let Some((place, text)) = self.position_edit(position)? {
             self.replace(place, &text);

@@ -24,8 +24,8 @@ impl Document {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
-    /// # Errors If the text would be decoded as another instruction, or if the statement would be within the block of a
-    /// motion.
+    /// # Errors
+    /// If the text would be decoded as another instruction, or if the statement would be within the block of a motion.
     pub fn insert_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
         let written = printed(index, text)?;
         let (before, rest) =

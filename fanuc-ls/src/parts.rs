@@ -29,7 +29,8 @@ pub(crate) struct Parts {
 impl Parts {
     /// Finds the sections, the statements and the positions. Does not check their contents.
     ///
-    /// # Errors If the text has no name, no `/MN` or no `/END`, or if text follows `/END`.
+    /// # Errors
+    /// If the text has no name, no `/MN` or no `/END`, or if text follows `/END`.
     pub(crate) fn find(text: &str) -> Result<Self, DecodeError> {
         let error = |at, reason| Err(DecodeError::new(text, at, reason));
         let mut parts = Self::default();

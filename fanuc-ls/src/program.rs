@@ -102,7 +102,8 @@ impl Program {
 
     /// Checks that the program can be encoded by these rules; [`encode`](Self::encode) checks the same.
     ///
-    /// # Errors The first element that a controller would reject, or that would be decoded differently.
+    /// # Errors
+    /// The first element that a controller would reject, or that would be decoded differently.
     pub fn check(&self, rules: &Rules) -> Result<(), EncodeError> {
         self.to_text(rules).map(drop)
     }

@@ -25,7 +25,8 @@ pub struct Reply<T> {
 impl<T: Debug> Reply<T> {
     /// Ends the call.
     ///
-    /// # Errors The call is no longer awaited: the outcome is returned.
+    /// # Errors
+    /// The call is no longer awaited: the outcome is returned.
     pub fn send(self, outcome: T) -> Result<(), T> {
         self.trace.ended(&outcome);
         self.outcome.send(outcome)
@@ -59,7 +60,8 @@ impl<T> Future for Outcome<T> {
 /// The caller's side of a session: calls, events, the state of the connection, and shutdown. Cloning it is cheap; the
 /// [`Task`](super::Task) ends when the last one is dropped.
 ///
-/// # Every call ends While its task runs, a call has an outcome in a bounded time, regardless of the peer:
+/// # Every call ends
+/// While its task runs, a call has an outcome in a bounded time, regardless of the peer:
 /// - While there is a connection, the session's own times hold: those of its configuration. Calls that have to wait for
 ///   others wait for their outcomes. An order or a motion takes as long as the peer reports that it continues.
 /// - Without a connection, a call waits for the current attempt to connect, and fails with it.
@@ -68,10 +70,10 @@ impl<T> Future for Outcome<T> {
 /// - No call waits longer than [`Task::give_up_after`](super::Task::give_up_after) for a usable connection. A connection is
 ///   not usable if its peer closes it at once, or while the state cannot be stored.
 ///
-/// # Dropped futures A call whose future is dropped while the call waits is withdrawn: no part of it is sent. Once the
-/// session has accepted a call, the call continues, and its outcome is one of the [`events`](Self::events). A call that
-/// stops a motion, ends an order or clears a queue is made in any case. The documentation of other calls states any
-/// difference.
+/// # Dropped futures
+/// A call whose future is dropped while the call waits is withdrawn: no part of it is sent. Once the session has accepted a
+/// call, the call continues, and its outcome is one of the [`events`](Self::events). A call that stops a motion, ends an
+/// order or clears a queue is made in any case. The documentation of other calls states any difference.
 pub struct Handle<S: Service> {
     pub(super) calls: mpsc::Sender<S::Call>,
     pub(super) events: broadcast::Receiver<S::Event>,

@@ -106,7 +106,7 @@ fn find(folder: &Folder, document: &Document) -> Vec<Found> {
     }
 }
 
-/// Returns the range of the words from a byte on, up to the end of the statement or the line; if there are none, the
+/// Returns the range of the words from a byte on, up to the end of the statement or the line; without words, of the
 /// character before it.
 fn marked(text: &str, offset: usize) -> Range<usize> {
     let rest = text.get(offset..).unwrap_or("");

@@ -178,7 +178,7 @@ impl Controller for AsRobot {
     }
 
     fn phase(&self) -> Phase {
-        // As the status has it: a list that is being cleared is no phase.
+        // As the status has it: a list that is being cleared is not a phase.
         match whole(self.real("x.stage")) {
             0 => Phase::Idle,
             1 | 2 => Phase::Active,

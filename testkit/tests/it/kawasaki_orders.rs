@@ -195,7 +195,7 @@ fn another_order_is_left_alone_where_that_is_wished<C: Controller>() {
 }
 
 fn another_order_of_the_same_number_is_not_taken_for_ours<C: Controller>() {
-    // The restarted PC begins order 50 again while the robot is in the middle of the old one: "50" is no acceptance.
+    // The restarted PC begins order 50 again while the robot is in the middle of the old one: "50" is not an acceptance.
     let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
     restart_pc(&mut rig, PcConfig::tcp());
     rig.pc.start(50, picture(50, 500)).unwrap();

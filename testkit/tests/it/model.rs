@@ -150,7 +150,7 @@ fn how_long_it_stands_still() {
     assert_eq!(graph.findings().last().unwrap().property, STANDS_FOR_EVER);
     assert_eq!(graph.standstill, None, "a run without faults does not go that way");
 
-    // A cycle without time is no time.
+    // A cycle without time takes no time.
     let mut system = line();
     system.steps.extend([(1, 4, 0), (4, 3, 1), (4, 5, 0), (5, 4, 0)]);
     system.standing = vec![4, 5];

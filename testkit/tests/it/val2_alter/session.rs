@@ -71,7 +71,7 @@ fn a_corrupt_start_message_is_asked_for_again_and_then_refused() {
     // The count restarts after four cycles without a message.
     assert_eq!(answer(&mut host, MS + 4 * CYCLE, corrupt).as_ref(), Some(&repeat));
     assert_eq!(answer(&mut host, MS + 4 * CYCLE, corrupt).as_ref(), Some(&repeat));
-    // Bytes outside any frame are no start message.
+    // Bytes outside any frame are not a start message.
     let mut other = connected(HostConfig::default());
     assert_eq!(answer(&mut other, MS, b"noise\x10\x10\x02"), None);
     assert_eq!(other.statistics().corrupt, 1);

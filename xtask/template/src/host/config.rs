@@ -16,7 +16,7 @@ pub struct HostConfig {
 robot_session::rules! {
     /// The rules of the host's machine.
     pub enum Rule for HostConfig {
-        /// The value of another register is no reply.
+        /// The value of another register is not a reply.
         MatchRegister,
     }
 }

@@ -40,7 +40,7 @@ pub trait Machine: Clone + Eq + Hash + Debug {
         config: &Self::Config,
     ) -> Result<Self::Action, Unexpected>;
 
-    /// Returns the message to send now. The message stays due until its input reports that it was sent.
+    /// Returns the message to send now. The message stays due until an input reports that it was sent.
     fn transmit(&self, now: Duration, config: &Self::Config) -> Option<Self::Transmit>;
 
     /// Returns the time at which [`Input::TIMEOUT`] or a message is due; `None` if nothing happens without bytes or a call.

@@ -5,10 +5,10 @@ use core::time::Duration;
 pub struct LatchConfig {
     /// The time for which the hand must rest. Default: 0.3 s.
     pub rest: Duration,
-    /// Whether a key has to confirm it besides. Default: no.
+    /// Whether a key must confirm as well. Default: no.
     ///
-    /// Requires a confirmation by a key. It should be set if values are offsets from the path (non-cumulative ALTER): when
-    /// armed, the arm leaves its held offset, and moves to that of the hand.
+    /// It should be set if values are offsets from the path (non-cumulative ALTER): when armed, the arm leaves its held
+    /// offset, and moves to that of the hand.
     pub confirm: bool,
     /// Whether the arm moves only while the hand holds a key: to let it go disarms. Default: no.
     pub hold_to_run: bool,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// As `robot_session::tokio::Reconnect` has them.
 const FIRST: Duration = Duration::from_millis(100);
 const LONGEST: Duration = Duration::from_secs(5);
-/// The longest time between two looks at whether a pause goes on.
+/// The longest time between two checks for the end of a pause.
 const TURN: Duration = Duration::from_millis(20);
 
 /// Pauses that double from one attempt to the next, half of each random, until the peer answers. A connection alone is not an

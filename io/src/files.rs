@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
-/// A file could not be written: which one, or what that leaves.
+/// A file could not be written: its name, or the state that remains.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Unwritten(pub Cow<'static, str>);

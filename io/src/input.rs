@@ -127,9 +127,9 @@ pub enum Typed {
 /// A longer line is read as several.
 const LONGEST_LINE: u64 = 4096;
 
-/// Reads what an operator does, until the program ends; the bell is rung for each. `None` is the end of standard input:
-/// nobody types any more. A first signal is [`Typed::Stop`]. A second one ends the program, and so does a stop that has not
-/// ended the program after `limit`.
+/// Reads the operator's input until the program ends; the bell is rung for each item. `None` is the end of standard input. A
+/// first signal is [`Typed::Stop`]. A second one ends the program, and so does a stop that has not ended the program after
+/// `limit`.
 ///
 /// # Errors
 /// When the system has no room for a thread.

@@ -1,5 +1,5 @@
 //! The signals that end a command: Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which a terminal sends when it is closed. The first
-//! one asks for an orderly end, the second one ends the program at once, and says what that leaves.
+//! one requests an orderly end, the second one ends the program at once, with a message about the remaining work.
 //!
 //! SIGHUP is never a second signal: a closed terminal may send it twice, and a service manager may send it with SIGTERM.
 
@@ -17,7 +17,7 @@ type Action = Box<dyn FnOnce() + Send>;
 
 static ACTIONS: Mutex<Vec<Action>> = Mutex::new(Vec::new());
 
-/// The line that [`end_at_once`] prints: what is done, what is unknown, and what the machine still does.
+/// The line that [`end_at_once`] prints: the completed work, the unknown outcomes, and the work that the machine still has.
 static ACCOUNT: Mutex<String> = Mutex::new(String::new());
 
 /// Whether a thread ends the program at once.
@@ -129,7 +129,7 @@ pub fn before_exit(action: impl FnOnce() + Send + 'static) {
     lock(&ACTIONS).push(Box::new(action));
 }
 
-/// Sets the line that follows if the program has to end at once.
+/// Sets the line that follows if the program must end at once.
 pub fn account(text: String) {
     *lock(&ACCOUNT) = text;
 }
@@ -187,7 +187,7 @@ fn is_ignored(signal: i32) -> bool {
         .is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Handles also a console that is closed, a user who logs off, and a computer that is shut down.
+/// Also handles a closed console, a user who logs off, and a shutdown of the computer.
 #[cfg(windows)]
 fn install(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
     let handler = std::sync::Arc::new(Mutex::new(move || {

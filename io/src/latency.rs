@@ -43,8 +43,8 @@ impl Deadline {
         }
     }
 
-    /// Returns what to set if the adapter of a serial port delays bytes for too long; `None` if it does not, or the system
-    /// does not report the delay. With `low_latency` (`setserial`), Linux reports 1 ms.
+    /// Returns the advice for the settings if the adapter of a serial port delays bytes for too long; `None` if it does not,
+    /// or the system does not report the delay. With `low_latency` (`setserial`), Linux reports 1 ms.
     pub fn advice(self, port: &str) -> Option<String> {
         self.advice_at(port, ports::latency_timer(Path::new(port))?)
     }

@@ -27,7 +27,7 @@ impl Marked {
     /// Opens a port to listen.
     ///
     /// # Errors
-    /// When there is no such port, or another program uses it.
+    /// If there is no such port, or if another program uses it.
     pub fn open(name: &str) -> Result<Self> {
         let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed();
         let why = || format!("cannot open {name}: no such port, or it is in use, see cellwire ports");

@@ -23,7 +23,7 @@ pub fn is_closed(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
 
-/// Standard output does not accept what is printed: it is closed, or its disk is full.
+/// Standard output does not accept the output: it is closed, or its disk is full.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write to standard output")]
 pub struct Unwritten;
@@ -33,7 +33,7 @@ pub struct Unwritten;
 #[error("cannot write to standard output: {0}")]
 struct Refused(io::Error);
 
-/// Returns whether an error is that standard output does not accept what is printed.
+/// Returns whether standard output did not accept the output.
 pub fn is_unwritten(error: &anyhow::Error) -> bool {
     let is_refused = |error: &io::Error| error.get_ref().is_some_and(|inner| inner.is::<Refused>());
     error.is::<Unwritten>() || error.chain().any(|cause| cause.downcast_ref().is_some_and(is_refused))
@@ -89,7 +89,7 @@ pub fn settle() {
     OUTLETS.get().into_iter().flatten().for_each(|outlet| drop(outlet.finish()));
 }
 
-/// How a command prints what happens.
+/// The form in which a command prints events.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct EventArgs {
     /// Lines of JSON at a terminal too, as always in a pipe

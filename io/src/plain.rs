@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Number, Value};
 
-/// The fields that say what happened, without their names.
+/// The fields with sentences about an event, without their names.
 const SENTENCES: [&str; 7] = ["why", "hint", "what", "text", "error", "peer", "path"];
 
 /// Returns a line for an event: its name, then its outcome and its other fields: `answered: numbers 1 to 20; answer: done`.

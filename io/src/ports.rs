@@ -10,7 +10,7 @@ use serialport::{SerialPortInfo, SerialPortType};
 pub struct Port {
     /// The name of the port: `/dev/ttyUSB0`, `COM5`.
     pub port: String,
-    /// `usb`, `bluetooth`, or `built_in` for what is in the machine.
+    /// `usb`, `bluetooth`, or `built_in` for ports of the computer.
     pub kind: &'static str,
     /// The name that the adapter reports.
     pub adapter: Option<String>,
@@ -27,7 +27,7 @@ pub struct Port {
 /// Returns all ports, sorted by name, `COM5` before `COM12`.
 ///
 /// # Errors
-/// When the system does not say.
+/// If the system does not list its ports.
 pub fn list() -> Result<Vec<Port>> {
     // The library expects the folder, which is missing where no terminals are known at all.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {

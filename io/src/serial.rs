@@ -29,7 +29,7 @@ pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
 /// Opens a port: 8N1, raw, and no flow control, because these links send binary data that may contain XON and XOFF.
 ///
 /// # Errors
-/// When there is no such port, or another program uses it.
+/// If there is no such port, or if another program uses it.
 pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     open_with(path, baud, Mode::EIGHT_N_ONE)
 }
@@ -91,7 +91,7 @@ impl FromStr for Mode {
 /// Opens a port in another mode, raw, without flow control.
 ///
 /// # Errors
-/// When there is no such port, or another program uses it.
+/// If there is no such port, or if another program uses it.
 pub fn open_with(path: &str, baud: u32, mode: Mode) -> Result<Box<dyn SerialPort>> {
     let Mode { data_bits, parity, stop_bits } = mode;
     let settings = settings(path, baud).data_bits(data_bits).parity(parity).stop_bits(stop_bits);
@@ -118,7 +118,7 @@ pub fn advise(path: &str, baud: u32, error: serialport::Error) -> anyhow::Error 
     anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
 }
 
-/// Describes why a port cannot be opened. Systems do not tell one that is in use from one that does not exist.
+/// Describes the failure to open a port. Systems do not distinguish a port in use from a missing one.
 fn absent(path: &str) -> String {
     let names: Vec<String> = ports::list().unwrap_or_default().into_iter().map(|port| port.port).collect();
     if Path::new(path).exists() || names.iter().any(|name| name.eq_ignore_ascii_case(path)) {

@@ -46,7 +46,7 @@ pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
     }
 }
 
-/// Remarks who else can reach a place that is listened on.
+/// Remarks that other computers can reach an address that is listened on.
 pub fn warn_unless_loopback(place: SocketAddr) {
     if !place.ip().is_loopback() {
         remark(&format!(
@@ -115,7 +115,7 @@ impl ConnectArgs {
     }
 }
 
-/// Checks that an address has a port, before anything else is done.
+/// Checks that an address has a port, before any other action.
 ///
 /// # Errors
 /// When it lacks one.

@@ -93,7 +93,7 @@ struct Kept {
     turn: u64,
 }
 
-/// A byte with its time and its turn, which orders what has the same time: a request is before its answer.
+/// A byte with its time and its turn, which gives the sequence of equal times: a request is before its answer.
 #[derive(Debug, Clone, Copy)]
 struct Byte {
     at: Duration,

@@ -44,7 +44,7 @@ pub enum Meeting {
         /// The TLS of the connections; `None` without.
         tls: Option<Tls>,
     },
-    /// The other end sends datagrams; each has to be a message of this table.
+    /// The other end sends datagrams; each must be a message of this table.
     Datagrams(UdpSocket, Dialect),
     /// Datagrams are sent to the other end.
     Peer(UdpSocket, String),
@@ -134,7 +134,7 @@ impl Meeting {
     /// Returns a connection that was made without waiting for one; `None` without a client.
     ///
     /// # Errors
-    /// Faults that a person has to correct; that a connection cannot be opened now is the inner error.
+    /// Faults that a person must correct; a connection that cannot be opened now is the inner error.
     pub fn meet(&mut self) -> Result<Result<Option<(Carrier, String)>, String>> {
         Ok(match self {
             Self::Listen(arrivals) => {

@@ -1,4 +1,4 @@
-//! A combination of settings, and what it makes of bytes.
+//! A combination of settings, and its reading of bytes.
 
 use anyhow::Result;
 use serde_json::{Map, Value};

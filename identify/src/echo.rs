@@ -1,4 +1,4 @@
-//! Conversations over a line that returns what one end sends.
+//! Conversations over a line that returns the bytes of one end.
 
 use core::ops::Range;
 

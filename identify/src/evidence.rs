@@ -217,7 +217,7 @@ mod tests {
         assert_eq!(random.below(0), 0);
     }
 
-    /// The number of messages among so many corrupt messages of the other settings, and the evidence from it.
+    /// The number of messages among this many corrupt messages of the other settings, and the evidence from it.
     #[test]
     fn what_is_read_proves_more_the_less_it_is_read_by_chance() {
         let motion = |segment: u8| {

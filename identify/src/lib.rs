@@ -34,7 +34,8 @@ pub struct Stream {
     pub sender: Sender,
     /// The bytes of the stream; between two parts some are missing.
     pub parts: Vec<Vec<u8>>,
-    /// Where bytes arrived, and when: at which byte of all parts a packet, or what was read at once, begins. May be empty.
+    /// The offsets and times of arrivals: the byte, counted over all parts, at which a packet or the bytes of one read
+    /// begin. May be empty.
     pub arrivals: Vec<(usize, Duration)>,
 }
 
@@ -92,8 +93,8 @@ pub struct Finding {
 impl Finding {
     /// The number of bits below which messages may have been read by chance.
     pub const SURE: f64 = 20.0;
-    /// Below that share of the bytes, something else explains most of them. Where one byte of a hundred is corrupt, a third
-    /// of the messages of a hundred bytes is left, and of a few messages less.
+    /// Below this share of the bytes, another protocol explains most of them. If one byte of a hundred is corrupt, a third
+    /// of the messages of a hundred bytes remains, and of a few messages less.
     pub const SHARE: f64 = 0.1;
 
     /// Returns the share of the bytes within messages.

@@ -1,4 +1,4 @@
-//! The search: every combination on a sample, those that explain enough of it exactly, and what is left of them on all bytes.
+//! The search: every combination on a sample, those that explain enough of it exactly, and the remaining ones on all bytes.
 
 use anyhow::Result;
 use serde_json::{Map, Value};
@@ -21,7 +21,7 @@ const WHOLE: usize = 24;
 const SENSE: f64 = 20.0;
 /// The sense by which one message decides.
 const SENSE_OF_ONE: f64 = 5.0;
-/// The number of bytes that are shuffled to see what is read by chance.
+/// The number of bytes that are shuffled to determine the readings by chance.
 const SHUFFLED: usize = 64 * 1024;
 const MOST_SHUFFLES: usize = 1024;
 
@@ -40,7 +40,7 @@ pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     Ok(finding)
 }
 
-/// The setting of an end whose line returns what it sends.
+/// The setting of an end whose line returns its bytes.
 const ECHO: &str = "echo";
 
 fn has_echo(link: &Link) -> bool {
@@ -208,7 +208,7 @@ fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Likely> {
 /// Marks those whose numbers and texts make no sense beside another's.
 fn sensible(likely: &mut [Likely]) {
     let makes_less = |it: &Likely, other: &Likely| {
-        // Only of what both read: more messages make more sense.
+        // Only over the bytes that both read: more messages are more significant.
         let same =
             it.reading.pieces.iter().filter_map(|piece| Some(other.reading.same(piece)?.sense - piece.sense));
         same.sum::<f64>() >= SENSE
@@ -218,7 +218,7 @@ fn sensible(likely: &mut [Likely]) {
     likely.iter_mut().zip(senseless).for_each(|(it, senseless)| it.makes_sense = !senseless);
 }
 
-/// Rules out what other bytes than those of the sample do, one setting at a time.
+/// Rules out settings by other bytes than those of the sample, one setting at a time.
 fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
     let Some(first) = likely.first() else { return Ok(()) };
     let (link, mut settings) = (first.combination.link, first.combination.settings.clone());

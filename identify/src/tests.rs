@@ -325,7 +325,7 @@ fn the_lines_of_rust_compile() {
     }
 }
 
-/// A robot at its origin has no floats that tell; its counter counts.
+/// The floats of a robot at its origin show no order of words; its counter does.
 #[test]
 fn a_counter_decides_the_order_of_words() {
     for order in ["low_first", "high_first"] {
@@ -377,7 +377,7 @@ fn where_the_block_is_read_is_said() {
         places.iter().map(|(name, value, _)| (*name, *value)).collect::<Vec<_>>()
     };
     assert_eq!(places(&finding), [("unit", 1), ("address", 1)]);
-    // Of several there is none to write.
+    // With several, there is none to write.
     let requests: Vec<Value> = (0..8)
         .map(|at| json!({"unit": 1 + at % 2, "function": 3, "address": 1 + at % 3, "quantity": 37}))
         .collect();

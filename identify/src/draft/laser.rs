@@ -13,10 +13,10 @@ use super::{Said, TWICE};
 const AT_ONCE: Duration = Duration::from_millis(150);
 /// One answer may be late for other reasons.
 const SHARE: usize = 2;
-/// The times of a capture without times only say what came before what.
+/// A capture without times only shows the sequence.
 const NO_TIME: Duration = Duration::from_micros(1);
 
-/// A command word, and what was seen of it.
+/// A command word, and the observations of it.
 #[derive(Default)]
 struct Word {
     word: u16,

@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 use super::{Finding, Stream};
 use cellwire_links::codec;
 
-/// The least times that something has to be seen: once may be chance.
+/// The least number of observations that count: a single one may be chance.
 const TWICE: usize = 2;
 
 /// A message of a conversation.
@@ -22,7 +22,7 @@ const TWICE: usize = 2;
 struct Said {
     side: &'static str,
     message: Value,
-    /// When it began to arrive; zero where the capture does not say.
+    /// When it began to arrive; zero if the capture has no times.
     time: Duration,
 }
 

@@ -36,7 +36,7 @@ fn the_class_of_a_word_is_guessed_from_its_answers() {
     assert!(text.contains("= 999 # ? answered 5 times"), "{text}");
 }
 
-/// A host and a controller; each message follows the previous one after so many milliseconds.
+/// A host and a controller; each message follows the previous one after this many milliseconds.
 struct Talk {
     time: Duration,
     streams: [Stream; 2],

@@ -1,4 +1,4 @@
-//! Lines that return what one end sends.
+//! Lines that return the bytes of one end.
 
 use core::time::Duration;
 

@@ -57,7 +57,7 @@ fn of_several_streams_and_parts() {
         ignore_spare_select: or [true]; a reply whose select byte has bit 6 or 7 decides
         "#,
     );
-    // An end that sent no messages counts, and what is missing between parts is not corrupt.
+    // An end that sent no messages counts, and missing bytes between parts are not corrupt.
     let parts: &[&[u8]] = &[&[], &robot[..30], &[], &robot[32..]];
     is(
         "val2-alter",
@@ -118,7 +118,7 @@ fn of_bytes_that_are_no_messages() {
 fn of_a_link_that_sends_one_way() {
     let packet = |at: u8| json!({"sensor_type": 0, "sensor": 0, "status": "fresh", "force": [at, 2, 3], "moment": [4, 5, 6], "keys": 1});
     let mut ball = sent("isra-ball", "ball", &json!({}), &(0..4).map(packet).collect::<Vec<_>>());
-    // A packet of another layout is read, and is none that is written.
+    // A packet of another layout is read, but it is not one that is written.
     ball.extend([0x07, 0xF9, 0x52, 0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0xE4]);
     is(
         "isra-ball",

@@ -1,5 +1,5 @@
-//! Where messages begin and end: of all ways to divide a stream, those with which it could be written in the fewest bits,
-//! were each place of a message to tell what is usual there.
+//! The beginnings and ends of messages: of all divisions of a stream, those with which it can be encoded in the fewest bits,
+//! if each position of a message shows its usual values.
 //!
 //! Ways to divide: at a mark that begins messages or ends them; where bytes came after a pause, or in another packet.
 
@@ -25,7 +25,7 @@ const MESSAGES: usize = 200;
 /// The places at the beginning and at the end of messages that are compared: of bytes, and of a text's words.
 const PLACES: [usize; 2] = [16, 8];
 const PLACES_OF_TEXT: [usize; 2] = [48, 8];
-/// The places that may say which kind of message it is.
+/// The number of positions that may determine the kind of a message.
 const KINDS: usize = 6;
 /// The number of divisions that are examined.
 const LOOKED_AT: usize = 64;
@@ -35,9 +35,9 @@ const SHIFTED: usize = 2;
 /// messages decide.
 const NEARLY: f64 = 0.85;
 const KEPT: usize = 4;
-/// Where messages begin as bytes arrive, less has to be saved.
+/// If messages begin with arrivals, a division needs to save less.
 const LESS: f64 = 0.5;
-/// How much of where messages begin and bytes arrive has to be the same.
+/// The share of beginnings of messages and of arrivals that must coincide.
 const TOGETHER: f64 = 0.7;
 /// The weight of the whole stream's frequencies in the prediction of the next symbol at a place, in symbols.
 const PRIOR: f64 = 2.0;
@@ -269,7 +269,7 @@ fn score(symbols: &Symbols, bounds: &Bounds, kinds: &[Option<usize>]) -> f64 {
         };
         plain.keys().map(best).sum::<f64>()
     });
-    // Arrivals say how long each message is.
+    // Arrivals give the length of each message.
     let lengths = if bounds.whole { 0.0 } else { lengths };
     (best.fold(0.0, f64::max) - lengths) * real(all) / real(messages.len().max(1))
 }

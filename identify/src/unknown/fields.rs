@@ -103,7 +103,7 @@ pub(super) fn counters(messages: &[&[u8]], end: usize, begin: usize) -> Vec<Numb
             let room = at + width <= shortest.saturating_sub(end);
             let is_new = found.iter().all(|it| at >= it.at + it.width());
             if room && is_new && counts(&|it| whole(it, at, width, order == "little"), 1 << (8 * width)) {
-                // The high byte of a wide one has to be a part of it: one that is constant and not 0 may be anything.
+                // The high byte of a wide one must be a part of it: a constant one other than 0 may be any field.
                 let high = if order == "little" { at + 1 } else { at };
                 let high = messages.iter().filter_map(|it| it.get(high));
                 let (least, most) = (high.clone().min(), high.max());

@@ -34,7 +34,7 @@ pub struct Seen {
     pub end: Vec<u8>,
     /// The byte that is doubled inside of them.
     pub doubled: Option<u8>,
-    /// The bytes that are the same in all of them beside the marks: their places, and what they are.
+    /// The bytes besides the marks that are the same in all messages: their offsets and values.
     pub constant: Vec<(usize, u8)>,
     /// The bytes that check others.
     pub check: Option<Check>,
@@ -48,7 +48,7 @@ pub struct Seen {
 
 /// The number of messages of a stream that are examined.
 const MOST: usize = 200;
-/// A capture may have corrupt bytes: so much of the messages has to have what is found, in percent.
+/// A capture may have corrupt bytes: the share of messages, in percent, that must have a property.
 pub(crate) const SHARE: usize = 85;
 
 /// Returns the visible structure of each stream that has any.

@@ -208,7 +208,7 @@ fn a_length_grows_with_the_message() {
         |it| [&[0xAA][..], &it.to_le_bytes()].concat(),
         |it| format!("L7={it:02};").into_bytes(),
     ];
-    // How many messages of which length say that they have how many bytes.
+    // The number of messages, their length, and the number of bytes that their field gives.
     let cases: [(Write, &[Run], Found); 13] = [
         (u8, &[(27, 8, 6), (1, 20, 18), (1, 19, 17), (1, 18, 16)], Some((1, 1, "big", 2))),
         (big, &[(9, 300, 297), (3, 20, 17)], Some((1, 2, "big", 3))),
@@ -217,7 +217,7 @@ fn a_length_grows_with_the_message() {
         // Too few are of another length.
         (u8, &[(28, 8, 6), (1, 20, 18), (1, 19, 17), (1, 18, 16)], None),
         (u8, &[(8, 8, 6), (1, 20, 18), (1, 19, 17)], None),
-        // Of these, more than half have to be right.
+        // More than half of these must be right.
         (u8, &[(25, 8, 6), (3, 20, 18), (2, 19, 50)], Some((1, 1, "big", 2))),
         (u8, &[(24, 8, 6), (2, 20, 18), (2, 19, 50)], None),
         // And nearly all messages.

@@ -56,7 +56,7 @@ fn other() -> String {
     talk + "; robot Ack 102 3; robot Ack 104 3; robot Ack 106 3; pc State 102 103 104 0; pc End 106 B7; robot Bye up 106 B7 9"
 }
 
-/// No more than what makes jobs of something, and two requests.
+/// The messages from which jobs are just recognized, and two requests.
 const LITTLE: &str = "pc Start 7; robot Taken 7; robot Ask 7 11; pc Job 7 11; robot Ask 7 12; pc Job 7 12; pc Job 7 13; pc Job 7 14";
 
 #[test]

@@ -149,7 +149,7 @@ fn what_checks_nothing_in_most_messages_is_no_check() {
     };
     let flags: Vec<Vec<u8>> = (0..40).map(|at| flag(at).concat()).collect();
     assert_eq!(found(&flags, 0, None), None);
-    // A sum of what follows two bytes: nothing in every second message.
+    // A sum of the bytes after the first two: none in every second message.
     let message = |at: u32| {
         let body = bytes(at + 20, if at.is_multiple_of(2) { 0 } else { 5 });
         let sum = sum(&body).to_le_bytes()[0];

@@ -1,4 +1,4 @@
-//! Where streams are divided, what speaks for a division, and the whole report of some small protocols.
+//! The division of streams, the evidence for a division, and the whole report of some small protocols.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing)]
 
 use serde_json::{Value, json};
@@ -92,11 +92,11 @@ fn the_bits_that_a_division_saves() {
         (bits(&[&[1, 3], &[1, 4, 5, 3]], true, None), 2.0 * (5.0_f64 / 3.0).log2()),
         // 1, 2, 1, 2 … and 3, 4, 3, 4 …
         (bits(&of_kinds, true, None), 2.0 * (70.0_f64 / 9.0).log2()),
-        // 3, 3 … where the first byte is 1, 4, 4 … where it is 2, but for what it costs that it depends.
+        // 3, 3 … if the first byte is 1, 4, 4 … if it is 2, less the cost of the dependence.
         (bits(&of_kinds, true, Some(0)), (70.0_f64 / 9.0).log2() + 2.0 * 14_f64.log2() - 3.0),
         // The place of the kind does not depend on itself.
         (bits(&of_one.repeat(4), true, Some(0)), (70.0_f64 / 9.0).log2() + (256.0_f64 / 9.0).log2()),
-        // There is no such place.
+        // There is no such position.
         (bits(&of_kinds, true, Some(2)), 2.0 * (70.0_f64 / 9.0).log2()),
     ];
     for (at, (found, expected)) in rows.into_iter().enumerate() {

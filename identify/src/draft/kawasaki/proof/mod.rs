@@ -1,8 +1,8 @@
 //! The roles and fields of a plant's messages that a conversation proves: each by two messages or more in their context.
 //!
 //! The rules are those of the link: the robot asks for the next job by its number, acknowledges a job that is executed, and
-//! begins an order when the PC says so. Everything else in a draft is a guess. So are the messages that end and interrupt an
-//! order, which look alike when its jobs are executed.
+//! begins an order on the PC's start message. All other parts of a draft are guesses. So are the messages that end and
+//! interrupt an order, which look alike when its jobs are executed.
 
 mod orders;
 
@@ -281,7 +281,7 @@ impl<'a> Conversation<'a> {
         self.asks().filter(|(at, _)| run.first < *at && *at < until).map(|(_, asked)| asked).max()
     }
 
-    /// Returns the only place of a message with numbers of jobs; everything else in it is the same throughout a run.
+    /// Returns the only field of a message with numbers of jobs; all other fields are the same throughout a run.
     fn number_of(&self, kind: &Kind) -> Option<usize> {
         let has_numbers = |at: &usize| kind.values(*at).all(|it| number(it).is_some());
         let varies = |at: &usize| {

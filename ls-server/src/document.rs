@@ -1,4 +1,4 @@
-//! A file: its text, the lines of it, and what it names.
+//! A file: its text, its lines, and the items that it names.
 
 use core::cell::{OnceCell, RefCell};
 use core::ops::Range;

@@ -37,7 +37,7 @@ pub(crate) struct Folder {
     listings: BTreeMap<PathBuf, BTreeMap<PathBuf, Listing>>,
     bytes: usize,
     is_cut: bool,
-    /// Counts the changes of what findings depend on beside their text: the files that are known, and the listings.
+    /// Counts the changes of the inputs of findings other than their text: the known files, and the listings.
     changes: u64,
 }
 

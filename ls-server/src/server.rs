@@ -1,4 +1,4 @@
-//! The loop of the server: messages in their order, requests that are cancelled, diagnostics when nothing else is to do.
+//! The loop of the server: messages in sequence, cancelled requests, diagnostics when there is no other work.
 
 use core::fmt;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -66,7 +66,7 @@ const MAX_WAITING: usize = 1024;
 /// Serves a client until it sends `exit`, or its end of the connection is closed. Returns whether it has sent `shutdown` before.
 ///
 /// # Errors
-/// When the input has no more messages that can be told apart, or the client does not read.
+/// If the input has no more separable messages, or the client does not read.
 pub fn serve(input: impl BufRead + Send + 'static, output: impl Write, options: Options) -> io::Result<bool> {
     let (sender, receiver) = sync_channel(64);
     let of_jobs = sender.clone();
@@ -380,7 +380,8 @@ impl<W: Write> Server<W> {
         }
         let glob = "**/*.{ls,LS,Ls,va,VA,Va,dg,DG,Dg}".to_owned();
         let files = FileSystemWatcher { glob_pattern: GlobPattern::String(glob), kind: None };
-        // A folder that comes or goes is reported alone, without what is below it, and only a pattern for everything has it.
+        // A folder that is created or removed is reported alone, without its contents, and only a pattern for all files
+        // matches it.
         let all = GlobPattern::String("**/*".to_owned());
         let folders =
             FileSystemWatcher { glob_pattern: all, kind: Some(WatchKind::Create | WatchKind::Delete) };

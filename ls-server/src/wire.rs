@@ -48,7 +48,7 @@ pub(crate) fn read(input: &mut impl BufRead) -> io::Result<Option<Incoming>> {
     }))
 }
 
-/// The field of a message that tells a request from a notification.
+/// The field that distinguishes a request from a notification.
 #[derive(serde::Deserialize)]
 struct Head {
     id: Option<IgnoredAny>,

@@ -99,7 +99,7 @@ fn enter_within_a_line_leaves_a_program() {
         ("   1:  \n|PAUSE ;\n", "   1:   ;\n   2:  |PAUSE ;\n"),
         // Between two statements.
         ("   1:  ABORT ;\n|PAUSE\n", "   1:  ABORT ;\n   2:  |PAUSE\n"),
-        // Before a line that goes on with another.
+        // Before a line that continues with another.
         ("   1:  R[1]=\n\n|    :  5 ;\n", ""),
     ];
     for (text, new) in cases {

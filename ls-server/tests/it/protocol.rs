@@ -119,7 +119,7 @@ fn a_workspace_has_programs_and_listings() {
     );
     let found = client.notification("textDocument/publishDiagnostics");
     assert_eq!(found["diagnostics"][0]["code"], "missing-program");
-    // A document that is closed is what its file is.
+    // A closed document has the contents of its file.
     client.notify("textDocument/didClose", json!({"textDocument": {"uri": uri}}));
     let symbols = client.request("textDocument/documentSymbol", json!({"textDocument": {"uri": uri}}));
     assert_eq!(symbols[0]["name"], "A");

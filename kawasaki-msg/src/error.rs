@@ -4,7 +4,7 @@ use crate::number::Decimal;
 use crate::role::{Field, Role};
 use crate::text::Name;
 
-/// Corruption in the bytes from the peer. The decoder goes on at the next `<`.
+/// Corruption in the bytes from the peer. The decoder continues at the next `<`.
 ///
 /// Every `offset` counts from the first byte that was ever pushed, or from the beginning of a slice that is decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -60,7 +60,7 @@ impl DecodeError {
     }
 }
 
-/// A whole message from the peer that cannot be used. The session goes on with the next one.
+/// A whole message from the peer that cannot be used. The session continues with the next one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
@@ -139,7 +139,7 @@ pub enum FieldFault {
     /// The value is out of range.
     #[error("is {found}, not from {min} to {max}")]
     OutOfRange { found: Decimal, min: Decimal, max: Decimal },
-    /// The value would have to be rounded.
+    /// The value would be rounded.
     #[error("has more than {places} decimals")]
     TooPrecise { places: u8 },
     /// The value is in range, but has no meaning.
@@ -230,7 +230,7 @@ pub enum ConfigError {
     /// [`Robot::with_ranges`](crate::Robot::with_ranges).
     #[error("a message can have {longest} bytes, the session holds {held}")]
     LongMessages { longest: usize, held: usize },
-    /// Jobs may overtake one another, and the queue has more jobs than can be told apart then.
+    /// Jobs may overtake one another, and the queue has more jobs than can be distinguished then.
     #[error(
         "a queue of {capacity} jobs is too long where jobs may overtake one another, the maximum is {limit}"
     )]
@@ -260,7 +260,7 @@ pub enum SessionError {
     #[error("the order number must be 1 or more")]
     OrderZero,
     /// Impossible progress of an order: fewer jobs were sent than are executed, or more are in flight than job numbers can
-    /// tell apart.
+    /// distinguish.
     #[error("an order cannot have {sent} jobs sent and {executed} executed")]
     NotInFlight { executed: u32, sent: u32 },
     /// The source has fewer jobs than were sent: it is not the list with which the order began.

@@ -21,7 +21,7 @@ pub(crate) struct Frame {
     end: usize,
 }
 
-/// The part of a message that is read already: with more bytes, reading goes on from there.
+/// The part of a message that is read already: with more bytes, reading continues from there.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Progress {
     /// The number of bytes that do not end the part of the message that they are in.

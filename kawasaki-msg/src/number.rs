@@ -64,7 +64,7 @@ pub(crate) enum Fault {
     Missing,
     /// The text is not a number, or does not fit.
     NotANumber,
-    /// The number would have to be rounded.
+    /// The number would be rounded.
     TooPrecise,
 }
 

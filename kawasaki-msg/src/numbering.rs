@@ -51,7 +51,7 @@ pub struct Ahead {
 }
 
 impl Ahead {
-    /// The number of jobs after the count that can be told apart: the longest queue in which jobs overtake one another.
+    /// The number of jobs after the count that can be distinguished: the longest queue in which jobs overtake one another.
     pub const MAX: u32 = 1024;
 
     /// Returns whether the set has the job that follows the count after this many others.
@@ -64,7 +64,7 @@ impl Ahead {
         self.len == 0
     }
 
-    /// Adds the job that follows the count after this many others; returns whether it is new and can be told apart.
+    /// Adds the job that follows the count after this many others; returns whether it is new and distinguishable.
     pub(crate) fn insert(&mut self, after: u32) -> bool {
         let is_new = !self.contains(after);
         let Some(word) = self.bits.get_mut(after as usize / 64).filter(|_| is_new) else { return false };

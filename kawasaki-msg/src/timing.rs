@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-/// The cycle of the controller's processor; background programs get what motion leaves of it (thesis, section 5.3).
+/// The cycle of the controller's processor; background programs get the time that motion leaves (thesis, section 5.3).
 pub const CPU_CYCLE: Duration = Duration::from_millis(2);
 
 /// The shortest delay of the PC's answer: the robot may not be receiving yet (thesis, section 7.1; needed over UDP).
@@ -18,7 +18,7 @@ pub const LATEST_DATAGRAM: Duration = Duration::from_secs(1);
 /// The mean time to unpack a packet and to queue its jobs (thesis, appendix 2: 13 rounds).
 pub const UNPACK_MEAN: Duration = Duration::from_micros(27_078);
 
-/// The longest observed time for the same. The text says "under 50 ms"; 3 of the 13 rounds are above it.
+/// The longest observed time for the same. The text has "under 50 ms"; 3 of the 13 rounds are above it.
 pub const UNPACK_MAX: Duration = Duration::from_micros(59_861);
 
 /// From the start of one job to the start of the next, without motion: mean (thesis, appendix 2; "under 110 ms").

@@ -8,7 +8,7 @@ use crate::number;
 
 /// The characters that may occur in names and fields. In each set the length counts bytes.
 ///
-/// The source says "ASCII 0–255" in its glossary and shows no letter above 127.
+/// The source has "ASCII 0–255" in its glossary and shows no letter above 127.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]

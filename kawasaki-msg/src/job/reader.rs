@@ -17,7 +17,7 @@ pub(crate) enum Unread {
     Count(usize),
 }
 
-/// Reads a job from values that are all of its fields and nothing else.
+/// Reads a job from values that are exactly its fields.
 #[inline(always)]
 pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges, work: &mut W) -> Result<(), Unread> {
     let mut reader = Reader { values, error: None };

@@ -43,8 +43,8 @@ robot_session::rules! {
     /// The rules against false reports of a PC; the model shows that each is needed.
     #[doc(hidden)]
     pub enum Rule for PcConfig {
-        /// No start before the robot's status on this connection; an order of our number whose start we have not sent is not
-        /// ours, even if it has no jobs: some may be executed ahead.
+        /// No start before the robot's status on this connection; an order with the PC's number whose start this session has
+        /// not sent is another's, even if it has no jobs: some may be executed ahead.
         LearnIdentity,
         /// An interruption waits for the answer to the start: an end of our number before that belongs to the previous order.
         CancelWaits,

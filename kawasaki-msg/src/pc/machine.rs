@@ -23,7 +23,7 @@ impl robot_session::end::Machine for Machine {
     type Config = PcConfig;
 
     /// # Errors
-    /// There is no connection, or no order that this could be for, or too many commands wait.
+    /// There is no connection, or no order for this input, or too many commands wait.
     fn on(&mut self, now: Duration, input: Input, config: &PcConfig) -> Result<Reaction, Unexpected> {
         let outcome = match input {
             Input::Message(_) => Some(CommandOutcome::Transmitted),
@@ -246,7 +246,7 @@ impl Machine {
             return None;
         }
         let start = match self.link {
-            // The order is not ours, even if it has no jobs: some may be executed ahead.
+            // The order is another's, even if it has no jobs: some may be executed ahead.
             Link::Connected { robot: Known::In { order: active }, .. }
                 if active == order && config.keeps(Rule::LearnIdentity) =>
             {

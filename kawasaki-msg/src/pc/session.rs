@@ -38,8 +38,9 @@ use crate::statistics::PcStatistics;
 /// **Corrupt bytes** cost the message that they touch and are reported as an event; the bytes always advance. All bytes of an
 /// input are taken. **Events** that are not polled: see [`PcEvent`].
 ///
-/// **Orders** may have a number that was used before, even at once (except over UDP: give every order a new number there). An
-/// order that is active in the robot when it connects is not ours unless we have sent its start, whatever its number is.
+/// **Orders** may have a number that was used before, even at once (except over UDP: give every order a new number there).
+/// An order that is active in the robot when it connects belongs to another session unless this one has sent its start,
+/// regardless of its number.
 ///
 /// The session can hold a message of `MESSAGE` bytes. A table that needs more is a [`ConfigError`]:
 /// `Pc::<_, 512>::with_ranges`, or a [`LargePc`].
@@ -109,13 +110,13 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     ///
     /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others;
     /// these count only if jobs are acknowledged individually ([`PcConfig::cumulative_acks`]). The jobs from `sent` on were
-    /// not sent: this number has to be stored safely **before** the packet is sent. [`sent`](Self::sent) returns it when
-    /// [`poll_transmit`](robot_session::Session::poll_transmit) has returned. The source has to return the same jobs at the
-    /// same indices, and the highest job number has to be the same.
+    /// not sent: this number must be stored safely **before** the packet is sent. [`sent`](Self::sent) returns it when
+    /// [`poll_transmit`](robot_session::Session::poll_transmit) has returned. The source must return the same jobs at the
+    /// same indices, and the highest job number must be the same.
     ///
     /// # Errors
-    /// When there is an order already, `order` is 0, the event queue is full, the source has fewer jobs than were sent, or more jobs are in
-    /// flight than numbers can tell apart.
+    /// If there is an order already, `order` is 0, the event queue is full, the source has fewer jobs than were sent, or
+    /// more jobs are in flight than numbers can distinguish.
     pub fn resume(
         &mut self,
         order: u16,
@@ -161,7 +162,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     /// Ends the order when the job that is being executed is done. It cannot continue after that (thesis, section 11.1).
     ///
     /// # Errors
-    /// When there is no order, or the dialect has no such message.
+    /// If there is no order, or if the dialect lacks the message.
     pub fn interrupt(&mut self) -> Result<(), SessionError> {
         let role = Role::OrderInterrupt;
         if self.core.config.dialect.entry(role).is_none() {

@@ -87,14 +87,14 @@ pub enum Order {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Start {
-    /// The start has to be sent.
+    /// The start must be sent.
     Unsent,
     /// The connection on which the start was sent is lost: the robot's status shows the outcome.
     Lost,
     /// The start was sent on this connection, and is answered by `answer_by`, or the connection is given up. Over datagrams
     /// it is sent again; once it is cancelled, it cannot arrive after that time.
     Sent { answer_by: Duration },
-    /// This order, another one or an old one of the same number, has to end first.
+    /// This order, another one or an old one with the same number must end first.
     Foreign { order: u16 },
 }
 

@@ -167,7 +167,7 @@ impl Default for RobotConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Acks {
     /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every
-    /// k-th, and the rest when there is nothing else to send or to execute.
+    /// k-th, and the rest when there is no other message to send and no job to execute.
     #[allow(missing_docs, reason = "see above")]
     Cumulative { every: NonZeroU16 },
     /// Jobs may overtake one another: each is acknowledged individually. The queue has at most 1024 jobs.

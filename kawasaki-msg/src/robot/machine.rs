@@ -25,7 +25,7 @@ impl robot_session::end::Machine for Machine {
     type Config = RobotConfig;
 
     /// # Errors
-    /// There is no connection, or no order that this could be for.
+    /// There is no connection, or no order for this input.
     fn on(&mut self, now: Duration, input: Input, config: &RobotConfig) -> Result<Action, Unexpected> {
         let action = match input {
             Input::Connected => {

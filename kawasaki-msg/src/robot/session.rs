@@ -27,7 +27,7 @@ use crate::statistics::RobotStatistics;
 /// [`RobotEvent::Connect`] open a connection and call [`handle_connected`](robot_session::Session::handle_connected), or
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected) if it fails.
 ///
-/// One cycle: send at least one message, a filler if nothing else is due; wait for the answer, but not longer than
+/// One cycle: send at least one message, a filler if no other message is due; wait for the answer, but not longer than
 /// [`RobotConfig::reply_timeout`]; start again.
 ///
 /// **The motion task** has the other end of the queue, [`Motion`](crate::motion::Motion): it takes a job, executes it, and

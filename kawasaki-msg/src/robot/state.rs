@@ -83,7 +83,7 @@ pub enum Stage {
     Ending,
     /// The list is being cleared, and the order is then over; `reported_at` as in [`Stage::Clearing`].
     Interrupted { reported_at: Duration },
-    /// The last recovery step has failed; the motion program has to help.
+    /// The last recovery step has failed; the motion program must help.
     Alarm,
 }
 
@@ -177,7 +177,7 @@ pub enum Input {
     ReadEnd { whole: bool },
     /// The job of this number is executed.
     Executed { number: u16 },
-    /// All cleared jobs are gone from the queue and none is being executed, or there is no motion task any more.
+    /// All cleared jobs are gone from the queue and none is being executed, or the motion task is gone.
     Settled,
     /// At most the low-water mark remains in the queue.
     Drained,

@@ -76,7 +76,8 @@ impl Keep for () {
 /// A file that stores the progress: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for
 /// every change, of which the last counts. The checksum is the CRC-32 of the line before it, in hex.
 ///
-/// A change is written and synchronised to the disk in a thread for blocking work: a slow disk delays nothing else in the runtime.
+/// A change is written and synchronised to the disk in a thread for blocking work: a slow disk does not delay other tasks of
+/// the runtime.
 #[derive(Debug)]
 pub struct Journal {
     /// `None` while a change is being written.

@@ -143,10 +143,10 @@ pub enum Error {
     /// The caller's fault; nothing was sent.
     #[error(transparent)]
     Call(#[from] SessionError),
-    /// There is no connection, or none on which the order could be sent; nothing was sent.
+    /// There is no usable connection; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
-    /// For [`Task::give_up_after`] there was no connection on which the order could continue. The robot may still execute
+    /// There was no connection on which the order could continue for [`Task::give_up_after`]. The robot may still execute
     /// jobs.
     #[error("no connection for order {}: {why}; it can be resumed", kept.order)]
     GivenUp {

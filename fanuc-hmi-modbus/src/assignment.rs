@@ -142,8 +142,8 @@ pub enum Field<'a> {
 }
 
 impl<'a> Setting<'a> {
-    /// Reads a line of `SYSTEM.VA` (`Field: $SNPX_ASG[1].$ADDRESS Access: RW: SHORT = 1`), or the same as it is set
-    /// (`SETVAR $SNPX_ASG[1].$ADDRESS 1`, `$SNPX_ASG[1].$ADDRESS = 1`). `None`: the line is about something else, or the value is
+    /// Reads a line of `SYSTEM.VA` (`Field: $SNPX_ASG[1].$ADDRESS Access: RW: SHORT = 1`), or its form as a command (`SETVAR
+    /// $SNPX_ASG[1].$ADDRESS 1`, `$SNPX_ASG[1].$ADDRESS = 1`). `None` if the line is about another variable, or the value is
     /// `Uninitialized`.
     ///
     /// # Errors

@@ -113,13 +113,13 @@ pub enum DecodeError {
         /// The byte count.
         found: u8,
     },
-    /// A device identification goes on (`FF`) or not (`00`), nothing else.
+    /// A device identification continues (`FF`) or not (`00`); no other value is allowed.
     #[error("more follows is {found:#04x}, neither 0xff nor 0 (at byte 4 of the PDU)")]
     MoreFollows {
         /// The value.
         found: u8,
     },
-    /// A group of a message about files has the reference type 6, nothing else.
+    /// A group of a message about files has the reference type 6; no other value is allowed.
     #[error("reference type {found} in function {function} is not 6")]
     ReferenceType {
         /// The function code.
@@ -127,7 +127,7 @@ pub enum DecodeError {
         /// The type.
         found: u8,
     },
-    /// A single coil is written with `FF00` (on) or `0000` (off), nothing else.
+    /// A single coil is written with `FF00` (on) or `0000` (off); no other value is allowed.
     #[error("coil value is {found:#06x}, neither 0xff00 nor 0 (at byte 3 of the PDU)")]
     CoilValue {
         /// The value.

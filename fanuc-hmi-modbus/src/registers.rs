@@ -103,7 +103,7 @@ pub trait Registers {
     /// Writes the value of an object of the device's identification (function 43, MEI type 14), at most 244 bytes, and
     /// returns its length. 0 is the name of its vendor, 1 the code of the product, 2 the revision, all in ASCII; 3 to 6 are
     /// the vendor's address in the web, the names of product, model and application; those from 128 on are the device's own.
-    /// `None`: there is no such object; without object 0 the answer is exception 1.
+    /// `None` if there is no such object; without object 0 the answer is exception 1.
     fn device_object(&mut self, _id: u8, _out: &mut [u8]) -> Option<usize> {
         None
     }

@@ -114,8 +114,8 @@ pub struct Access {
     pub quantity: u16,
 }
 
-/// Registers of which a client reads and writes only those that `allows` permits: the server refuses everything else with
-/// exception 1, as the security protocol requires.
+/// Registers of which a client can access only those that `allows` permits: the server refuses other accesses with exception
+/// 1, as the security protocol requires.
 ///
 /// ```
 /// use fanuc_hmi_modbus::Registers;

@@ -60,7 +60,7 @@ robot_session::rules! {
         FreshTransaction,
         /// Without transactions one request is in flight at once.
         OneInFlight,
-        /// A reply has to fit its request.
+        /// A reply must fit its request.
         CheckReply,
         /// Without transactions an exception after corrupt bytes may be data of the damaged reply.
         DoubtException,

@@ -106,7 +106,7 @@ impl ClientEvent {
     }
 }
 
-/// One sentence, without the numbers of tickets if something else is more specific.
+/// One sentence, without the numbers of tickets if there is more specific information.
 impl fmt::Display for ClientEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {

@@ -279,14 +279,14 @@ impl<const N: usize> ClientMachine<N> {
             Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
         };
         // The rest of a reply is awaited from its first bytes on, not from a silence on. If a line returns the bytes sent,
-        // the first bytes have to be these.
+        // the first bytes must be these.
         let is_silent = !config.echo || line == Line::Silent;
         let may_send = line.may_send(config.framing) && !matches!(line, Line::Partial { .. }) && is_silent;
         let is_busy = !may_send && config.keeps(Rule::WaitForSilence);
         !is_quiet && !is_busy
     }
 
-    /// Returns whether a reply to another request has to show before this one that a device answers on the line.
+    /// Returns whether a reply to another request must show, before this request, that a device answers on the line.
     fn needs_probe(&self, stage: Stage, config: &ClientConfig) -> bool {
         let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
         stage == Stage::Queued { mirrored: true } && !is_proven && config.keeps(Rule::ProveEcho)

@@ -31,7 +31,7 @@ pub(super) enum Begins {
     Part,
     /// The whole reply.
     Whole,
-    /// Something else.
+    /// Another request.
     Other,
 }
 

@@ -64,8 +64,8 @@ pub(super) fn exception_error(frame: &[u8], side: Side) -> Option<DecodeError> {
     })
 }
 
-/// Returns whether the next frame begins at `at`, whatever its message: right after a frame of another protocol. Elsewhere a
-/// header has to have the length of the message after it.
+/// Returns whether the next frame begins at `at`, for any message, right after a frame of another protocol. Otherwise a
+/// header must have the length of the message after it.
 pub(super) fn is_placed(at: usize, from: usize, start: usize) -> bool {
     at == from && from > start + 1
 }

@@ -28,7 +28,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Returns true if there is no register.
+    /// Returns true if there are no registers.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
@@ -150,7 +150,7 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// Returns true if there is no bit.
+    /// Returns true if there are no bits.
     #[inline]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0

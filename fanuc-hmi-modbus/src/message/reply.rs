@@ -40,7 +40,7 @@ pub enum Reply<'a> {
     WriteCoils { address: u16, quantity: u16 },
     /// 16: the number of registers that were written.
     WriteRegisters { address: u16, quantity: u16 },
-    /// 17: 1 to 250 bytes that are the device's own: an id, FF if it runs or 00, anything else.
+    /// Function 17: 1 to 250 bytes that the device chooses: an id, FF if the device runs or 00, further bytes.
     ServerId(&'a [u8]),
     /// 20: the registers of each run.
     FileRecords(Records<'a, Words<'a>>),

@@ -51,7 +51,7 @@ pub enum Input {
     Request {
         /// The unit that the request is for.
         unit: u8,
-        /// Whether nothing has followed the request without a silence. Through TCP, where a client does not have to wait,
+        /// Whether nothing has followed the request without a silence. Through TCP, over which a client need not wait,
         /// always true.
         is_last: bool,
     },

@@ -11,15 +11,15 @@ use crate::framing::Framing;
 use crate::stream::Stream;
 
 /// The receiver of RTU frames. They may come from other units as well, on a line that damages them, and any data may look
-/// like a request. So a frame begins at the beginning of the input, or after a whole frame of either direction, and nowhere
-/// else; after bytes that are not a frame nothing is read until the input ends. Through TCP, which loses nothing, the rest of
-/// a frame may come after any stall. On a serial line, where the silence ends a message, the message is read when it has
-/// ended, and is whole frames or nothing. A frame whose length is known and not reached may continue after the silence. If it
-/// then turns out not to be a frame, the bytes after the silence are read separately.
+/// like a request. So a frame begins at the beginning of the input, or after a whole frame of either direction, and only
+/// there; after bytes that are not a frame, nothing is read until the input ends. Through TCP, which loses no bytes, the
+/// rest of a frame may come after any stall. On a serial line, on which the silence ends a message, the message is read when
+/// it has ended, and consists of whole frames or is not read. A frame whose length is known and not reached may continue
+/// after the silence. If it then turns out not to be a frame, the bytes after the silence are read separately.
 #[derive(Debug, Clone)]
 pub struct RtuReceiver {
     stream: Stream,
-    /// The unit whose requests are read; everything else on the line may also be a reply.
+    /// The unit whose requests are read; all other frames on the line may also be replies.
     own: Option<u8>,
     is_serial: bool,
     /// Whether the held bytes up to their end are whole frames.
@@ -36,7 +36,7 @@ pub struct RtuReceiver {
 enum Begun {
     /// A frame of this many bytes.
     Frame(usize, Side),
-    /// More bytes have to come.
+    /// More bytes must come.
     Part,
 }
 

@@ -21,7 +21,7 @@ impl Peer {
     /// Starts this program as one of the [`peers`](crate::Link::peers) of a link.
     ///
     /// # Panics
-    /// When it does not start.
+    /// If it does not start.
     pub fn of(link: &str, number: usize) -> Self {
         let this = std::env::current_exe().expect("the path of this program");
         let mut command = Command::new(this);

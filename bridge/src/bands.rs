@@ -16,7 +16,7 @@ impl Bands {
     /// without a dead band is reported whenever it changes.
     ///
     /// # Errors
-    /// When a name is neither a metric nor a folder, or a metric without a dead band.
+    /// If a name is neither a metric nor a folder, or a metric without a dead band.
     pub fn of(given: &BTreeMap<String, f64>, definitions: &[Definition]) -> Result<Self> {
         let own = || definitions.iter().filter(|definition| !COMMON.contains(definition));
         for (name, band) in given {

@@ -94,7 +94,7 @@ impl Commands {
     /// from now on.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn open(
         names: impl Fn(&str) -> Result<Names>,
         max_age: Duration,

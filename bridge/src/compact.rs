@@ -55,7 +55,7 @@ impl Words {
     /// Reads the words of the store.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn open(store: &Store) -> Result<Self> {
         let mut words = Self::default();
         let mut found: Vec<(u32, u32, String)> = Vec::new();

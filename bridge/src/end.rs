@@ -293,7 +293,7 @@ impl End {
         self.send(state, What::Values(values));
     }
 
-    /// Returns the reason why a command cannot be given to the device now. One that [is asked](crate::links) has to have
+    /// Returns the reason why a command cannot be given to the device now. One that [is asked](crate::links) must have
     /// answered.
     pub fn refusal(&self, is_asked: bool) -> Option<&'static str> {
         let state = self.state();

@@ -70,7 +70,7 @@ impl Reply {
 /// Answers every `GET` with the result of `reply` for its path, until the process ends. Returns the address that it listens at.
 ///
 /// # Errors
-/// When the system has no room for a thread.
+/// If the system has no room for a thread.
 pub fn serve(
     listener: TcpListener,
     reply: impl Fn(&str) -> Reply + Send + Sync + 'static,

@@ -87,7 +87,7 @@ impl Remembered {
     /// Reads the commands of every cell from the store.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn open(names: impl Fn(&str) -> Result<Names>) -> Result<HashMap<String, Self>> {
         let mut cells: HashMap<String, Self> = HashMap::new();
         for (name, value) in names(PREFIX)? {

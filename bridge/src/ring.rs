@@ -207,7 +207,7 @@ impl Ring {
     /// state does not take its place unnoticed.
     ///
     /// # Errors
-    /// When the disk does not take the frame.
+    /// If the disk does not take the frame.
     pub fn mark(&mut self) -> io::Result<()> {
         let frame = self.pack(Frame { number: self.number, first: self.next, ..Frame::default() });
         let end = self.at + frame.len() as u64;
@@ -304,7 +304,7 @@ impl Ring {
     }
 
     /// Makes space for this many bytes: the oldest records are dropped. Returns their number, and whether the
-    /// [`known`](Self::known) state has to be kept before anything is written.
+    /// [`known`](Self::known) state must be kept before anything is written.
     pub fn make_room(&mut self, bytes: u64) -> (u64, bool) {
         let (mut dropped, mut has_to_be_kept) = (0, false);
         let mut forget = |ring: &mut Self| {
@@ -328,7 +328,7 @@ impl Ring {
     /// Makes the file long enough for this many bytes, by multiples of `extent`. Returns its length if it has changed.
     ///
     /// # Errors
-    /// When the disk does not take the bytes.
+    /// If the disk does not take the bytes.
     pub fn extend(&self, bytes: u64, extent: u64) -> io::Result<Option<u64>> {
         if self.at + bytes <= self.file.metadata()?.len() {
             return Ok(None);
@@ -338,11 +338,11 @@ impl Ring {
         Ok(Some(length))
     }
 
-    /// Writes frames of [`frames`](Self::frames), for which there has to be free space: another process can read them from now
+    /// Writes frames of [`frames`](Self::frames), for which there must be free space: another process can read them from now
     /// on, and they are on the disk after [`sync`](Self::sync).
     ///
     /// # Errors
-    /// When the disk does not take the frames.
+    /// If the disk does not take the frames.
     pub fn write(&mut self, frames: &[Vec<u8>], records: usize) -> io::Result<()> {
         if frames.is_empty() {
             return Ok(());
@@ -373,7 +373,7 @@ impl Ring {
     /// Syncs the file: everything that was written is on the disk once this returns.
     ///
     /// # Errors
-    /// When the disk does not take the data.
+    /// If the disk does not take the data.
     pub fn sync(&mut self) -> io::Result<()> {
         if self.unsynced_since.is_some() {
             self.file.sync_data()?;
@@ -385,7 +385,7 @@ impl Ring {
     /// Returns up to `count` records from this key on, with their keys.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn records(&mut self, from: u64, count: usize) -> io::Result<Vec<(u64, Vec<u8>)>> {
         let mut found = Vec::new();
         for at in self.of(from)..self.places.len() {
@@ -408,7 +408,7 @@ impl Ring {
     /// Passes every record that is in the file from the first needed frame on to `see`, even removed ones.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn each(&mut self, mut see: impl FnMut(&[u8])) -> io::Result<()> {
         for at in 0..self.places.len() {
             let Some(place) = self.places.get(at).copied() else { break };

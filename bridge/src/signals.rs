@@ -11,7 +11,7 @@ use cellwire_io::interrupt::{self, Policy};
 /// remark. Returns a flag that is true after each SIGHUP, if the system has that.
 ///
 /// # Errors
-/// When the system has no room for a thread.
+/// If the system has no room for a thread.
 #[cfg(unix)]
 pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> {
     use std::sync::atomic::Ordering;
@@ -38,7 +38,7 @@ pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> 
 /// `limit` is ended with the remark.
 ///
 /// # Errors
-/// When another handler is installed already.
+/// If another handler is installed already.
 #[cfg(not(unix))]
 pub fn handle(limit: Duration, remark: &'static str) -> Result<Arc<AtomicBool>> {
     interrupt::on_interrupt(Policy::NoteWithin(limit, remark))?;

@@ -151,7 +151,7 @@ impl Session {
     /// Begins to connect. `report` is called by a thread of the connection.
     ///
     /// # Errors
-    /// When the system has no room for a thread, or no descriptor.
+    /// If the system has no room for a thread, or no descriptor.
     pub fn open(options: &Options, report: impl Fn(Happened) + Send + 'static) -> Result<Self> {
         let sent = Arc::new(Mutex::new(VecDeque::new()));
         let shared = Arc::clone(&sent);

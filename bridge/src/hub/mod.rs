@@ -118,7 +118,7 @@ impl<'a> Hub<'a> {
     /// Opens the store and starts the cells. `log` gets the messages for people.
     ///
     /// # Errors
-    /// When the store cannot be opened, or the system has no room for a thread.
+    /// If the store cannot be opened, or the system has no room for a thread.
     pub fn start(
         site: Site,
         clients: Vec<Client>,
@@ -210,7 +210,7 @@ impl<'a> Hub<'a> {
     /// Runs until it is interrupted.
     ///
     /// # Errors
-    /// When the store cannot be read or written, or standard output is closed.
+    /// If the store cannot be read or written, or standard output is closed.
     pub fn run(mut self) -> Result<()> {
         self.notify.say("READY=1");
         while !interrupt::requested() {

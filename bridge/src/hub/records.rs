@@ -167,7 +167,7 @@ impl Hub<'_> {
 /// Reads everything in the store that a start would read.
 ///
 /// # Errors
-/// When the store cannot be read.
+/// If the store cannot be read.
 pub fn check(store: &mut Store, words: &Words) -> Result<()> {
     numbers_of(store, words)?;
     let rate = Rate { per_second: 1.0, burst: 1 };

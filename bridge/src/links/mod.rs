@@ -85,7 +85,7 @@ pub fn clients(site: &Site) -> Result<Vec<Client>> {
 /// Makes the client of a cell's link, with the cell's settings. It connects when it is run.
 ///
 /// # Errors
-/// When the cell has no such link, address or setting.
+/// If the cell has no such link, address or setting.
 pub fn client(cell: &Cell) -> Result<Client> {
     ensure!(
         cell.address.is_some() != cell.listen.is_some(),

@@ -75,7 +75,7 @@ impl Port {
     /// Parses `HOST:PORT`, or a serial port if the link has a baud rate.
     ///
     /// # Errors
-    /// When the cell has no such address.
+    /// If the cell has no such address.
     pub(super) fn of(cell: &Cell, baud: Option<u32>) -> Result<Self> {
         let place = cell
             .address

@@ -314,7 +314,7 @@ impl Broker {
     /// Returns the addresses of the brokers.
     ///
     /// # Errors
-    /// When an address is invalid.
+    /// If an address is invalid.
     pub fn places(&self) -> Result<Vec<Place>> {
         let places: Vec<Place> =
             self.address.all().iter().map(|address| place(address)).collect::<Result<_>>()?;
@@ -361,7 +361,7 @@ impl Broker {
     /// Returns the user name and the password.
     ///
     /// # Errors
-    /// When the password cannot be read.
+    /// If the password cannot be read.
     pub fn login(&self) -> Result<Option<(String, Password)>> {
         let Some(user) = &self.user else { return Ok(None) };
         let password = match &self.password_file {
@@ -374,7 +374,7 @@ impl Broker {
     /// Reads the certificates.
     ///
     /// # Errors
-    /// When a file cannot be read, or has no certificate or key.
+    /// If a file cannot be read, or has no certificate or key.
     pub fn tls(&self) -> Result<Option<Tls>> {
         let Some(files) = &self.tls else { return Ok(None) };
         let certificates = |path: &Path| -> Result<Vec<u8>> {

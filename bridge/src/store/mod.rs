@@ -92,7 +92,7 @@ impl Store {
     /// Opens the files or makes them. The records have up to `most` bytes: the oldest make room for more.
     ///
     /// # Errors
-    /// When another process has the files open, or they are not files of a store.
+    /// If another process has the files open, or they are not files of a store.
     pub fn open(path: &Path, most: u64) -> Result<Self> {
         Self::open_until(path, most, None)
     }
@@ -196,7 +196,7 @@ impl Store {
     /// Writes the batch. `more` are names that are kept whenever any are: as of before the batch, or with it.
     ///
     /// # Errors
-    /// When the disk does not take the batch: then [`reopen`](Self::reopen) the store; nothing has changed.
+    /// If the disk does not take the batch: then [`reopen`](Self::reopen) the store; nothing has changed.
     pub fn write(&mut self, batch: &Batch, more: &dyn Fn(Kept) -> Names) -> Result<Written> {
         let written =
             self.write_all(batch, more).with_context(|| format!("the store {}", self.path.display()))?;
@@ -253,7 +253,7 @@ impl Store {
     /// Returns up to `count` records from this key on, with their keys.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn records(&mut self, from: u64, count: usize) -> Result<Vec<(u64, Vec<u8>)>> {
         let path = self.path.clone();
         let found = self.both()?.1.records(from, count);
@@ -263,7 +263,7 @@ impl Store {
     /// Passes every record that was written since names were kept to `see`, even removed ones.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn each(&mut self, see: impl FnMut(&[u8])) -> Result<()> {
         let path = self.path.clone();
         let seen = self.both()?.1.each(see);
@@ -273,7 +273,7 @@ impl Store {
     /// Makes the store that of a bridge, unless it is another bridge's.
     ///
     /// # Errors
-    /// When it is another bridge's, or cannot be read or written.
+    /// If it is another bridge's, or cannot be read or written.
     pub fn belong_to(&mut self, owner: &str) -> Result<()> {
         let what = format!("the store {}", self.path.display());
         match self.get(OWNER)? {
@@ -286,7 +286,7 @@ impl Store {
     /// Returns the value of a name.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn get(&self, name: &str) -> Result<Option<String>> {
         get(self.database()?, name).with_context(|| format!("the store {}", self.path.display()))
     }
@@ -294,7 +294,7 @@ impl Store {
     /// Returns every name that begins so, with its value, in order.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn names(&self, prefix: &str) -> Result<Vec<(String, String)>> {
         let read = || -> Result<_> {
             let names = self.database()?.begin_read()?.open_table(NAMES)?;

@@ -124,7 +124,7 @@ impl Uplink {
     /// Returns a connection that is opened at the first turn.
     ///
     /// # Errors
-    /// When a file of the broker's settings cannot be read.
+    /// If a file of the broker's settings cannot be read.
     pub fn new(broker: &Broker, shares: bool, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
         let brokers = broker.places()?;
         let Place { host, port, url } = brokers.first().cloned().unwrap_or_default();
@@ -417,7 +417,7 @@ impl Uplink {
         self.phase = Phase::Offline { until: now + wait };
     }
 
-    /// Adds to `batch` the changes that have to be written before [`turn`](Self::turn): the number of a connection that is due,
+    /// Adds to `batch` the changes that must be written before [`turn`](Self::turn): the number of a connection that is due,
     /// and the removal of dropped records. Returns how many are of cells that do not exist any more, and those that the broker
     /// refuses.
     pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> (u64, Vec<Apart>) {
@@ -441,7 +441,7 @@ impl Uplink {
     /// Does the work that is due: connects, and publishes the available records. Returns the reason of a failed connection.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn turn(
         &mut self,
         (store, words): (&mut Store, &Words),

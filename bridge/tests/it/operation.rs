@@ -106,7 +106,7 @@ fn cells_come_and_go_without_touching_the_others() {
         !text.contains("cell=\"goes\"") && text.contains("link_connected{cell=\"comes\"} 1")
     });
 
-    // It comes again, and another one has other settings: their numbers go on.
+    // It comes again, and another one has other settings: their numbers continue.
     let changed = format!("{}{}", table("stays", &stays, "commands = true\n"), table("goes", &goes, ""));
     write(folder.path(), &format!("{head}{changed}{}", table("comes", &comes, "")));
     hang_up(&bridge);
@@ -260,7 +260,7 @@ fn each_record_is_json_too_before_the_broker_has_the_record() {
         }
     }
     assert!(last > Some(5));
-    // The refusal of a message that is not a record is logged, and the records go on.
+    // The refusal of a message that is not a record is logged, and the records continue.
     loop {
         let message = peer.message();
         let is_json = message.topic == "plain/site/ball";

@@ -1,4 +1,4 @@
-//! The workstation's line with its software handshake (§5): XOFF holds what is sent, XON lets it go on. So does time, as in
+//! The workstation's line with its software handshake (§5): XOFF holds what is sent, XON lets it continue. So does time, as in
 //! [`HostConfig::max_hold`](val2_viewer::HostConfig): an XON may be lost, and an XOFF may be another byte that was corrupt.
 //!
 //! A packet leaves in pieces at the line's own pace, so that little follows an XOFF. Nothing is lost and nothing piles up:

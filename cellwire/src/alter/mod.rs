@@ -93,7 +93,7 @@ impl Teleop {
     /// Opens the ports and begins. Every event is reported; reports need not be taken.
     ///
     /// # Errors
-    /// When a port cannot be opened, or the ball cannot be polled that fast.
+    /// If a port cannot be opened, or the ball cannot be polled that fast.
     pub fn start(config: TeleopConfig, clock: Clock, traces: &Traces) -> Result<Self> {
         let (orders, orders_in) = channel();
         let (notify, notification) = sync_channel(NOTIFICATIONS);

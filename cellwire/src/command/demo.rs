@@ -208,7 +208,7 @@ fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
         Ok(style) => bar.with_style(style.with_key("of", of)),
         Err(_) => bar,
     };
-    // The time goes on where a link has nothing to count, or is still being opened.
+    // The time continues while a link has nothing to count, or is still being opened.
     bar.enable_steady_tick(Duration::from_millis(250));
     bar
 }

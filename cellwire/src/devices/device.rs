@@ -99,7 +99,7 @@ pub fn reason(ending: &Ending) -> String {
 /// traces.
 ///
 /// # Errors
-/// When the endpoint cannot be opened; whatever `device` returns.
+/// If the endpoint cannot be opened; whatever `device` returns.
 pub fn serve(
     name: &str,
     trace: &str,

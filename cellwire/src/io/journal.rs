@@ -176,7 +176,7 @@ impl<R: Record> Journal<R> {
     /// earlier run of the same robot. `work` is its name for people.
     ///
     /// # Errors
-    /// When another process has it open, it is the journal of another robot, or of other work and not `again`, or it is not a
+    /// If another process has it open, it is the journal of another robot, or of other work and not `again`, or it is not a
     /// journal.
     pub fn open(path: &Path, work: &str, head: Head, again: bool) -> Result<Self> {
         let what = || format!("the journal {}", path.display());

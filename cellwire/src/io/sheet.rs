@@ -19,7 +19,7 @@ const END: &str = "#c83c32";
 /// marked by them.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// If the file cannot be written.
 pub fn write(
     path: &Path,
     sheet: Point,
@@ -34,7 +34,7 @@ pub fn write(
 /// margin. With `outcomes`, one for each place, the ways to them are marked by them.
 ///
 /// # Errors
-/// When the route leaves 10 km, or the file cannot be written.
+/// If the route leaves 10 km, or the file cannot be written.
 pub fn write_route(
     path: &Path,
     route: &[([f64; 2], bool)],

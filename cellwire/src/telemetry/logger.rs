@@ -63,7 +63,7 @@ impl Logger {
     /// Opens a client. If the controller does not accept a connection yet, [`run`](Self::run) waits for it.
     ///
     /// # Errors
-    /// When the server's name has no address, or the configuration cannot work.
+    /// If the server's name has no address, or the configuration cannot work.
     pub fn open(source: Source, clock: Clock) -> Result<Self> {
         tcp::resolve(source.port.server()).map(drop)?;
         modbus::Client::<1>::new(source.port.config)?;

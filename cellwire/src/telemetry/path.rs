@@ -55,7 +55,7 @@ type Failure = DrawingAreaErrorKind<std::io::Error>;
 /// Draws a picture of the path.
 ///
 /// # Errors
-/// When it cannot be drawn.
+/// If it cannot be drawn.
 pub fn draw(title: &str, samples: &[Sample]) -> Result<String> {
     let mut picture = String::new();
     figure(title, samples, &mut picture).map_err(|error| anyhow!("cannot draw the path: {error}"))?;

@@ -22,7 +22,7 @@ const FRAME: RGBColor = RGBColor(130, 130, 130);
 /// Draws the four figures into a folder; their paths.
 ///
 /// # Errors
-/// When one cannot be written.
+/// If one cannot be written.
 pub fn draw(folder: &Path, comparison: &Comparison) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let both = |title, unit, parts: &[Part<State>]| Panel {

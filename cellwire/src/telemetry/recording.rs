@@ -81,7 +81,7 @@ impl Recording {
 /// Writes a line of the table.
 ///
 /// # Errors
-/// When it cannot be written.
+/// If it cannot be written.
 pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSample) -> io::Result<()> {
     write!(
         out,
@@ -105,7 +105,7 @@ pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSa
 /// Writes a line for an implausible block: the reported values, and the reason that it is not a sample.
 ///
 /// # Errors
-/// When it cannot be written.
+/// If it cannot be written.
 pub fn write_marked(out: &mut impl Write, block: &TelemetryBlock, note: &str) -> io::Result<()> {
     write!(out, ",{},,{}", block.life_counter, block.override_percent)?;
     let shown = block.position.iter().chain(&block.wpr).chain(&block.quaternion);
@@ -118,7 +118,7 @@ pub fn write_marked(out: &mut impl Write, block: &TelemetryBlock, note: &str) ->
 /// Writes a line for an event between two blocks.
 ///
 /// # Errors
-/// When it cannot be written.
+/// If it cannot be written.
 pub fn write_event(out: &mut impl Write, note: &str) -> io::Result<()> {
     writeln!(out, "{}{note}", ",".repeat(COLUMNS - 1))
 }
@@ -130,7 +130,7 @@ const COMPUTED: usize = 10;
 /// Reads a table back: the columns that a comparison needs, by their names.
 ///
 /// # Errors
-/// When a column is missing, or holds something else than numbers.
+/// If a column is missing, or holds something else than numbers.
 pub fn read_states(text: &str) -> Result<Vec<State>> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
@@ -219,7 +219,7 @@ impl Comparison {
     /// Fits the delay within `latest` seconds either way and compares.
     ///
     /// # Errors
-    /// When there is nothing to compare, or no delay is found.
+    /// If there is nothing to compare, or no delay is found.
     pub fn new(
         reference: Vec<State>,
         mut recording: Vec<State>,

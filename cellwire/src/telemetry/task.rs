@@ -49,7 +49,7 @@ impl BackgroundTask {
     /// Returns the task as a program without a motion group, as a background task must be.
     ///
     /// # Errors
-    /// When the registers overlap or are outside 1 to 65535, the period is not within its range, or the name or the comment is
+    /// If the registers overlap or are outside 1 to 65535, the period is not within its range, or the name or the comment is
     /// none by these rules.
     pub fn program(&self, rules: &Rules) -> Result<Program, TaskError> {
         let (first, scratch) = (u32::from(self.first), u32::from(self.scratch));

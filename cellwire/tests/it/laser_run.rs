@@ -261,7 +261,7 @@ fn what_the_controller_refuses_ends_it() {
     );
     assert_eq!(run.event("ended")["why"], "refused");
     assert_eq!(run.end().0, Some(1));
-    // With frames that it takes the same program goes on: nothing of it was taken.
+    // With frames that it takes the same program continues: nothing of it was taken.
     let run = cell.run(&program, &["--set", "batch=3"]);
     assert_eq!(run.event("ended")["done"], 20);
     assert_eq!(cell.queued(20), 20);

@@ -280,7 +280,7 @@ fn a_periphery_in_lines_of_text_sees_the_parts() {
     assert_eq!(run.end().0, Some(0));
 }
 
-/// The devices stop before the run ends: they do not go on to where they were sent.
+/// The devices stop before the run ends: they do not continue to where they were sent.
 #[test]
 fn a_periphery_that_is_lost_stops_the_devices() {
     let cell = Cell::new(1);

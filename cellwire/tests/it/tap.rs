@@ -131,7 +131,7 @@ fn every_byte_passes_unchanged_and_is_in_the_capture() {
 fn an_end_is_an_end_and_a_reset_a_reset() {
     let mut tapped = Tapped::new();
     let (mut client, mut server) = tapped.connect();
-    // Half of a connection may end, and the other go on.
+    // Half of a connection may end, and the other continue.
     client.write_all(b"the last").unwrap();
     client.shutdown(Shutdown::Write).unwrap();
     let mut text = String::new();

@@ -23,13 +23,13 @@ pub(super) trait Reports: Sized + Send {
     /// Opens the device whose name or path contains `wanted`; also returns its name.
     ///
     /// # Errors
-    /// When there is none or more than one, or it may not be opened.
+    /// If there is none or more than one, or it may not be opened.
     fn open(wanted: &str) -> anyhow::Result<(Self, String)>;
 
     /// Reads a report; returns its length, 0 if none came in time.
     ///
     /// # Errors
-    /// When the device is gone.
+    /// If the device is gone.
     fn read(&mut self, wait: Duration, report: &mut [u8]) -> anyhow::Result<usize>;
 }
 
@@ -100,7 +100,7 @@ impl State {
 
 impl<R: Reports> Mouse<R> {
     /// # Errors
-    /// When there is no such device.
+    /// If there is no such device.
     pub(super) fn open(wanted: &str, context: Context) -> anyhow::Result<Self> {
         let (device, name) = R::open(wanted)?;
         context.notify(Notification::PortOpen("3D mouse", name));

@@ -37,7 +37,7 @@ mod unix {
 
     impl Spacenav {
         /// # Errors
-        /// When there is no daemon.
+        /// If there is no daemon.
         pub(in super::super) fn open(path: &Path, context: Context) -> Result<Self> {
             let socket = UnixStream::connect(path).with_context(|| {
                 format!(

@@ -31,7 +31,7 @@ const PICTURE: Duration = Duration::from_millis(50);
 /// Runs the teleoperation until the operator quits, or a signal ends it: false then. The arm comes to rest first.
 ///
 /// # Errors
-/// When there is no terminal, a port cannot be opened, or a thread of the host has failed.
+/// If there is no terminal, a port cannot be opened, or a thread of the host has failed.
 pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let clock = Clock::start();
     let gripper = config.alter.subroutine;

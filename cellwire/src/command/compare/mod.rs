@@ -170,7 +170,7 @@ impl Compare {
     /// did the same as in the recording.
     ///
     /// # Errors
-    /// When standard output is closed.
+    /// If standard output is closed.
     pub(super) fn finish(mut self, event: &str, counts: &[(&str, usize)]) -> Result<bool> {
         self.end()?;
         let expected = self.fillers.iter().filter(|is_filler| !**is_filler).count();

@@ -24,7 +24,7 @@ use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
 /// Decodes every flow of a capture.
 ///
 /// # Errors
-/// When the input is not a capture, or contains nothing for the link.
+/// If the input is not a capture, or contains nothing for the link.
 pub(super) fn decode(args: &Args, reading: &Reading, input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
     let (summary, found) = connections::read(input, reading, &mut Decoding::new(args, out))?;
     report(&summary);

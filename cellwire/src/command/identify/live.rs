@@ -14,7 +14,7 @@ use super::line::{Judged, Search, Setting, likely};
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::marked::Marked;
 
-/// A turn of each setting is this share of the time, within limits: short messages come seldom, and everything has to have
+/// A turn of each setting is this share of the time, within limits: short messages come seldom, and everything must have
 /// its turn.
 const TURNS: u32 = 40;
 const SHORTEST: Duration = Duration::from_millis(300);

@@ -25,7 +25,7 @@ const PACKETS: [[u8; 4]; 7] = [
 /// Detects the format of `input`; returns it with the whole input.
 ///
 /// # Errors
-/// When it cannot be read, or is something else than bytes of a link.
+/// If it cannot be read, or is something else than bytes of a link.
 pub(super) fn detect(mut input: Box<dyn BufRead>) -> Result<(Format, Box<dyn BufRead>)> {
     let mut begin = Vec::new();
     let format = loop {
@@ -58,7 +58,7 @@ fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
         return Ok(Some(Format::Raw));
     }
     let text = String::from_utf8_lossy(begin);
-    // The last line may go on.
+    // The last line may continue.
     let whole = if is_all { &text } else { text.rsplit_once('\n').map_or("", |(whole, _)| whole) };
     let lines = || whole.lines().map(str::trim_end).filter(|line| !line.is_empty());
     let mut bytes = lines().filter(|line| !line.starts_with('#'));

@@ -47,7 +47,7 @@ pub(super) struct Said {
 
 impl Split {
     /// # Errors
-    /// When the link has no such setting.
+    /// If the link has no such setting.
     pub(super) fn new(args: &LinkArgs) -> Result<Self> {
         let side = |name| {
             let stream = Stream::new(args.codec_of(name)?);

@@ -139,7 +139,7 @@ impl Client {
     /// Opens a client with a connection.
     ///
     /// # Errors
-    /// When there is no connection, no such port, or the configuration cannot work.
+    /// If there is no connection, no such port, or the configuration cannot work.
     pub fn open(port: &Port) -> Result<Self> {
         let mut session = modbus::Client::new(port.config)?;
         let driver = Driver::new(port.open()?);

@@ -118,7 +118,7 @@ impl ProgramSettings {
     /// Checks that there are no settings that have no effect without a program.
     ///
     /// # Errors
-    /// When one of them is given without a program.
+    /// If one of them is given without a program.
     pub fn check(&self) -> Result<()> {
         let given = [
             ("assignments", self.assignments.is_some()),

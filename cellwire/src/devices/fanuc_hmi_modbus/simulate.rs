@@ -33,7 +33,7 @@ use cellwire_motion::{Arm, Limits, Planner, Pose};
 /// Runs until interrupted. The settings are those of [`FanucSettings`].
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let mut settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
     settings.program.check()?;
@@ -127,7 +127,7 @@ const BACKGROUND_REGISTERS: u32 = 19;
 /// Makes the robot that runs a program; the parts of the program that are not simulated are the first of its events.
 ///
 /// # Errors
-/// When a file cannot be read, or is not what it should be.
+/// If a file cannot be read, or is not what it should be.
 pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Result<Robot> {
     let (main, programs, findings) = load(program, &settings.macros)?;
     let overwritten = match settings.leaves_registers {
@@ -162,7 +162,7 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
 /// Lets the program run also while no client asks, and prints what it reports.
 ///
 /// # Errors
-/// When the system has no room for a thread.
+/// If the system has no room for a thread.
 fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<()> {
     let (controller, reports) = (Arc::clone(controller), Arc::clone(reports));
     let thread = thread::Builder::new().name("program".into()).spawn(move || {
@@ -182,7 +182,7 @@ fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<
 /// `shown`, the accesses of the clients are printed.
 ///
 /// # Errors
-/// When it does; a configuration that cannot work.
+/// If it does; a configuration that cannot work.
 pub fn serve_tcp<C: Fn() -> Duration>(
     server: Server<C>,
     device: Simulator<FanucController>,

@@ -21,7 +21,7 @@ use cellwire_links::settings;
 /// Runs `cellwire simulate ball`.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("ball", TeachBall::default(), &options.settings)?;
     let mut ball = settings.simulator()?;
@@ -85,7 +85,7 @@ struct Held {
 /// Answers polls until it is to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be logged.
+/// If an event cannot be logged.
 pub fn run(
     line: &mut Line,
     config: BallConfig,

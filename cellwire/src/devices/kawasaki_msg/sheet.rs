@@ -26,7 +26,7 @@ impl Lines {
     /// Returns the sheet for the jobs of a layout.
     ///
     /// # Errors
-    /// When its jobs are not lines.
+    /// If its jobs are not lines.
     pub fn of(layout: &Layout) -> Result<Self> {
         let place = |name: &str| {
             let place = layout.place(name)?;

@@ -29,7 +29,7 @@ use cellwire_links::settings::{self, Refused};
 /// are not lines.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn pc(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("kawasaki-pc", PcSettings::default(), &options.settings)?;
     let layout = settings.plant.layout()?;
@@ -74,7 +74,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
 /// and `given` lacks `takeover`, the robot's earlier order is ended.
 ///
 /// # Errors
-/// When it cannot work.
+/// If it cannot work.
 pub fn pc_config(plant: &Plant, config: PcConfig, given: &Map<String, Value>) -> Result<PcConfig> {
     let lacks_interrupt = |error: &Refused| error.name == "messages.order_interrupt";
     match plant.pc(config) {
@@ -122,7 +122,7 @@ fn examples(layout: &Layout, charset: Charset) -> Result<Vec<AnyWork>> {
 /// Runs the robot until interrupted.
 ///
 /// # Errors
-/// When a setting is none of this device's.
+/// If a setting is not one of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
     let RobotSettings { plant, config, queue, speed, job_time, out, record } =
         settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;

@@ -51,7 +51,7 @@ impl RobotCounts {
 /// Runs `cellwire simulate laser`.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let LaserSettings { robot, record } =
         settings::read("laser", LaserSettings::default(), &options.settings)?;
@@ -163,7 +163,7 @@ impl Switch {
 /// was executed, in that order; it was started for the `boot`-th time.
 ///
 /// # Errors
-/// When an event cannot be reported, or the queue cannot be as long as asked.
+/// If an event cannot be reported, or the queue cannot be as long as asked.
 pub fn run(
     settings: Laser,
     boot: i16,

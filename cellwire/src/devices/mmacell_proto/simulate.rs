@@ -18,7 +18,7 @@ use cellwire_links::settings;
 /// Runs the robot until interrupted.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
     simulate("mma-robot", MmaRobot::default(), options)
 }
@@ -26,7 +26,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
 /// Runs the platform until interrupted.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn platform(options: &SimulateOptions) -> Result<()> {
     simulate("mma-platform", MmaPlatform::default(), options)
 }

@@ -109,7 +109,7 @@ pub struct PumaRecord {
 /// Runs `cellwire simulate puma`.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let config = PumaConfig { keeps_all: false, ..PumaConfig::default() };
     let config = settings::read("puma", config, &options.settings)?;
@@ -133,7 +133,7 @@ fn simulator(config: &PumaConfig) -> Result<Simulator<MarkIii>> {
 /// Runs the robot's program until told to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be reported.
+/// If an event cannot be reported.
 pub fn run(
     line: &mut Line,
     config: PumaConfig,

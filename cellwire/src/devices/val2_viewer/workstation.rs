@@ -19,7 +19,7 @@ use cellwire_links::settings;
 /// Runs `cellwire simulate viewer`.
 ///
 /// # Errors
-/// When the endpoint cannot be opened, or a setting is none of this device's.
+/// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("viewer", Viewer::default(), &options.settings)?;
     let mut screen = settings.simulator()?.keeping_nothing();
@@ -57,7 +57,7 @@ fn own() -> Own<Screen> {
 /// Draws until it is to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be logged.
+/// If an event cannot be logged.
 pub fn run(
     line: &mut Line,
     config: WorkstationConfig,

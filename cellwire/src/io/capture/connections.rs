@@ -64,7 +64,7 @@ pub trait Directions {
 /// Reads every direction of a capture, or those that are asked for; and whether there was any that is taken.
 ///
 /// # Errors
-/// When the input cannot be read or is not a capture, or those of `to`.
+/// If the input cannot be read or is not a capture, or those of `to`.
 pub fn read<D: Directions>(input: Box<dyn Read>, reading: &Reading, to: &mut D) -> Result<(Summary, bool)> {
     let mut table = Table { to, port: reading.port, connections: BTreeMap::new(), clock: 0, found: false };
     let summary = super::read(input, reading, |found| match found {

@@ -25,7 +25,7 @@ struct Key {
 }
 
 impl Fragments {
-    /// Adds a fragment: the payload of the packet if it is whole, and what became of others.
+    /// Adds a fragment: the payload of the packet if it is whole, and the outcome of others.
     pub(super) fn add(&mut self, ip: &Ip<'_>, fragment: Fragment) -> (Option<Vec<u8>>, Vec<Fault>) {
         let Ip { source, destination, protocol, payload, missing, .. } = *ip;
         let key = Key { source, destination, identification: fragment.identification, protocol };

@@ -66,7 +66,7 @@ pub fn is_dump(text: &str) -> bool {
         return found.first().is_none_or(begins);
     }
     let Some(first) = found.first() else { return false };
-    // With as many digits in each offset, the second line begins a packet, goes on, or is the other end's.
+    // With as many digits in each offset, the second line begins a packet, continues, or is the other end's.
     first.offset.len() >= 4
         && first.at(16) == Some(0)
         && found.get(1).is_none_or(|second| {
@@ -265,7 +265,7 @@ impl Dump {
             return take(Found::Fault(number, Fault::Line { why }));
         };
         self.repeat(number, offset, take)?;
-        // A packet begins, or the last one goes on.
+        // A packet begins, or the last one continues.
         self.packets += u64::from(offset == 0 || self.packets == 0);
         let next = *self.next();
         if offset != 0 && offset != next {

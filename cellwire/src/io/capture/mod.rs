@@ -201,7 +201,7 @@ pub struct Summary {
 /// Calls `take` for every packet of a capture that carries TCP, UDP or bytes of a serial line, and for every fault.
 ///
 /// # Errors
-/// When the input cannot be read or is not a capture, and any error of `take`.
+/// If the input cannot be read or is not a capture, and any error of `take`.
 pub fn read(
     input: Box<dyn Read>,
     reading: &Reading,

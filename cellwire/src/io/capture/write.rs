@@ -75,7 +75,7 @@ impl Writer {
     /// Creates a file with this name, or with a number if that exists. `about` describes the capture.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn create(path: &Path, about: &str) -> Result<Self> {
         let (file, path) = files::create_new(path)?;
         Self::begin(file, path, about, false)
@@ -84,7 +84,7 @@ impl Writer {
     /// Writes into a pipe, as long as it is read.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If it cannot be written.
     pub fn into_pipe(path: &Path, about: &str) -> Result<Self> {
         let file = File::options().write(true).open(path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;

@@ -82,7 +82,7 @@ impl<'f, 'a> Check<'f, 'a> {
     /// Adds the findings of a document. Returns whether the lengths of dashes have a scale of their own.
     ///
     /// # Errors
-    /// When a coordinate is far beyond any sheet, or the view box has no area.
+    /// If a coordinate is far beyond any sheet, or the view box has no area.
     pub(super) fn run(document: &'a Document<'a>, findings: &'f mut Findings<'a>) -> Result<bool> {
         let (mut by_id, mut repeated) = (HashMap::new(), HashSet::new());
         for node in document.descendants() {

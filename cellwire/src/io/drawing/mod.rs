@@ -85,7 +85,7 @@ impl Picture {
     /// draw, such as text and masks, are named: they are left out if that is allowed.
     ///
     /// # Errors
-    /// When the file cannot be read, is not an SVG file, has no lines, has parts that may not be left out, or is larger than any
+    /// If the file cannot be read, is not an SVG file, has no lines, has parts that may not be left out, or is larger than any
     /// machine draws.
     pub fn from_file(path: &Path, sheet: Point, allow: bool) -> Result<Self> {
         let mut data = Vec::new();
@@ -148,7 +148,7 @@ impl Picture {
 /// Writes the drawn lines as an SVG file of the sheet's size.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// If the file cannot be written.
 pub fn write_svg(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
     let document = document(sheet).add(strokes(lines, true, "black", 0.25));
     files::write(path, document.to_string().as_bytes())

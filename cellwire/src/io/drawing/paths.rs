@@ -56,7 +56,7 @@ impl<'f, 'a> Outlines<'f, 'a> {
     /// Reads the outlines of a drawing, dashes as separate lines. Invisible elements have no outlines.
     ///
     /// # Errors
-    /// When its dashes are more than any machine draws, or it has lines far beyond the page.
+    /// If its dashes are more than any machine draws, or it has lines far beyond the page.
     pub(super) fn of(
         tree: &usvg::Tree,
         tool: Tool,

@@ -45,7 +45,7 @@ impl Drawing {
     /// Reads an SVG file.
     ///
     /// # Errors
-    /// When the data is not an SVG file, or describes more than any machine draws. The text continues a sentence that begins
+    /// If the data is not an SVG file, or describes more than any machine draws. The text continues a sentence that begins
     /// with the name of the drawing.
     pub fn read(data: &[u8], tool: Tool) -> Result<Self> {
         ensure!(data.len() as u64 <= MAX_BYTES, "is larger than {} MiB", MAX_BYTES >> 20);
@@ -91,7 +91,7 @@ impl Drawing {
     /// within `tolerance` of their curve, and end at the edge of `visible`. Returns whether any of them goes beyond that edge.
     ///
     /// # Errors
-    /// When a clip has too many edges; the errors of `line`.
+    /// If a clip has too many edges; the errors of `line`.
     pub fn lines(
         &self,
         placed: Affine,
@@ -204,7 +204,7 @@ fn parse(text: &str) -> Result<Document<'_>> {
 /// Refuses a DXF drawing, which is recognised by its name or its first bytes.
 ///
 /// # Errors
-/// When the file is one: how to convert it.
+/// If the file is one: how to convert it.
 pub fn refuse_dxf(file: &Path, data: &[u8]) -> Result<()> {
     let is_named = file.extension().is_some_and(|it| it.eq_ignore_ascii_case("dxf"));
     let data = data.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(data);

@@ -34,7 +34,7 @@ impl Log for Collector {
 /// Calls `read`, and returns its result with the warnings that this thread has logged meanwhile.
 ///
 /// # Errors
-/// When the program has another logger, which would receive the warnings.
+/// If the program has another logger, which would receive the warnings.
 pub(super) fn collect<T>(read: impl FnOnce() -> T) -> Result<(T, Vec<String>)> {
     static INSTALLED: OnceLock<bool> = OnceLock::new();
     let is_installed = *INSTALLED.get_or_init(|| log::set_logger(&Collector).is_ok());

@@ -147,7 +147,7 @@ impl Line {
     /// Creates a line; returns the address of its other end: the path of a port, or `HOST:PORT`.
     ///
     /// # Errors
-    /// When the system cannot create another one.
+    /// If the system cannot create another one.
     pub fn simulated(lines: Lines, clock: Clock, baud: u32, trace: Trace) -> Result<(Self, String)> {
         Ok(match lines {
             Lines::PseudoTerminals => {
@@ -166,7 +166,7 @@ impl Line {
     /// bytes are carried for five more seconds; replies to them are dropped, so that the next client reads none of them.
     ///
     /// # Errors
-    /// When the port cannot be shared between reader and writer.
+    /// If the port cannot be shared between reader and writer.
     pub fn over_port(
         mut port: Box<dyn SerialPort>,
         path: &Path,
@@ -186,7 +186,7 @@ impl Line {
     /// disconnected client are carried for five more seconds; its other bytes are dropped, and so are the answers to it.
     ///
     /// # Errors
-    /// When the system has no room for it.
+    /// If the system has no room for it.
     pub fn over_tcp(
         listener: Listener,
         idle_timeout: Option<Duration>,

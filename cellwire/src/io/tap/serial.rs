@@ -17,7 +17,7 @@ pub type Named = (String, Box<dyn SerialPort>);
 /// Joins two ports: forwards the bytes of each to the other.
 ///
 /// # Errors
-/// When a port is gone.
+/// If a port is gone.
 pub fn join([(a_name, a), (b_name, b)]: [Named; 2], watch: &Watch) -> Result<()> {
     let (to_a, to_b) = (a.try_clone()?, b.try_clone()?);
     watch.see(1, End::A, What::Opened(Place::Ports([a_name.clone(), b_name.clone()])));
@@ -31,7 +31,7 @@ pub fn join([(a_name, a), (b_name, b)]: [Named; 2], watch: &Watch) -> Result<()>
 /// Listens: to the receive lines of a Y cable, or to one line that carries both directions.
 ///
 /// # Errors
-/// When a port is gone.
+/// If a port is gone.
 pub fn listen((a_name, a): Named, b: Option<Named>, watch: &Watch) -> Result<()> {
     let place = match &b {
         Some((b_name, _)) => Place::Ports([a_name.clone(), b_name.clone()]),

@@ -18,7 +18,7 @@ use cellwire_io::tcp::{self, Dialing};
 /// Passes every client on to `server`, until the listener is gone.
 ///
 /// # Errors
-/// When the listener fails, or there is no room for a thread.
+/// If the listener fails, or there is no room for a thread.
 pub fn run(listener: &TcpListener, server: &str, dialing: Dialing, watch: &Watch) -> Result<()> {
     for number in 1.. {
         let (client, peer) = match listener.accept() {

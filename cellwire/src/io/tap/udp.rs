@@ -21,7 +21,7 @@ const CLIENTS: usize = 256;
 /// Passes the datagrams of every client on to `server`, and its answers back.
 ///
 /// # Errors
-/// When the socket fails, or the server's name has no address.
+/// If the socket fails, or the server's name has no address.
 pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
     socket.set_nonblocking(false)?;
     let place = server.to_socket_addrs().with_context(|| format!("cannot send to {server}"))?.next();

@@ -61,7 +61,7 @@ pub(super) const fn mode(data_bits: DataBits, parity: Parity) -> Mode {
     Mode { data_bits, parity, stop_bits: StopBits::One }
 }
 
-/// The formats beside 8N1 that have to be listened with. Seven bits and a parity are eight bits: 8N1 shows them as they are.
+/// The formats beside 8N1 that must be listened with. Seven bits and a parity are eight bits: 8N1 shows them as they are.
 pub(super) const OTHERS: [Mode; 3] = [
     mode(DataBits::Eight, Parity::Even),
     mode(DataBits::Eight, Parity::Odd),

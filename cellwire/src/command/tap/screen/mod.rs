@@ -25,7 +25,7 @@ const PICTURE: Duration = Duration::from_millis(100);
 /// Checks that standard output is a terminal.
 ///
 /// # Errors
-/// When it is not.
+/// If it is not.
 pub(super) fn check() -> Result<()> {
     ensure!(io::stdout().is_terminal(), "--screen needs a terminal");
     Ok(())
@@ -41,7 +41,7 @@ pub(super) fn remarks() -> Receiver<String> {
 /// Shows what is seen, and these remarks, until the user ends it with q, or there is nothing more to see.
 ///
 /// # Errors
-/// When the terminal cannot be used.
+/// If the terminal cannot be used.
 pub(super) fn show(
     title: &str,
     mut decoding: Decoding<'_>,

@@ -46,7 +46,7 @@ pub struct Finding {
 /// once.
 ///
 /// # Errors
-/// When the file cannot be read, or a controller would not take it.
+/// If the file cannot be read, or a controller would not take it.
 pub fn load(path: &Path, macros: &Macros) -> Result<(String, Programs, Vec<Finding>)> {
     let mut programs = Programs::new();
     let mut survey = Survey::default();
@@ -86,7 +86,7 @@ fn read(path: &Path, macros: &Macros) -> Result<Loaded> {
 /// Loads a program that calls no other one.
 ///
 /// # Errors
-/// When a controller would not take it.
+/// If a controller would not take it.
 pub fn load_text(text: &str) -> Result<(String, Programs)> {
     let loaded = parse(text.as_bytes(), &Macros::new(), || "the program is invalid".into())?;
     let name = loaded.program.name.to_uppercase();

@@ -68,7 +68,7 @@ impl Memory {
     /// Evaluates an expression.
     ///
     /// # Errors
-    /// When parts of the expression do not fit together, or are not simulated.
+    /// If parts of the expression do not fit together, or are not simulated.
     pub fn value(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
         Ok(match it {
             Expression::Number(number) => Value::Number(*number),
@@ -104,7 +104,7 @@ impl Memory {
     /// Evaluates an expression as a number.
     ///
     /// # Errors
-    /// When it is not a number.
+    /// If it is not a number.
     pub fn number(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<f64, Fault> {
         match self.value(it, tables, around)? {
             Value::Number(number) => Ok(number),
@@ -116,7 +116,7 @@ impl Memory {
     /// Evaluates an expression as a condition.
     ///
     /// # Errors
-    /// When it is not a condition.
+    /// If it is not a condition.
     pub fn bit(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<bool, Fault> {
         match self.value(it, tables, around)? {
             Value::Bit(bit) => Ok(bit),
@@ -145,7 +145,7 @@ impl Memory {
     /// Returns the value of an item.
     ///
     /// # Errors
-    /// When the item does not exist, or is not simulated.
+    /// If the item does not exist, or is not simulated.
     pub fn read(&self, item: &Item, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
         let n = self.index(&item.index, tables, around)?;
         if let Some(signal) = signal(item.kind, n) {
@@ -203,7 +203,7 @@ impl Memory {
     /// Gives an item a value.
     ///
     /// # Errors
-    /// When the item does not take the value.
+    /// If the item does not take the value.
     pub fn write(
         &mut self,
         item: &Item,

@@ -24,7 +24,7 @@ impl Preset {
     /// Reads the file.
     ///
     /// # Errors
-    /// When the file cannot be read, or is not TOML.
+    /// If the file cannot be read, or is not TOML.
     pub fn read(path: &Path) -> Result<Self> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;

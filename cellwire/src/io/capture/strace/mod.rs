@@ -120,7 +120,7 @@ impl Trace {
     /// Returns the call of a line, if it has returned there.
     ///
     /// # Errors
-    /// When the beginning of a call is not in the trace.
+    /// If the beginning of a call is not in the trace.
     fn line(&mut self, text: &str) -> Result<Option<String>, String> {
         let mut rest = text.trim_start();
         let mut thread = String::new();
@@ -183,7 +183,7 @@ impl Trace {
     /// Applies a call: it opens or closes a file, or moves bytes.
     ///
     /// # Errors
-    /// When it moves bytes and cannot be read.
+    /// If it moves bytes and cannot be read.
     fn call(&mut self, call: &Call<'_>) -> Result<Option<Moved>, String> {
         let by_keeper = WRITES.contains(&call.name);
         let is_moving = by_keeper || READS.contains(&call.name);

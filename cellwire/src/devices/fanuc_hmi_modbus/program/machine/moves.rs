@@ -113,7 +113,7 @@ impl Machine {
         Ok(Flow::Later(end))
     }
 
-    /// Changes the tool; false if the arm has to come to rest before.
+    /// Changes the tool; false if the arm must come to rest before.
     fn takes(&mut self, tool: u32) -> bool {
         let frame = self.memory.frames.get(&(true, tool));
         let frame = frame.map_or(Pose::IDENTITY, |tool| Pose::from_xyzwpr(*tool));

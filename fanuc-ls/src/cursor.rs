@@ -68,7 +68,7 @@ impl<'a> Cursor<'a> {
     /// Moves over blanks and a word.
     ///
     /// # Errors
-    /// When it is not here, for this reason.
+    /// If it is not here, for this reason.
     #[inline(always)]
     pub(crate) fn expect(&mut self, word: &str, reason: Reason) -> Result<(), Fault<'a>> {
         self.space();
@@ -78,7 +78,7 @@ impl<'a> Cursor<'a> {
     /// Moves over blanks and words, and the blanks after them: at once if they are spelled as controllers print them.
     ///
     /// # Errors
-    /// When one of them is not here, for its reason.
+    /// If one of them is not here, for its reason.
     #[inline(always)]
     pub(crate) fn expect_all(&mut self, printed: &str, words: &[(&str, Reason)]) -> Result<(), Fault<'a>> {
         if !self.take(printed) {

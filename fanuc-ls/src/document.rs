@@ -56,7 +56,7 @@ impl Document {
     /// Reads an LS file.
     ///
     /// # Errors
-    /// When it has no name, no `/MN` or no `/END`, or text follows that: it is not a program, or not a whole one.
+    /// If it has no name, no `/MN` or no `/END`, or text follows that: it is not a program, or not a whole one.
     pub fn decode(text: &str) -> Result<Self, DecodeError> {
         Self::new(text.to_owned(), Encoding::Utf8)
     }

@@ -36,7 +36,7 @@ impl Document {
     /// Sets the name; the file's must be the same.
     ///
     /// # Errors
-    /// When it is not letters, digits and `_`, or begins with a digit.
+    /// If it is not letters, digits and `_`, or begins with a digit.
     pub fn set_name(&mut self, name: &str) -> Result<(), EncodeError> {
         check_name(name, usize::MAX)?;
         self.replace(self.parts.name.clone(), name);

@@ -44,7 +44,7 @@ impl Document {
     /// Adds a position at the end of `/POS`, and that section if the file lacks it.
     ///
     /// # Errors
-    /// When a position has this number, or the new one cannot be written; the document is then unchanged.
+    /// If a position has this number, or the new one cannot be written; the document is then unchanged.
     pub fn add_position(&mut self, position: &Position) -> Result<(), EncodeError> {
         position.check()?;
         let number = position.number;
@@ -70,7 +70,7 @@ impl Document {
     /// Removes the positions with this number from `/POS`. Returns how many there were.
     ///
     /// # Errors
-    /// When the rest would not be read again; nothing has changed.
+    /// If the rest would not be read again; nothing has changed.
     pub fn remove_position(&mut self, number: u32) -> Result<usize, EncodeError> {
         let is_meant = |block: &&core::ops::Range<usize>| {
             Position::decode_block(at(&self.text, block)).is_ok_and(|position| position.number == number)

@@ -110,7 +110,7 @@ pub enum Mistake {
     /// AND and OR in one condition without parentheses.
     #[error("AND and OR are mixed without parentheses")]
     MixedLogic,
-    /// `...` or `Constant`: a template that has to be filled in.
+    /// `...` or `Constant`: a template that must be filled in.
     #[error("an operand is missing")]
     Untaught,
     /// An assignment to an item that a program cannot set.

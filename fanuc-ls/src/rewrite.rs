@@ -35,7 +35,7 @@ impl Document {
     /// ```
     ///
     /// # Errors
-    /// When a speed cannot be written; nothing has changed.
+    /// If a speed cannot be written; nothing has changed.
     pub fn set_speeds(
         &mut self,
         mut speed: impl FnMut(&Motion) -> Option<Speed>,
@@ -70,7 +70,7 @@ impl Document {
     /// ```
     ///
     /// # Errors
-    /// When two labels or positions would have one number, or a controller has none of it; nothing has changed.
+    /// If two labels or positions would have one number, or a controller has none of it; nothing has changed.
     pub fn replace_items(
         &mut self,
         mut to: impl FnMut(ItemKind, u32) -> Option<(ItemKind, u32)>,
@@ -115,7 +115,7 @@ impl Document {
     /// away with an empty one. A jump does not name its label. How many places have changed.
     ///
     /// # Errors
-    /// When the name would end before its end; nothing has changed.
+    /// If the name would end before its end; nothing has changed.
     pub fn set_item_name(&mut self, kind: ItemKind, number: u32, name: &str) -> Result<usize, EncodeError> {
         let is_name = |c: char| !(c.is_control() || matches!(c, '[' | ']' | '"' | '{'));
         if name.trim() != name || !name.chars().all(is_name) {
@@ -150,7 +150,7 @@ impl Document {
     /// Y and Z. How many have moved, and the numbers of those that `which` names and that have no X, Y and Z.
     ///
     /// # Errors
-    /// When a position cannot be written; nothing has changed.
+    /// If a position cannot be written; nothing has changed.
     pub fn shift_positions(
         &mut self,
         by: [f64; 3],

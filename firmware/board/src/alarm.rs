@@ -1,4 +1,4 @@
-//! The times at which the session is to be called, and at which the main loop goes on.
+//! The times at which the session is to be called, and at which the main loop continues.
 
 use core::cell::Cell;
 use core::time::Duration;

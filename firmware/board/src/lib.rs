@@ -78,7 +78,7 @@ pub fn is_alive() {
     chip::feed();
 }
 
-/// Passes time in the motion task: the watchdog is fed, the session goes on.
+/// Passes time in the motion task: the watchdog is fed, the session continues.
 pub fn pause(time: Duration) {
     let end = now() + time;
     alarm::set(|times| times.main = Some(end));

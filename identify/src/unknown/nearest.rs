@@ -44,7 +44,7 @@ pub struct Nearest {
 /// Returns the result for each link with its defaults, or one setting changed; the nearest first.
 ///
 /// # Errors
-/// When a decoder makes no progress: it is a defect.
+/// If a decoder makes no progress: it is a defect.
 pub fn nearest(links: &[&'static Link], streams: &[Stream]) -> Result<Vec<Nearest>> {
     let mut found = Vec::new();
     for link in links {

@@ -17,7 +17,7 @@ pub struct Unwritten(pub Cow<'static, str>);
 /// unchanged. A target that is not a regular file, such as a pipe, is written directly.
 ///
 /// # Errors
-/// When the disk is full, or the user may not write there.
+/// If the disk is full, or the user may not write there.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, bytes).with_context(|| Unwritten(format!("cannot write {}", path.display()).into()))
 }
@@ -66,7 +66,7 @@ fn ordinary<'a, 'b>(
 /// opened for writing.
 ///
 /// # Errors
-/// When writing there is not permitted.
+/// If writing there is not permitted.
 pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
     let is_device = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
     if is_device && let Ok(device) = OpenOptions::new().write(true).open(path) {

@@ -42,7 +42,7 @@ pub fn extension(path: &Path) -> String {
 /// Opens a file, or standard input if the path is missing or `-`.
 ///
 /// # Errors
-/// When the file cannot be read.
+/// If the file cannot be read.
 pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead>> {
     Ok(match path {
         Some(path) if path != Path::new("-") => {
@@ -56,7 +56,7 @@ pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead>> {
 /// Parses one line of JSON. Errors have the column alone: the caller counts the lines.
 ///
 /// # Errors
-/// When the line is not a value of this type.
+/// If the line is not a value of this type.
 pub fn json<T: serde::de::DeserializeOwned>(line: &str) -> Result<T> {
     serde_json::from_str(line).map_err(|error| {
         let (text, column) = (error.to_string(), error.column());
@@ -85,7 +85,7 @@ pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>
 /// Reads the text of a file, without the byte order mark that editors of Windows write.
 ///
 /// # Errors
-/// When the file cannot be read, or is not UTF-8.
+/// If the file cannot be read, or is not UTF-8.
 pub fn text(path: &Path) -> Result<String> {
     decode(path, bytes(path)?)
 }
@@ -93,7 +93,7 @@ pub fn text(path: &Path) -> Result<String> {
 /// Decodes as [`text`] does the bytes of a file that was read.
 ///
 /// # Errors
-/// When the text is not UTF-8.
+/// If the text is not UTF-8.
 pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
     ensure!(
         !matches!(
@@ -110,7 +110,7 @@ pub fn decode(path: &Path, bytes: Vec<u8>) -> Result<String> {
 /// Reads the bytes of a file.
 ///
 /// # Errors
-/// When the file cannot be read.
+/// If the file cannot be read.
 pub fn bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
@@ -132,7 +132,7 @@ const LONGEST_LINE: u64 = 4096;
 /// `limit`.
 ///
 /// # Errors
-/// When the system has no room for a thread.
+/// If the system has no room for a thread.
 pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> {
     let (sender, typed) = mpsc::channel();
     // When the receiver is gone, the run is over.

@@ -59,7 +59,7 @@ pub enum Policy {
 /// Sets the effect of signals from now on.
 ///
 /// # Errors
-/// When the system has no room for a thread.
+/// If the system has no room for a thread.
 pub fn on_interrupt(policy: Policy) -> Result<()> {
     install(policy.handler())
 }

@@ -41,7 +41,7 @@ impl Marked {
     /// alone.
     ///
     /// # Errors
-    /// When the port does not have the rate, or is gone.
+    /// If the port does not have the rate, or is gone.
     pub fn set(&mut self, baud: u32, mode: Mode) -> Result<bool> {
         let why = || format!("cannot set {} to {baud} baud, {mode}", self.name);
         let mut settings = tcgetattr(&self.file).with_context(why)?;
@@ -60,7 +60,7 @@ impl Marked {
     /// none arrive.
     ///
     /// # Errors
-    /// When the port is gone.
+    /// If the port is gone.
     pub fn read(&mut self, limit: Duration) -> Result<Vec<u8>> {
         let end = Instant::now() + limit;
         let mut buffer = [0; 4096];

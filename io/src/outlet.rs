@@ -46,7 +46,7 @@ impl Outlet {
     /// Starts a thread that writes to `out`. `note` returns the line with the number of dropped lines.
     ///
     /// # Errors
-    /// When the system has no room for a thread.
+    /// If the system has no room for a thread.
     pub(super) fn start(mut out: impl Write + Send + 'static, note: fn(u64) -> String) -> Result<Self> {
         let shared = Arc::new(Shared::default());
         let of_thread = Arc::clone(&shared);
@@ -58,7 +58,7 @@ impl Outlet {
     /// Takes a line, or drops it.
     ///
     /// # Errors
-    /// When an earlier line could not be written.
+    /// If an earlier line could not be written.
     pub(super) fn put(&self, line: &[u8]) -> io::Result<()> {
         let mut state = self.0.lock();
         if let Some(failed) = &state.failed {
@@ -77,7 +77,7 @@ impl Outlet {
     /// Waits until everything is written, a second at most: a slow reader gets it later.
     ///
     /// # Errors
-    /// When a line could not be written.
+    /// If a line could not be written.
     pub(super) fn finish(&self) -> io::Result<()> {
         let is_busy = |state: &mut State| state.is_writing || !state.waiting.is_empty();
         let waited = self.0.changed.wait_timeout_while(self.0.lock(), PATIENCE, is_busy);

@@ -23,7 +23,7 @@ impl AnyPort {
     /// Opens `HOST:PORT`, or the path of a serial port.
     ///
     /// # Errors
-    /// When it cannot be opened, or the connection takes longer than the timeout.
+    /// If it cannot be opened, or the connection takes longer than the timeout.
     pub fn open(name: &str, baud: u32, dialing: Dialing) -> Result<Self> {
         Self::open_with(name, baud, Mode::EIGHT_N_ONE, dialing)
     }
@@ -57,7 +57,7 @@ impl AnyPort {
     /// Sends all of `bytes`; of those that a peer does not take some wait in memory.
     ///
     /// # Errors
-    /// When the port is gone, or takes nothing for the time of the last wait.
+    /// If the port is gone, or takes nothing for the time of the last wait.
     pub fn send_all(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
             Self::Serial(port) => port.0.write_all(bytes),

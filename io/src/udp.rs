@@ -12,7 +12,7 @@ use crate::tcp::{advise, warn_unless_loopback};
 /// address.
 ///
 /// # Errors
-/// When the address is invalid, in use, or not this machine's. The error contains advice.
+/// If the address is invalid, in use, or not this machine's. The error contains advice.
 pub fn bind(address: &str) -> Result<UdpSocket> {
     let port: Option<u16> = address.parse().ok();
     let bound = match port {
@@ -28,7 +28,7 @@ pub fn bind(address: &str) -> Result<UdpSocket> {
 /// Opens a socket for the datagrams of one peer, whether it is there or not; those of others never arrive.
 ///
 /// # Errors
-/// When the address has no meaning.
+/// If the address has no meaning.
 pub fn connect(address: &str) -> Result<UdpSocket> {
     let what = || format!("cannot send to {address}");
     let place = address.to_socket_addrs().with_context(|| format!("{}: give HOST:PORT", what()))?.next();

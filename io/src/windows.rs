@@ -38,7 +38,7 @@ static CLOSED: OnceLock<Box<dyn Fn() + Send + Sync>> = OnceLock::new();
 /// seconds later, if it has not ended.
 ///
 /// # Errors
-/// When there is a handler already.
+/// If there is a handler already.
 pub fn when_closed(handler: impl Fn() + Send + Sync + 'static) -> Result<()> {
     ensure!(CLOSED.set(Box::new(handler)).is_ok(), "cannot handle interrupts twice");
     // SAFETY: `closed` is a function of the kind that is asked for, and stays.

@@ -72,7 +72,7 @@ impl Meeting {
     /// Opens a PC's endpoint; where it is reached, or reaches the robot.
     ///
     /// # Errors
-    /// When it cannot be opened.
+    /// If it cannot be opened.
     pub fn of_pc(
         endpoint: &Endpoint,
         datagrams: bool,
@@ -95,7 +95,7 @@ impl Meeting {
     /// Opens a robot's endpoint; where it is reached, or reaches the PC.
     ///
     /// # Errors
-    /// When it cannot be opened.
+    /// If it cannot be opened.
     pub fn of_robot(
         endpoint: &Endpoint,
         datagrams: bool,

@@ -34,7 +34,7 @@ use crate::message::Packet;
 /// The handle of a polled ball. Cloning it is cheap.
 #[derive(Debug, Clone)]
 pub struct Ball {
-    /// The values of the last new packet, until they are too old: the motion that they drive has to stop then.
+    /// The values of the last new packet, until they are too old: the motion that they drive must stop then.
     pub values: Latest<Packet>,
     /// Every event, whether there is a connection, and the end.
     pub handle: Handle<Polling>,

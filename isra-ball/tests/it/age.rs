@@ -123,7 +123,7 @@ fn a_packet_that_is_missing_makes_nothing_stale() {
     assert_eq!((two_old.stale, two_old.unasked), (0, 0), "{two_old:?}");
 }
 
-/// Packets have no number: one that is late by whole periods seems to answer another poll. That never goes on for as long as
+/// Packets have no number: one that is late by whole periods seems to answer another poll. That never continues for as long as
 /// a hand has to rest, and is seen.
 #[test]
 fn values_of_a_ball_that_is_late_each_time_are_never_too_old_nor_used_for_long() {

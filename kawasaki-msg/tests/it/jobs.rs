@@ -259,7 +259,7 @@ fn an_end_that_follows_a_full_queue_is_destroyed() {
     assert_eq!((bench.queued_numbers(), bench.robot.phase()), (vec![3, 4, 5], Phase::Ending));
 }
 
-/// An end while jobs are missing is the rest of the packet, or the PC has no more of them: it has to come again.
+/// An end while jobs are missing is the rest of the packet, or the PC has no more of them: it must come again.
 #[test]
 fn an_end_in_place_of_missing_jobs_has_to_come_twice() {
     let mut bench = Bench::new(PATIENT, 8, 9999);

@@ -197,7 +197,7 @@ fn nothing_is_executed_out_of_the_middle_of_a_corrupt_frame() {
     }
 }
 
-/// An execution goes on when the connection is lost; its answer is dropped.
+/// An execution continues when the connection is lost; its answer is dropped.
 #[test]
 fn an_execution_outlasts_its_connection_and_its_answer_does_not() {
     let (mut controller, reader) = controller(ControllerConfig::default(), 21);

@@ -32,7 +32,7 @@ pub trait Codec {
     /// Encodes one message object.
     ///
     /// # Errors
-    /// When the object is not a message of this link, or a value cannot be encoded.
+    /// If the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
     /// Implements [`Messages::names`].
@@ -44,7 +44,7 @@ pub trait Codec {
     /// Generates a message object from a fuzzer's bytes, in the decoder's form, which [`encode`](Self::encode) accepts.
     ///
     /// # Errors
-    /// When there are too few bytes for the message that they begin.
+    /// If there are too few bytes for the message that they begin.
     #[cfg(feature = "arbitrary")]
     fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value>;
 }
@@ -100,7 +100,7 @@ pub trait Messages {
     /// Encodes one message object.
     ///
     /// # Errors
-    /// When the object is not a message of this link, or a value cannot be encoded.
+    /// If the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
 
     /// Returns the names of the values that the object has under other keys, each with its JSON pointer. Values of one name
@@ -118,7 +118,7 @@ pub trait Messages {
     /// Generates a message object from a fuzzer's bytes, with [`object`].
     ///
     /// # Errors
-    /// When there are too few bytes for the message that they begin.
+    /// If there are too few bytes for the message that they begin.
     #[cfg(feature = "arbitrary")]
     fn arbitrary(&self, u: &mut Unstructured<'_>) -> arbitrary::Result<Value>;
 }
@@ -290,7 +290,7 @@ impl Found {
 /// Returns all items of a stream that arrives in these pieces, and ends after each part.
 ///
 /// # Errors
-/// When the decoder makes no progress, or the items do not cover every byte.
+/// If the decoder makes no progress, or the items do not cover every byte.
 pub fn items(codec: Box<dyn Codec>, parts: &[Vec<&[u8]>]) -> Result<Vec<Found>> {
     let (mut stream, mut items) = (Stream::new(codec), Vec::new());
     for part in parts {

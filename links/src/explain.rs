@@ -34,7 +34,7 @@ pub struct Explained {
 /// Explains all items that a side's codec finds in a stream.
 ///
 /// # Errors
-/// When the link has no such side or setting.
+/// If the link has no such side or setting.
 pub fn explain(
     link: &Link,
     side: &str,

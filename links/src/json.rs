@@ -22,7 +22,7 @@ pub fn text(value: &impl Serialize) -> String {
 /// Appends a value as JSON in which every control character is escaped, also those of a peer's text: no terminal executes one.
 ///
 /// # Errors
-/// When the value cannot be JSON.
+/// If the value cannot be JSON.
 pub fn write(value: &impl Serialize, out: &mut Vec<u8>) -> serde_json::Result<()> {
     let begin = out.len();
     serde_json::to_writer(&mut *out, value)?;

@@ -115,7 +115,7 @@ pub enum Carrier {
 pub struct Guess {
     /// The name of the setting.
     pub setting: &'static str,
-    /// The settings that have to be known for it.
+    /// The settings that must be known for it.
     pub with: &'static [&'static str],
     /// The values that explain most of these streams, the best first.
     pub values: GuessValues,
@@ -183,7 +183,7 @@ impl Link {
     /// Returns an end by its name.
     ///
     /// # Errors
-    /// When the link has no such end.
+    /// If the link has no such end.
     pub fn end(&self, name: &str) -> Result<&'static EndRow> {
         let end = self.ends.iter().find(|end| end.name == name);
         end.with_context(|| format!("{} has no end `{name}`", self.name))
@@ -193,7 +193,7 @@ impl Link {
     /// end; without it, the side `pc` if the link has one, otherwise the client.
     ///
     /// # Errors
-    /// When the link has no such side.
+    /// If the link has no such side.
     pub fn keeper(&self, kept: Option<&str>, by_keeper: bool) -> Result<Option<&'static str>> {
         let sides = match kept {
             Some(_) => {
@@ -233,7 +233,7 @@ impl Link {
     /// Returns a side by its name, or the first.
     ///
     /// # Errors
-    /// When the link has no such side.
+    /// If the link has no such side.
     pub fn side(&self, from: Option<&str>) -> Result<&'static str> {
         match self.sides.iter().find(|side| from.is_none_or(|from| **side == from)) {
             Some(side) => Ok(side),

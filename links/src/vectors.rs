@@ -60,7 +60,7 @@ pub enum Outcome {
 /// Reads the vectors of a file.
 ///
 /// # Errors
-/// When it cannot be read, or is not a file of vectors.
+/// If it cannot be read, or is not a file of vectors.
 pub fn vectors(file: impl AsRef<Path>) -> Result<Vec<Vector>> {
     vectors_in(&fs::read_to_string(&file).with_context(|| file.as_ref().display().to_string())?)
 }
@@ -81,7 +81,7 @@ impl Vector {
     /// Returns the codec of the side that sends the vector's bytes.
     ///
     /// # Errors
-    /// When the link has no such side or setting.
+    /// If the link has no such side or setting.
     pub fn codec(&self, link: &Link) -> Result<Box<dyn Codec>> {
         (link.codec)(link.side(self.from.as_deref())?, &self.options)
     }

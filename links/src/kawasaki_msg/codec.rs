@@ -16,7 +16,7 @@ use crate::settings;
 /// Creates the codec of either side: both send the same messages. The settings are those of [`CodecSettings`].
 ///
 /// # Errors
-/// When a setting is another.
+/// If a setting is another.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let CodecSettings { plant, roles } = settings::read("kawasaki", CodecSettings::default(), settings)?;
     let (charset, dialect) =

@@ -128,7 +128,7 @@ impl Plant {
     /// Returns the table of messages. The table is made once, and stays in memory as long as the tool runs.
     ///
     /// # Errors
-    /// When the table contradicts itself, or lacks a message that every session needs.
+    /// If the table contradicts itself, or lacks a message that every session needs.
     pub fn dialect(&self) -> Result<Dialect> {
         static MADE: Mutex<BTreeMap<String, Dialect>> = Mutex::new(BTreeMap::new());
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -169,7 +169,7 @@ impl Plant {
     /// Returns the layout of a job.
     ///
     /// # Errors
-    /// When a field contradicts itself or another one.
+    /// If a field contradicts itself or another one.
     pub fn layout(&self) -> Result<Layout> {
         match &self.job {
             None => Ok(Layout::line(self.bounds)),
@@ -181,7 +181,7 @@ impl Plant {
     /// messages allow.
     ///
     /// # Errors
-    /// When the plant contradicts itself, or lacks a message or a field that no end can do without.
+    /// If the plant contradicts itself, or lacks a message or a field that no end can do without.
     pub fn check(&self) -> Result<()> {
         let takeover = kawasaki_msg::Takeover::Never;
         self.pc(PcConfig { takeover, ..PcConfig::tcp() }).map(drop)
@@ -190,7 +190,7 @@ impl Plant {
     /// Returns a PC's configuration in this plant.
     ///
     /// # Errors
-    /// When it cannot work.
+    /// If it cannot work.
     pub fn pc(&self, config: PcConfig) -> Result<PcConfig> {
         let config = PcConfig {
             dialect: self.dialect()?,
@@ -207,7 +207,7 @@ impl Plant {
     /// Returns a robot's configuration in this plant.
     ///
     /// # Errors
-    /// When it cannot work.
+    /// If it cannot work.
     pub fn robot(&self, config: RobotConfig) -> Result<RobotConfig> {
         // A PC rejects a plant's contradictions as well, except for messages that only a PC needs.
         let takeover = kawasaki_msg::Takeover::Never;

@@ -10,7 +10,7 @@ use crate::settings::{self, Configure, Fields};
 /// Creates the codec of either direction: both have the same frames.
 ///
 /// # Errors
-/// When a setting is not a field of `Profile`.
+/// If a setting is not a field of `Profile`.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let Options { profile, .. } = settings::read("laser", Options::default(), settings)?;
     Ok(codec(Decoder::new(&profile), Eb90 { profile }))

@@ -33,7 +33,7 @@ impl Object {
     /// Adds a key and a value.
     ///
     /// # Errors
-    /// When the value cannot be JSON.
+    /// If the value cannot be JSON.
     pub fn value(self, key: &str, value: &(impl Serialize + ?Sized)) -> Result<Self> {
         let json = text(value)?;
         Ok(self.raw(key, json))
@@ -42,7 +42,7 @@ impl Object {
     /// Adds a key and a value, if there is one.
     ///
     /// # Errors
-    /// When the value cannot be JSON.
+    /// If the value cannot be JSON.
     pub fn optional(self, key: &str, value: Option<&(impl Serialize + ?Sized)>) -> Result<Self> {
         match value {
             Some(value) => self.value(key, value),
@@ -65,7 +65,7 @@ impl Object {
 /// Returns a value as JSON, with a space after each comma and colon outside its strings.
 ///
 /// # Errors
-/// When the value cannot be JSON.
+/// If the value cannot be JSON.
 pub fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
     Ok(spaced(&serde_json::to_string(value)?))
 }

@@ -92,7 +92,7 @@ pub struct Done {
 /// Does a step.
 ///
 /// # Errors
-/// When the end has no such call.
+/// If the end has no such call.
 pub fn step(end: &mut dyn End, now: Duration, input: &Do, omits: Omits) -> Result<Done> {
     let mut done = Done::default();
     match input {

@@ -13,7 +13,7 @@ use crate::settings;
 /// Returns the codec of the messages of the `robot` or the `host`. The settings are the fields of [`Framing`].
 ///
 /// # Errors
-/// When a setting is unknown or has no such value.
+/// If a setting is unknown or has no such value.
 pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let framing = settings::read("alter", Framing::DEFAULT, settings)?;
     match from {

@@ -32,7 +32,7 @@ impl Failure {
 /// Returns the document with this URI.
 ///
 /// # Errors
-/// When it is neither open nor in the workspace.
+/// If it is neither open nor in the workspace.
 pub(crate) fn document<'a>(folder: &'a Folder, uri: &lsp_types::Uri) -> Answer<&'a Document> {
     folder.get(uri).ok_or_else(|| Failure::params(format_args!("{} is not open", uri.as_str())))
 }

@@ -133,7 +133,7 @@ impl Document {
     /// Decodes the program in the text.
     ///
     /// # Errors
-    /// When the text is not a program.
+    /// If the text is not a program.
     pub(crate) fn program(&self) -> Result<fanuc_ls::Document, DecodeError> {
         fanuc_ls::Document::decode(&self.text)
     }

@@ -23,7 +23,7 @@ pub(crate) enum Incoming {
 /// Reads the next message; None at the end of the input.
 ///
 /// # Errors
-/// When a header is not one, or announces too many bytes: where the next message begins is unknown.
+/// If a header is not one, or announces too many bytes: where the next message begins is unknown.
 pub(crate) fn read(input: &mut impl BufRead) -> io::Result<Option<Incoming>> {
     let Some(length) = read_head(input)? else { return Ok(None) };
     let mut body = Vec::new();
@@ -79,7 +79,7 @@ fn read_head(input: &mut impl BufRead) -> io::Result<Option<usize>> {
 /// Writes a message.
 ///
 /// # Errors
-/// When `out` fails: the client no longer reads.
+/// If `out` fails: the client no longer reads.
 pub(crate) fn write(out: &mut impl Write, message: &Message) -> io::Result<()> {
     message.write(out)
 }
@@ -87,7 +87,7 @@ pub(crate) fn write(out: &mut impl Write, message: &Message) -> io::Result<()> {
 /// Writes the answer to bytes that are not a message; its id is null.
 ///
 /// # Errors
-/// When `out` fails.
+/// If `out` fails.
 pub(crate) fn write_malformed(out: &mut impl Write, code: i32, message: &str) -> io::Result<()> {
     let answer = json!({"jsonrpc": "2.0", "id": Value::Null, "error": {"code": code, "message": message}});
     let text = answer.to_string();

@@ -13,7 +13,7 @@ pub enum Device {
     Robot,
     /// The orientation platform (OPC).
     Platform,
-    /// The conditioning system (CSC). It has to be there; the source gives it no orders but to close.
+    /// The conditioning system (CSC). It must be there; the source gives it no orders but to close.
     Conditioning,
     /// The cameras, whether the central controller's own or at the end of a connection.
     Vision,

@@ -95,7 +95,7 @@ impl Limits {
     /// Checks that a robot with these limits can execute the trajectory.
     ///
     /// # Errors
-    /// The first joint that is out of its range, or has to move faster than it can from one sample to the next.
+    /// The first joint that is out of its range, or must move faster than it can from one sample to the next.
     pub fn check(&self, trajectory: &Trajectory) -> Result<(), LimitError> {
         for (index, sample) in trajectory.samples().iter().enumerate() {
             let before = index.checked_sub(1).and_then(|before| trajectory.samples().get(before));

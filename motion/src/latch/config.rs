@@ -54,7 +54,7 @@ robot_session::rules! {
         InputLost,
         /// Another meaning of the values disarms.
         Profile,
-        /// The key that has to be held disarms when it is let go.
+        /// The key that must be held disarms when it is let go.
         HoldToRun,
         /// A key must confirm, if [`LatchConfig::confirm`] is set.
         Confirm,

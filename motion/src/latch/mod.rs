@@ -86,7 +86,7 @@ pub enum Cause {
     OldValues,
     /// The input is gone.
     InputLost,
-    /// The key that has to be held was let go.
+    /// The key that must be held was let go.
     KeyReleased,
     /// The meaning of the hand's values has changed.
     Profile,

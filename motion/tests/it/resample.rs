@@ -324,7 +324,7 @@ fn steps_that_make_no_sense_are_refused() {
 
 #[test]
 fn a_program_has_32766_points_at_most() {
-    // Joints are the same at all of them: the time alone goes on.
+    // Joints are the same at all of them: the time alone continues.
     let rest = |seconds: f64| {
         let sample = |time| JointSample { time, joints: [0.0; 6] };
         Trajectory::new(vec![sample(0.0), sample(seconds)]).unwrap()

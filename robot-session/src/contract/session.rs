@@ -16,7 +16,7 @@ use crate::Session;
 /// Holds a session to the contract, on `seeds` random strings of calls; each takes one of its configurations, in turn.
 ///
 /// # Panics
-/// When the session breaks a rule.
+/// If the session breaks a rule.
 pub fn session(subject: &impl Subject, seeds: u64) {
     for seed in 0..seeds {
         let bytes = Rng::new(seed).bytes(1000);
@@ -41,7 +41,7 @@ pub fn session(subject: &impl Subject, seeds: u64) {
 /// [`Arbitrary`](arbitrary::Arbitrary) value.
 ///
 /// # Panics
-/// When the session breaks a rule.
+/// If the session breaks a rule.
 pub fn scripted<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>) {
     compare(subject, script, &[script.caller]);
 }

@@ -122,7 +122,7 @@ pub struct Table<'a> {
 /// Returns a configuration with the given values. `what` names the configured thing in errors.
 ///
 /// # Errors
-/// When a name is not a setting of the configuration, or a value is not valid for its setting.
+/// If a name is not a setting of the configuration, or a value is not valid for its setting.
 pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C, Refused> {
     read_as(Form::Text, what, config, given)
 }
@@ -130,7 +130,7 @@ pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> 
 /// As [`read`], with values in `form`.
 ///
 /// # Errors
-/// When a name is not a setting of the configuration, or a value is not valid for its setting.
+/// If a name is not a setting of the configuration, or a value is not valid for its setting.
 pub fn read_as<C: Configure>(
     form: Form,
     what: &str,
@@ -246,7 +246,7 @@ pub fn list_as(form: Form, mut config: impl Configure) -> Vec<Setting> {
 /// applied.
 ///
 /// # Errors
-/// When a name is not a field of the configuration, or a value is not valid for its field.
+/// If a name is not a field of the configuration, or a value is not valid for its field.
 pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>, Refused> {
     let config = read_as(Form::Nanoseconds, "the configuration", config, given)?;
     Ok(list_as(Form::Nanoseconds, config))
@@ -255,7 +255,7 @@ pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<
 /// Inserts a value at its name, in tables if the name has dots.
 ///
 /// # Errors
-/// When the part before a dot has a value that is not a table.
+/// If the part before a dot has a value that is not a table.
 pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), Refused> {
     let Some((table, rest)) = name.split_once('.') else {
         return match (settings.get_mut(name), value) {
@@ -278,7 +278,7 @@ pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Re
 /// Parses the argument of `--set`: a value that is valid JSON is read as JSON, any other as text.
 ///
 /// # Errors
-/// When there is no `=`, or no name before it.
+/// If there is no `=`, or no name before it.
 pub fn parse(text: &str) -> Result<(String, Value), String> {
     let (name, value) = text.split_once('=').ok_or("give NAME=VALUE")?;
     if name.split('.').any(str::is_empty) {
@@ -339,7 +339,7 @@ fn find<'a>(given: &'a Map<String, Value>, name: &str) -> Option<&'a Value> {
     }
 }
 
-/// Returns the first name that is not one of `names`, nor in the table of one, or that has a dot: a table has to be given
+/// Returns the first name that is not one of `names`, nor in the table of one, or that has a dot: a table must be given
 /// instead.
 fn unknown(given: &Map<String, Value>, prefix: &str, names: &[&str]) -> Option<String> {
     given.iter().find_map(|(key, value)| {

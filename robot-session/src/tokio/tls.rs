@@ -49,7 +49,7 @@ enum Side {
 }
 
 impl<C: Connector<Transport = TcpStream>> Tls<C> {
-    /// Connects as the client; the server's certificate has to be for `name`, a host name or an IP address.
+    /// Connects as the client; the server's certificate must be for `name`, a host name or an IP address.
     ///
     /// # Errors
     /// `name` is neither.

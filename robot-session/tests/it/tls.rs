@@ -263,7 +263,7 @@ fn exchange(end: &mut Secure) {
             read.extend_from_slice(&buffer[..length]);
         }
     }
-    // Bytes that TLS still has to send are written during a wait.
+    // Bytes that TLS must still send are written during a wait.
     for _ in 0..100 {
         assert_eq!(
             end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap_or(Received::Nothing),

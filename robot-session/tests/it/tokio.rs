@@ -278,7 +278,7 @@ async fn without_a_wish_for_input_a_turn_waits_for_the_deadline_or_a_wake() {
     assert!(turn.unwrap().unwrap().is_continue());
 }
 
-/// A pipe that counts its flushes, of which the first ones have to wait.
+/// A pipe that counts its flushes, of which the first ones must wait.
 struct Flushed {
     pipe: DuplexStream,
     flushes: usize,

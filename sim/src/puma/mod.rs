@@ -133,7 +133,7 @@ pub struct MarkIii {
     begun_at: Option<Duration>,
     /// The number of incidents that have happened.
     happened: usize,
-    /// Cycles in which the program of this ALTER went on along its path.
+    /// Cycles in which the program of this ALTER continued along its path.
     path_cycles: u64,
     segment_status: SegmentStatus,
 }

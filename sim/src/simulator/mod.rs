@@ -41,7 +41,7 @@ pub struct Simulator<D: Device> {
     /// The number of this connection of the device, and the number of faults of the whole device that it has applied.
     connection: usize,
     seen: usize,
-    /// Nothing has happened to the device since it went on.
+    /// Nothing has happened to the device since it continued.
     is_settled: bool,
 }
 

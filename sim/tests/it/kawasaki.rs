@@ -166,7 +166,7 @@ fn a_pc_begins_an_order_when_a_robot_connects_and_when_it_is_to_repeat() {
     }
 }
 
-/// The order goes on with the next connection, and is not given again.
+/// The order continues with the next connection, and is not given again.
 #[test]
 fn a_connection_that_is_lost_within_an_order_makes_no_other_one() {
     let pc = KawasakiPc { jobs: jobs(9).into(), ..KawasakiPc::default() };

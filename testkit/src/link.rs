@@ -41,7 +41,7 @@ impl End {
 pub enum Delivery {
     /// Some bytes of a stream, or one datagram.
     Bytes(Vec<u8>),
-    /// The connection is gone: nothing sent before it will still arrive. Call [`Link::reconnect`] to go on.
+    /// The connection is gone: nothing sent before it will still arrive. Call [`Link::reconnect`] to continue.
     Closed,
 }
 

@@ -7,7 +7,7 @@
 //! - `.name` belongs to the program that is being executed; the values of a called program's parameters are copied back when
 //!   it returns
 //! - `$ENCODE` writes a blank where a sign could be, unless `/L` is given
-//! - a motion command is given to the arm and the program goes on; `BREAK` waits for the arm
+//! - a motion command is given to the arm and the program continues; `BREAK` waits for the arm
 //! - tasks run side by side: between two statements of one, any number of statements of another may be executed
 //!
 //! Sockets, time and the arm are the [`Host`]'s: the same program runs on a virtual clock and over TCP.

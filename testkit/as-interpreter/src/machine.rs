@@ -161,7 +161,7 @@ impl Machine {
             .map(|found| found.name.as_str())
     }
 
-    /// Returns the time at which a waiting task goes on by itself.
+    /// Returns the time at which a waiting task continues by itself.
     pub fn wakes_at(&self, task: usize) -> Option<Duration> {
         self.tasks.get(task)?.wakes_at
     }

@@ -1,4 +1,4 @@
-//! `soak --seeds N`: both ends of every session over bad transports, and a table of what became of every job.
+//! `soak --seeds N`: both ends of every session over bad transports, and a table of the outcome of every job.
 
 use core::ops::Range;
 use std::collections::BTreeMap;

@@ -135,7 +135,7 @@ pub type CauseOf<P> = Cause<<P as Peer>::Word, TransmitOf<P>>;
 pub struct Against<P> {
     /// The peer.
     pub peer: P,
-    /// The end is called late now and then: what is due waits, and time goes on.
+    /// The end is called late now and then: what is due waits, and time passes.
     pub late: bool,
     /// The connection is lost and the end's process restarted at any moment.
     pub breaks: bool,

@@ -89,7 +89,7 @@ fn search<S: System, K: Known<S::State>>(system: &S, options: &Options<'_>) -> G
         if acts.is_empty() && broken.is_empty() && !over {
             graph.deadlock.get_or_insert(at);
         }
-        // A run without faults that does not go on has ended or is stalled.
+        // A run without faults that does not continue has ended or is stalled.
         let mut follow = (if over || !broken.is_empty() { END } else { at }, 0);
         for name in broken.drain(..) {
             graph.broken.entry(name).or_insert(at);

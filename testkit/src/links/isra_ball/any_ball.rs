@@ -1,4 +1,4 @@
-//! A host against balls that are not ours.
+//! A host against balls of other makers.
 
 use core::time::Duration;
 

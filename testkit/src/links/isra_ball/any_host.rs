@@ -1,4 +1,4 @@
-//! A ball against hosts that are not ours.
+//! A ball against hosts of other makers.
 
 use core::time::Duration;
 

@@ -86,7 +86,7 @@ pub const ANY_BALL: Pair = Pair {
     refined: || [true, false].map(|keeps_rules| any_ball(keeps_rules).refined()).into(),
 };
 
-/// A ball and any hosts that are not ours.
+/// A ball and any hosts of other makers.
 pub const ANY_HOST: Pair = Pair {
     name: "isra-ball ball × any host",
     settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),

@@ -1,4 +1,4 @@
-//! The PC and its user against robots that are not ours.
+//! The PC and its user against robots of other makers.
 
 use core::time::Duration;
 
@@ -89,7 +89,7 @@ pub enum Act {
     Timeout,
     /// The PC answers.
     Answer,
-    /// Time goes on.
+    /// Time passes.
     Tick,
 }
 

@@ -51,7 +51,7 @@ pub const UDP: Pair = Pair {
     refined: Vec::new,
 };
 
-/// The robot and PCs that are not ours.
+/// The robot and PCs of other makers.
 pub const ANY_PC: Pair = Pair {
     name: "kawasaki-msg robot × any pc",
     settings: with_any_pc,
@@ -60,7 +60,7 @@ pub const ANY_PC: Pair = Pair {
     refined: Vec::new,
 };
 
-/// The PC and robots that are not ours.
+/// The PC and robots of other makers.
 pub const ANY_ROBOT: Pair = Pair {
     name: "kawasaki-msg pc × any robot",
     settings: with_any_robot,

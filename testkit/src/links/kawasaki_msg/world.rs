@@ -238,7 +238,7 @@ pub enum Act {
     RestartPc,
     /// The robot does.
     RestartRobot,
-    /// Time goes on.
+    /// Time passes.
     Tick,
     /// The same, though an end has something to do.
     LateTick,

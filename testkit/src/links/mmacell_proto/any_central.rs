@@ -1,4 +1,4 @@
-//! A device against central controllers that are not ours.
+//! A device against central controllers of other makers.
 
 use core::time::Duration;
 

@@ -1,4 +1,4 @@
-//! A central controller against devices that are not ours.
+//! A central controller against devices of other makers.
 
 use core::time::Duration;
 

@@ -27,7 +27,7 @@ pub const TABLES: &[Table] = &[
     Table::of::<rows::Moved>("mmacell-proto", 44),
 ];
 
-/// A central controller and devices that are not ours.
+/// A central controller and devices of other makers.
 pub const ANY_DEVICE: Pair = Pair {
     name: "mmacell-proto central × any device",
     settings: |_| both(any_device, any_device::RULES, any_device::ANYTHING),
@@ -67,7 +67,7 @@ pub const ANY_DEVICE: Pair = Pair {
     refined: || [true, false].map(|keeps_rules| any_device(keeps_rules).refined()).into(),
 };
 
-/// A device and central controllers that are not ours.
+/// A device and central controllers of other makers.
 pub const ANY_CENTRAL: Pair = Pair {
     name: "mmacell-proto device × any central",
     settings: |_| both(any_central, any_central::RULES, any_central::ANYTHING),

@@ -1,9 +1,9 @@
-//! A host against controllers that are not ours.
+//! A host against controllers of other makers.
 //!
 //! One axis stands for all six. A host has one bit per axis for its words, and each bit is changed by its own axis
 //! alone. Axes interact in the choice of a word, in a stop (the last axis that is not zero delays it), and in the
 //! length of a reply. So other axes decide when a word that is not required is left out, whether a reply is at rest,
-//! and by when it has to begin. All three are left open if replies [are free](AnyController::is_free): each may have
+//! and by when it must begin. All three are left open if replies [are free](AnyController::is_free): each may have
 //! a word that moves, or a zero, or [be on the way](Word::Brake). Replies are lost, or late.
 //!
 //! One mode stands for all, too. The mode decides whether a start message names it, how long the window is (15 or 17

@@ -1,4 +1,4 @@
-//! A controller that is not ours: what is assumed and known of it, and what may happen.
+//! A controller of another maker: what is assumed and known of it, and what may happen.
 
 use val2_alter::host::machine::{Input, Outcome};
 use val2_alter::{ErrorCode, ExceptionOutcome, HostConfig, MotionPhase};

@@ -1,4 +1,4 @@
-//! The line between a host and a controller that is not ours: words as the host's inputs and as bytes, and the host's answers.
+//! The line between a host and a controller of another maker: words as the host's inputs and as bytes, and the host's answers.
 
 use core::time::Duration;
 

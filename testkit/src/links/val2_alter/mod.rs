@@ -30,7 +30,7 @@ use world::{
 pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("val2-alter", 200), Table::of::<rows::Controller>("val2-alter", 100)];
 
-/// A host and controllers that are not ours.
+/// A host and controllers of other makers.
 pub const ANY_CONTROLLER: Pair = Pair {
     name: "val2-alter host × any controller",
     settings: |_| {
@@ -111,7 +111,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
     refined: || vec![small().refined()],
 };
 
-/// A controller and hosts that are not ours.
+/// A controller and hosts of other makers.
 pub const ANY_HOST: Pair = Pair {
     name: "val2-alter controller × any host",
     settings: |_| {

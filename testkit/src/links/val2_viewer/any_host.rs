@@ -1,4 +1,4 @@
-//! A workstation against hosts that are not ours.
+//! A workstation against hosts of other makers.
 
 use core::time::Duration;
 
@@ -54,7 +54,7 @@ pub struct AnyHost {
     pub keeps_rules: bool,
     /// Holds the ends to the pairing of requests and packets, which nothing in the protocol can give.
     pub is_paired: bool,
-    /// Whether it answers each request in time, nothing goes wrong, and the display goes on.
+    /// Whether it answers each request in time, nothing goes wrong, and the display continues.
     pub is_prompt: bool,
 }
 

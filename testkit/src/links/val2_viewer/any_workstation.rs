@@ -1,4 +1,4 @@
-//! A host against workstations that are not ours.
+//! A host against workstations of other makers.
 
 use core::time::Duration;
 

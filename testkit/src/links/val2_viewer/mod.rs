@@ -25,7 +25,7 @@ use world::{ASKED, ASKS, CREDIT, FRESH, ONE_OUTCOME, PACED, PILED, STALE, TICK};
 pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("val2-viewer", 64), Table::of::<rows::Workstation>("val2-viewer", 80)];
 
-/// A host and workstations that are not ours.
+/// A host and workstations of other makers.
 pub const ANY_WORKSTATION: Pair = Pair {
     name: "val2-viewer host × any workstation",
     settings: |_| both(any_workstation, any_workstation::RULES, any_workstation::ANYTHING),
@@ -57,7 +57,7 @@ pub const ANY_WORKSTATION: Pair = Pair {
     refined: || [true, false].map(|keeps_rules| any_workstation(keeps_rules).refined()).into(),
 };
 
-/// A workstation and hosts that are not ours.
+/// A workstation and hosts of other makers.
 pub const ANY_HOST: Pair = Pair {
     name: "val2-viewer workstation × any host",
     settings: |_| {

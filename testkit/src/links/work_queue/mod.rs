@@ -60,7 +60,7 @@ fn settings(depth: Depth) -> Vec<Setting> {
         Setting::new(name, Queue::new(capacity, looks)).on(terms)
     };
     let small = (1..=2).flat_map(|capacity| readers.map(|reader| setting(capacity, reader)));
-    // The ways to go on differ in the search for a standstill alone.
+    // The ways to continue differ in the search for a standstill alone.
     let large = readers.iter().take(if depth == Depth::Deep { 3 } else { 1 });
     small.chain(large.map(|reader| setting(3, *reader))).collect()
 }

@@ -11,7 +11,7 @@ pub struct Queue {
     pub capacity: u8,
     /// The highest job number.
     pub max: u8,
-    /// The way in which the reader looks for jobs when it goes on by itself.
+    /// The way in which the reader looks for jobs when it continues by itself.
     pub looks: Looks,
     /// Whether an operation is interrupted only where it calls its user: what a single thread can replay.
     pub single: bool,

@@ -1,5 +1,5 @@
 //! Every path of the model on the queue itself, in one thread: a job that is dropped and a question whether a job is wanted
-//! call out, and the writer goes on there. A claim and a batch are made when they are published or dropped: they borrow the
+//! call out, and the writer continues there. A claim and a batch are made when they are published or dropped: they borrow the
 //! writer.
 
 use std::cell::RefCell;
@@ -80,7 +80,7 @@ impl Replay {
         self.path.get(self.run.borrow().at).copied()
     }
 
-    /// Takes the next act in the model. Where the path ends within an operation, the operation goes on.
+    /// Takes the next act in the model. Where the path ends within an operation, the operation continues.
     fn step(&self) -> Act {
         let act = self.peek().unwrap_or_else(|| {
             let mut acts = Vec::new();

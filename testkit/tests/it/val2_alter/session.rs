@@ -215,7 +215,7 @@ fn a_killed_host_ends_alter_with_error_6_and_the_arm_stands_still() {
 fn a_missed_cycle_is_counted_and_the_next_start_is_taken() {
     let (host, controller) = plain();
     let mut cell = running(host, controller);
-    // The host is away for two cycles, then goes on with what has arrived meanwhile.
+    // The host is away for two cycles, then continues with what has arrived meanwhile.
     cell.host_is_alive = false;
     let asleep = cell.now;
     while cell.now < asleep + CYCLE * 3 / 2 {
@@ -330,7 +330,7 @@ fn a_late_controller_keeps_its_raster_and_every_window() {
         controller.poll_transmit(now, &mut out).unwrap();
         sent.push(now.as_micros() / 1000);
     }
-    // 132 ms and a window of 15 ms after 12 bytes are 150 ms: later than the raster, which goes on from there.
+    // 132 ms and a window of 15 ms after 12 bytes are 150 ms: later than the raster, which continues from there.
     assert_eq!(sent, [59, 84, 132, 150, 178]);
 }
 

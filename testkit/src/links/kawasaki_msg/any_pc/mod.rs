@@ -1,4 +1,4 @@
-//! The robot, its queue and its motion task against PCs that are not ours.
+//! The robot, its queue and its motion task against PCs of other makers.
 
 mod world;
 

@@ -72,7 +72,7 @@ pub enum Act {
     Report,
     /// The motion program leads out of the alarm.
     ClearQueue,
-    /// Time goes on.
+    /// Time passes.
     Tick,
 }
 

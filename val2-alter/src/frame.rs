@@ -56,7 +56,7 @@ impl Frame {
     /// Writes the frame and returns its length.
     ///
     /// # Errors
-    /// When `out` is too short: how many bytes are needed.
+    /// If `out` is too short: how many bytes are needed.
     pub fn encode(&self, framing: Framing, out: &mut [u8]) -> Result<usize, EncodeError> {
         let mut line = [0; Self::MAX_LEN];
         let (mut len, checksum) = (framing.leading_dle.count() + 1, self.checksum(framing));

@@ -1,4 +1,4 @@
-//! An end leaves, sleeps, or is held while the other goes on.
+//! An end leaves, sleeps, or is held while the other continues.
 
 use super::*;
 

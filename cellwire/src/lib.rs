@@ -178,7 +178,7 @@ fn parse() -> Cli {
     }
 }
 
-/// Adds to an error what these words of the command line meant: clap suggests names that are spelled alike.
+/// Adds the probable meaning of these words of the command line to an error: clap suggests names with a similar spelling.
 fn suggest(error: &mut clap::Error, words: &[String]) {
     let (is_help, words) = match words.split_first() {
         Some((first, others)) if first == "help" => (true, others),

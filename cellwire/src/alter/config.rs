@@ -16,7 +16,7 @@ pub struct TeleopConfig {
     pub robot: PortConfig,
     /// The source of the hand's values.
     pub input: InputConfig,
-    /// The file that keeps what the input reports.
+    /// The file that stores the reports of the input.
     pub record: Option<PathBuf>,
     /// The workstation's port.
     pub viewer: Option<PortConfig>,

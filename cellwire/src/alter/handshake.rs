@@ -22,7 +22,7 @@ const PIECE: usize = 16;
 /// The most bytes of the workstation that wait for the session; later bytes are requests like these.
 const REQUESTS: usize = 64;
 
-/// The port, and what its handshake holds.
+/// The port, and the bytes that its handshake has stopped.
 pub(super) struct Handshake {
     port: Port,
     baud: u32,
@@ -71,7 +71,7 @@ impl Handshake {
         self.requests.clear();
     }
 
-    /// Sends what may be sent, and keeps what comes.
+    /// Sends the bytes that may be sent, and stores received ones.
     pub(super) fn wait(&mut self, wait: Duration) {
         let mut buffer = [0; REQUESTS];
         let length = self.read(wait, &mut buffer);
@@ -79,7 +79,7 @@ impl Handshake {
         self.requests.extend(buffer.iter().take(length.min(room)));
     }
 
-    /// Sends what may be sent, and takes what comes: without XON and XOFF.
+    /// Sends the bytes that may be sent, and reads received ones, without XON and XOFF.
     fn read(&mut self, wait: Duration, buffer: &mut [u8]) -> usize {
         let now = self.port.now();
         self.held_until = self.held_until.filter(|until| now < *until);

@@ -46,7 +46,7 @@ pub enum Order {
 pub enum Notification {
     /// A port is open (again).
     PortOpen(&'static str, String),
-    /// The USB adapter of a port delays bytes for too long, and what to set.
+    /// The USB adapter of a port delays bytes for too long, with the advised setting.
     SlowAdapter(&'static str, String),
     /// A port is gone; it is retried.
     PortLost(&'static str, String),
@@ -105,7 +105,7 @@ pub enum Notification {
     BallCorrupt(isra_ball::DecodeError),
     /// The ball's values are too old.
     BallStale,
-    /// A line returns what is sent, or two ends of it have sent at once.
+    /// A line returns the sent bytes, or both of its ends have sent at once.
     Echo(&'static str, EchoError),
     /// The workstation holds the line (XOFF), or takes packets again (XON).
     ViewerHolds(bool),

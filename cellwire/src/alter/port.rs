@@ -30,7 +30,7 @@ pub struct PortConfig {
 
 /// The interval at which a lost port is retried; the session continues meanwhile.
 const REOPEN: Duration = Duration::from_millis(200);
-/// A wait that has run out still takes what is there.
+/// The least wait: a wait that has run out still reads the bytes that are there.
 const LEAST_WAIT: Duration = Duration::from_micros(50);
 /// The most entries that wait for the trace: it does not store more either.
 const UNTRACED: usize = 256;
@@ -57,7 +57,7 @@ pub(super) struct Port {
 }
 
 impl Port {
-    /// Opens it for the first time: without it there is no host.
+    /// Opens the port for the first time; the host cannot run without it.
     pub(super) fn open(
         name: &'static str,
         config: &PortConfig,
@@ -88,7 +88,7 @@ impl Port {
         })
     }
 
-    /// Reports to a session that the port was opened or is gone; `is_connected` is what it knows.
+    /// Reports to a session that the port was opened or is gone; `is_connected` is the session's state.
     pub(super) fn follow(&self, session: &mut impl Session, is_connected: &mut bool) {
         if self.is_open() == *is_connected {
             return;
@@ -141,7 +141,7 @@ impl Port {
         length
     }
 
-    /// Returns whether the line returns what is sent: the last messages came back before anything else.
+    /// Returns whether the line returns the sent bytes: the last messages came back before any other bytes.
     pub(super) fn returns(&self) -> bool {
         self.returned.is_proved()
     }
@@ -164,7 +164,7 @@ impl Port {
         true
     }
 
-    /// Passes on to the trace what was read and written, unless the screen or the disk has it: then next time.
+    /// Passes the read and written bytes on to the trace, unless the screen or the disk is using it: then next time.
     pub(super) fn trace(&mut self) {
         while let Some((at, way, bytes)) = self.untraced.front() {
             if !self.context.trace.try_add(*at, *way, bytes) {
@@ -174,7 +174,7 @@ impl Port {
         }
     }
 
-    /// Passes on the rest, when there is nothing else to do.
+    /// Passes the rest on to the trace, when there is no other work.
     pub(super) fn trace_all(&mut self) {
         for (at, way, bytes) in self.untraced.drain(..) {
             self.context.trace.add(at, way, &bytes);

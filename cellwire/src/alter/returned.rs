@@ -1,15 +1,15 @@
-//! Detects a line that returns what is sent, of which a session does not know.
+//! Detects a line that returns the sent bytes, unknown to a session.
 
 /// The messages in succession that come back before a line is known to return them.
 const PROOF: u32 = 3;
 
-/// Compares what is read with the last message sent.
+/// Compares the read bytes with the last message sent.
 #[derive(Debug, Default)]
 pub(super) struct Returned {
     sent: Vec<u8>,
-    /// The bytes of the message that have come back, if nothing else has come before them.
+    /// The bytes of the message that have come back, if no other bytes came before them.
     come: Option<usize>,
-    /// The messages in succession that came back whole, before anything else.
+    /// The number of consecutive messages that came back whole, before other bytes.
     count: u32,
 }
 
@@ -36,7 +36,7 @@ impl Returned {
         }
     }
 
-    /// Returns whether the line returns what is sent.
+    /// Returns whether the line returns the sent bytes.
     pub(super) fn is_proved(&self) -> bool {
         self.count >= PROOF
     }

@@ -184,7 +184,7 @@ fn again(args: &Args, link: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Prints what all rows mean together.
+/// Prints the common result of all rows.
 fn end(args: &Args, layout: Layout, all: &[Judged], out: &mut impl Write) -> Result<()> {
     let pictures = table::pictures(layout, args.out.as_deref(), all);
     write!(out, "\n{}\n{}\n{pictures}", table::verdict(layout, all), layout.legend(all))?;

@@ -1,4 +1,4 @@
-//! The commands: arguments, help, and what is printed.
+//! The commands: arguments, help, and output.
 
 pub mod alter;
 pub mod capture;

@@ -66,7 +66,7 @@ pub struct Span {
     pub count: usize,
 }
 
-/// The parts are counted from 1, as in what is printed.
+/// The parts are counted from 1, as in the output.
 impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { outcome, first, count } = self;

@@ -63,7 +63,7 @@ fn hundredths(mm: f64) -> i32 {
     (mm * 100.0).round() as i32
 }
 
-/// Lines on a sheet, what X and Y are at its upper left corner, and which way Y goes.
+/// Lines on a sheet, the X and Y of its upper left corner, and the direction of Y.
 struct Plan<'a> {
     sheet: Point,
     origin: [f64; 2],

@@ -38,7 +38,7 @@ impl Screen {
             earlier(panic);
         }));
         enable_raw_mode().context("the screen needs a terminal")?;
-        // A line that is written later would stay between what is drawn.
+        // A line that is written later would stay inside the picture.
         output::settle();
         execute!(io::stdout(), EnterAlternateScreen)?;
         let (is_free, has_failed) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));
@@ -78,7 +78,7 @@ pub fn leave() {
     let _ = wait.recv_timeout(PATIENCE);
 }
 
-/// Collects what is drawn until it is complete.
+/// Collects the output of a picture until it is complete.
 struct Picture {
     bytes: Vec<u8>,
     pictures: SyncSender<Vec<u8>>,

@@ -74,7 +74,7 @@ impl Logger {
     /// Reads blocks until `end`, or until `each` returns false. Where the connection is lost it is opened again.
     ///
     /// # Errors
-    /// [`Lost`] when there is no connection at the end; whatever `each` fails with.
+    /// [`Lost`] if there is no connection at the end; any error of `each`.
     pub fn run(
         &mut self,
         end: Option<Duration>,

@@ -123,14 +123,14 @@ pub fn write_event(out: &mut impl Write, note: &str) -> io::Result<()> {
     writeln!(out, "{}{note}", ",".repeat(COLUMNS - 1))
 }
 
-/// The columns of the table, and those of what is computed here.
+/// The columns of the table, including the computed ones.
 const COLUMNS: usize = 32;
 const COMPUTED: usize = 10;
 
 /// Reads a table back: the columns that a comparison needs, by their names.
 ///
 /// # Errors
-/// If a column is missing, or holds something else than numbers.
+/// If a column is missing, or has a value that is not a number.
 pub fn read_states(text: &str) -> Result<Vec<State>> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();

@@ -50,7 +50,7 @@ impl BackgroundTask {
     ///
     /// # Errors
     /// If the registers overlap or are outside 1 to 65535, the period is not within its range, or the name or the comment is
-    /// none by these rules.
+    /// not valid by these rules.
     pub fn program(&self, rules: &Rules) -> Result<Program, TaskError> {
         let (first, scratch) = (u32::from(self.first), u32::from(self.scratch));
         let apart = first + u32::from(PUBLIC) <= scratch || scratch + u32::from(SCRATCH) <= first;
@@ -94,7 +94,7 @@ impl BackgroundTask {
     }
 }
 
-/// The reason for which there is no such task.
+/// The reason that a task is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TaskError {
     /// The registers overlap, or are not in 1..=65535.
@@ -103,7 +103,7 @@ pub enum TaskError {
     /// The period is not 1 ms to 999 s in whole ms.
     #[error("the period of the background task must be 1 ms to 999 s, in whole ms")]
     Period,
-    /// The name or the comment is none by the rules.
+    /// The name or the comment is not valid by the rules.
     #[error(transparent)]
     Encode(#[from] EncodeError),
 }

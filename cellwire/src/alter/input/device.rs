@@ -17,7 +17,7 @@ pub(in crate::alter) enum InputEvent {
 
 /// An input of six axes and some buttons, whose values have an age.
 pub(in crate::alter) trait Input: Send {
-    /// Waits for what comes next, no longer than `wait`. A device that is gone is looked for again, without waiting longer.
+    /// Waits for the next events, no longer than `wait`. A device that is gone is searched for again, without a longer wait.
     fn poll(&mut self, wait: Duration, events: &mut Vec<InputEvent>);
 
     /// Called when the host ends.

@@ -7,7 +7,7 @@ use super::device::{Input, InputEvent};
 use crate::alter::sample::{FULL, Jog, Sample};
 use cellwire_io::clock::Clock;
 
-/// A key moves this long: terminals repeat it thirty times a second, and do not say when it is let go.
+/// The time for which a key moves: terminals repeat it thirty times a second, and do not report its release.
 const HOLD: Duration = Duration::from_millis(120);
 /// The interval at which values without a newer key are renewed.
 const PERIOD: Duration = Duration::from_millis(28);

@@ -93,7 +93,7 @@ fn flush(file: BufWriter<File>) -> Result<()> {
 /// Reads a recording.
 ///
 /// # Errors
-/// If a line is none of a recording, with its number, or the time decreases.
+/// If a line is not one of a recording, with its number, or if the time decreases.
 pub fn read(text: &str) -> Result<Vec<Recorded>> {
     let mut events: Vec<Recorded> = Vec::new();
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.starts_with('#')) {

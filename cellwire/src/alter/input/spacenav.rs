@@ -22,7 +22,7 @@ mod unix {
     use crate::alter::messages::Notification;
     use crate::alter::sample::Sample;
 
-    /// An event. `repeat-interval = 50` in the daemon's `spnavrc` has it repeat what does not change.
+    /// The length of an event. `repeat-interval = 50` in the daemon's `spnavrc` makes it repeat unchanged values.
     const EVENT: usize = 32;
 
     pub(in super::super) struct Spacenav {

@@ -23,7 +23,7 @@ impl Model {
     pub(super) fn key(&mut self, key: KeyEvent, now: Duration) -> Option<Command> {
         self.now = now;
         if let Some(stop) = stop(key) {
-            // The arm has been told already, by the thread that reads the keys.
+            // The robot's thread has the stop already, from the thread that reads the keys.
             self.stopped(stop);
             return None;
         }
@@ -145,7 +145,7 @@ impl Model {
         });
     }
 
-    /// Changes what the hand's values mean: the arm comes to rest first.
+    /// Changes the meaning of the hand's values: the arm comes to rest first.
     fn profile(&mut self, change: impl FnOnce(&mut Profile)) -> Command {
         self.view = View::Options;
         change(&mut self.profile);

@@ -1,7 +1,7 @@
 //! The operator's screen of the teleoperation.
 //!
-//! Three threads besides the host's: one reads the keys, and gives the stop itself to the robot's thread; one writes what was
-//! drawn; this one draws, and does what the other keys ask for. None of them waits for another.
+//! Three threads besides the host's: one reads the keys, and gives the stop itself to the robot's thread; one writes what
+//! was drawn; this one draws, and handles the other keys. The threads do not wait for each other.
 
 mod commands;
 mod keys;

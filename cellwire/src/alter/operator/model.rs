@@ -185,7 +185,7 @@ impl Model {
         }
     }
 
-    /// Takes what the host reported.
+    /// Handles a report of the host.
     pub(super) fn take(&mut self, at: Duration, notification: Notification) {
         self.now = self.now.max(at);
         match notification {

@@ -1,4 +1,4 @@
-//! Messages without what is a plant's own.
+//! Messages without a plant's own contents.
 
 use std::collections::BTreeMap;
 
@@ -89,7 +89,7 @@ impl<'a> Anonymous<'a> {
         *self.replaced.entry(name.to_owned()).or_default() += 1;
     }
 
-    /// Says what was replaced, and what was not.
+    /// Prints the replaced and the unchanged parts.
     pub(super) fn report(&self) {
         let what: Vec<String> =
             self.replaced.iter().map(|(name, count)| format!("{count} in `{name}`")).collect();

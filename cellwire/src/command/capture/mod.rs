@@ -1,4 +1,4 @@
-//! `cellwire capture`: makes tests of what was recorded.
+//! `cellwire capture`: makes tests of recordings.
 
 mod anonymous;
 mod message;
@@ -55,7 +55,7 @@ struct OutArgs {
     out: PathBuf,
 }
 
-/// Returns true when what was asked for is whole.
+/// Returns true if the requested stretch is complete.
 pub fn run(args: &Args) -> Result<bool> {
     match &args.command {
         Command::ToVectors(args) => vectors::run(args),

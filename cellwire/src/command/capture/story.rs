@@ -142,7 +142,7 @@ impl Playing {
     }
 }
 
-/// Prints where what our end sends differs from what was seen.
+/// Prints the differences between the bytes that the project's end sends and the recorded ones.
 fn compare(
     args: &Args,
     side: Option<&'static str>,

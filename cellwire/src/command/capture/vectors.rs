@@ -1,4 +1,4 @@
-//! The messages of a stretch as vectors, and what each side sent as a stream.
+//! The messages of a stretch as vectors, and each side's bytes as a stream.
 
 use anyhow::Result;
 use cellwire_links::codec::{Found, items};
@@ -42,7 +42,7 @@ pub(super) fn run(args: &VectorsArgs) -> Result<bool> {
     for side in of.link.sides {
         let its: Vec<&Message> = messages.iter().filter(|message| message.side == Some(*side)).collect();
         let (Some(first), Some(last)) = (its.first(), its.last()) else { continue };
-        // Behind a gap another stream begins: an end stands for it.
+        // After a gap another stream begins: an end stands for the gap.
         let mut parts: Vec<Vec<u8>> = vec![Vec::new()];
         for message in &its {
             if message.after_gap && parts.last().is_some_and(|part| !part.is_empty()) {

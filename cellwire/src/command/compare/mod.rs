@@ -1,4 +1,4 @@
-//! Where an end departs from what it did then.
+//! The differences of an end from its recorded behaviour.
 
 mod follow;
 mod report;

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use super::PRINTED;
 use cellwire_io::output;
 
-/// The kinds of differences, and what people call them.
+/// The kinds of differences, and their names for people.
 const KINDS: [(&str, &str); 7] = [
     ("values", "with other values"),
     ("command", "with other numbers of a command"),

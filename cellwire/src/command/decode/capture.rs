@@ -289,7 +289,7 @@ fn traced(args: &Args, name: &str, by_keeper: bool) -> Result<Option<&'static st
     }
 }
 
-/// Writes an item; of an end that may be one that polls, only what is a message or missing.
+/// Writes an item; for an end that may only poll, only messages and missing bytes.
 fn write(label: &str, polls: &mut Option<u64>, out: &mut Lines, item: Item<'_>) -> Result<()> {
     match polls {
         Some(bytes) if item.kind == Kind::Error && item.length > 0 => *bytes += item.length,

@@ -100,7 +100,7 @@ fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mu
     Ok(())
 }
 
-/// Standard output, and why it does not accept what is printed: an input that is tied to it has the error too.
+/// Standard output, and the reason that it does not accept output: an input that is tied to it has the error too.
 struct Printed {
     out: BufWriter<io::Stdout>,
     error: Option<io::Error>,

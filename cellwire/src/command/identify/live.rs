@@ -90,7 +90,7 @@ impl Ear<'_> {
         interrupt::requested() || Instant::now() >= self.end
     }
 
-    /// Listens with a setting until a time; unless it listens `on`, until enough was heard.
+    /// Listens with a setting until a time; unless it listens `on`, until enough bytes were received.
     fn listen(&mut self, search: &mut Search, setting: Setting, until: Instant, on: bool) -> Result<()> {
         self.port.set(setting.baud, setting.mode)?;
         search.listening(setting).times += 1;

@@ -32,7 +32,7 @@ impl Change {
 
     /// Returns the changed lines and those around them, as `diff -u` prints them.
     pub(super) fn shown(&self) -> String {
-        // Line ends stay as they are, and a carriage return is none that a terminal needs.
+        // Line ends stay as they are, and a carriage return is not one for a terminal.
         let (before, after) =
             (self.before.replace("\r\n", "\n"), self.document.as_str().replace("\r\n", "\n"));
         let name = self.path.display().to_string();

@@ -63,7 +63,7 @@ enum Command {
     Lsp(lsp::Args),
 }
 
-/// Does what the arguments ask for; returns false if a file was rejected.
+/// Executes the command; returns false if a file was rejected.
 ///
 /// # Errors
 /// When a file cannot be read or written, or arguments do not fit together.
@@ -80,7 +80,7 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
-/// The robot's arm, and what a trajectory counts from.
+/// The robot's arm, and the origin from which a trajectory counts.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ArmArgs {
     #[command(flatten)]

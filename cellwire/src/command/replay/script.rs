@@ -23,11 +23,11 @@ pub(super) struct Part {
     /// When they began.
     pub(super) at: Duration,
     pub(super) bytes: Vec<u8>,
-    /// The bytes of each, and what they say if they are a message.
+    /// The bytes of each, and their message if they are one.
     pub(super) messages: Vec<(Vec<u8>, Option<Value>)>,
     /// The number of messages of the other end that came before it.
     pub(super) after: usize,
-    /// The time since what was before it, of either end.
+    /// The time since the preceding part, of either end.
     pub(super) delay: Duration,
 }
 

@@ -1,4 +1,4 @@
-//! `--set` and `--settings`, and what they take.
+//! `--set` and `--settings`, and their values.
 
 mod list;
 

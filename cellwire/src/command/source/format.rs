@@ -25,7 +25,7 @@ const PACKETS: [[u8; 4]; 7] = [
 /// Detects the format of `input`; returns it with the whole input.
 ///
 /// # Errors
-/// If it cannot be read, or is something else than bytes of a link.
+/// If it cannot be read, or is not bytes of a link.
 pub(super) fn detect(mut input: Box<dyn BufRead>) -> Result<(Format, Box<dyn BufRead>)> {
     let mut begin = Vec::new();
     let format = loop {
@@ -85,7 +85,7 @@ fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
     if first.is_some_and(is_hex) {
         return Ok(Some(Format::Hex));
     }
-    // A text that is none of these may be what a link sends.
+    // A text in none of these formats may be bytes of a link.
     Ok(is_all.then_some(Format::Raw))
 }
 

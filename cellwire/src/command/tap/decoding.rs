@@ -54,7 +54,7 @@ pub(super) enum Told {
     Closed(Option<String>),
 }
 
-/// Decodes what is seen.
+/// Decodes the observed bytes.
 pub(super) struct Decoding<'a> {
     args: &'a LinkArgs,
     /// The rate of the ports.
@@ -108,7 +108,7 @@ impl<'a> Decoding<'a> {
         })
     }
 
-    /// Takes what is seen; `tell` gets what is clear now, and what is wrong with it.
+    /// Handles observed bytes; `tell` gets the messages that are certain now, and the complaints.
     pub(super) fn take(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
         let Seen { at, connection, from, what } = seen;
         self.pass_time(*at, tell)?;

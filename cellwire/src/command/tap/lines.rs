@@ -11,7 +11,7 @@ use super::decoding::{Decoding, Entry, Told, UNKNOWN, hex};
 use crate::io::tap::{Place, Seeing};
 use cellwire_io::output::{self, remark};
 
-/// Prints what is seen, until there is nothing more to see.
+/// Prints the observations until there are no more.
 pub(super) fn print(mut decoding: Decoding<'_>, seen: &Seeing) {
     let mut tell = |entry: Entry| if admits(&entry) { output::log(&line(entry)) } else { Ok(()) };
     loop {

@@ -1,4 +1,4 @@
-//! `cellwire tap`: stands between two ends, or listens to them, and shows what they say.
+//! `cellwire tap`: connects two ends, or listens to them, and shows their messages.
 
 mod decoding;
 mod lines;

@@ -1,4 +1,4 @@
-//! One line that carries both directions, told apart by what they say.
+//! One line that carries both directions, which are distinguished by their contents.
 
 use std::collections::VecDeque;
 use std::time::SystemTime;
@@ -9,8 +9,8 @@ use serde_json::Value;
 use crate::command::codec::LinkArgs;
 use cellwire_links::codec::{Item, Kind, Stream};
 
-/// Reads everything as what either side sends. Where both have a message at one place, it is that of the side that has not
-/// spoken last: on a line for both directions, ends take turns.
+/// Decodes all bytes as either side's. If both have a message at one offset, it belongs to the side that did not send last:
+/// on a line for both directions, the ends take turns.
 pub(super) struct Split {
     sides: Vec<Side>,
     /// The offset of the first byte whose sender is not yet known.
@@ -62,7 +62,7 @@ impl Split {
         !self.held.is_empty()
     }
 
-    /// Takes bytes; `say` gets what is clear now, in order.
+    /// Takes bytes; `say` gets the messages that are certain now, in sequence.
     pub(super) fn push(
         &mut self,
         now: SystemTime,

@@ -94,7 +94,7 @@ impl Port {
     }
 }
 
-/// A session and what carries its bytes.
+/// A session, and the transport of its bytes.
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Client {
     port: Port,
@@ -156,10 +156,10 @@ impl Client {
         })
     }
 
-    /// Makes one request, and gives what `read` makes of the reply.
+    /// Makes one request, and returns the result of `read` for the reply.
     ///
     /// # Errors
-    /// [`Lost`] when the connection is: [`lost`](Self::lost) says what that makes of the request; the request is one that the
+    /// [`Lost`] if the connection is lost: [`lost`](Self::lost) describes the effect on the request; also a request that the
     /// specification does not allow.
     pub fn ask<T>(
         &mut self,
@@ -287,7 +287,7 @@ impl Client {
         false
     }
 
-    /// Reads what comes in the meantime, for this long: unexpected replies, and the end of the connection.
+    /// Reads the bytes that come meanwhile, for this long: unexpected replies, and the end of the connection.
     ///
     /// # Errors
     /// As [`ask`](Self::ask).

@@ -113,7 +113,7 @@ impl Mapping {
         }
     }
 
-    /// Takes what a client has written to some registers into the variables.
+    /// Copies the values that a client has written to some registers into the variables.
     pub fn take(&self, written: Range<usize>, registers: &[u16], memory: &mut Memory) {
         for area in &self.areas {
             if let Some(words) = registers.get(area.registers.clone()) {
@@ -273,7 +273,7 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         assert_eq!(registers[..5], [0, 0x3F00, 123, 50_000, 5]);
         assert_eq!(registers[150 + 44], 1, "PR[3] has joints");
         assert_eq!(registers[200..203], [0x5041, 0x5254, 0]);
-        // A client writes R[4], and PR[2] as what PR[3] is.
+        // A client writes R[4], and writes PR[2] with the value of PR[3].
         registers[3] = (-25_i16).cast_unsigned();
         mapping.take(3..4, &registers, &mut memory);
         assert_eq!((memory.numbers[&4], memory.numbers[&3]), (-2.5, 12.3));

@@ -26,7 +26,7 @@ pub struct FanucSettings {
     pub stall: Duration,
     /// The time for which the rest of a request is awaited on a serial line; `None`: 20 ms and 32 characters.
     pub frame_timeout: Option<Duration>,
-    /// Whether the line returns what is sent.
+    /// Whether the line returns the sent bytes.
     pub echo: bool,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
@@ -94,7 +94,7 @@ impl Default for ProgramSettings {
 
 impl Configure for ProgramSettings {
     fn configure(&mut self, fields: &mut impl Fields) {
-        // Two of the others are of `ls run` alone, and one follows from what is given.
+        // Two of the others are of `ls run` alone, and one follows from the given ones.
         let Self { program, assignments, robot, joints, inputs, repeat, telemetry, .. } = self;
         let about = "the program that the robot runs; programs that it calls are in the same folder";
         fields.text("program", "an LS file", "the robot goes around a circle", about, program);
@@ -115,7 +115,7 @@ impl Configure for ProgramSettings {
 }
 
 impl ProgramSettings {
-    /// Checks that there are no settings that have no effect without a program.
+    /// Checks that no settings are given that have no effect without a program.
     ///
     /// # Errors
     /// If one of them is given without a program.

@@ -12,7 +12,7 @@ use super::inputs::Inputs;
 use super::mapping::Mapping;
 use super::program::{Machine, Place};
 
-/// A robot that runs a program, and what its controller shows of it.
+/// A robot that runs a program, and the view of it in its controller.
 #[derive(Debug)]
 pub struct Robot {
     /// The program.

@@ -127,7 +127,7 @@ const BACKGROUND_REGISTERS: u32 = 19;
 /// Makes the robot that runs a program; the parts of the program that are not simulated are the first of its events.
 ///
 /// # Errors
-/// If a file cannot be read, or is not what it should be.
+/// If a file cannot be read, or has another content than required.
 pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Result<Robot> {
     let (main, programs, findings) = load(program, &settings.macros)?;
     let overwritten = match settings.leaves_registers {
@@ -159,7 +159,7 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
     Ok(Robot::new(machine, mapping, inputs, telemetry))
 }
 
-/// Lets the program run also while no client asks, and prints what it reports.
+/// Lets the program run even while there are no requests, and prints its reports.
 ///
 /// # Errors
 /// If the system has no room for a thread.

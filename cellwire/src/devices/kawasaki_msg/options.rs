@@ -1,4 +1,4 @@
-//! The settings of the link: of both ends, and of what is simulated around them.
+//! The settings of the link: of both ends, and of the simulated surroundings.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! The simulated robot, which draws what a PC sends.
+//! The simulated robot, which draws the PC's orders.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

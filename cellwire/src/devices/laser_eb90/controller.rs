@@ -39,7 +39,7 @@ pub struct RobotCounts {
 }
 
 impl RobotCounts {
-    /// Adds what was counted before or after a restart.
+    /// Adds the counts from before or after a restart.
     pub fn add(&mut self, other: &Self) {
         self.forgotten.extend_from_slice(&other.forgotten);
         self.refused += other.refused;
@@ -159,8 +159,8 @@ impl Switch {
     }
 }
 
-/// Answers frames and executes what is queued until it is switched off, or until the connection is gone. `executed` takes what
-/// was executed, in that order; it was started for the `boot`-th time.
+/// Answers frames and executes the queue until the robot is switched off, or until the connection is gone. `executed`
+/// receives the executed instructions in sequence; `boot` is the number of the robot's starts.
 ///
 /// # Errors
 /// If an event cannot be reported, or the queue cannot be as long as asked.

@@ -13,8 +13,8 @@ pub struct Taken {
     pub values: [i16; AXES],
 }
 
-/// The replies as the robot took them, judged as they come. Each ALTER begins from rest, and the arm stands where a reply is
-/// missing: what comes after the gap begins from rest too.
+/// The replies as the robot took them, judged as they come. Each ALTER begins from rest, and the arm stops if a reply is
+/// missing: the replies after the gap begin from rest too.
 #[derive(Debug, Clone, Default)]
 pub struct Judge {
     /// The last reply, and its speeds.

@@ -1,4 +1,4 @@
-//! val2-alter in the tool: the simulated robot, and what its host is measured by.
+//! val2-alter in the tool: the simulated robot, and the measure of its host.
 
 mod control;
 pub mod judge;

@@ -1,4 +1,4 @@
-//! The simulated PUMA 562 on its MARK III controller, and what is measured of its host.
+//! The simulated PUMA 562 on its MARK III controller, and the measurements of its host.
 
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -130,7 +130,7 @@ fn simulator(config: &PumaConfig) -> Result<Simulator<MarkIii>> {
     Ok(Puma { incidents: incidents.clone(), ..puma.clone() }.simulator()?.keeping_nothing())
 }
 
-/// Runs the robot's program until told to stop, or until the connection is gone.
+/// Runs the robot's program until it is stopped, or until the connection is gone.
 ///
 /// # Errors
 /// If an event cannot be reported.

@@ -47,7 +47,7 @@ pub(super) struct Frame<'a> {
     pub(super) data: &'a [u8],
     /// The length of the packet on the wire.
     pub(super) original: u32,
-    /// When it was captured, since 1970; a simple packet of pcapng does not say.
+    /// The time of capture since 1970; `None` for a simple packet of pcapng, which has no time.
     pub(super) at: Option<Duration>,
     /// The byte order of the file, which is that of usbmon's headers.
     pub(super) is_big: bool,
@@ -104,7 +104,7 @@ impl Blocks {
             bail!(unreadable(data).unwrap_or_else(|| NONE.into()));
         };
         let length = header.size();
-        // The upper bits say how long the checksum after each packet is, which belongs to none of the headers.
+        // The upper bits give the length of the checksum after each packet, which belongs to none of the headers.
         let link_type = header.network.0.cast_unsigned() & 0x0FFF_FFFF & 0xFFFF;
         blocks.form = Form::Pcap { header, link_type };
         blocks.skip(length);

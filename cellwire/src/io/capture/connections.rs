@@ -261,7 +261,7 @@ impl<T> Connection<T> {
 
     /// Returns whether a packet asks only whether the connection is alive, at the beginning of the capture: it repeats the
     /// byte before the next one. The other end has acknowledged that byte; if it has not sent anything yet, the packet is
-    /// not the end of what a program has written. Later ones are known by their position.
+    /// not the end of a program's bytes. Later ones are known by their position.
     fn keeps_alive(&mut self, sender: usize, packet: &Packet<'_>) -> bool {
         let Some(segment) = packet.segment else { return false };
         if let (Some(other), Some(next)) = (self.directions.get_mut(1 - sender), segment.acknowledges) {

@@ -1,5 +1,5 @@
-//! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and what keeps some of them from being
-//! read. They are files of pcap and pcapng, the text of hex dumps, output of strace or socat, and traces.
+//! Captures: the bytes of TCP connections, UDP, serial lines and USB serial adapters, and the reasons that some of them
+//! cannot be read. They are files of pcap and pcapng, the text of hex dumps, output of strace or socat, and traces.
 //!
 //! Everything is reported: bytes that should be a link's but cannot be read are a [`Fault`], and packets that never contain them
 //! are counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the

@@ -58,7 +58,7 @@ impl Reassembly {
         self.started.is_some()
     }
 
-    /// Takes a segment, `cut` bytes of which the capture has cut off; `take` gets what is now in order.
+    /// Takes a segment, `cut` bytes of which the capture has cut off; `take` gets the bytes that are now in sequence.
     ///
     /// # Errors
     /// The error that `take` returns.
@@ -78,7 +78,7 @@ impl Reassembly {
         let start = next.saturating_add_signed(i64::from(sequence.wrapping_sub(number).cast_signed()));
         let end = start + payload.len() as u64;
         if start < ORIGIN && !(payload.len() <= 1 && start + 1 == next) {
-            // Else it asks whether the connection is alive: the byte before the next is sent again.
+            // Otherwise it is a keepalive: the byte before the next is sent again.
             take(Piece::BeforeStart(end.min(ORIGIN) - start))?;
         }
         self.report_late(start, end, &mut take)?;

@@ -215,7 +215,7 @@ impl Writer {
 }
 
 impl Missing {
-    /// Reports what is missing, if anything was not reported, and the last report is as old as this.
+    /// Reports the missing packets, if some were not reported, and the last report is at least this old.
     fn report(&mut self, path: &Path, after: Duration) {
         if self.count > self.reported && self.at.is_none_or(|at| at.elapsed() >= after) {
             let (path, count) = (path.display(), self.count);

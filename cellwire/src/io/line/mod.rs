@@ -362,7 +362,7 @@ impl Line {
         self.receiving.next().filter(|_| !self.is_full())
     }
 
-    /// Notes what has arrived, and drops what is on the line when a client has left.
+    /// Notes the arrived bytes, and drops those on the line when a client has left.
     fn forget(&mut self) {
         let left = self.client.left.load(Ordering::Acquire);
         if core::mem::replace(&mut self.left, left) != left {

@@ -14,11 +14,11 @@ use cellwire_io::serial;
 /// A client that opens the other end is looked for this often.
 const GLANCE: Duration = Duration::from_millis(5);
 
-/// Forwards what clients write, with the time at which it was read, until the line is dropped. When it is not taken, the
+/// Forwards the bytes of clients, with the time of each read, until the line is dropped. If the bytes are not accepted, the
 /// client waits.
 pub(super) fn read(mut port: Box<dyn SerialPort>, path: &Path, feed: &Feed) {
     let mut buffer = [0; CHUNK];
-    // When the client has closed its end, until what it has sent is carried.
+    // After the client has closed its end: the time until which its bytes are carried.
     let mut closed: Option<Duration> = None;
     while feed.is_wanted() {
         if feed.is_ended() {

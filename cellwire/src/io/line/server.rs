@@ -39,7 +39,8 @@ pub(super) struct Server {
     idle_timeout: Option<Duration>,
     shared: Shared,
     connection: Option<Connection>,
-    /// The client that has come while there is another one, and when: until what that has sent is carried, or it is refused.
+    /// A client that came while there is another one, with the time: it waits until the bytes of that one are carried, or is
+    /// refused.
     next: Option<(TcpStream, SocketAddr, Duration)>,
     /// A client may wait to be accepted.
     has_arrivals: bool,
@@ -82,7 +83,7 @@ impl Server {
         Ok((server, client))
     }
 
-    /// Forwards what the client sends, with the time at which it was read, until the line is dropped.
+    /// Forwards the client's bytes, with the time of each read, until the line is dropped.
     pub(super) fn run(mut self, feed: &Feed) {
         while feed.is_wanted() {
             let is_due = self.has_arrivals || self.next.is_some();
@@ -184,8 +185,8 @@ impl Connection {
         self.held.is_some() || self.left.is_some()
     }
 
-    /// Reads what the line has room for. An error is the end of the connection, and why, unless the client has ended it and
-    /// what it has sent is carried.
+    /// Reads as many bytes as fit the line. An error is the end of the connection, and its reason, unless the client has
+    /// ended it and its bytes are carried.
     fn serve(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
         let now = feed.clock.now();
         if self.left.is_some_and(|left| now.saturating_sub(left) >= CARRIED) {

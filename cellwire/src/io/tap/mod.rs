@@ -19,7 +19,7 @@ pub const CHUNK: usize = 16 * 1024;
 /// The number of pieces that may wait for a watcher: of the longest, 64 MiB.
 const WAITING: usize = 4096;
 
-/// One of the two ends: of a TCP connection `A` is the client, and on a serial line what is at the port `--a`.
+/// One of the two ends: of a TCP connection `A` is the client, and on a serial line the device at the port `--a`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum End {
     /// The client.
@@ -74,7 +74,7 @@ pub enum Place {
     Udp(SocketAddr, SocketAddr),
     /// Two serial ports, A's and B's.
     Ports([String; 2]),
-    /// A serial line that carries what both send.
+    /// A serial line that carries the bytes of both ends.
     Line(String),
 }
 
@@ -94,7 +94,7 @@ struct Sink {
 /// Events for which a queue had no room, and whether the tap ends.
 #[derive(Debug, Default)]
 struct Rest {
-    /// The number of bytes, by connection and end, and everything else.
+    /// The number of bytes, by connection and end, and all other observations.
     missed: Mutex<Vec<Seen>>,
     has_missed: AtomicBool,
     /// Nothing more is seen.
@@ -172,7 +172,7 @@ impl Seeing {
         if !self.rest.has_missed.load(Ordering::Acquire) {
             return None;
         }
-        // While this is locked nothing passes what was missed.
+        // While this is locked, no event overtakes the missed ones.
         let mut missed = self.rest.missed();
         let seen = self.queue.try_recv().ok();
         seen.or_else(|| (!missed.is_empty()).then(|| missed.remove(0)))

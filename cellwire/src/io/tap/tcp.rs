@@ -88,7 +88,7 @@ impl Connection<'_> {
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 Err(error) => return self.end_both([from, to], end, &error),
             };
-            // First, so that an answer is not seen before what it answers.
+            // Reported first, so that an answer is not seen before its request.
             self.watch.see(self.number, end, What::Bytes(Arc::from(bytes)));
             if let Err(error) = to.write_all(bytes) {
                 return self.end_both([from, to], end.other(), &error);

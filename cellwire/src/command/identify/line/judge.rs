@@ -1,4 +1,4 @@
-//! The likelihood of each setting of a line, by the bytes that were heard with it.
+//! The likelihood of each setting of a line, by the bytes that were received with it.
 
 use anyhow::Result;
 use cellwire_identify::{Finding, Sender, Stream, identify};
@@ -20,12 +20,12 @@ const NEVER_LOW: f64 = -20.0;
 /// The highest weight of a link that explains the bytes, in bits.
 const EXPLAINED: f64 = 40.0;
 
-/// A setting, and what speaks for it.
+/// A setting, and the evidence for it.
 #[derive(Debug, Clone, Serialize)]
 pub(in super::super) struct Judged {
     #[serde(flatten)]
     pub(in super::super) setting: Setting,
-    /// The characters that were heard, and how many of them were broken.
+    /// The number of received characters, and of broken ones among them.
     pub(in super::super) characters: usize,
     pub(in super::super) broken: usize,
     /// The share that a text has: letters, digits, and ends of lines.
@@ -58,7 +58,7 @@ impl Judged {
         }
     }
 
-    /// Adds what a link makes of the bytes.
+    /// Adds a link's reading of the bytes.
     pub(in super::super) fn explain(&mut self, links: &[&'static Link], heard: &Heard) -> Result<()> {
         let stream =
             Stream { sender: Sender::Unknown, parts: vec![heard.bytes.clone()], arrivals: Vec::new() };

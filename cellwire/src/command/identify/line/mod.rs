@@ -1,5 +1,5 @@
-//! How a serial line that is listened to divides bits into bytes: which rates and formats to listen with in turn, and which
-//! of them explain what was heard. It opens no port: see [`cellwire_io::marked`].
+//! The division of a serial line's bits into bytes: the rates and formats to listen with in turn, and those that explain the
+//! received bytes. No port is opened here: see [`cellwire_io::marked`].
 
 mod judge;
 #[cfg(test)]
@@ -104,7 +104,7 @@ impl Serialize for Setting {
 }
 
 impl Heard {
-    /// Takes what a port gave that marks errors: FF 00 and the character where it is broken, FF FF for FF.
+    /// Takes the bytes of a port that marks errors: FF 00 and a broken character, FF FF for FF.
     pub(super) fn take(&mut self, time: Duration, marked: &[u8]) {
         self.arrivals.push((self.bytes.len(), time));
         for byte in marked {
@@ -160,7 +160,7 @@ impl Search {
         heard.count() >= ENOUGH
     }
 
-    /// Returns the place for the bytes that are heard with a setting.
+    /// Returns the record of the bytes that are received with a setting.
     pub(super) fn listening(&mut self, setting: Setting) -> &mut Heard {
         if self.heard(setting).is_none() {
             self.heard.push((setting, Heard::default()));

@@ -148,7 +148,7 @@ fn stem(path: &Path) -> Option<String> {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned())
 }
 
-/// Prints what the LS files in and below a folder are and have. False when there was an error.
+/// Prints a summary of the LS files in and below a folder. Returns false if there was an error.
 pub(super) fn summarize(folder: &Path) -> Result<bool> {
     let (mut sums, mut errors) = ([0; 5], 0);
     let mut kinds: BTreeMap<(core::cmp::Reverse<Level>, String), (usize, usize)> = BTreeMap::new();

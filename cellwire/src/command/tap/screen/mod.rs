@@ -38,7 +38,7 @@ pub(super) fn remarks() -> Receiver<String> {
     remarks
 }
 
-/// Shows what is seen, and these remarks, until the user ends it with q, or there is nothing more to see.
+/// Shows the observations and these remarks until the user ends it with q, or there are no more.
 ///
 /// # Errors
 /// If the terminal cannot be used.

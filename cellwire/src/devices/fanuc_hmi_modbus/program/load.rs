@@ -1,4 +1,4 @@
-//! LS files as something that runs, and what of them does not.
+//! Loads LS files for the simulator, and lists their instructions that it does not simulate.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -23,7 +23,7 @@ pub enum Step {
     Motion(Box<Motion>),
     /// Another instruction.
     Operation(Box<Operation>),
-    /// Nothing is done: a comment, or what is not modelled.
+    /// No effect: a comment, or an instruction that is not simulated.
     Pass,
 }
 
@@ -42,8 +42,8 @@ pub struct Finding {
     pub places: Vec<String>,
 }
 
-/// Reads a program and those that it calls, which are beside it. Gives its name, all of them, and what is not modelled, each
-/// once.
+/// Reads a program and the programs that it calls, in the same folder. Returns its name, all programs, and the instructions
+/// that are not simulated, each once.
 ///
 /// # Errors
 /// If the file cannot be read, or a controller would not take it.

@@ -1,4 +1,4 @@
-//! A position of a program or of a register, and what a register of Modbus holds of it.
+//! A position of a program or of a register, and its form in Modbus registers.
 
 use fanuc_hmi_modbus::PositionRegister;
 use fanuc_hmi_modbus::position::{Cartesian, Configuration};

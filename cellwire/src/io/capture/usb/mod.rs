@@ -23,7 +23,7 @@ const MAX_DEVICES: usize = 256;
 /// An FTDI is known by the status bytes of this many packets.
 const STATUS_PACKETS: usize = 4;
 
-/// A packet that brings bytes of a link, or shows what an adapter is.
+/// A packet with bytes of a link, or with the description of an adapter.
 pub(super) struct Captured<'a> {
     pub(super) number: u64,
     pub(super) at: Option<Duration>,
@@ -57,7 +57,7 @@ struct Device {
     requests: Vec<([u8; 8], Vec<u8>)>,
     waiting: Vec<Waiting>,
     waiting_bytes: usize,
-    /// The packets that say nothing of a link.
+    /// The number of packets without information about a link.
     ignored: u64,
 }
 
@@ -66,7 +66,7 @@ enum Is {
     #[default]
     Unknown,
     Adapter(Adapter),
-    /// Something else.
+    /// Any other packet.
     Other,
 }
 
@@ -275,7 +275,7 @@ impl Device {
             })
     }
 
-    /// Passes on what waits, now that it is known what the device is, or will not be.
+    /// Passes on the waiting packets, after the device has become known or will remain unknown.
     fn tell(&mut self, (bus, device): (u16, u16), take: Take<'_>) -> Result<()> {
         self.waiting_bytes = 0;
         let waiting = std::mem::take(&mut self.waiting);

@@ -275,7 +275,7 @@ impl Machine {
         }
     }
 
-    /// Gives `f` the memory and what expressions need to know.
+    /// Calls `f` with the memory and the context of expressions.
     fn with<T>(
         &mut self,
         loaded: &Loaded,

@@ -141,7 +141,7 @@ impl Link {
         first(&self.to_a).into_iter().chain(first(&self.to_b)).min()
     }
 
-    /// Breaks the connection: of what is in flight, a beginning still arrives, then [`Delivery::Closed`].
+    /// Breaks the connection: a part of the bytes in flight still arrives, then [`Delivery::Closed`].
     pub fn disconnect(&mut self, now: Duration) {
         if !self.connected {
             return;

@@ -1,4 +1,4 @@
-//! A serial line as the bits that it carries, and what a receiver makes of them that samples at another rate, or in another
+//! A serial line as the bits that it carries, and the reading of a receiver that samples at another rate, or in another
 //! format.
 //!
 //! Times are in bits of the sender's: a receiver at twice its rate samples every half.

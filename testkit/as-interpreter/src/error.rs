@@ -1,7 +1,7 @@
 use core::fmt;
 
-/// The reason that a statement cannot be executed. The controller stops the task and shows a number; these numbers
-/// are ours.
+/// The reason that a statement cannot be executed. The controller stops the task and shows a number; these numbers are the
+/// project's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Error {
     /// The variable has no value.

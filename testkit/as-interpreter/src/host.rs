@@ -6,7 +6,7 @@ use crate::value::Pose;
 /// A command to the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Along a straight line (`LMOVE`), else by the joints (`JMOVE`).
+    /// Along a straight line (`LMOVE`), otherwise by the joints (`JMOVE`).
     pub straight: bool,
     /// The goal of the motion.
     pub to: Pose,

@@ -1,6 +1,6 @@
 //! The part of Kawasaki's AS language that the program in `kawasaki-msg/controller` uses. Never published.
 //!
-//! Written against the rules that the manuals and public programs show, where they differ from what one would expect:
+//! Written against the rules that the manuals and public programs show, in particular the surprising ones:
 //!
 //! - a variable is a real, a string (`$name`) or a location; a real has 24 bits, TRUE is −1, a string ends after 255 bytes
 //! - a name has at most 15 characters, an index is 0 to 9999, a line holds one statement

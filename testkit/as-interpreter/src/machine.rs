@@ -91,7 +91,7 @@ impl Machine {
         Ok(self.tasks.len() - 1)
     }
 
-    /// Restarts the program of a task: it was stopped, and what all tasks share is as it left it.
+    /// Restarts the program of a task after a stop; the state that tasks share is unchanged.
     pub fn restart(&mut self, task: usize) {
         if let Some(task) = self.tasks.get_mut(task) {
             task.frames = frame(&self.program, task.program).into_iter().collect();

@@ -18,7 +18,7 @@ impl Program {
     /// Loads a file.
     ///
     /// # Errors
-    /// The first line that is none of the subset, or breaks a limit of the language.
+    /// The first line that is not of the subset, or that breaks a limit of the language.
     pub fn parse(source: &str) -> Result<Self, ParseError> {
         let mut names = Names::default();
         let mut bodies = Vec::new();

@@ -1,4 +1,4 @@
-//! One `.PROGRAM`: its lines, and what is read from them.
+//! One `.PROGRAM`: its lines, and their parsed form.
 
 use crate::statement::Statement;
 

@@ -90,7 +90,7 @@ where
     assert!(events.iter().all(|count| *count > 0), "{events:?}");
 }
 
-/// Hands over what one end sends to the other. How much it has reported.
+/// Passes the bytes of one end on to the other. Returns the number of reported events.
 fn turn<A, B>(from: &mut A, to: &mut B, now: Duration) -> usize
 where
     A: Session<Event: Format + Debug>,

@@ -1,5 +1,5 @@
-//! One program an end: it does what a board does, and prints how many bytes of RAM that takes. Its code is all that the end
-//! links.
+//! One program per end: it does the work of a board, and prints the bytes of RAM that it needs. Its code is exactly the code
+//! that the end links.
 #![allow(unused_imports, unused_macros, reason = "a program uses what it needs")]
 
 use core::hint::black_box;

@@ -38,7 +38,7 @@ struct RefusedConfig {
     clauses: Vec<String>,
 }
 
-/// A message object and who sends it.
+/// A message object and its sender.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Word {

@@ -1,4 +1,4 @@
-//! `values` of `reference/vectors/<link>.json`: what addresses, registers and words mean.
+//! `values` of `reference/vectors/<link>.json`: the meaning of addresses, registers and words.
 
 use anyhow::{Context, Result, bail};
 use cellwire_motion::{Observation, Tracker};

@@ -1,4 +1,4 @@
-//! `reference/vectors/<link>.json`: frames, each with its message or its error, and what an encoder refuses.
+//! `reference/vectors/<link>.json`: frames, each with its message or its error, and the messages that an encoder rejects.
 
 use std::path::Path;
 

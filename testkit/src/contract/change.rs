@@ -73,7 +73,7 @@ fn places(value: &Value) -> usize {
     }
 }
 
-/// Calls `act` with the value of a place, or says how many places fewer are left.
+/// Calls `act` with the value at an index, or returns the index less the number of values that were passed.
 fn visit(value: &mut Value, place: usize, act: &mut impl FnMut(&mut Value)) -> Option<usize> {
     let Some(left) = place.checked_sub(1) else {
         act(value);

@@ -14,7 +14,7 @@ use super::open::Open;
 use super::tabled::Tabled;
 use crate::reference;
 
-/// The part of a story that says which inputs and calls an end accepts.
+/// The part of a story with the inputs and calls that an end accepts.
 #[derive(Debug)]
 pub struct Story {
     /// The configuration.
@@ -36,7 +36,7 @@ pub struct Call {
     changes: Vec<Change>,
 }
 
-/// An end, and what is done with it.
+/// An end, and the acts on it.
 #[derive(Debug)]
 pub struct Held {
     /// The name of the end.

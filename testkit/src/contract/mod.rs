@@ -1,4 +1,4 @@
-//! Decoders and ends of the table as what [`robot_session::contract`] holds to the contract.
+//! Decoders and ends of the table in the form that [`robot_session::contract`] tests.
 
 mod change;
 #[cfg(feature = "contract")]

@@ -6,7 +6,7 @@ use cellwire_links::end::End;
 use robot_session::Session;
 use serde_json::Value;
 
-/// At least what any end reads or writes at once.
+/// A size that is at least the bytes that any end reads or writes at once.
 const MOST: usize = 4096;
 
 #[allow(missing_debug_implementations, reason = "not every end implements it")]

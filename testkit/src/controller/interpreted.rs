@@ -353,7 +353,7 @@ impl Default for Port {
 }
 
 impl Port {
-    /// Strings of what has come, by chance shorter than they could be, and some empty.
+    /// Splits the received bytes into strings, by chance shorter than possible, and some empty.
     fn strings(&mut self, longest: usize) -> Vec<Vec<u8>> {
         let taken = self.received.len().min(4096);
         let taken: Vec<u8> = self.received.drain(..taken).collect();

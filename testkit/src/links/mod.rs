@@ -1,4 +1,4 @@
-//! Every link's adapter to what the tests share: its pair of machines as a system that the model explores.
+//! The adapters of every link to the shared tests: its pair of machines as a system that the model explores.
 
 pub mod fanuc_hmi_modbus;
 pub mod isra_ball;

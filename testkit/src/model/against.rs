@@ -42,7 +42,7 @@ pub trait Peer {
     /// Appends the steps that are possible now.
     fn words(&self, end: &Self::End, known: &Self::Known, words: &mut Vec<Self::Word>);
 
-    /// Returns who acts in a step.
+    /// Returns the actor of a step.
     fn by(&self, word: Self::Word) -> By;
 
     /// Applies a step; returns the end's input, if there is one.
@@ -135,13 +135,13 @@ pub type CauseOf<P> = Cause<<P as Peer>::Word, TransmitOf<P>>;
 pub struct Against<P> {
     /// The peer.
     pub peer: P,
-    /// The end is called late now and then: what is due waits, and time passes.
+    /// The end is called late at times: due work waits, and time passes.
     pub late: bool,
     /// The connection is lost and the end's process restarted at any moment.
     pub breaks: bool,
 }
 
-/// The end, and what is known beside it.
+/// The end, and the knowledge about its peer and user.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Scene<E, K> {
     /// The end.
@@ -171,7 +171,7 @@ pub enum Act<W> {
     Word(W),
 }
 
-/// The end of a peer, and what is known of the peer.
+/// The end of a peer, and the knowledge about the peer.
 pub type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
 
 impl<P: Peer> Against<P> {

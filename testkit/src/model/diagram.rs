@@ -1,4 +1,4 @@
-//! Pictures of what the model has seen.
+//! Diagrams of the transitions that the model has visited.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -33,7 +33,7 @@ fn does_something(edge: &Edge) -> bool {
     !matches!(edge.action.as_str(), "" | "Nothing" | "None")
 }
 
-/// Compares a committed file with what it should hold, or writes it.
+/// Compares a committed file with its expected content, or writes it.
 ///
 /// # Errors
 /// The file's; one that differs is `InvalidData`, with the command that writes it.

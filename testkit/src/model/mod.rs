@@ -1,7 +1,7 @@
 //! The model: both machines of a link, the line between them and the people at either end, explored exhaustively.
 //!
-//! A link's crate holds a pure machine for each end. `testkit::links` puts both together as a [`System`]: what can happen in a
-//! state, what then follows, which properties do not hold. [`explore()`] visits every state breadth first, so that a broken
+//! A link's crate contains a pure machine for each end. `testkit::links` joins both to a [`System`]: the possible acts in a
+//! state, their results, and the broken properties. [`explore()`] visits every state breadth first, so that a broken
 //! property comes with a shortest path to it.
 //!
 //! Time in a model is always zero: a tick of the system takes its length from every deadline, see [`age`]. States that behave

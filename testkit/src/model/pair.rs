@@ -40,7 +40,7 @@ pub enum Depth {
     Deep,
 }
 
-/// A system to explore, and what its bounds and faults are called.
+/// A system to explore, and the names of its bounds and faults.
 pub struct Setting {
     /// Bounds and faults in words: `2 batches, 2 faults of any kind`.
     pub name: String,

@@ -34,8 +34,8 @@ impl Refined {
     }
 }
 
-/// Walks every state and every transition of a system with sessions that are `new` for each path. `walk` does to them what an act
-/// does to the state before it, with the state after it and the path to there; `compare` panics where they differ from a state.
+/// Walks every state and every transition of a system with sessions that are `new` for each path. `walk` applies an act to
+/// them, given the states before and after it and the path to it; `compare` panics if they differ from a state.
 pub fn refine<S: System, R>(
     system: &S,
     new: impl Fn() -> R,

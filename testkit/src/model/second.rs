@@ -1,7 +1,7 @@
 //! A second opinion: any system as a model of `stateright`.
 //!
-//! Its search shares nothing with ours but the system. Its traces are not the shortest, and its liveness misses cycles: it
-//! counts.
+//! Its search shares only the system with the project's own. Its traces are not the shortest, and its liveness misses
+//! cycles: it is used to count.
 
 use std::sync::Arc;
 

@@ -4,10 +4,10 @@ use core::{fmt::Debug, hash::Hash};
 
 use super::machine::Edge;
 
-/// A closed system: both machines, what is in flight between them, what their users and the faults may still do, and what is
-/// known of every job.
+/// A closed system: both machines, the messages in flight between them, the remaining acts of users and faults, and the
+/// known state of every job.
 pub trait System {
-    /// Everything that decides what happens next, with times that are relative to now.
+    /// The basis of all decisions about the next act, with times relative to now.
     type State: Clone + Eq + Hash + Debug;
     /// One thing that happens.
     type Act: Copy + PartialEq + Debug;

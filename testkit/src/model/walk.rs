@@ -184,7 +184,7 @@ impl<P: Wired> Walk<'_, P> {
 
     /// Says a word: whole, in two parts with a pause between them, with the next word, or until the connection breaks.
     fn say(&mut self, word: P::Word, mut bytes: Vec<u8>) {
-        // Bytes that arrive at a deadline do what is due first.
+        // Bytes that arrive at a deadline first cause the work that is due.
         if self.is_calm || self.scene.end.expires(Duration::ZERO) {
             return self.deliver(word, &bytes);
         }

@@ -63,7 +63,7 @@ pub trait Wired: Peer {
         true
     }
 
-    /// Clears what the model does not count in a session's machine, such as job numbers.
+    /// Clears the parts of a session's machine that the model does not count, such as job numbers.
     fn forget(&self, _machine: &mut Self::End) {}
 }
 
@@ -87,7 +87,7 @@ impl<'a, P: Wired> Follower<'a, P> {
     /// Applies an act to the session. Returns the bytes of a word, for [`hear`](Self::hear).
     ///
     /// # Errors
-    /// The session sends or reports something else than its machine has decided.
+    /// The session sends or reports something other than its machine's decision.
     pub fn act(&mut self, scene: &SceneOf<P>, act: Act<P::Word>) -> Result<Vec<u8>, String> {
         let now = self.now;
         let mut bytes = Vec::new();

@@ -1,5 +1,5 @@
 //! Serial lines as a UART with a FIFO, a USB adapter and a serial device server deliver them: in pieces, and late. The table
-//! of what is answered: `cargo test -p testkit --test it adapters -- --nocapture`.
+//! of answered messages: `cargo test -p testkit --test it adapters -- --nocapture`.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -74,7 +74,7 @@ impl Adapter {
     }
 }
 
-/// One end, what is on its way to it, and when the line that it sends on is free.
+/// One end, the bytes on their way to it, and the time at which its sending line is free.
 struct Side {
     end: Box<dyn End>,
     adapter: Option<Adapter>,
@@ -171,7 +171,7 @@ impl Pair {
     }
 }
 
-/// A link on a serial line: its ends, and how many of so many exchanges succeed.
+/// A link on a serial line: its ends, and the number of exchanges that succeed.
 struct Row {
     link: &'static str,
     ends: [&'static str; 2],

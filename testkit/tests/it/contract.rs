@@ -43,7 +43,8 @@ fn hold(link: &'static Link, side: &str, options: &Map<String, Value>) {
     let mut valid = vectors(link.name);
     valid.retain(|v| v.result == Outcome::Valid && v.options == *options);
     valid.retain(|v| link.side(v.from.as_deref()).unwrap() == side);
-    // After corruption nothing says where a frame begins whose function has no length, as 8 and 43, or another one than its own.
+    // After corruption, the beginning of a frame is unknown if its function has no length, as 8 and 43, or is not one of its
+    // own.
     let function = |message: &Option<Value>| message.as_ref()?["function"].as_u64();
     valid.retain(|v| {
         let has_none =
@@ -57,7 +58,8 @@ fn hold(link: &'static Link, side: &str, options: &Map<String, Value>) {
     println!("{} {side} {options:?}", link.name);
     let new = || Objects((link.codec)(side, options).unwrap());
     contract::decoder_where(link.name, new, &frames, |frame, at| match link.name {
-        // Nothing says that a length is wrong which a frame can have, and what it covers is lost: all six of a stream at most.
+        // A wrong length that a frame can have is not detected, and the bytes that it covers are lost: at most all six of a
+        // stream.
         "fanuc-hmi-modbus" if is_tcp => {
             let length = u16::from_be_bytes([frame[4], frame[5]]);
             if matches!(at, 4 | 5) && (2..=254).contains(&length) { 6 } else { 0 }

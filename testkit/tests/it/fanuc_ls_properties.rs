@@ -8,7 +8,7 @@ use fanuc_ls::{
 use proptest::prelude::*;
 use robot_session::contract::Rng;
 
-/// Coordinates and speeds that three decimals hold, so that what is read back can be compared.
+/// Coordinates and speeds with at most three decimals, so that the decoded values can be compared.
 fn thousandths(rng: &mut Rng, below: usize) -> f64 {
     let value = rng.below(below * 1000) as f64 / 1000.0;
     if rng.chance(0.5) { -value } else { value }
@@ -158,7 +158,7 @@ fn ten_thousand_generated_programs_read_back_as_they_were_and_are_written_the_sa
     }
 }
 
-/// Pieces of the grammar in any order: what reads, and can be written, reads back as it was written.
+/// Pieces of the grammar in any order: text that can be decoded and encoded is decoded to the same again.
 fn soup() -> impl Strategy<Value = String> {
     let pieces = [
         "/PROG A\n",

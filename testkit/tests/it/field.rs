@@ -38,7 +38,7 @@ fn the_check_agrees_with_the_reference_and_sees_a_difference() {
         all["streams"] = streams;
         let field: Field = serde_json::from_value(all.clone()).unwrap();
         field.check().unwrap_or_else(|error| panic!("{}: {error:#}", link.name));
-        // One digit of what is sent, one event, one deadline, one message of a stream.
+        // One digit of the sent bytes, one event, one deadline, one message of a stream.
         let changes: [fn(&mut Value) -> Option<()>; 4] = [
             |all| {
                 let steps = all["stories"]

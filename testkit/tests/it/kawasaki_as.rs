@@ -1,5 +1,5 @@
-//! The AS program against a PC that sends exactly what a test says: the stories of `kawasaki-msg/tests/jobs.rs`, its own,
-//! and that each of its rules is needed.
+//! The AS program against a PC that sends exactly a test's messages: the stories of `kawasaki-msg/tests/jobs.rs`, stories of
+//! its own, and tests that each of its rules is needed.
 
 use core::num::NonZeroU16;
 use core::time::Duration;

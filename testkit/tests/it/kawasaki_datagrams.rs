@@ -1,4 +1,4 @@
-//! Over UDP a datagram may be lost, come twice, and come late: what that must not do to an order.
+//! Over UDP a datagram may be lost, repeated and late: tests that orders tolerate it.
 
 use core::time::Duration;
 
@@ -96,7 +96,8 @@ fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_i
     assert!(rig.pc_events.contains(&unknown), "{:?}", rig.pc_events);
 }
 
-/// A late start may begin an old order before the end of the last one is reported: that says what was executed of its own order.
+/// A late start may begin an old order before the end of the last one is reported: that reports the executed jobs of its own
+/// order.
 #[test]
 fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     let (writer, mut reader) = robot_work_queue::boxed(8, 99).unwrap();

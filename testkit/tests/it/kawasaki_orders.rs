@@ -1,4 +1,4 @@
-//! Orders: start, refusal, takeover, end, interruption, the two resets, and what happens when an end restarts.
+//! Orders: start, refusal, takeover, end, interruption, the two resets, and restarts of an end.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
@@ -72,8 +72,8 @@ fn start_and_end_are_acknowledged<C: Controller>() {
     assert_eq!((rig.pc.order(), rig.robot.order()), (None, None));
 }
 
-/// The robot may have answered a piece of what was sent, and ask again. A second start that it hears when it has been reset would
-/// begin the order again.
+/// The robot may have answered a piece of the sent bytes, and repeat its request. A second start that it receives after a
+/// reset would begin the order again.
 #[test]
 fn over_a_stream_a_start_is_sent_once() {
     for config in [PcConfig::tcp(), PcConfig::udp()] {

@@ -17,7 +17,7 @@ fn any<C: Controller>(seed: u64, faults: Faults, capacity: usize, max_number: u1
     Rig::of(seed, faults, capacity, max_number, RobotConfig::tcp(), PcConfig::tcp())
 }
 
-/// Runs an order to its end and looks at everything that both ends say about it.
+/// Runs an order to its end, and checks the reports of both ends about it.
 fn run<C: Controller>(rig: &mut Rig<C>, order: u16, jobs: u32, seed: u64) {
     rig.pc.start(order, picture(order, jobs)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);

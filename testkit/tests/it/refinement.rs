@@ -1,4 +1,4 @@
-//! The ends over bytes do what the model does.
+//! The ends over bytes follow the model.
 #![allow(missing_docs)]
 
 use testkit::links::work_queue::{Looks, Queue};

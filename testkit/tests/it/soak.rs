@@ -1,4 +1,4 @@
-//! A few seeds of the soak in every run of the tests, and that it sees what it is for.
+//! A few seeds of the soak in every run of the tests, and a test that it detects the faults that it is for.
 
 use testkit::soak::{HANDLES, Log, ROWS, Row, SABOTAGED, Tally};
 

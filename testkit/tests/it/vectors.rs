@@ -18,7 +18,7 @@ struct Group {
     vectors: Vec<Vector>,
 }
 
-/// A message or an error, and its length. Where an error is depends on what is before it.
+/// A message or an error, and its length. The position of an error depends on the bytes before it.
 type Item = (Option<Value>, usize);
 
 fn groups() -> Vec<Group> {
@@ -151,7 +151,7 @@ fn a_frame_that_is_cut_costs_itself_alone() {
                         found.into_iter().map(|(message, _)| message).partition(Option::is_some);
                     assert_eq!(messages, core::slice::from_ref(&good.message), "{name}");
                     let alone = group.read(&[&stream[..at]]).len();
-                    // Of laser-eb90, what looks like a head in the frame that is cut may be one more.
+                    // For laser-eb90, bytes in the truncated frame that look like a head may be one more.
                     let most = alone + usize::from(group.link.name == "laser-eb90");
                     assert!(errors.len() <= most, "{name}: {errors:?}, of {alone} without it");
                     streams += 1;

@@ -1,4 +1,4 @@
-//! The ends of links that stories drive: the table's, with what testkit's tables call their states and inputs.
+//! The ends of links that stories drive: the table's, with the names of their states and inputs in testkit's tables.
 
 mod names;
 

@@ -81,8 +81,8 @@ pub struct Known {
     proof: Option<u8>,
     /// The greatest age of the values in use.
     using: Option<u8>,
-    /// With a ball that is late: what went wrong besides, a packet was reported as no reply, and for how many ticks values
-    /// are used that are too old.
+    /// With a late ball: the other faults, whether a packet was reported as not a reply, and the number of ticks for which
+    /// values that are too old are used.
     faults: u8,
     said: bool,
     too_old: u8,

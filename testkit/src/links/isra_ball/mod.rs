@@ -1,4 +1,4 @@
-//! isra-ball: its host with any ball, and its ball with any host. Each keeps what the other one relies on.
+//! isra-ball: its host with any ball, and its ball with any host. Each meets the assumptions of the other one.
 
 mod any_ball;
 mod any_host;

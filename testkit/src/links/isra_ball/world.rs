@@ -1,4 +1,4 @@
-//! The line of the models, and what holds on it.
+//! The line of the models, and its properties.
 
 use core::time::Duration;
 

@@ -40,7 +40,7 @@ pub struct AnyRobot {
     pub users: u8,
 }
 
-/// The PC, and what is known of its orders.
+/// The PC, and the known state of its orders.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct World {
     pc: Pc,
@@ -131,7 +131,7 @@ impl AnyRobot {
         matches!(w.pc.link, Link::Connected { reply: Reply::Due { at: NOW, .. }, .. })
     }
 
-    /// Everything that a robot can send: what decides something.
+    /// Returns all messages of a robot that have an effect.
     fn reports(&self) -> Vec<FromRobot> {
         let numbers = || (1..=self.pc.max_number).map(Some);
         let status = |order, phase, queued, executed, ended| {

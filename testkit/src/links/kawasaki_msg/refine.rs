@@ -1,4 +1,4 @@
-//! The sessions over bytes do what the machines do: every path of the model is walked by both.
+//! The sessions over bytes follow the machines: every path of the model is walked by both.
 
 use core::time::Duration;
 use std::cell::RefCell;
@@ -30,7 +30,7 @@ fn walk(setup: &Setup, path: &[Act]) {
     let (mut ends, mut reader) = Ends::new(setup);
     while ends.at < path.len() {
         let Some(tag) = ends.world.executing else {
-            // A motion task that is idle looks at its queue: that sweeps what was cleared.
+            // An idle motion task checks its queue, which sweeps cleared jobs.
             assert_eq!(reader.take().is_some(), !ends.world.queue.is_empty(), "{:?}", &path[..ends.at]);
             ends.step(path);
             reader = ends.reader.take().unwrap_or(reader);

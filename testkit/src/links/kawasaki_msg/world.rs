@@ -1,4 +1,4 @@
-//! The closed system of both machines: what it holds.
+//! The contents of the closed system of both machines.
 
 use core::time::Duration;
 
@@ -55,7 +55,7 @@ pub struct Setup {
     pub low_water: usize,
     /// The possible faults.
     pub faults: Faults,
-    /// Acknowledgements of the order before are not used, whatever the number of this one is: what a PC must not do.
+    /// Acknowledgements of the previous order are ignored, for any number of this order: a PC must not do this.
     pub filters_acks: bool,
 }
 

@@ -77,7 +77,7 @@ fn must_fail() -> Vec<MustFail> {
 }
 
 fn diagrams() -> Vec<Diagram> {
-    // A late call does at once what two calls do.
+    // A late call has the effect of two calls.
     let in_time = KEYS.map(|(name, confirm, hold_to_run)| {
         Setting::new(name, Operated { late: false, ..Operated::new(1, confirm, hold_to_run) })
     });

@@ -38,8 +38,8 @@ pub(super) const ANYTHING: Terms = Terms {
 pub struct AnyDevice {
     /// The central controller's configuration.
     pub config: CentralConfig,
-    /// It answers each command once, with the true state of its axes, and sends nothing unasked (MM-3, MM-18, MM-20).
-    /// The model leaves open when it answers, whether it carries out commands, and what stops its axes.
+    /// It answers each command once, with the true state of its axes, and sends only replies (MM-3, MM-18, MM-20). The model
+    /// leaves open the times of its answers, whether it executes commands, and the reasons for which its axes stop.
     pub keeps_rules: bool,
     /// It repeats an earlier agreement after the next command was sent. No central controller can see that.
     pub repeats: bool,
@@ -59,8 +59,7 @@ pub struct Known {
     young: bool,
     /// Whether the next line is not an answer.
     stray: bool,
-    /// Whether the device has accepted a motion on this connection, and nothing else that ends it, as far as the
-    /// caller knows.
+    /// Whether the device has accepted a motion on this connection, and no command that ends it, as far as the caller knows.
     has_target: bool,
     wrong: Option<&'static str>,
 }

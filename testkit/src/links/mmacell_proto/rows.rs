@@ -1,4 +1,4 @@
-//! The rows of both machines' tables: of the connection and the command on it, and of what the command is about.
+//! The rows of both machines' tables: of the connection and its command, and of the subject of the command.
 
 use core::time::Duration;
 

@@ -195,7 +195,7 @@ impl Peer for AnyController {
             }
             return;
         };
-        // Where it makes no difference what moves the arm, there is no target.
+        // If the source of the motion makes no difference, there is no target.
         if !(self.is_free && self.keeps_rules) {
             words.push(Word::Target { moves: true });
         }

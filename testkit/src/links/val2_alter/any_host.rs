@@ -64,7 +64,7 @@ pub struct AnyHost {
 pub struct Known {
     /// The message that the host may answer.
     pending: Option<Outgoing>,
-    /// The bytes that the decoder holds, what else those that were read are to the controller, and what is just read.
+    /// The contents of the decoder, the other effects of the read bytes on the controller, and the bytes read just now.
     pub(super) held: Held,
     inputs: Vec<Input>,
     read: Option<Input>,

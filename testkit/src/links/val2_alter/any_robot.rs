@@ -97,7 +97,7 @@ pub struct Known {
     pub(super) up: [Option<(Reply, u8)>; 2],
     /// The ticks by which the host has read the message late.
     pub(super) late: u8,
-    /// The bytes that the host's decoder holds, and what else those that were read are to the host.
+    /// The contents of the host's decoder, and the other effects of the read bytes on the host.
     pub(super) line: Held,
     pub(super) inputs: Vec<Input>,
     /// The phase in the message that the host may answer, and the ticks since it was read.
@@ -184,7 +184,7 @@ pub enum Reply {
 pub struct Job {
     /// The number of times that the controller has executed it.
     pub(super) executed: u8,
-    /// Standard messages since it was sent, up to two, and whether they say that it was not read.
+    /// The number of standard messages since it was sent, up to two, and whether they report that it was not read.
     pub(super) sent: Option<(u8, bool)>,
 }
 

@@ -1,6 +1,6 @@
-//! VAL II ALTER: its host with any controller, and its controller with any host. Each keeps what the other one relies on.
-//! The line loses, corrupts and delays messages, either end is restarted and called late, and controllers make any sense of
-//! words that are left out.
+//! VAL II ALTER: its host with any controller, and its controller with any host. Each meets the assumptions of the other
+//! one. The line loses, corrupts and delays messages, either end is restarted and called late, and controllers interpret
+//! omitted words in any way.
 
 mod any_controller;
 mod any_host;

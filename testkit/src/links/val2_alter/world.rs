@@ -1,4 +1,4 @@
-//! The constants of the models of both ends, their properties, and what the bytes of both have in common.
+//! The constants of the models of both ends, their properties, and the common parts of their bytes.
 
 use core::time::Duration;
 

@@ -1,4 +1,5 @@
-//! val2-viewer: its host with any workstation, and its workstation with any host. Each keeps what the other one relies on.
+//! val2-viewer: its host with any workstation, and its workstation with any host. Each meets the assumptions of the other
+//! one.
 
 mod any_host;
 mod any_workstation;

@@ -1,4 +1,4 @@
-//! The work queue: its writer and its reader, with every interleaving of what they load and store, and the two resets.
+//! The work queue: its writer and its reader, with every interleaving of their loads and stores, and the two resets.
 //!
 //! Positions count from the head, so that jobs without end have finitely many states. Two omissions are tested
 //! elsewhere: weak memory by loom, positions that wrap by the queue's own tests. One thread replays each possible

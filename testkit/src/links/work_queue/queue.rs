@@ -4,7 +4,7 @@ use super::rule::Rule;
 use super::state::{Looks, Reading, State, Writing};
 use crate::model::{Edge, System};
 
-/// A queue to explore. There is no end to its jobs, and still its states are finitely many.
+/// A queue to explore. It has endless jobs, but a finite number of states.
 #[derive(Debug, Clone, Copy)]
 pub struct Queue {
     /// The capacity of the queue, in jobs.
@@ -13,7 +13,7 @@ pub struct Queue {
     pub max: u8,
     /// The way in which the reader looks for jobs when it continues by itself.
     pub looks: Looks,
-    /// Whether an operation is interrupted only where it calls its user: what a single thread can replay.
+    /// Whether an operation is interrupted only at calls of its user, so that a single thread can replay it.
     pub single: bool,
     /// A rule that is taken out.
     pub without: Option<Rule>,
@@ -48,7 +48,7 @@ pub enum Act {
     Look(Looks),
     /// `iter` loads the tail.
     List,
-    /// The tail is loaded if no job is known, or else the mark.
+    /// The tail is loaded if no job is known, otherwise the mark.
     Load,
     /// One job before the mark is discarded, and the head is stored.
     Discard,

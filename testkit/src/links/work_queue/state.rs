@@ -27,7 +27,7 @@ pub struct State {
     pub broken: Option<&'static str>,
 }
 
-/// One slot: what is really in it, and the reader's flag.
+/// One slot: its real contents, and the reader's flag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Slot {
     /// The content of the slot.

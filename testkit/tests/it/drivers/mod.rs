@@ -52,7 +52,7 @@ struct Caller {
     requests: u32,
     replied: u32,
     failed: u32,
-    /// Outcomes of what was not asked for, or has had one.
+    /// The number of outcomes of calls that were not made, or that have an outcome already.
     twice: u32,
     /// The longest time from a request to its outcome.
     longest: Duration,

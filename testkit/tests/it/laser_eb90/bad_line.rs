@@ -1,4 +1,4 @@
-//! Both ends on a line that corrupts bytes: what becomes of each instruction.
+//! Both ends on a line that corrupts bytes: the outcome of each instruction.
 
 use core::time::Duration;
 use std::collections::BTreeMap;

@@ -33,7 +33,7 @@ pub const KNOWN: fn() -> HostConfig = || HostConfig {
     ..HostConfig::default()
 };
 
-/// The two ends on a line, the motion task after the controller, and what it has executed.
+/// The two ends on a line, the motion task after the controller, and the executed instructions.
 pub struct Cell {
     pub now: Duration,
     pub link: Link,

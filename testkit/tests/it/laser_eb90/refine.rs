@@ -1,4 +1,4 @@
-//! The sessions over bytes do what the machines do: every state and every transition of the model is replayed with both ends.
+//! The sessions over bytes follow the machines: every state and every transition of the model is replayed with both ends.
 
 use core::time::Duration;
 

@@ -21,7 +21,7 @@ fn a_frame_by_itself_is_what_a_decoder_finds_first() {
                 assert_eq!((&object, used), (message, v.bytes.len()));
             }
             (Ok(None), _, Some(error)) => assert_eq!(error["kind"], "incomplete", "{}", v.id),
-            // Without a decoder nothing is skipped: all that is there is no frame.
+            // Without a decoder no bytes are skipped: none of them is a frame.
             (Err(DecodeError::NoHead { skipped }), _, Some(error)) => {
                 assert_eq!((&error["kind"], skipped), (&"no_head".into(), v.bytes.len()), "{}", v.id);
             }

@@ -1,4 +1,4 @@
-//! The testkit itself: its link, its serial line, and what it counts.
+//! The testkit itself: its link, its serial line, and its counts.
 
 mod change;
 mod link;

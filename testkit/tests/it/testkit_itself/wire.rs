@@ -1,4 +1,4 @@
-//! The soak's link, and what it finds of corruption.
+//! The soak's link, and its detection of corruption.
 
 use core::time::Duration;
 

@@ -153,7 +153,7 @@ pub fn in_first_cycle(config: ControllerConfig) -> Controller {
     controller
 }
 
-/// A link that remembers when the controller sent what.
+/// A link that records the controller's messages with their times.
 struct Recorder<'a> {
     link: &'a mut Link,
     sent: &'a mut Vec<(Duration, Vec<u8>)>,

@@ -106,8 +106,8 @@ fn after_a_cycle_in_which_it_stood_the_arm_begins_again_from_rest() {
     assert_eq!(values, [20, 40, 50, 20, 40, 0, 20, 40]);
 }
 
-/// "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen" (§3.3.2), or is zero:
-/// what a reply leaves out is right under both readings.
+/// "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen" (§3.3.2), or is
+/// zero: the omitted words of a reply are right under both readings.
 #[test]
 fn values_that_are_not_transmitted_mean_the_same_to_every_controller() {
     for mode in [22, 23] {
@@ -398,7 +398,7 @@ fn an_exception_that_was_not_read_is_sent_again() {
     }
 }
 
-/// Two messages of the controller later, what is late is no longer on the line.
+/// After two messages of the controller, late bytes are no longer on the line.
 #[test]
 fn an_exception_that_was_not_read_may_be_late() {
     for unread in [REJECTED, TIMEOUT] {

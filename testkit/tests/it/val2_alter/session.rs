@@ -1,5 +1,4 @@
-//! How a session begins, keeps its deadlines, misses one and ends: both ends, on a good line and on one that corrupts what
-//! it carries.
+//! How a session begins, keeps its deadlines, misses one and ends: both ends, on a good line and on one that corrupts bytes.
 
 use core::time::Duration;
 
@@ -169,7 +168,7 @@ fn what_comes_while_the_message_is_on_the_line_is_no_reply_to_it() {
     early.handle_input(opens - MS / 1000, reply);
     assert!(matches!(early.poll_event(), Some(ControllerEvent::Stray(_))));
     assert_eq!((early.values(), early.statistics().strays, early.statistics().replies), ([0; 6], 1, 0));
-    // The window is open for what comes then, and what was corrupt before it counts for nothing.
+    // The window is open for bytes that come then, and earlier corrupt bytes have no effect.
     early.handle_input(opens - MS / 1000, b"\x10\x10\x02\x00\x00\x10\x03\x01");
     early.handle_input(opens, reply);
     assert_eq!((early.values(), early.statistics().replies), (x(80), 1));
@@ -200,7 +199,7 @@ fn a_killed_host_ends_alter_with_error_6_and_the_arm_stands_still() {
     assert_eq!(cell.controller_events.last(), Some(&ControllerEvent::Ended(ErrorCode::Timeout)));
     assert_eq!(cell.sent.last().unwrap().1, b"\x10\x10\x02\xE6\x10\x03\xE6");
 
-    // Started again without restarting anything else: a new host has no record of the old one.
+    // Only the host is restarted: a new one has no record of the old one.
     cell.host = connected(host);
     cell.host_is_alive = true;
     cell.start();
@@ -215,11 +214,11 @@ fn a_killed_host_ends_alter_with_error_6_and_the_arm_stands_still() {
 fn a_missed_cycle_is_counted_and_the_next_start_is_taken() {
     let (host, controller) = plain();
     let mut cell = running(host, controller);
-    // The host is away for two cycles, then continues with what has arrived meanwhile.
+    // The host is away for two cycles, then continues with the bytes that have arrived meanwhile.
     cell.host_is_alive = false;
     let asleep = cell.now;
     while cell.now < asleep + CYCLE * 3 / 2 {
-        // Nobody reads: what arrives waits in the operating system.
+        // The host does not read: arriving bytes wait in the operating system.
         let mut out = [0; Frame::MAX_LEN];
         cell.now += MS;
         cell.controller.handle_timeout(cell.now);
@@ -255,7 +254,7 @@ fn the_deadline_is_the_window_less_the_reply() {
     let deadline = arrived + 15 * MS - timing::transmission_time(8, 38_400);
     assert_eq!((host.reply_by(), host.poll_timeout()), (Some(deadline), Some(deadline)));
     host.poll_event();
-    // Six words if they fit, else none that is zero.
+    // Six words if they fit, otherwise only those that are not zero.
     let six = arrived + 14 * MS - timing::transmission_time(20, 38_400);
     assert_eq!(host.clone().poll_transmit(six, &mut out), Some(20));
     assert_eq!(host.clone().poll_transmit(deadline, &mut out), Some(8));
@@ -362,7 +361,7 @@ fn the_controller_takes_the_first_good_reply_and_reports_the_first_damage() {
         assert_eq!(controller.values(), x(value), "{gap} ms");
     }
 
-    // The program ends ALTER in the window: what comes then moves nothing.
+    // The program ends ALTER in the window: a later reply does not move the arm.
     let mut controller = whole.clone();
     controller.finish(CYCLE * 4).unwrap();
     controller.handle_input(CYCLE * 4 + 12 * MS, &good(96));

@@ -1,4 +1,4 @@
-//! The robot, what its peer may send, and what is known of the jobs.
+//! The robot, the possible messages of its peer, and the known state of the jobs.
 
 use core::time::Duration;
 
@@ -15,7 +15,7 @@ pub struct Sent {
     pub(super) job: u8,
 }
 
-/// The robot, and what is known of its jobs.
+/// The robot, and the known state of its jobs.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct World {
     pub(super) robot: Robot,
@@ -64,7 +64,7 @@ pub enum Act {
     Receive(Letter),
     /// Nothing more comes for now.
     ReadEnd,
-    /// Half a message follows what was read.
+    /// Half a message follows the bytes that were read.
     ReadHalf,
     /// The motion task has executed a job, and completes it.
     Done,

@@ -48,7 +48,7 @@ pub enum MustFail {
 }
 
 impl MustFail {
-    /// The word after `--must-fail`.
+    /// Returns the word after `--must-fail`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lost => "lost",
@@ -77,7 +77,7 @@ impl DemoOptions {
         }
     }
 
-    /// Whether the record is to be spoilt so.
+    /// Returns whether the record is to be damaged in this way.
     pub fn spoils(&self, how: MustFail) -> bool {
         self.must_fail == Some(how)
     }

@@ -22,7 +22,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// For a terminal of this many columns; `None`: a pipe.
+    /// Creates the layout for a terminal with this many columns; `None`: a pipe.
     pub fn new(columns: Option<usize>) -> Self {
         Self { width: columns.unwrap_or(WIDTH).min(WIDTH) }
     }
@@ -32,24 +32,24 @@ impl Layout {
         self.width >= WIDTH
     }
 
-    /// Whether the table has a bar of the deadline.
+    /// Returns whether the table has a bar of the deadline.
     fn has_bar(self) -> bool {
         self.width >= 57
     }
 
-    /// The head of the table.
+    /// Returns the head of the table.
     pub fn head(self) -> String {
         let moves = if self.has_moves() { format!("{:<23}", "what moves") } else { String::new() };
         let deadline = if self.has_bar() { "deadline used, allowed" } else { "used, allowed" };
         format!("     link      {moves}  done  lost twice  {deadline}\n")
     }
 
-    /// A text in lines of the width.
+    /// Returns a text in lines of the layout's width.
     pub fn wrapped(self, text: &str, indent: usize) -> String {
         wrapped(text, self.width, indent)
     }
 
-    /// The legend of the columns: of those signs that the rows have.
+    /// Returns the legend of the columns, for the signs in the rows.
     pub fn legend(self, all: &[Judged]) -> String {
         let done = |is: fn(&Done) -> bool| all.iter().any(|it| is(&it.report.summary().2));
         let streams = done(|done| matches!(done, Done::Stream { .. }));
@@ -100,12 +100,12 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Whether nothing failed.
+    /// Returns whether all checks passed.
     pub fn is_good(&self) -> bool {
         self.report.is_good() && (self.report.is_in_time() || !self.check_times)
     }
 
-    /// The row, and below it why it has failed and how that is seen again.
+    /// Returns the row, followed by the reason of a failure and the command that repeats it.
     pub fn row(&self, layout: Layout, again: &str) -> String {
         let (link, moves, done) = self.report.summary();
         let word = match (self.is_good(), self.report.is_in_time()) {
@@ -142,7 +142,7 @@ impl Judged {
         row
     }
 
-    /// The same as an object of the same keys for every link.
+    /// Returns the row as an object with the same keys for every link.
     pub fn to_json(&self) -> Value {
         let (link, _, done) = self.report.summary();
         let jobs = if let Done::Jobs(jobs, altered) = done { Some((jobs, altered)) } else { None };
@@ -172,13 +172,13 @@ fn tenths(used: f64, allowed: f64) -> usize {
     (1..10).find(|tenth| used <= allowed * f64::from(*tenth) / 10.0).map_or(10, |tenth| tenth as usize)
 }
 
-/// The sum of all rows: the jobs, and the deadlines.
+/// Returns the sum of all rows: the jobs, and the deadlines.
 pub fn verdict(layout: Layout, all: &[Judged]) -> String {
     let sentences = [jobs(all), deadlines(all)];
     sentences.iter().filter(|text| !text.is_empty()).map(|text| layout.wrapped(text, 0)).collect()
 }
 
-/// The jobs of all rows; each job is in one of the counts.
+/// Returns the jobs of all rows; each job is in one of the counts.
 fn jobs(all: &[Judged]) -> String {
     let (mut jobs, mut altered) = (Counts::default(), 0);
     for it in all {
@@ -225,7 +225,7 @@ fn jobs(all: &[Judged]) -> String {
     text
 }
 
-/// The deadlines of all rows.
+/// Returns the deadlines of all rows.
 fn deadlines(all: &[Judged]) -> String {
     let with_deadline = all.iter().filter(|it| it.report.nearest().is_some()).count();
     let late: Vec<&str> =
@@ -244,7 +244,7 @@ fn deadlines(all: &[Judged]) -> String {
     }
 }
 
-/// The last sentence, if a check failed.
+/// Returns the last sentence, if a check has failed.
 pub fn failed(all: &[Judged]) -> Option<String> {
     let failed: Vec<&str> = all.iter().filter(|it| !it.is_good()).map(|it| it.report.summary().0).collect();
     match (failed.as_slice(), all.len()) {
@@ -254,7 +254,7 @@ pub fn failed(all: &[Judged]) -> Option<String> {
     }
 }
 
-/// Where the pictures are.
+/// Returns the sentence about the location of the pictures.
 pub fn pictures(layout: Layout, folder: Option<&Path>, all: &[Judged]) -> String {
     let Some(folder) = folder else {
         return "Pictures of what moved: cellwire demo --out FOLDER\n".into();

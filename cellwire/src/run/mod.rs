@@ -38,7 +38,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The bounds of these points; `None` without any.
+    /// Returns the bounds of these points; `None` without points.
     pub fn of(points: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
         points.fold(None, |bounds: Option<Self>, point @ [x, y]| {
             let Self { least: [left, low], most: [right, high] } =
@@ -122,7 +122,8 @@ pub struct Console<'a> {
 }
 
 impl<'a> Console<'a> {
-    /// The console of an operator who does what `typed` receives. `notify` prints an event, `progress` shows how much of the work is done.
+    /// Creates the console of an operator whose input `typed` receives. `notify` prints an event, `progress` shows the
+    /// completed part of the work.
     pub fn new(
         typed: Receiver<Option<Typed>>,
         notify: &'a mut dyn FnMut(Value) -> Result<()>,
@@ -185,7 +186,8 @@ impl<'a> Console<'a> {
         answered
     }
 
-    /// Does what the operator has typed within `wait` since the last call: pauses, goes on, stops; returns an answer to the open question.
+    /// Executes the operator's input within `wait` since the last call: pauses, continues, stops; returns an answer to the
+    /// open question.
     pub fn listen(&mut self, wait: Duration) -> Option<Answered> {
         loop {
             let (word, text) = match self.next(wait) {
@@ -306,7 +308,8 @@ impl<'a> Console<'a> {
         self.stop_at.is_some_and(|at| now() >= at.saturating_add(limit))
     }
 
-    /// When the stop of a signal has taken this long; at once if the operator has not been asked for a stop that is due.
+    /// Returns the time at which the stop of a signal has taken this long; zero if a stop that is due was not reported to
+    /// the operator.
     pub fn due(&self, limit: Duration) -> Option<Duration> {
         if self.stops {
             return Some(Duration::ZERO);
@@ -325,8 +328,8 @@ impl<'a> Console<'a> {
         }
     }
 
-    /// As [`notify`](Self::notify), for an event that the machine can cause at any rate and that is not an outcome: most are left out, and
-    /// counted.
+    /// Prints as [`notify`](Self::notify) does an event that the machine can cause at any rate and that is not an outcome:
+    /// most are omitted, and counted.
     pub fn notice(&mut self, event: Value) {
         if event.get("event").and_then(Value::as_str).is_some_and(admits) {
             self.notify(event);

@@ -92,7 +92,7 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
     Ok(true)
 }
 
-/// The error of a refused request, with its exit status.
+/// Returns the error of a refused request, with its exit status.
 pub(super) fn refused(exception: Exception) -> Error {
     Refused(format!("the controller refuses: {exception}")).into()
 }
@@ -122,7 +122,7 @@ pub(super) struct Variable<'a> {
 }
 
 impl PlaceArgs {
-    /// The variable and the port of its controller, by the command line and the settings.
+    /// Returns the variable and the port of its controller, by the command line and the settings.
     pub(super) fn variable(&self) -> Result<(Variable<'_>, Port)> {
         if !matches!(self.kind, KindArg::Int16 | KindArg::Int32) && self.multiply.value() != 1.0 {
             bail!("--multiply has no effect on this type: it scales int16 and int32");
@@ -144,7 +144,7 @@ impl PlaceArgs {
 }
 
 impl Variable<'_> {
-    /// The registers of a variable.
+    /// Returns the number of registers of a variable.
     pub(super) fn registers(&self) -> u16 {
         match self.place.kind {
             KindArg::Int16 => 1,
@@ -164,7 +164,7 @@ impl Variable<'_> {
         Number { kind, multiply, order: self.order }
     }
 
-    /// The registers of the variable at this address.
+    /// Reads the registers of the variable at this address.
     ///
     /// # Errors
     /// As [`ask`](Self::ask).
@@ -194,7 +194,7 @@ impl Variable<'_> {
         })
     }
 
-    /// The failure in words, with a hint after a timeout.
+    /// Returns the failure in words, with a hint after a timeout.
     fn explain(&self, client: &Client, failure: Failure) -> String {
         let hint = match failure {
             Failure::TimedOut => format!("\n{}", silent_unit(&self.place.server, self.unit)),
@@ -232,7 +232,7 @@ impl Variable<'_> {
         }
     }
 
-    /// Whether a value is one that no robot computes: below 2^-126, and not 0.
+    /// Returns whether a value is one that robots do not compute: below 2^-126, and not 0.
     fn is_denormal(&self, registers: &[u16]) -> bool {
         match (self.place.kind, registers.first_chunk()) {
             (KindArg::Position, Some(registers)) => {
@@ -258,7 +258,7 @@ fn scale(text: &str) -> Result<Multiply, String> {
     }
 }
 
-/// A number without a fraction.
+/// Returns a number without a fraction.
 #[expect(clippy::cast_possible_truncation, reason = "it is a whole number below 2^53")]
 fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() < 9_007_199_254_740_992.0).then_some(value as i64)

@@ -70,13 +70,14 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
     Ok(is_same)
 }
 
-/// The error of a write without a reply, with its exit status.
+/// Returns the error of a write without a reply, with its exit status.
 fn unknown(why: &str) -> Error {
     Unknown(format!("the write may have been executed: {why}")).into()
 }
 
 impl Variable<'_> {
-    /// The registers after an acknowledged write. A controller that closes the connection after each reply is read over another one.
+    /// Reads the registers after an acknowledged write. If the controller closes the connection after each reply, another
+    /// connection is used.
     fn read_back(&self, client: &mut Client) -> Result<Vec<u16>> {
         let mut outcome = self.read(client, self.address);
         if outcome.as_ref().is_err_and(Error::is::<Lost>) {
@@ -147,7 +148,7 @@ impl Variable<'_> {
         is_whole && (least..=most).contains(&scaled.round())
     }
 
-    /// The multiply of an integer, as the decimal number that was given.
+    /// Returns the multiply of an integer, as the decimal number that was given.
     fn scale(&self) -> f64 {
         match self.number().multiply {
             Multiply::Scale(scale) => scale.to_string().parse().unwrap_or(f64::from(scale)),
@@ -155,7 +156,7 @@ impl Variable<'_> {
         }
     }
 
-    /// The numbers that the registers hold, for an error.
+    /// Returns the numbers that the registers can contain, for an error.
     fn range(&self) -> String {
         let (name, least, most) = match self.number().kind {
             Kind::Int16 => ("int16", f64::from(i16::MIN), f64::from(i16::MAX)),
@@ -184,7 +185,7 @@ mod tests {
         args: WriteArgs,
     }
 
-    /// The registers that a command would write, or its error.
+    /// Returns the registers that a command would write, or its error.
     fn registers(arguments: &str) -> Result<Vec<u16>, String> {
         let words = ["write", "127.0.0.1:1", "--address", "0"].into_iter().chain(arguments.split(' '));
         let args = Command::parse_from(words).args;

@@ -123,7 +123,7 @@ fn open(port: &Port) -> Result<Client> {
     Ok(client)
 }
 
-/// The hint after a timeout: how to find the units that answer.
+/// Returns the hint after a timeout: the way to find the units that answer.
 pub(super) fn silent_unit(server: &str, unit: u8) -> String {
     format!("`cellwire modbus scan {server}` shows which units answer; {unit} was asked")
 }
@@ -154,7 +154,7 @@ impl PortArgs {
         self.port_with(server, timeout, |_| {})
     }
 
-    /// With other defaults of the session.
+    /// Returns the port and the unit, with other defaults of the session.
     fn port_with(
         &self,
         server: &str,

@@ -128,7 +128,7 @@ fn again(client: &mut Client, error: Error, clock: &Clock, goes_on: impl Fn() ->
     log(&event(clock, json!({"event": "reconnected"})))
 }
 
-/// A line with its time.
+/// Returns a line with its time.
 fn event(clock: &Clock, line: Value) -> Value {
     let seconds = (clock.now().as_secs_f64() * 1e3).round() / 1e3;
     let mut object = Map::from_iter([("time".into(), json!(seconds))]);
@@ -170,7 +170,7 @@ impl Watched {
         })
     }
 
-    /// The lines that show what is new.
+    /// Returns the lines that show the changes.
     fn changes(&mut self, answer: Result<Vec<Value>, Unread>) -> Vec<Value> {
         let name = self.range.name();
         let place = |more: Value| {

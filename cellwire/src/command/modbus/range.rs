@@ -24,7 +24,7 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// The name of the table.
+    /// Returns the name of the table.
     pub(super) fn name(&self) -> &'static str {
         TABLES.iter().find(|(table, _)| *table == self.table).map_or("", |(_, name)| name)
     }
@@ -42,7 +42,7 @@ impl Range {
         u32::from(self.last) - u32::from(self.first) + 1
     }
 
-    /// The request that reads all of it, if one can.
+    /// Returns the request that reads the whole range, if one request can.
     pub(super) fn request(&self) -> Option<Request<'static>> {
         let (address, quantity) = (self.first, u16::try_from(self.count()).ok()?);
         (quantity <= self.most()).then_some(match self.table {
@@ -53,7 +53,7 @@ impl Range {
         })
     }
 
-    /// In parts of this many addresses.
+    /// Splits the range into parts of at most this many addresses.
     pub(super) fn parts(self, most: u16) -> impl Iterator<Item = Self> {
         let step = usize::from(most.max(1));
         (self.first..=self.last).step_by(step).map(move |first| Self {
@@ -83,7 +83,7 @@ impl FromStr for Range {
     }
 }
 
-/// The values in a reply; or what else it is, in words.
+/// Returns the values in a reply, or a description of another reply.
 pub(super) fn values(reply: Frame<Reply<'_>>) -> Result<Vec<Value>, String> {
     match reply.pdu {
         Reply::Coils(bits) | Reply::DiscreteInputs(bits) => Ok(bits.iter().map(|bit| json!(bit)).collect()),

@@ -94,7 +94,7 @@ fn request(text: &str, unit: u8) -> Result<Frame<PduBuf>> {
     })
 }
 
-/// The answer to one request, as the object to print.
+/// Sends one request; returns the answer as the object to print.
 fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
     Ok(match client.ask(frame.unit, &frame.pdu.request()?, |reply| object(reply))? {
         Answer::Replied(reply) => reply,
@@ -141,7 +141,7 @@ fn put(answer: &mut Value, found: Value) -> bool {
     confirmed
 }
 
-/// The read of what a request writes.
+/// Returns the request that reads the values that a request writes.
 fn read_back(request: &Request<'_>) -> Option<Request<'static>> {
     let count = |len: usize| u16::try_from(len).ok();
     Some(match *request {

@@ -213,7 +213,7 @@ fn ask(
     Ok(failure.map(Answer::Failed))
 }
 
-/// Whether the unit has answered with a reply that cannot be used.
+/// Returns whether the unit has answered with a reply that cannot be used.
 fn is_malformed(failure: Failure) -> bool {
     match failure {
         Failure::Malformed(_) => true,

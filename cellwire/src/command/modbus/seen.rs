@@ -93,7 +93,7 @@ impl Seen {
         }
     }
 
-    /// Whether the server closes every connection, and so has no unit that replies.
+    /// Returns whether the server closes every connection, so that no unit replies.
     pub(super) fn closes_all(&self, client: &Client) -> bool {
         self.replies == 0 && client.lost_connections() >= MAX_CLOSED
     }

@@ -221,8 +221,8 @@ impl Log {
     }
 }
 
-/// A closed curve of the arm in front of the robot, the tool pointing down and swaying through W = 180°: from rest, along it
-/// at 100 mm/s or 20 °/s at most, and to rest; where it began if it is `closed`.
+/// Returns a closed curve of the arm in front of the robot, the tool pointing down and swaying through W = 180°: from rest,
+/// along the curve at 100 mm/s or 20 °/s at most, and to rest; at its beginning if it is `closed`.
 fn trajectory(seconds: f64, closed: bool) -> Result<Trajectory> {
     let ramp = 1.3f64.min(seconds / 2.0);
     // How fast the curve may be run through, so that neither speed is passed anywhere.
@@ -255,7 +255,7 @@ fn trajectory(seconds: f64, closed: bool) -> Result<Trajectory> {
     Trajectory::new(samples.collect()).context("the demo's own trajectory")
 }
 
-/// J1 to J6 in degrees at a place on the curve, which closes at 2π.
+/// Returns J1 to J6 in degrees at a point of the curve, which closes at 2π.
 fn joints(at: f64) -> [f64; 6] {
     [
         22.0 * at.sin(),
@@ -273,7 +273,7 @@ fn shown(run: &Run, seconds: f64) -> Pose {
     Pose { position, wpr: Quaternion::normalised(orientation).to_wpr() }
 }
 
-/// The fastest part of the quaternion's rate: as the controller computes it, and with the sign made continuous.
+/// Returns the fastest part of the quaternion's rate: as the controller computes it, and with a continuous sign.
 fn fastest_rates(recording: &Recording) -> [f64; 2] {
     let fastest = |rate: [f64; 4]| rate.into_iter().map(f64::abs).fold(0.0, f64::max);
     let samples = recording.samples();

@@ -46,14 +46,14 @@ impl Run {
         Ok(Self { arm, joints: samples, rest })
     }
 
-    /// The duration of the motion, in s.
+    /// Returns the duration of the motion, in s.
     pub(super) fn seconds(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a number of samples")]
         let last = self.joints.len().saturating_sub(1) as f64;
         last * STEP - self.rest
     }
 
-    /// The pose at a time since the motion began, in s; at rest before and after it.
+    /// Returns the pose at a time since the motion began, in s; at rest before and after it.
     pub(super) fn at(&self, seconds: f64) -> Pose {
         let steps = ((seconds + self.rest) / STEP).max(0.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it is not negative")]

@@ -307,7 +307,7 @@ mod tests {
         }
     }
 
-    /// A square with a diagonal: a move of 96 mm to its corner, then five strokes.
+    /// Writes a square with a diagonal: a move of 96 mm to its corner, then five strokes.
     fn square(name: &str) -> PathBuf {
         let file = std::env::temp_dir().join(format!("cellwire-{name}-{}.svg", std::process::id()));
         let path = r#"<path fill="none" stroke="black" d="M 10 10 H 90 V 90 H 10 Z L 90 90"/>"#;

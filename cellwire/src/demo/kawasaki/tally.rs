@@ -49,7 +49,8 @@ pub struct Orders<'a> {
 }
 
 impl<'a> Orders<'a> {
-    /// Nothing was drawn yet. Each order draws the picture from its first line on; `strokes` are what the pen does.
+    /// Creates a tally without drawn lines. Each order draws the picture from its first line on; `strokes` receives the
+    /// motions of the pen.
     pub fn new(picture: &'a [AnyWork], options: &'a DemoOptions, strokes: Receiver<Stroke>) -> Self {
         Self {
             picture,
@@ -64,14 +65,14 @@ impl<'a> Orders<'a> {
         }
     }
 
-    /// An order is over; how the PC knows it has ended.
+    /// Called when an order is over; `outcome` is the PC's report of its end.
     pub fn over(&mut self, outcome: Outcome) {
         self.count_last();
         self.complete += u32::from(outcome.executed as usize == self.picture.len());
         self.last = Some(outcome);
     }
 
-    /// The run is over, and the pen does nothing more.
+    /// Called when the run is over, and the pen has stopped.
     pub fn end(&mut self) {
         self.count_last();
         // Of no order at all.
@@ -88,7 +89,7 @@ impl<'a> Orders<'a> {
         self.complete
     }
 
-    /// The strokes of the order that got farthest: a picture that was cut short is drawn only if there is no other.
+    /// Returns the strokes of the order that got farthest: an incomplete picture is drawn only if there is no other.
     pub fn longest(&self) -> &[Stroke] {
         &self.longest
     }
@@ -141,7 +142,7 @@ impl Tally {
     }
 }
 
-/// The place of the job of a number, counted from 0: the one nearest to where the next job is expected.
+/// Returns the index of the job with a number, counted from 0: the one nearest to the next expected job.
 fn place(number: u16, next: usize) -> Option<usize> {
     let max = usize::from(Dialect::MAX_NUMBER);
     let ahead = (usize::from(number) + max - 1 - next % max) % max;
@@ -169,7 +170,7 @@ mod tests {
         Stroke { order, job: Job { order: 50, number, work: line(i32::from(number)) } }
     }
 
-    /// The picture whose job of number n is `line(n)`.
+    /// Returns the picture whose job with the number n is `line(n)`.
     fn picture(jobs: i32) -> Vec<AnyWork> {
         (1..=jobs).map(line).collect()
     }

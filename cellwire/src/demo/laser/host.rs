@@ -100,7 +100,7 @@ pub struct HostCounts {
 }
 
 impl<'a> Cutter<'a> {
-    /// A host at the beginning of the path.
+    /// Creates a host at the beginning of the path.
     ///
     /// # Errors
     /// A configuration that cannot work.
@@ -243,7 +243,7 @@ impl Plan<'_> {
         Ok(())
     }
 
-    /// These were not taken: they come first.
+    /// Puts back instructions that were not accepted: they come first.
     fn again(&mut self, tickets: Range<usize>) {
         for ticket in self.tickets.get(tickets).unwrap_or_default().iter().rev() {
             match ticket {
@@ -266,8 +266,8 @@ impl Plan<'_> {
         }
     }
 
-    /// A robot that has restarted has forgotten the instructions that it held then: of those that were queued before it was asked last, at most
-    /// as many as it held at that time; any of those that were queued since.
+    /// Handles a status. A robot that has restarted has lost the instructions in its queue: of those that were queued before
+    /// the last request, at most as many as its queue had at that time; any of those that were queued since.
     fn take_status(&mut self, boot: i16, held: usize) {
         if self.boot.is_some_and(|before| before != boot) {
             self.counts.restarts += 1;

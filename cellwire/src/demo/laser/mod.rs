@@ -92,8 +92,9 @@ impl Configure for Settings {
     }
 }
 
-/// A host sends a cutting path to the simulated robot over a serial line whose bytes take their time: for the first third of
-/// the run one instruction in a frame, then seven. With faults the robot is killed in the middle of that and started again.
+/// Runs a host that sends a cutting path to the simulated robot over a serial line with the delays of real bytes: for the
+/// first third of the run one instruction in a frame, then seven. With faults the robot is killed in the middle of that and
+/// started again.
 ///
 /// # Errors
 /// When there is no pseudo-terminal, or the picture cannot be written.
@@ -139,7 +140,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
 }
 
-/// The host's run: instructions a second one by one, and seven in a frame.
+/// Runs the host; returns the instructions per second one by one, and with seven in a frame.
 fn cut<'a>(
     port: &str,
     config: HostConfig,
@@ -172,7 +173,7 @@ fn cut<'a>(
     Ok((cutter, [one, seven]))
 }
 
-/// A robot that is started again when it was killed. Without faults it never is.
+/// Runs a robot that is restarted after it was killed. Without faults it is not killed.
 fn restarting(
     robot: Laser,
     line: &mut Line,

@@ -54,7 +54,7 @@ impl Cut {
     }
 }
 
-/// The path of the built-in drawing.
+/// Returns the path of the built-in drawing.
 ///
 /// # Errors
 /// Never, unless the drawing is broken.

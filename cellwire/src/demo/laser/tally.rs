@@ -41,12 +41,12 @@ pub struct Tally {
 pub struct Places(HashMap<(u16, [u32; 6]), usize>);
 
 impl Places {
-    /// The places of these instructions.
+    /// Creates an index of these instructions.
     pub fn new(path: &[Cut]) -> Self {
         Self(path.iter().enumerate().map(|(place, cut)| (key(cut), place)).collect())
     }
 
-    /// The place of an instruction; `None` if none is like it.
+    /// Returns the index of an instruction; `None` if there is no equal one.
     pub fn of(&self, cut: &Option<Cut>) -> Option<usize> {
         cut.as_ref().and_then(|cut| self.0.get(&key(cut)).copied())
     }

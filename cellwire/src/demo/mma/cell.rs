@@ -48,7 +48,7 @@ impl Which {
     /// All three.
     pub const ALL: [Self; 3] = [Self::Robot, Self::Platform, Self::Periphery];
 
-    /// The devices of the task at the other end of this connection.
+    /// Returns the devices of the task at the other end of this connection.
     pub fn devices(self) -> &'static [Device] {
         match self {
             Self::Robot => &[Device::Robot],
@@ -59,8 +59,8 @@ impl Which {
 }
 
 impl Cell {
-    /// A cell whose parts follow from `seed`, and whose devices are of this kind; with `errors`, one motion of the robot in a hundred fails, and
-    /// one stalls.
+    /// Creates a cell whose parts follow from `seed`, and whose devices are of this kind; with `errors`, one motion of the
+    /// robot in a hundred fails, and one stalls.
     ///
     /// # Errors
     /// Never, with the refusal of the protocol.
@@ -117,7 +117,7 @@ impl Cell {
         self.parts.move_to(now, self.robot.device().pose());
     }
 
-    /// The parts.
+    /// Returns the parts.
     pub fn parts(&self) -> &Workpieces {
         &self.parts
     }
@@ -127,17 +127,17 @@ impl Cell {
         self.parts.record.outcomes.push((at, super::workpiece::Outcome::Dropped));
     }
 
-    /// The robot.
+    /// Returns the robot.
     pub fn robot(&self) -> &MmaDevice<RobotPose> {
         self.robot.device()
     }
 
-    /// The platform.
+    /// Returns the platform.
     pub fn platform(&self) -> &MmaDevice<PlatformPose> {
         self.platform.device()
     }
 
-    /// Now and then the motion that has just begun is going to fail, or to stall.
+    /// Makes the motion that has just begun fail or stall, at times.
     fn break_down(&mut self) {
         let motions = self.robot.device().motions();
         if motions > core::mem::replace(&mut self.motions_seen, motions)

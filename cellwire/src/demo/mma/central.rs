@@ -75,8 +75,8 @@ struct End<P: Pose> {
 }
 
 impl Central {
-    /// A controller that places this many parts; `None`: until [`finish`](Self::finish). The cell runs `speed` times faster than the
-    /// clock on the wall, by which replies take their time.
+    /// Creates a controller that places this many parts; `None`: until [`finish`](Self::finish). The cell runs `speed` times
+    /// faster than the clock on the wall, by which replies take their time.
     ///
     /// # Errors
     /// Never, with the defaults of the protocol.
@@ -96,7 +96,7 @@ impl Central {
         })
     }
 
-    /// A connection has been opened.
+    /// Called when a connection was opened.
     pub fn connected(&mut self, now: Now, which: Which) {
         match which {
             Which::Robot => self.robot.connect(now.wall),
@@ -105,7 +105,7 @@ impl Central {
         }
     }
 
-    /// A connection has ended.
+    /// Called when a connection has ended.
     pub fn disconnected(&mut self, now: Now, which: Which) {
         match which {
             Which::Robot => self.robot.session.handle_disconnected(now.wall),
@@ -114,7 +114,7 @@ impl Central {
         }
     }
 
-    /// Bytes from a device.
+    /// Called when bytes of a device have arrived.
     pub fn receive(&mut self, now: Now, which: Which, bytes: &[u8]) {
         match which {
             Which::Robot => self.robot.session.handle_input(now.wall, bytes),
@@ -132,7 +132,7 @@ impl Central {
         })
     }
 
-    /// Does everything that can be done now. The cell is looked at, not touched: its switch, and what its cameras see.
+    /// Does everything that can be done now. It only reads the cell: its switch, and the results of its cameras.
     pub fn run(&mut self, now: Now, cell: &Cell) {
         self.robot.session.handle_timeout(now.wall);
         self.platform.session.handle_timeout(now.wall);
@@ -178,7 +178,7 @@ impl Central {
         }
     }
 
-    /// When to run again, if nothing arrives: on the wall's clock, and on the cell's.
+    /// Returns the time at which to run again, if no bytes arrive: on the wall clock, and on the cell's clock.
     pub fn due(&self) -> (Option<Duration>, Option<Duration>) {
         let wall = [
             self.robot.session.poll_timeout(),
@@ -188,7 +188,7 @@ impl Central {
         (wall.into_iter().flatten().min(), self.task.poll_timeout())
     }
 
-    /// Whether a connection has to be opened again.
+    /// Returns whether a connection must be opened again.
     pub fn is_broken(&self, which: Which) -> bool {
         let connected = match which {
             Which::Robot => self.robot.session.is_connected(),
@@ -203,7 +203,7 @@ impl Central {
         self.task.step()
     }
 
-    /// No further part after this one.
+    /// Ends after this part.
     pub fn finish(&mut self) {
         self.parts = Some(0);
     }

@@ -24,18 +24,18 @@ pub struct Span {
 }
 
 impl Motions {
-    /// The device agreed to a motion, and has begun this many by now.
+    /// Called when the device has agreed to a motion, and has begun this many motions by now.
     pub fn agree(&mut self, begun: u64) {
         let executed = begun.saturating_sub(core::mem::replace(&mut self.begun, begun));
         self.spans.push(Span { agreed: true, unknown: core::mem::take(&mut self.unknown), executed });
     }
 
-    /// The connection broke before the reply to a motion.
+    /// Called when the connection broke before the reply to a motion.
     pub fn lose_reply(&mut self) {
         self.unknown += 1;
     }
 
-    /// All of them, when the device has begun this many motions.
+    /// Returns the spans of all motions, if the device has begun this many motions.
     pub fn spans(&self, begun: u64) -> Vec<Span> {
         let Self { spans, unknown, begun: before } = self;
         let rest = Span { agreed: false, unknown: *unknown, executed: begun.saturating_sub(*before) };
@@ -44,24 +44,24 @@ impl Motions {
 }
 
 impl Span {
-    /// Whether one motion was to be executed, and was.
+    /// Returns whether exactly one motion was to be executed, and was executed.
     pub fn is_certain(&self) -> bool {
         (self.agreed, self.unknown, self.executed) == (true, 0, 1)
     }
 
-    /// The same with one execution removed.
+    /// Returns the span with one execution removed.
     #[must_use]
     pub fn without_one(self) -> Self {
         Self { executed: self.executed.saturating_sub(1), ..self }
     }
 
-    /// The same with one execution more.
+    /// Returns the span with one more execution.
     #[must_use]
     pub fn with_one_more(self) -> Self {
         Self { executed: self.executed + 1, ..self }
     }
 
-    /// The motions as jobs.
+    /// Returns the counts of the motions as jobs.
     pub fn count(&self) -> Counts {
         let Self { agreed, unknown, executed } = *self;
         let agreed = u64::from(agreed);

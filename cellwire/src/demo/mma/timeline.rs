@@ -226,12 +226,12 @@ impl Picture<'_, '_> {
     }
 }
 
-/// A line of one pixel.
+/// Returns a line of one pixel.
 fn thin(color: RGBColor) -> ShapeStyle {
     color.stroke_width(FINE)
 }
 
-/// The spans of the steps that a device has something to do in; neighbours of one label are one.
+/// Returns the spans of the steps in which a device has something to do; adjacent spans with one label are merged.
 fn spans(shown: &Shown<'_>, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
     let mut spans: Vec<Span> = Vec::new();
     for pair in shown.steps.windows(2) {
@@ -245,7 +245,7 @@ fn spans(shown: &Shown<'_>, of: impl Fn(Step) -> Option<(RGBColor, &'static str)
     spans
 }
 
-/// The steps in groups that are long enough to be seen.
+/// Returns the colour and name of the group of a step; groups are long enough to be visible.
 fn numbers(step: Step) -> Option<(RGBColor, &'static str)> {
     Some(match step.number()? {
         ..=6 => (STEP, "1–6"),
@@ -282,7 +282,7 @@ fn cameras(step: Step) -> Option<(RGBColor, &'static str)> {
     })
 }
 
-/// The platform turns from step 10 on, and stands at the latest at the end of step 12.
+/// Returns the spans of the platform: it turns from step 10 on, and is at rest at the latest at the end of step 12.
 fn platform(shown: &Shown<'_>) -> Vec<Span> {
     spans(shown, |step| match step {
         Step::GoHome | Step::AwaitHome | Step::Resetting => Some((PLATFORM, "home")),

@@ -35,8 +35,8 @@ pub fn attempts(steps: impl Iterator<Item = Step>) -> Vec<(Vec<u8>, End)> {
     attempts
 }
 
-/// Whether an attempt went through the steps of §6 in their order, written down once more: 7 to 16, 17 if the switch went high on
-/// the way, 18, and then 19 and 21, or 20 with or without 19. A fault may break it off anywhere.
+/// Returns whether an attempt went through the steps of §6 in sequence, which are repeated here: 7 to 16, 17 if the switch
+/// went high on the way, 18, and then 19 and 21, or 20 with or without 19. A fault may end the attempt anywhere.
 pub fn is_in_order(numbers: &[u8], end: End) -> bool {
     let Some((first, rest)) = numbers.split_at_checked(10) else {
         return matches!(end, End::Fault | End::Open)
@@ -51,7 +51,7 @@ pub fn is_in_order(numbers: &[u8], end: End) -> bool {
     good && (7..=16).eq(first.iter().copied())
 }
 
-/// Whether a fault at the place leaves open what became of the part: still placed, or taken home with the gripper.
+/// Returns whether a fault at this step leaves the fate of the part open: still placed, or taken home with the gripper.
 pub fn leaves_open(numbers: &[u8], end: End) -> bool {
     end == End::Fault && matches!(numbers.last(), Some(19 | 21))
 }

@@ -119,17 +119,17 @@ impl Workpieces {
         self.part.place
     }
 
-    /// The vacuum switch: high when a part closes the gripper.
+    /// Returns the state of the vacuum switch: high if a part closes the gripper.
     pub fn switch(&self) -> bool {
         self.vacuum && self.holds != Holds::Nothing
     }
 
-    /// Whether the vacuum is on.
+    /// Returns whether the vacuum is on.
     pub fn vacuum(&self) -> bool {
         self.vacuum
     }
 
-    /// The gripper is here now.
+    /// Moves the gripper here.
     pub fn move_to(&mut self, now: Duration, gripper: RobotPose) {
         let (from_pick, from_place) = (distance(gripper, self.part.pick), distance(gripper, self.part.place));
         match (self.holds, self.fate) {
@@ -158,7 +158,7 @@ impl Workpieces {
         self.note_switch(now);
     }
 
-    /// A valve is set while the gripper is here.
+    /// Sets a valve while the gripper is here.
     pub fn set_valve(&mut self, now: Duration, valve: i32, open: bool, gripper: RobotPose) {
         self.move_to(now, gripper);
         match valve {
@@ -219,7 +219,7 @@ impl Workpieces {
 }
 
 impl Part {
-    /// Anywhere on the feeder, for the next of 36 places on the fixture.
+    /// Returns the next part, anywhere on the feeder, for the next of 36 positions on the fixture.
     fn next(rng: &mut fastrand::Rng, number: u64) -> Self {
         let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
         let platform = PlatformPose::from_rad(between(-0.6, 0.6), between(-0.6, 0.6));

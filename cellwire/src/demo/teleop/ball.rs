@@ -45,8 +45,9 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     Ok(report(&config, &record))
 }
 
-/// The packets that the ball sent, and the most that it can have sent if none was lost without a reason: those that arrived, complete or
-/// partial; one that is on the line when the run ends; and two for each byte that the line corrupts, since it may join two packets.
+/// Returns the number of packets that the ball sent, and the maximum that it can have sent if none was lost without a
+/// reason: those that arrived, complete or partial; one on the line at the end of the run; and two for each corrupted byte,
+/// since it may join two packets.
 fn packets(
     config: &CellConfig,
     CellRecord { ball, host, line_faults: [_, faults, _], .. }: &CellRecord,

@@ -65,7 +65,7 @@ pub struct CellConfig {
 }
 
 impl CellConfig {
-    /// The source's lines and its cumulative mode.
+    /// Returns the configuration of the source's lines and its cumulative mode.
     pub fn of(options: &DemoOptions) -> Self {
         Self {
             time: options.seconds.unwrap_or(OWN_RUN),

@@ -38,22 +38,23 @@ impl Default for Cycles {
 }
 
 impl Cycles {
-    /// No replies yet.
+    /// Creates a record without replies.
     pub fn new(accumulation: Accumulation) -> Self {
         Self { accumulation, all: Vec::new() }
     }
 
-    /// The next reply.
+    /// Adds the next reply.
     pub fn add(&mut self, cycle: Cycle) {
         self.all.push(cycle);
     }
 
-    /// The robot has rejected the last one.
+    /// Called when the robot has rejected the last reply.
     pub fn reject(&mut self) {
         self.all.pop();
     }
 
-    /// The replies with speeds in units a cycle: cumulative values are speeds, non-cumulative ones are offsets that begin at zero.
+    /// Returns the replies with speeds in units per cycle: cumulative values are speeds, non-cumulative ones are offsets
+    /// that begin at zero.
     pub fn speeds(&self) -> Vec<Cycle> {
         let mut speeds = self.all.clone();
         if self.accumulation == Accumulation::Cumulative {
@@ -71,7 +72,7 @@ impl Cycles {
         speeds
     }
 
-    /// The most that was asked for, from cycle to cycle of one ALTER.
+    /// Returns the maximum of the commanded values, and of their changes from cycle to cycle of one ALTER.
     pub fn asked(&self) -> Extremes {
         let mut asked = Extremes::default();
         for pair in self.speeds().windows(2) {

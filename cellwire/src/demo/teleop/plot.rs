@@ -164,7 +164,7 @@ fn curve(cycles: &[Cycle], value: impl Fn(&Cycle) -> i16) -> Curve {
     pieces.map(|piece| piece.iter().map(|c| (c.at.as_secs_f64(), value(c).into())).collect()).collect()
 }
 
-/// The step into each value, from rest at the beginning of a piece.
+/// Returns the step into each value, from rest at the beginning of a piece.
 fn steps(curve: &Curve) -> Curve {
     let step = |piece: &Vec<(f64, f64)>| {
         let before = core::iter::once(0.0).chain(piece.iter().map(|(_, value)| *value));

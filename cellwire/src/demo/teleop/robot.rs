@@ -146,7 +146,7 @@ fn slack(config: &CellConfig) -> Option<Budget> {
     worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
 }
 
-/// Whether something happened long enough before the end of the run to be answered.
+/// Returns whether an event happened long enough before the end of the run to be answered.
 fn is_settled(record: &CellRecord, at: Duration) -> bool {
     at + SETTLING < record.stopped_at
 }
@@ -156,7 +156,7 @@ fn to_take_up(record: &CellRecord) -> u64 {
     record.puma.ends.iter().filter(|(at, _)| is_settled(record, *at)).count() as u64
 }
 
-/// Every cycle counts: one without a good reply has an injected fault, or was late.
+/// Checks every cycle: one without a good reply has an injected fault, or was late.
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());
@@ -269,7 +269,7 @@ mod tests {
         if key == "failures" { report.failures().to_vec() } else { report.over_budget().collect() }
     }
 
-    /// One cycle is missed, and ALTER ends for it.
+    /// Makes the record miss one cycle, after which ALTER ends.
     fn miss(record: &mut CellRecord) {
         record.puma.missed += 1;
         record.puma.without.push(5000 * MS);

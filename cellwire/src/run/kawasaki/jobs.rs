@@ -64,7 +64,7 @@ impl Jobs {
         Self::new(rows, "line", plant, layout).with_context(|| file.display().to_string())
     }
 
-    /// The lines of a picture, on a board of this size; `allow` leaves out parts that a pen cannot draw.
+    /// Reads the lines of a picture, on a board of this size; with `allow`, parts that a pen cannot draw are omitted.
     ///
     /// # Errors
     /// When the file cannot be read, the plant's jobs are not lines, or a line is out of the robot's reach.
@@ -102,7 +102,7 @@ impl Jobs {
         &self.layout
     }
 
-    /// A number that other jobs do not have.
+    /// Returns a number that distinguishes these jobs from others.
     pub fn fingerprint(&self) -> String {
         format!("{:016x}", self.hash)
     }
@@ -132,7 +132,7 @@ impl Jobs {
         Bounds::of(points.map(|point| [point.x, point.y].map(drawing::mm)))
     }
 
-    /// Every job as a line of a table: its number, its line in the file, and its fields as they are sent.
+    /// Returns every job as a line of a table: its number, its line in the file, and its fields in the sent form.
     pub fn table(&self) -> String {
         let mut table = Table::new();
         table.load_style(UTF8_FULL_CONDENSED);
@@ -159,7 +159,7 @@ impl Jobs {
     }
 }
 
-/// The jobs of a table, with their lines.
+/// Reads the jobs of a table, with their lines.
 fn rows(text: &str, layout: &Layout, charset: Charset) -> Result<Vec<(u64, AnyWork)>> {
     let mut table = input::rows(text);
     let (_, header) = table.next().context("it has no jobs")??;
@@ -200,7 +200,7 @@ fn rows(text: &str, layout: &Layout, charset: Charset) -> Result<Vec<(u64, AnyWo
     Ok(rows)
 }
 
-/// The places in the layout of the columns of a table.
+/// Returns the indices in the layout of a table's columns.
 fn columns(header: &csv::StringRecord, layout: &Layout) -> Result<Vec<usize>> {
     let names = || layout.fields().iter().map(|field| field.name.as_str()).collect::<Vec<_>>().join(", ");
     let mut columns = Vec::new();
@@ -224,7 +224,7 @@ fn columns(header: &csv::StringRecord, layout: &Layout) -> Result<Vec<usize>> {
     Ok(columns)
 }
 
-/// All lines that do not fit, as far as a person reads them.
+/// Returns an error with the lines that do not fit, up to a readable number.
 fn refuse(bad: Vec<String>) -> Result<()> {
     let Some(more) = bad.len().checked_sub(1) else { return Ok(()) };
     let named = bad.iter().take(MOST_NAMED).cloned().collect::<Vec<_>>().join("\n  ");

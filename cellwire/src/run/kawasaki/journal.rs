@@ -198,7 +198,7 @@ impl Record for Orders {
 }
 
 impl Flight {
-    /// Whether the order has this many jobs.
+    /// Returns whether the order has this many jobs.
     fn fits(&self, jobs: u32) -> bool {
         jobs as usize <= self.places.len()
     }

@@ -128,7 +128,7 @@ impl<'a> Runner<'a> {
         Ok(self.ended.unwrap_or(Ended::Stopped))
     }
 
-    /// The next order: all jobs that are not done.
+    /// Begins the next order: all jobs that are not done.
     fn begin(&mut self, session: &mut Pc<'a>) -> Result<()> {
         let used = &self.journal.record().numbers;
         let free = || core::iter::repeat_with(|| fastrand::u16(1..)).find(|number| !used.contains(number));
@@ -164,7 +164,7 @@ impl<'a> Runner<'a> {
         self.asks = self.console.ask((first, count), Duration::ZERO, |event| with(line, event));
     }
 
-    /// The jobs of the order up to this count are done.
+    /// Called when the jobs of the order up to this count are done.
     fn done(&mut self, executed: u32) {
         let Some(flight) = &self.journal.record().flight else { return };
         let from = self.reported;
@@ -179,7 +179,8 @@ impl<'a> Runner<'a> {
         self.console.progress(self.journal.tally());
     }
 
-    /// An event about jobs that follow one another: the number of the first, and the lines or outlines of the file that they are from.
+    /// Returns an event about jobs with consecutive numbers: the number of the first, and their lines or outlines in the
+    /// file.
     fn span(&self, event: &str, first: usize, count: usize) -> Value {
         let mut span = json!({"event": event, "first": first + 1, "count": count});
         let ends = [first, first + count.max(1) - 1].map(|at| self.jobs.lines.get(at));
@@ -350,7 +351,7 @@ impl<'a> Program for Runner<'a> {
     }
 }
 
-/// The line with another name of its event.
+/// Returns the line with another event name.
 fn with(mut line: Value, event: &str) -> Value {
     if let Some(line) = line.as_object_mut() {
         line.insert("event".into(), event.into());

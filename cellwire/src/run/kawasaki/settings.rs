@@ -20,7 +20,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The board's size in hundredths of a millimetre.
+    /// Returns the board's size in hundredths of a millimetre.
     pub fn sheet(&self) -> Point {
         let [x, y] = self.board.map(|mm| i32::try_from(mm * 100).unwrap_or(i32::MAX));
         Point { x, y }

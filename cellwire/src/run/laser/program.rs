@@ -75,7 +75,7 @@ impl Program {
         Self { instructions, unit: "line", not_carried: Vec::new(), warnings: Vec::new() }
     }
 
-    /// A number that programs of other instructions do not have: FNV-1a of all words and floats.
+    /// Returns a number that distinguishes the program from others: FNV-1a of all words and floats.
     pub fn fingerprint(&self) -> String {
         let mut hash = 0xCBF2_9CE4_8422_2325_u64;
         let mut add = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
@@ -104,7 +104,7 @@ impl Program {
         (frames, time)
     }
 
-    /// The least and the greatest of X and Y, in mm, to a thousandth.
+    /// Returns the least and the greatest of X and Y, in mm, to a thousandth.
     pub fn bounds(&self, mapping: &Mapping) -> Option<Bounds> {
         // A negative zero plus zero is zero.
         let shown = |value: f32| (f64::from(value) * 1000.0).round() / 1000.0 + 0.0;

@@ -41,7 +41,7 @@ impl<'a> Route<'a> {
         self.mapping.values.contains(&value)
     }
 
-    /// A straight line.
+    /// Adds a straight line.
     ///
     /// # Errors
     /// When there are too many.

@@ -42,7 +42,7 @@ pub struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// A run that goes on where the journal has ended.
+    /// Creates a run that continues at the end of the journal.
     pub fn new(
         program: &'a Program,
         journal: &'a mut Journal,
@@ -202,7 +202,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// An event about instructions that follow one another, with the lines or outlines of the file that they are from.
+    /// Returns an event about instructions with consecutive numbers, with their lines or outlines in the file.
     fn span(&self, event: Value, first: usize, count: usize, more: Vec<(&str, Value)>) -> Value {
         let line = |at: usize| self.program.instructions.get(at).map_or(0, |it| it.line);
         let lines = [line(first), line(first + count - 1)];

@@ -15,7 +15,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The defaults on a line of this rate.
+    /// Returns the defaults on a line of this rate.
     pub fn at_baud(baud: u32) -> Self {
         Self { host: HostConfig::at_baud(baud), mapping: Mapping::default() }
     }

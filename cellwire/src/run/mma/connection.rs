@@ -175,12 +175,12 @@ impl<P: Pose> Connection<P> {
         }
     }
 
-    /// Whether there was one. The thread that reads has it as well.
+    /// Ends the connection, which the reading thread shares; returns whether there was one.
     fn end_wire(&mut self) -> bool {
         self.wire.take().map(|wire| wire.close()).is_some()
     }
 
-    /// Does what is due; what has happened.
+    /// Does the work that is due; returns the events.
     pub(super) fn settle(&mut self) -> Vec<CentralEvent<P>> {
         let at = now();
         self.session.handle_timeout(at);

@@ -61,7 +61,7 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    /// A periphery that sees these parts.
+    /// Creates a periphery that sees these parts.
     pub fn new(parts: Vec<Part>, vacuum: Duration) -> Self {
         Self { parts, vacuum, high_at: None, happened: VecDeque::new() }
     }
@@ -173,8 +173,8 @@ impl Periphery for Line {
     }
 }
 
-/// A line of the periphery: `part [rad,rad] [mm,mm,mm,rad]`, `slot [mm,mm,mm,rad]`, `none`, `ok`, `switch high`, `switch low`, or
-/// `error TEXT`.
+/// Parses a line of the periphery: `part [rad,rad] [mm,mm,mm,rad]`, `slot [mm,mm,mm,rad]`, `none`, `ok`, `switch high`,
+/// `switch low`, or `error TEXT`.
 fn read(line: &str) -> Happened {
     let line = line.trim();
     let (word, rest) = line.split_once(' ').unwrap_or((line, ""));

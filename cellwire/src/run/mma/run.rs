@@ -70,7 +70,7 @@ pub struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// A run that goes on where the journal has ended. The bell is that of the operator's words and of the periphery.
+    /// Creates a run that continues at the end of the journal. The operator's words and the periphery share the bell.
     pub fn new(journal: &'a mut Journal, console: Console<'a>, bell: Bell) -> Self {
         let (part, held, question, end_by) = (0, false, false, None);
         Self { journal, console, bell, part, held, question, end_by }
@@ -178,7 +178,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Does all that is due now. A run that has failed takes nothing from the periphery any more.
+    /// Does all work that is due now. A failed run accepts no more events of the periphery.
     fn settle(
         &mut self,
         task: &mut Task,
@@ -351,7 +351,7 @@ impl<'a> Runner<'a> {
         self.console.ask((part, 1), KEYBOARD_WITHIN, line)
     }
 
-    /// Does what the operator has asked for since the last call. Without an operator the run stops at the next question.
+    /// Executes the operator's requests since the last call. Without an operator the run stops at the next question.
     fn listen(&mut self, task: &mut Task) -> Result<()> {
         while let Some(answered) = self.console.listen(Duration::ZERO) {
             self.answer(answered)?;

@@ -32,7 +32,7 @@ impl Wire {
         self.carrier.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Bytes that the peer has not acknowledged after this time are discarded, and the connection ends.
+    /// Makes the system discard bytes that the peer has not acknowledged after this time, and end the connection.
     pub(super) fn discard_after(&self, after: Duration) -> io::Result<()> {
         self.lock().discard_after(after)
     }

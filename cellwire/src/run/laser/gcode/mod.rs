@@ -285,7 +285,7 @@ impl<'a> Machine<'a> {
         self.route.arc(line, cuts, centre, sweep, to)
     }
 
-    /// The centre and the angle of an arc, from the distance of its centre or its radius.
+    /// Returns the centre and the angle of an arc, from the distance of its centre, or from its radius.
     fn arc(&self, left: bool, to: [f64; 6], words: &Words) -> Result<([f64; 2], f64)> {
         let ([x, y, ..], [end_x, end_y, ..]) = (self.route.at, to);
         let tolerance = self.route.mapping.tolerance;
@@ -346,7 +346,7 @@ impl Words {
     }
 }
 
-/// A literal as it is spelled: the reader has it in single precision, in which 25.4 is something else.
+/// Returns a literal as it is spelled: the parser has it in single precision, in which 25.4 is another number.
 fn exact(number: f32) -> f64 {
     number.to_string().parse().unwrap_or_else(|_| number.into())
 }

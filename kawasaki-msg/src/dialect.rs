@@ -93,7 +93,7 @@ impl Dialect {
     /// The source's two names, and this project's for the rest (specification, KM-18).
     pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
 
-    /// A table of the caller, in ASCII. It may lack some roles and fields (specification, KM-28).
+    /// Creates a table of the caller, in ASCII. The table may lack some roles and fields (specification, KM-28).
     ///
     /// # Errors
     /// When a role that every session needs is missing or any occurs twice, a name is empty or occurs twice, a message lacks

@@ -1,4 +1,5 @@
-//! The demos: each link end to end, a simulated device and a client put together, and what is measured and drawn.
+//! The demos: each link end to end, a simulated device and a client put together, and the measurements and drawings of the
+//! run.
 
 pub mod fanuc;
 pub mod kawasaki;

@@ -82,7 +82,7 @@ impl DemoOptions {
         self.must_fail == Some(how)
     }
 
-    /// Spoils a record of what was done: the entry nearest to its middle of those that must be in it.
+    /// Damages a record of the run: the entry nearest to its middle of those that must be in it.
     pub fn spoil<T: Clone>(&self, record: &mut Vec<T>, must_be: impl Fn(&T) -> bool) {
         let middle = record.len() / 2;
         let places = record.iter().enumerate().filter(|(_, entry)| must_be(entry)).map(|(place, _)| place);

@@ -1,4 +1,4 @@
-//! The screen of `cellwire demo`: a row for each link, and what they mean together.
+//! The screen of `cellwire demo`: a row for each link, and their common result.
 
 use core::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::report::{Done, Report, was, were};
 use cellwire_io::output::{counted, wrapped};
 use cellwire_sim::ledger::Counts;
 
-/// The columns of a screen, where there is no narrower one.
+/// The columns of a screen, if there is no narrower one.
 const WIDTH: usize = 80;
 /// The column at which the text of a failure begins.
 const INDENT: usize = 5;

@@ -1,4 +1,4 @@
-//! The clients that run a piece of work on a machine, each part of it once; its operator, and what they type.
+//! The clients that run a piece of work on a machine, each part of it once; the operator, and the operator's input.
 
 pub mod kawasaki;
 pub mod laser;
@@ -100,7 +100,7 @@ pub struct Answered {
 pub struct Console<'a> {
     /// Whether nothing new begins until `continue`.
     pub paused: bool,
-    /// Whether the run ends after what is under way.
+    /// Whether the run ends after the current work.
     pub stopping: bool,
     /// Whether what is under way ends at once, if the machine can do that.
     pub aborting: bool,

@@ -129,7 +129,7 @@ fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Re
     Ok(put(answer, found))
 }
 
-/// Adds what was read back, or why not; true means that it is what was written.
+/// Adds the values that were read back, or the reason that they were not; returns true if they equal the written ones.
 fn put(answer: &mut Value, found: Value) -> bool {
     let confirmed = found == json!(true);
     if let Some(answer) = answer.as_object_mut() {

@@ -49,7 +49,7 @@ const SPEED: (f64, f64) = (100.0, 20.0);
 /// Runs the controller and its client over loopback TCP.
 ///
 /// # Errors
-/// When no port is free, a file cannot be written, or a setting is none of this demo's.
+/// If no port is free, a file cannot be written, or a setting is not one of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let settings = cellwire_links::settings::read("fanuc", Settings::default(), &options.settings)?;
     let seconds = options.seconds.map_or(8.0, |seconds| seconds.as_secs_f64());
@@ -64,7 +64,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         &Rules::default(),
     )?;
     let text = program.to_text(&Rules::default())?;
-    // The robot has what a controller would have: the text.
+    // The robot has the contents of a controller: the text.
     let start = trajectory.samples().first().context("the trajectory is empty")?.joints;
     let run = Run::new(&text, ARM, start)?;
 
@@ -148,7 +148,7 @@ fn keep_worst(laps: &mut Vec<Result<Comparison, ComparisonError>>) {
     laps.truncate(1);
 }
 
-/// The client, and what it has recorded.
+/// The client, and its recording.
 struct Log {
     logger: Logger,
     recording: Recording,

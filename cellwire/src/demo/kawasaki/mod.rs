@@ -28,7 +28,8 @@ use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
 use cellwire_links::settings::{self, Configure, Fields};
 use cellwire_sim::FaultyProxy;
 
-/// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
+/// The pen's speed in mm/s unless `--set speed=…` gives another: much faster than an arm, so that the picture takes a few
+/// seconds.
 const SPEED: u32 = 16_000;
 
 /// The jobs that the robot's queue holds, unless `--set queue=…` gives another number.
@@ -95,7 +96,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let lines = board.jobs(&picture);
     let (config, pc) = (plant.robot(robot)?, plant.pc(pc)?);
     let session = LargePc::with_ranges(pc, layout.clone())?;
-    // No job is anything else than a line.
+    // All jobs are lines.
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
     let (udp, dialing, tls) = (plant.udp, tcp::Dialing::default(), TlsArgs::default());
     ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");

@@ -1,4 +1,5 @@
-//! The host of the demo: cuts a path, asks the robot when it does not know, and notes what it knows of each instruction.
+//! The host of the demo: cuts a path, requests the robot's status if the outcome is unknown, and records the state of each
+//! instruction.
 
 use core::ops::Range;
 use std::cell::Cell;
@@ -35,7 +36,7 @@ pub struct Cutter<'a> {
     pub plan: Plan<'a>,
 }
 
-/// The path, and what the host knows of each instruction.
+/// The path, and the host's knowledge of each instruction.
 #[derive(Debug)]
 pub struct Plan<'a> {
     path: &'a [Cut],
@@ -176,7 +177,7 @@ impl Plan<'_> {
         Ok(())
     }
 
-    /// Submits what fits into the next frame.
+    /// Submits the instructions that fit into the next frame.
     fn fill(&mut self, host: &mut Host) -> Result<()> {
         while !self.ask
             && host.machine().next.is_none_or(|next| next.count < self.batch)

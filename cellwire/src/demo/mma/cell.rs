@@ -33,7 +33,7 @@ pub enum Which {
     Periphery,
 }
 
-/// Robot, platform, cameras and valves, and what they work on.
+/// Robot, platform, cameras and valves, and the parts that they handle.
 #[derive(Debug)]
 pub struct Cell {
     robot: Simulator<MmaDevice<RobotPose>>,

@@ -25,7 +25,7 @@ pub struct Now {
     pub cell: Duration,
 }
 
-/// The task, its sessions and what they did.
+/// The task, its sessions and their history.
 #[derive(Debug)]
 pub struct Central {
     task: Task,

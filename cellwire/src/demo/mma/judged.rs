@@ -1,4 +1,4 @@
-//! The verdict on a run, from its steps and from what became of the parts.
+//! The verdict on a run, from its steps and from the fate of the parts.
 
 use std::time::Duration;
 

@@ -53,14 +53,14 @@ const MAX_FAILURES: usize = 20;
 /// Runs the demo.
 ///
 /// # Errors
-/// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stalls.
+/// If no port is free, a setting is not one of this demo's, the picture cannot be written, or the cell stalls.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { parts, speed, stall_every, task, central } =
         cellwire_links::settings::read("mma", Settings::default(), &options.settings)?;
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
-    // The devices speak as the central controller is set to hear and to speak.
+    // The devices use the dialects that the central controller is set to read and to write.
     let device = DeviceConfig { accepts: central.writes, writes: central.accepts, ..DeviceConfig::DEFAULT };
     let run = Run::start(options, speed, stalls, device)?;
     let (log, cell) = run.place((!until_limit).then_some(parts), task, central, options)?;
@@ -144,7 +144,7 @@ impl Run {
         Ok(Self { cell, clock, addresses, goes_on, devices, _proxies: proxies })
     }
 
-    /// Places this many parts, or as many as fit into the time; what happened.
+    /// Places this many parts, or as many as fit into the time; returns the record.
     fn place(
         self,
         parts: Option<u64>,

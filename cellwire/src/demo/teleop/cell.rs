@@ -230,7 +230,7 @@ impl Wire {
     }
 }
 
-/// Runs the host for its time, lets it come to rest, and records what it reports.
+/// Runs the host for its time, lets it come to rest, and records its reports.
 fn drive(
     config: &CellConfig,
     teleop: TeleopConfig,

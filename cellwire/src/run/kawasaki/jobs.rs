@@ -40,7 +40,7 @@ pub struct Jobs {
 }
 
 impl Jobs {
-    /// Reads a picture or a table; `allow` leaves out what a pen cannot follow.
+    /// Reads a picture or a table; `allow` omits the parts that a pen cannot follow.
     ///
     /// # Errors
     /// When the file is neither; those of [`from_table`](Self::from_table) and [`from_picture`](Self::from_picture).

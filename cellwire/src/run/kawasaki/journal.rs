@@ -26,7 +26,7 @@ pub struct Flight {
     pub sent: u32,
     /// The jobs that were executed ahead of others.
     pub ahead: Vec<u32>,
-    /// Whether a run has told the robot to interrupt or end it.
+    /// Whether a run has commanded the robot to interrupt or end the order.
     pub is_broken_off: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Orders for a Kawasaki robot, for a person to run: every job once, and what became of each is kept in a journal.
+//! Orders for a Kawasaki robot, for a person to run: every job once, with the outcome of each in a journal.
 
 mod jobs;
 mod journal;

@@ -158,7 +158,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Asks what became of jobs.
+    /// Asks the operator for the outcomes of jobs.
     fn ask(&mut self, first: usize, count: usize) {
         let line = self.span("", first, count);
         self.asks = self.console.ask((first, count), Duration::ZERO, |event| with(line, event));

@@ -11,7 +11,7 @@ use cellwire_io::input::rows;
 /// cells at the end of a line are passed over.
 ///
 /// # Errors
-/// When a cell is none of these, with the line.
+/// If a cell has any other value, with the line.
 pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
     let mut instructions = Vec::new();
     for row in rows(text) {

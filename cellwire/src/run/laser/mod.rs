@@ -1,4 +1,4 @@
-//! Runs a program on a laser robot: every instruction once, and what became of each is kept in a journal.
+//! Runs a program on a laser robot: every instruction once, with the outcome of each in a journal.
 
 mod csv;
 mod gcode;
@@ -15,6 +15,6 @@ pub use settings::{Coordinate, Mapping, Settings};
 
 use crate::io::journal::{self, Outcome};
 
-/// The journal of a program: the outcome of each instruction. Done is what the controller has queued, or executed if it is
-/// immediate.
+/// The journal of a program: the outcome of each instruction. An instruction is done if the controller has queued it, or
+/// executed it if it is immediate.
 pub type Journal = journal::Journal<Vec<Outcome>>;

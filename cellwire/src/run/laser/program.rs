@@ -37,7 +37,7 @@ impl Program {
     /// cut as it is drawn is refused; with `allow` it has warnings.
     ///
     /// # Errors
-    /// When the file cannot be read, is a DXF drawing, or has what no instruction can be made of, with the line.
+    /// If the file cannot be read, is a DXF drawing, or has a part that cannot become an instruction, with the line.
     pub fn read(file: &Path, mapping: &Mapping, host: &HostConfig, allow: bool) -> Result<Self> {
         let data = input::bytes(file)?;
         refuse_dxf(file, &data)?;

@@ -89,7 +89,7 @@ impl<'a> Runner<'a> {
         let mut host = Host::new(self.config)?;
         host.handle_connected(now());
         loop {
-            // While it is paused there is nothing else to do.
+            // While the run is paused there is no other work.
             let wait = if self.console.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
             self.console.listen(wait);
             if host.is_idle() && self.flight.is_none() {
@@ -213,7 +213,7 @@ impl<'a> Runner<'a> {
         span.into()
     }
 
-    /// Asks what became of instructions; false when the operator stops, or cannot answer.
+    /// Asks the operator for the outcomes of instructions; returns false if the operator stops, or cannot answer.
     fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
         let line = |event: &str| self.span(event.into(), first, count, vec![("why", why.into())]);
         let (question, unanswered) = (line("question"), line("unanswered"));

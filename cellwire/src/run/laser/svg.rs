@@ -22,7 +22,7 @@ const ROUNDED: f64 = 0.01;
 /// of the drawing.
 ///
 /// # Errors
-/// When the data is not an SVG file, has no strokes or no size in a unit of length, or shows what a laser cannot cut.
+/// If the data is not an SVG file, has no strokes or no size in a unit of length, or has parts that a laser cannot cut.
 pub(super) fn read(data: &[u8], mapping: &Mapping, allow: bool) -> Result<(Vec<Instruction>, Vec<String>)> {
     for (value, name) in [(Coordinate::F, "feed"), (Coordinate::S, "power")] {
         ensure!(

@@ -12,6 +12,6 @@ pub use settings::{Part, Settings};
 
 use crate::io::journal::{self, Outcome};
 
-/// The journal of a task: the outcome of each part. It is unknown from when the robot is sent to it until it is in its place, or
-/// the operator has said so.
+/// The journal of a task: the outcome of each part. The outcome is unknown from the time at which the robot is sent to the
+/// part until the part is placed, or the operator has stated the outcome.
 pub type Journal = journal::Journal<Vec<Outcome>>;

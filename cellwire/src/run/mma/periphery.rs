@@ -30,7 +30,7 @@ pub enum Happened {
     ValveSet,
     /// The vacuum switch is high, or low.
     Switch(bool),
-    /// The periphery cannot do what it was asked for; the reason.
+    /// The periphery cannot execute the request; the reason.
     Failed(String),
     /// The connection of the periphery is gone.
     Lost,
@@ -108,10 +108,10 @@ pub struct Line {
 }
 
 impl Line {
-    /// Connects to it. The bell is rung for each line that it says, and when it is gone.
+    /// Connects to the periphery. The bell is rung for each of its lines, and when it is gone.
     ///
     /// # Errors
-    /// When there is no peer.
+    /// If there is no peer.
     pub fn open(address: &str, dialing: Dialing, tls: Option<&Tls>, bell: Bell) -> Result<Self> {
         let wire = Wire::connect(address, dialing, tls).context("the periphery")?;
         wire.discard_after(STUCK)?;

@@ -58,7 +58,7 @@ pub enum Rest {
 pub struct Runner<'a> {
     journal: &'a mut Journal,
     console: Console<'a>,
-    /// Rung for what the operator types, what comes on a connection, and what the periphery says.
+    /// Rung for the operator's input, for events of a connection, and for lines of the periphery.
     bell: Bell,
     part: usize,
     /// A part is placed, and the next is not to begin yet.
@@ -76,8 +76,8 @@ impl<'a> Runner<'a> {
         Self { journal, console, bell, part, held, question, end_by }
     }
 
-    /// Settles the part that an earlier run has begun: as `answer` says if it is given, otherwise as the operator does; false when the
-    /// operator stops.
+    /// Settles the part that an earlier run has begun: by `answer` if it is given, otherwise by the operator's; returns
+    /// false if the operator stops.
     ///
     /// # Errors
     /// When the journal cannot be written.
@@ -343,7 +343,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Asks what became of the part; false if nobody can answer.
+    /// Asks the operator for the outcome of the part; returns false if there can be no answer.
     fn ask(&mut self, why: &str) -> bool {
         self.question = true;
         let part = self.part;

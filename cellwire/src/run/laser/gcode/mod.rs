@@ -24,8 +24,8 @@ type NotCarried = Vec<(Coordinate, u64)>;
 /// of the plant carry no S, a program without S cuts with the plant's own power.
 ///
 /// # Errors
-/// When a line has anything else, with its number, or a cut has no feed or power that the plant's words carry: a program that is not
-/// understood is not run. All such lines are named, the first twenty.
+/// If a line has any other word, with its number, or a cut has no feed or power that the plant's words carry: a program that
+/// is not understood is not run. All such lines are named, the first twenty.
 pub(super) fn read(text: &str, mapping: &Mapping) -> Result<(Vec<Instruction>, NotCarried, Vec<String>)> {
     let mut wrong = Wrong::default();
     text::faults(text).for_each(|(line, fault)| wrong.add(line, &fault));
@@ -208,7 +208,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// Applies a G word; returns what the words of its modal group set.
+    /// Applies a G word; returns the setting of its modal group.
     fn general(&mut self, major: u32, minor: u32) -> Result<&'static str> {
         Ok(match (major, minor) {
             (0..=3, 0) => {
@@ -243,7 +243,7 @@ impl<'a> Machine<'a> {
         })
     }
 
-    /// Applies an M word; returns what the words of its modal group set.
+    /// Applies an M word; returns the setting of its modal group.
     fn miscellaneous(&mut self, number: u32) -> Result<&'static str> {
         Ok(match number {
             2 | 30 => "the end",

@@ -147,8 +147,9 @@ impl<'a> Console<'a> {
         }
     }
 
-    /// Asks what became of `count` parts, the first of which has the index `first`; `line` makes an event about them. False if standard input
-    /// has ended, or ends within `wait`: nobody can answer, the option that answers is named, and the run is to stop.
+    /// Asks the operator for the outcomes of `count` parts, the first of which has the index `first`; `line` makes an event
+    /// about them. False if standard input has ended, or ends within `wait`: nobody can answer, the option that answers is
+    /// named, and the run is to stop.
     pub fn ask(
         &mut self,
         (first, count): (usize, usize),
@@ -174,7 +175,7 @@ impl<'a> Console<'a> {
 
     /// Waits for the answer to the question that was asked; `None` if the operator stops instead.
     pub fn answer(&mut self) -> Option<Answered> {
-        // An earlier stop was for what was under way then.
+        // An earlier stop was for the work of that time.
         let was_stopping = core::mem::take(&mut self.stopping);
         let answered = loop {
             match self.listen(LOOK) {
@@ -317,7 +318,7 @@ impl<'a> Console<'a> {
         self.stop_at.map(|at| at.saturating_add(limit))
     }
 
-    /// Reports an event. If it cannot be written, the run is to stop: nobody sees what happens.
+    /// Reports an event. If it cannot be written, the run must stop, because its events are not visible.
     pub fn notify(&mut self, event: Value) {
         if self.is_deaf {
             return;
@@ -336,7 +337,7 @@ impl<'a> Console<'a> {
         }
     }
 
-    /// Says what can be typed.
+    /// Prints the possible inputs.
     pub fn hint(&mut self, hint: &str) {
         self.notify(json!({"event": "hint", "hint": hint}));
     }
@@ -354,7 +355,7 @@ enum Word {
     Pause,
     /// Go on.
     Continue,
-    /// End after what is under way.
+    /// End after the current work.
     Stop,
     /// Stop everything now.
     Abort,

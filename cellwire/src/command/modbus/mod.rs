@@ -107,7 +107,7 @@ pub struct Refused(pub(super) String);
 #[error("{0}")]
 pub struct Unknown(pub(super) String);
 
-/// Opens a client. A remark says if its first request has to wait.
+/// Opens a client. A remark states that its first request must wait.
 ///
 /// # Errors
 /// The errors of [`Client::open`].

@@ -49,13 +49,13 @@ impl Span {
         (self.agreed, self.unknown, self.executed) == (true, 0, 1)
     }
 
-    /// Returns the span with one execution removed.
+    /// Returns the motions with one execution removed.
     #[must_use]
     pub fn without_one(self) -> Self {
         Self { executed: self.executed.saturating_sub(1), ..self }
     }
 
-    /// Returns the span with one more execution.
+    /// Returns the motions with one more execution.
     #[must_use]
     pub fn with_one_more(self) -> Self {
         Self { executed: self.executed + 1, ..self }

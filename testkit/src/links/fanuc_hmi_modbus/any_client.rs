@@ -139,7 +139,7 @@ impl Peer for AnyClient {
         }
     }
 
-    /// They do not wait for the server to read.
+    /// Returns the actor of a word: clients do not wait for the server to read.
     fn by(&self, _: Word) -> By {
         By::Others
     }

@@ -142,7 +142,8 @@ impl AnyServer {
         self.config.framing == Framing::Tcp
     }
 
-    /// Nothing of a connection reaches the next; on a serial line nobody notices.
+    /// Called when the connection is replaced: nothing of it reaches the next one; on a serial line no end notices the
+    /// change.
     fn reconnected(&self, known: &mut Known) {
         known.is_partial = false;
         if !self.is_serial() {
@@ -394,7 +395,7 @@ impl Peer for AnyServer {
         broken.extend(known.wrong);
     }
 
-    /// Each request has an outcome in the end, whatever the server does.
+    /// Returns whether each request has an outcome, which must happen whatever the server does.
     fn is_over(&self, _: &ClientMachine<2>, known: &Known) -> bool {
         known.jobs.iter().flatten().all(|job| job.has_ended)
     }
@@ -439,7 +440,7 @@ impl AnyServer {
 }
 
 impl Known {
-    /// Whether a request is in flight that its reply can equal.
+    /// Returns whether a request is in flight whose reply can equal it.
     fn awaits_mirror(&self, end: &ClientMachine<2>) -> bool {
         end.held().any(|held| {
             let job = self.jobs[usize::from(held.place)];
@@ -452,7 +453,7 @@ impl Known {
             || self.outstanding.iter().any(|outstanding| outstanding.id == id)
     }
 
-    /// An outcome, with whether the request was sent.
+    /// Removes a request with an outcome; `was_sent` is whether the request was sent.
     fn end(&mut self, place: u8, was_sent: bool) -> Option<Job> {
         let job = self.jobs[usize::from(place)].as_mut().filter(|job| !job.has_ended);
         let Some(job) = job else {

@@ -16,7 +16,7 @@ const CLIENT: &str = "fanuc-hmi-modbus client";
 const SERVER: &str = "fanuc-hmi-modbus server";
 const READ: Request<'static> = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
 
-/// The assumptions of the ends about time.
+/// Returns the assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let rtu = ClientConfig::rtu(BAUD);
     let silence = ServerConfig::rtu(1, BAUD).framing.silence().unwrap_or_default();
@@ -51,7 +51,7 @@ pub fn margins() -> Vec<Margin> {
     ]
 }
 
-/// A client of RTU over TCP, which waits for long enough.
+/// Returns the configuration of a client of RTU over TCP, with long enough timeouts.
 fn through() -> ClientConfig {
     ClientConfig {
         framing: Framing::RTU_OVER_TCP,
@@ -60,7 +60,7 @@ fn through() -> ClientConfig {
     }
 }
 
-/// The time at which it sends, from `from` on.
+/// Returns the time at which a client sends, from `from` on.
 fn sends<const N: usize>(client: &mut Client<N>, from: Duration) -> Duration {
     let mut now = from;
     loop {

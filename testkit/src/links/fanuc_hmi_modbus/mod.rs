@@ -174,18 +174,18 @@ pub const ANY_SERVER: Pair = Pair {
     refined: Vec::new,
 };
 
-/// A server of each framing.
+/// Returns a server of each framing.
 fn servers() -> [(&'static str, ServerConfig); 3] {
     let tcp = ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() };
     [("tcp", tcp), ("rtu", rtu(&[], 0).server), ("rtu over tcp", rtu_over_tcp(&[], 0).server)]
 }
 
-/// A client of which only the rules are known, or nothing.
+/// Returns a client about which only the rules are known, or nothing.
 fn any_client(config: ServerConfig, keeps_rules: bool) -> Against<AnyClient> {
     Against::new(AnyClient { config, keeps_rules })
 }
 
-/// A server that answers as late as the client assumes, over TCP this many requests later.
+/// Returns a server that answers as late as the client assumes, over TCP up to `memory` requests later.
 fn any_server(config: ClientConfig, memory: u8) -> AnyServer {
     AnyServer { config: ClientConfig { transactions: 7, ..config }, keeps_rules: true, memory }
 }
@@ -311,7 +311,7 @@ fn rtu_over_tcp_must_fail() -> Vec<MustFail> {
     ]
 }
 
-/// A client without a timeout.
+/// Returns a client without a timeout.
 fn patient(mut setup: Setup) -> Setup {
     setup.client.timeout = core::time::Duration::MAX;
     setup

@@ -117,7 +117,7 @@ impl Setup {
         }
     }
 
-    /// Bytes come to the server.
+    /// Called when bytes come to the server.
     fn received(&self, world: &mut World, edges: &mut Edges<'_>) {
         self.server(world, server::Input::Received, edges);
     }

@@ -227,7 +227,7 @@ impl<'a> Sessions<'a> {
         }
     }
 
-    /// The sessions' machines are the model's, and what is reported and sent is what the model has.
+    /// Asserts that the sessions' machines, reports and messages are the model's.
     fn compare(&mut self, world: &World, walk: &[Act]) {
         let (now, mut client, mut server) = (self.now, self.client.machine().clone(), *self.server.machine());
         age(&mut client, now);

@@ -20,10 +20,10 @@ pub trait Transport {
     /// The beginning of the names of its rows.
     const NAME: &'static str;
 
-    /// A client of it.
+    /// Returns the configuration of a client of it.
     fn client() -> ClientConfig;
 
-    /// A server of it.
+    /// Returns the configuration of a server of it.
     fn server() -> ServerConfig;
 }
 
@@ -79,7 +79,7 @@ impl Transport for RtuOverTcp {
 #[derive(Debug)]
 pub struct Client<T, const N: usize = 2>(PhantomData<T>);
 
-/// The state of a client with its requests, oldest first.
+/// Returns the state of a client with its requests, oldest first.
 pub fn client_state<const N: usize>(machine: &ClientMachine<N>) -> String {
     let stages: Vec<&str> = machine
         .held()
@@ -99,7 +99,7 @@ pub fn client_state<const N: usize>(machine: &ClientMachine<N>) -> String {
 }
 
 impl<T: Transport, const N: usize> Client<T, N> {
-    /// The transaction of the first request.
+    /// Returns the transaction of the first request.
     fn first() -> u16 {
         u16::from(T::NAME == Tcp::NAME)
     }
@@ -260,7 +260,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
 #[derive(Debug)]
 pub struct Server<T, const N: usize = 2>(PhantomData<T>);
 
-/// The state of a server with the number of its replies.
+/// Returns the state of a server with the number of its replies.
 pub fn server_state<const N: usize>(machine: &ServerMachine<N>) -> String {
     match machine.link {
         ServerLink::Up { replies: 0, .. } | ServerLink::Down => machine.name().into(),

@@ -172,7 +172,7 @@ impl Setup {
         matches!(self.client.framing, Framing::Tcp)
     }
 
-    /// The unit that a job is for.
+    /// Returns the unit to which a job is addressed.
     pub(super) fn unit(&self, job: u8) -> u8 {
         match self.jobs[usize::from(job)] {
             Job::Unicast => UNIT,

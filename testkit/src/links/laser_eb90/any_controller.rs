@@ -165,7 +165,7 @@ const REFUSALS: [Refusal; 5] = [
 ];
 
 impl AnyController {
-    /// The host's assumptions are what the controller keeps.
+    /// Creates a controller that meets the host's assumptions.
     pub fn new(keeps_rules: bool, drops: bool) -> Self {
         let config = HostConfig {
             // A byte takes 1 ms.
@@ -369,7 +369,7 @@ impl Peer for AnyController {
         broken.extend(known.wrong);
     }
 
-    /// Each frame has an outcome in the end, whatever the controller does.
+    /// Returns whether each frame has an outcome, which must happen whatever the controller does.
     fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
         known.job.is_none() && end.next.is_none()
     }
@@ -397,7 +397,7 @@ impl Known {
         is_repeated
     }
 
-    /// The frame has its outcome.
+    /// Called when the frame has its outcome.
     fn leave(&mut self, before: Before) {
         if before.refused && before.executed > 0 {
             self.wrong = Some(REFUSED);

@@ -257,7 +257,7 @@ impl Peer for AnyHost {
         }
     }
 
-    /// Bytes are taken also while an instruction is executed.
+    /// Returns the actor of a word: bytes are read even while an instruction is executed.
     fn by(&self, word: Word) -> By {
         match word {
             Word::Arrive | Word::Piece(_) | Word::Executed(_) => By::User,
@@ -383,7 +383,7 @@ impl Peer for AnyHost {
 }
 
 impl Known {
-    /// Bytes come.
+    /// Called when bytes come; returns the input.
     fn hear(&mut self, piece: Piece) -> Input {
         (self.reading, self.has_come) = (true, true);
         let has_begun = matches!(self.held, Held::Begun { .. });
@@ -443,7 +443,7 @@ impl Known {
         self.executed = (self.executed + 1).min(2);
     }
 
-    /// Nothing more can come of what was sent.
+    /// Returns whether the sent messages can have no further effect.
     fn is_quiet(&self, end: &ControllerMachine) -> bool {
         self.port.is_empty() && end.line == Receiving::Silent && matches!(end.work, Work::Listening { .. })
     }

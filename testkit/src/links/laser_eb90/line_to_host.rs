@@ -62,7 +62,7 @@ impl Wired for AnyController {
         bytes
     }
 
-    /// The host reads an answer that has begun before its frame was sent as none.
+    /// Returns whether an answer may pause: the host does not accept an answer that began before its frame was sent.
     fn may_pause(&self, _: Word) -> bool {
         false
     }

@@ -13,7 +13,7 @@ use crate::model::{Margin, Peer as _, Setting, Step};
 /// One of them.
 type Time = fn(&mut Times) -> &mut u8;
 
-/// The assumptions of the ends about time.
+/// Returns the assumptions of the ends about time.
 pub fn margins() -> Vec<Margin> {
     let changes: [(&str, &str, Time); 5] = [
         ("max_pause", "a frame is so long under way beyond its time on the line", |real| &mut real.pause),
@@ -56,7 +56,7 @@ impl TryFrom<Instruction<'_>> for Any {
     }
 }
 
-/// A frame whose halves are so far apart.
+/// Returns the property that breaks for a frame whose halves are this far apart.
 fn is_taken(apart: Duration) -> Option<&'static str> {
     let mut line = [0; Frame::MAX_LEN];
     let mut payload = [0; 64];

@@ -105,19 +105,20 @@ pub const ANY_CONTROLLER: Pair = Pair {
 
 const INSISTS: &str = "keeps the rules, the host resends on silence";
 
-/// A host that sends a frame again if no answer comes.
+/// Returns a host that sends a frame again if no answer comes.
 fn insists() -> Against<AnyController> {
     let mut system = any_controller(true, false);
     system.peer.config.resend_on_silence = true;
     system
 }
 
-/// A controller of which only the rules are known, or nothing.
+/// Returns a controller about which only the rules are known, or nothing.
 pub fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {
     Against { late: !keeps_rules, ..Against::new(AnyController::new(keeps_rules, drops)) }
 }
 
-/// Two ticks are a silence. A connection that breaks within a frame forgets what was answered: that is the other setting's.
+/// Returns a host about which only the rules are known, or nothing. Two ticks are a silence. A connection that breaks within
+/// a frame forgets the answers: the other setting covers that.
 fn any_host(keeps_rules: bool) -> Against<AnyHost> {
     let config = ControllerConfig { tick: Duration::ZERO, ..ControllerConfig::default() };
     Against { breaks: !keeps_rules, ..Against::new(AnyHost { config, keeps_rules }) }
@@ -209,7 +210,7 @@ pub fn setup(reader: Reader, jobs: &[Content], most: u8) -> Setup {
     }
 }
 
-/// The same with pauses twice as long as assumed; the driver reports when a frame has left. The host does not wait
+/// Returns the same with pauses twice as long as assumed; the driver reports when a frame has left. The host does not wait
 /// this long for frames of an earlier host, so it neither crashes nor disconnects here.
 fn reporting(reader: Reader, jobs: &[Content], most: u8) -> Setup {
     let mut setup = setup(reader, jobs, most);
@@ -245,7 +246,7 @@ fn settings(depth: Depth) -> Vec<Setting> {
     settings
 }
 
-/// Each rule of the machines taken out: by its setting, or by its name.
+/// Returns a case for each rule of the machines that is removed: by its setting, or by its name.
 fn must_fail() -> Vec<MustFail> {
     use HostRule::{
         CompareWord, ConfirmLate, DrainFirst, FailedIsUnknown, FinalCodes, OutlastExecution,

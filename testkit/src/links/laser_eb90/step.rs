@@ -139,7 +139,7 @@ impl Step<'_> {
         }
     }
 
-    /// One tick's bytes of the first frame on the line.
+    /// Carries one tick's bytes of the first frame on the line.
     fn carry_down(&mut self) {
         let setup = self.setup;
         let Some(transmission) = self.world.down.first_mut() else { return };
@@ -187,7 +187,7 @@ impl Step<'_> {
         self.read();
     }
 
-    /// A head comes.
+    /// Called when a head comes.
     fn head(&mut self, job: u8) {
         let corrupt = match self.world.held {
             Held::Part(_) | Held::Spoilt if self.setup.reader.swallows => {
@@ -204,7 +204,7 @@ impl Step<'_> {
         self.world.held = Held::Part(job);
     }
 
-    /// The controller reads what was found, up to a good frame: that is judged by an act of its own.
+    /// Lets the controller read its items, up to a good frame: a separate act handles that frame.
     fn read(&mut self) {
         while !self.world.is_executing() {
             let trusts = self.world.controller.trusts(&self.setup.controller);

@@ -274,19 +274,19 @@ pub enum Act {
 }
 
 impl Setup {
-    /// The word and the class of a frame.
+    /// Returns the word and the class of a frame.
     pub fn word(&self, job: u8) -> u16 {
         if self.jobs[usize::from(job)] == Content::Interpreted { CUT } else { SWITCH }
     }
 }
 
 impl World {
-    /// Whether the host waits until its frame has left.
+    /// Returns whether the host waits until its frame has left.
     pub fn is_blocked(&self, setup: &Setup) -> bool {
         setup.reports_transmitted && self.connected && !self.down.is_empty()
     }
 
-    /// Whether the controller executes.
+    /// Returns whether the controller executes.
     pub fn is_executing(&self) -> bool {
         !self.controller.reads()
     }

@@ -43,7 +43,7 @@ impl Axes for PlatformPose {
     }
 }
 
-/// The pose at which a part is picked, and the pose at which it is placed.
+/// Returns the pose at which a part is picked, and the pose at which it is placed.
 fn pick(part: usize) -> RobotPose {
     RobotPose::from_units([1000 + part as i32, 2000, -500, part as i32])
 }
@@ -118,7 +118,7 @@ impl<P: Pose, D: Axes> Station<P, D> {
         self.central.request(command).unwrap();
     }
 
-    /// Both ends, once; what happened to the task.
+    /// Runs both ends once; returns the task's events.
     fn step(&mut self, now: Duration, home: D, bad: f64, rng: &mut Rng, events: &mut Vec<Event>) {
         self.fail(now, bad, rng);
         if self.connects_at.take_if(|at| *at <= now).is_some() {
@@ -221,7 +221,7 @@ impl Carrier for Line<'_> {
     }
 }
 
-/// A device that has just been switched on.
+/// Returns a device that has just been switched on.
 fn at<D: Pose>(pose: D) -> Device<D> {
     let mut device = Device::new(DeviceConfig::DEFAULT).unwrap();
     device.set_pose(pose);
@@ -313,7 +313,7 @@ fn session(seed: u64, log: Log) -> Tally {
 }
 
 impl Cell {
-    /// Nothing goes wrong any more: a part has to be placed, and the task has to end.
+    /// Runs a minute without faults: a part must be placed, and the task must end.
     fn last_minute(&mut self, config: &TaskConfig, tally: &mut Tally, rng: &mut Rng) {
         for wire in [&mut self.robot.wire, &mut self.platform.wire, &mut self.conditioning.wire] {
             wire.heal(self.now);
@@ -374,7 +374,7 @@ impl Cell {
         self.task.handle_event(self.now, event);
     }
 
-    /// The picture that was asked for.
+    /// Returns the requested picture.
     fn look(&mut self, rng: &mut Rng) -> Option<Event> {
         let (_, camera) = self.picture.take_if(|(at, _)| *at <= self.now)?;
         if rng.chance(0.05 * self.bad) {

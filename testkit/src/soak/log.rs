@@ -15,7 +15,7 @@ impl Log {
     /// To standard output.
     pub const ON: Self = Self { on: true };
 
-    /// A line of the trace.
+    /// Writes a line of the trace.
     pub fn line(self, now: Duration, what: Arguments<'_>) {
         if self.on {
             println!("{:>12.3} ms  {what}", now.as_secs_f64() * 1e3);

@@ -94,32 +94,32 @@ pub const ROWS: [Row; 36] = [
 ];
 
 impl Row {
-    /// `link/transport`
+    /// Returns `link/transport`
     pub fn name(&self) -> String {
         format!("{}/{}", self.link, self.transport)
     }
 
-    /// Whether `name` names the row, or its link.
+    /// Returns whether `name` names the row, or its link.
     pub fn is_named(&self, name: &str) -> bool {
         name == self.link || name == self.name()
     }
 
-    /// The session of a seed. A panic is counted.
+    /// Runs the session of a seed. A panic is counted.
     pub fn run(&self, seed: u64, log: Log) -> Tally {
         let session = catch_unwind(AssertUnwindSafe(|| (self.session)(seed, log)));
         let tally = session.unwrap_or(Tally { panics: 1, ..Tally::default() });
         Tally { sessions: 1, ..tally }
     }
 
-    /// How many of the messages with corrupt bytes the check would pass if their bytes were random. Most corruption is smaller, and
-    /// no sum misses a single bit.
+    /// Returns the expected number of messages with corrupt bytes that would pass the check if their bytes were random. Most
+    /// corruption is smaller, and no sum misses a single bit.
     pub fn expected_unseen(&self, tally: &Tally) -> f64 {
         let made = tally.refused + tally.unseen;
         self.one_in.map_or(0.0, |one_in| made as f64 / f64::from(one_in))
     }
 
-    /// Whether so much corruption went unseen that the check cannot have been made: twice what random bytes would, and six standard
-    /// deviations more.
+    /// Returns whether so much corruption was undetected that the check cannot have been made: more than twice the number
+    /// for random bytes plus six standard deviations.
     pub fn sees_too_little(&self, tally: &Tally) -> bool {
         let expected = self.expected_unseen(tally);
         tally.unseen as f64 > 2.0 * expected + 6.0 * expected.sqrt() + 6.0

@@ -45,7 +45,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Whether a promise is broken.
+    /// Returns whether a check has failed.
     pub fn is_bad(&self) -> bool {
         self.lost + self.repeated + self.invented + self.stuck + self.panics > 0
     }
@@ -107,22 +107,22 @@ impl Ledger {
         }
     }
 
-    /// Whether the outcome of a job has been reported.
+    /// Returns whether the outcome of a job has been reported.
     pub fn is_reported(&self, job: usize) -> bool {
         self.0.jobs().get(job).is_some_and(|job| job.reported.is_some())
     }
 
-    /// Whether a job has been executed.
+    /// Returns whether a job has been executed.
     pub fn is_executed(&self, job: usize) -> bool {
         self.0.jobs().get(job).is_some_and(|job| job.times > 0)
     }
 
-    /// The number of jobs.
+    /// Returns the number of jobs.
     pub fn len(&self) -> usize {
         self.0.jobs().len()
     }
 
-    /// Whether no job was sent.
+    /// Returns whether no jobs were sent.
     pub fn is_empty(&self) -> bool {
         self.0.jobs().is_empty()
     }

@@ -32,7 +32,7 @@ pub struct Unseen {
 }
 
 impl Unseen {
-    /// Whether one of its transmissions was made between two marks.
+    /// Returns whether one of the transmissions was made between two marks.
     pub fn is_between(&self, from: Mark, to: Mark) -> bool {
         let (from, to) = match self.from {
             End::A => (from.0, to.0),
@@ -68,7 +68,8 @@ struct Transmission {
 }
 
 impl Wire {
-    /// A link whose faults follow from `seed`. `names` are those of the ends A and B in the trace; `text` shows bytes as text.
+    /// Creates a link whose faults follow from `seed`. `names` are those of the ends A and B in the trace; `text` shows
+    /// bytes as text.
     pub fn new(seed: u64, faults: Faults, names: [&'static str; 2], text: bool, log: Log) -> Self {
         let corrupts = !faults.datagrams && faults.flip + faults.lose_byte + faults.insert > 0.0;
         let link = Link::new(seed, faults);
@@ -86,7 +87,7 @@ impl Wire {
         }
     }
 
-    /// As [`Link::send`].
+    /// Calls [`Link::send`].
     pub fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
         let before = self.link.counts();
         self.link.send(from, now, bytes);
@@ -107,12 +108,12 @@ impl Wire {
         }
     }
 
-    /// As [`Link::receive`].
+    /// Calls [`Link::receive`].
     pub fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
         self.receive_part(at, now, usize::MAX)
     }
 
-    /// As [`Link::receive_part`].
+    /// Calls [`Link::receive_part`].
     pub fn receive_part(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
         let delivery = self.link.receive_part(at, now, most)?;
         if let (Delivery::Bytes(bytes), true) = (&delivery, self.corrupts) {
@@ -132,13 +133,13 @@ impl Wire {
         Some(delivery)
     }
 
-    /// As [`Link::disconnect`].
+    /// Calls [`Link::disconnect`].
     pub fn disconnect(&mut self, now: Duration) {
         self.log.line(now, format_args!("the connection is closed"));
         self.link.disconnect(now);
     }
 
-    /// As [`Link::reconnect`].
+    /// Calls [`Link::reconnect`].
     pub fn reconnect(&mut self, now: Duration) {
         self.log.line(now, format_args!("a new connection"));
         self.link.reconnect();
@@ -150,12 +151,12 @@ impl Wire {
         }
     }
 
-    /// As [`Link::is_connected`].
+    /// Calls [`Link::is_connected`].
     pub fn is_connected(&self) -> bool {
         self.link.is_connected()
     }
 
-    /// The next time at which the ends are polled: a delivery, or one of `timeouts`; or, with the probability of
+    /// Returns the next time at which the ends are polled: a delivery, or one of `timeouts`; or, with the probability of
     /// [`poll_late`](Self::poll_late), up to seconds later.
     pub fn next(&mut self, now: Duration, timeouts: impl IntoIterator<Item = Option<Duration>>) -> Duration {
         let times = timeouts.into_iter().chain([self.link.next_delivery()]).flatten();
@@ -168,12 +169,12 @@ impl Wire {
         next + late
     }
 
-    /// From now on the ends are polled late with probability `late`: by 1 ms to 5 s, each order of magnitude equally likely.
+    /// Polls the ends late from now on with probability `late`: by 1 ms to 5 s, each order of magnitude equally likely.
     pub fn poll_late(&mut self, late: f64) {
         self.late_polls = late;
     }
 
-    /// Neither the link nor its polls commit a fault from now on.
+    /// Ends the faults of the link and of its polls from now on.
     pub fn heal(&mut self, now: Duration) {
         self.log.line(now, format_args!("no more faults"));
         self.late_polls = 0.0;
@@ -185,12 +186,12 @@ impl Wire {
         self.log.line(now, text);
     }
 
-    /// As [`Link::next_delivery`].
+    /// Calls [`Link::next_delivery`].
     pub fn next_delivery(&self) -> Option<Duration> {
         self.link.next_delivery()
     }
 
-    /// The transmissions up to now.
+    /// Returns a mark after the transmissions up to now.
     pub fn mark(&self) -> Mark {
         Mark(self.sent[0].len(), self.sent[1].len())
     }

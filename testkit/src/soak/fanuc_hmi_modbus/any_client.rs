@@ -53,7 +53,7 @@ impl AnyClient {
         self.open.iter().map(|open| open.gives_up_at).chain(quiet).chain(frame).min()
     }
 
-    /// The next reply that it holds.
+    /// Removes and returns the next reply in the buffer.
     fn take(&mut self, way: Way) -> Option<Vec<u8>> {
         let length = match way {
             Way::Tcp => Frame::decode_tcp(&self.held).expect("TCP corrupts nothing")?.1,
@@ -97,7 +97,7 @@ impl Cell {
         true
     }
 
-    /// The other client instead of the project's own.
+    /// Runs the other client in place of the project's own.
     pub(super) fn listen(&mut self, other: &mut AnyClient) {
         while let Some(delivery) = self.wire.receive(End::A, self.now) {
             let Delivery::Bytes(bytes) = delivery else { continue };
@@ -119,7 +119,7 @@ impl Cell {
         }
     }
 
-    /// On a serial line a frame ends with a silence.
+    /// Called when a frame ends, on a serial line with a silence.
     fn end_of_frame(&mut self, other: &mut AnyClient) {
         if self.way == Way::Rtu
             && self.now >= other.heard + other.silence
@@ -160,7 +160,7 @@ impl Cell {
         self.ledger.report(job, if refused { Reported::NotDone } else { Reported::Done }, self.wire.mark());
     }
 
-    /// The connection of the other client is gone, or it is restarted.
+    /// Called when the connection of the other client is gone, or the client is restarted.
     pub(super) fn forget(&mut self) {
         let Some(other) = &mut self.other else { return };
         other.held.clear();

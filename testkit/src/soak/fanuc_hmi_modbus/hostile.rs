@@ -11,8 +11,8 @@ use crate::turn;
 use robot_session::contract::Rng;
 
 impl Cell {
-    /// Before our client comes one that keeps no rule: it asks for anything, does not wait, uses transactions again, and sends
-    /// what no client sends.
+    /// Runs, before the project's client, one that follows no rule: it requests anything, does not wait, reuses
+    /// transactions, and sends bytes that clients never send.
     pub(super) fn pester(&mut self, rng: &mut Rng) {
         let end = self.now + Duration::from_secs(20);
         // The server decodes its last bytes when the line is silent.

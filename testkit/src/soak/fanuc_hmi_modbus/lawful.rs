@@ -32,7 +32,7 @@ impl Lawful {
         self.replies.iter().map(|(due, _)| *due).chain(judged).min()
     }
 
-    /// The next frame that it holds. On a serial line it takes what a silence ends for one frame, or none.
+    /// Removes and returns the next frame in the buffer. On a serial line the bytes before a silence are one frame, or none.
     fn take(&mut self, now: Duration, cell: &Cell) -> Option<Vec<u8>> {
         let length = match cell.way {
             Way::Tcp => Frame::decode_tcp(&self.held).ok()??.1,
@@ -50,7 +50,7 @@ impl Lawful {
 }
 
 impl Cell {
-    /// The lawful server instead of the project's own.
+    /// Runs the lawful server in place of the project's own.
     pub(super) fn answer(&mut self, lawful: &mut Lawful, rng: &mut Rng) {
         while let Some(delivery) = self.wire.receive(End::B, self.now) {
             match delivery {
@@ -111,8 +111,8 @@ impl Cell {
         lawful.replies.push((self.now + delay, out[..length].to_vec()));
     }
 
-    /// The client of the line asks another unit, and that replies: both of the project's ends hear it. Registers may hold what looks like a request to
-    /// ours, or like a refusal of what it was asked for.
+    /// Lets the client of the line send a request to another unit, which replies: both of the project's ends receive both.
+    /// Registers may contain bytes that look like a request to the project's server, or like a refusal of a request to it.
     pub(super) fn neighbour(&mut self, rng: &mut Rng) {
         let framed = |unit, pdu: Request<'_>| {
             let (mut out, frame) = ([0; Frame::MAX_LEN], Frame { transaction: None, unit, pdu });
@@ -166,7 +166,7 @@ pub(super) fn planted(rng: &mut Rng) -> Vec<u16> {
     bytes.chunks(2).map(|pair| u16::from_be_bytes([pair[0], *pair.get(1).unwrap_or(&7)])).collect()
 }
 
-/// Whether a message is one of those.
+/// Returns whether a message is one of those.
 pub(super) fn is_planted(pdu: &[u8]) -> bool {
     matches!(pdu, [0x80..=0xFF, ..] | [6 | 16, 1, 0xF4, ..])
 }

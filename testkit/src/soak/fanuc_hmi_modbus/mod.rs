@@ -216,7 +216,7 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, peer: Peer, log: Log) -> Tal
 }
 
 impl Cell {
-    /// False: there is no place.
+    /// Submits a request; returns false if there is no free slot.
     fn ask(&mut self, rng: &mut Rng) -> bool {
         let n = self.asked.len() as u16;
         // Address and values show which job it is, both.
@@ -274,7 +274,7 @@ impl Cell {
         self.open.len() + self.other.as_ref().map_or(0, |other| other.open.len())
     }
 
-    /// Either end begins again and has lost its memory.
+    /// Restarts either end, which has then lost its memory.
     fn restart(&mut self, rng: &mut Rng, chance: f64) {
         if rng.chance(chance) {
             self.log.line(self.now, format_args!("the client begins again"));
@@ -301,7 +301,8 @@ impl Cell {
         }
     }
 
-    /// On a serial line it opens its port again; a connection is lost, and made again when both ends have noticed it.
+    /// Restarts an end: on a serial line it opens its port again; a connection is lost, and made again when both ends have
+    /// noticed the loss.
     fn begin_again(&mut self, end: usize) {
         if self.way != Way::Rtu {
             self.wire.disconnect(self.now);
@@ -430,7 +431,7 @@ impl Cell {
         }
     }
 
-    /// Without faults what is open ends, and then four requests must be done within a minute.
+    /// Ends all faults: open requests end, and then four requests must be done within a minute.
     fn heal(&mut self, rng: &mut Rng) {
         self.wire.heal(self.now);
         self.is_calm = true;

@@ -44,21 +44,21 @@ trait Handled: Sized {
     /// A restart of the device loses no work that was reported as done.
     const RESTARTS: bool = true;
 
-    /// The device's settings.
+    /// Returns the device's settings.
     fn device() -> Self::Device;
 
-    /// The handle; its task runs by itself.
+    /// Creates the handle; its task runs on its own.
     fn spawn(plug: Plug) -> Self;
 
     /// Has jobs executed, and returns the outcome of each.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported>;
 
-    /// The message that some bytes begin with, if any.
+    /// Returns the message at the beginning of some bytes, if there is one.
     fn check(_from: End, _bytes: &[u8]) -> Check {
         Check::Nothing
     }
 
-    /// The number of a job that was executed.
+    /// Returns the number of an executed job.
     fn job(work: &Work<Self>) -> Option<usize>;
 }
 

@@ -54,7 +54,7 @@ fn split(count: usize, done: usize, unknown: usize) -> Vec<Reported> {
     (0..count).map(each).collect()
 }
 
-/// A number as a word of the wire.
+/// Returns a number as a word of the wire.
 fn word(job: usize) -> u16 {
     u16::try_from(job).expect("fewer jobs")
 }
@@ -116,7 +116,7 @@ impl Handled for alter::Arm {
         arm
     }
 
-    /// To and fro.
+    /// Moves to and fro.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
         let mut reported = Vec::new();
         for job in jobs {
@@ -190,7 +190,7 @@ impl Handled for viewer::Arm {
         reported
     }
 
-    /// A request of one byte has no check: one out of noise is answered with a pose.
+    /// Checks bytes: a request of one byte has no checksum, so one out of noise is answered with a pose.
     fn check(from: End, bytes: &[u8]) -> Check {
         match val2_viewer::PosePacket::decode(bytes) {
             _ if from == End::A => Check::Nothing,
@@ -231,7 +231,7 @@ impl Handled for ball::Ball {
         reported
     }
 
-    /// A poll of one byte has no check: an ENQ out of noise is answered.
+    /// Checks bytes: a poll of one byte has no checksum, so an ENQ out of noise is answered.
     fn check(from: End, bytes: &[u8]) -> Check {
         match isra_ball::Frame::decode(bytes) {
             _ if from == End::A => Check::Nothing,
@@ -263,7 +263,7 @@ impl Handled for fanuc::Client {
         client
     }
 
-    /// All at once.
+    /// Submits all jobs at once.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
         let mut calls = JoinSet::new();
         for job in jobs {

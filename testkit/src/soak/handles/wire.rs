@@ -36,7 +36,7 @@ impl Connector for Plug {
 pub struct Wire(Arc<Mutex<Line>>);
 
 impl Wire {
-    /// A wire in a task of its own, and its two ends.
+    /// Starts a wire in a task of its own, and its two ends.
     pub fn start(seed: u64, faults: Faults, log: Log) -> (Self, [Plug; 2]) {
         let line = Line::new(seed, faults, ["handle", "device"], false, log);
         let wire = Self(Arc::new(Mutex::new(line)));
@@ -45,17 +45,17 @@ impl Wire {
         (wire, [Plug(near), Plug(far)])
     }
 
-    /// No fault is committed from now on.
+    /// Ends all faults from now on.
     pub fn heal(&self) {
         self.lock().heal(now());
     }
 
-    /// The transmissions so far.
+    /// Returns a mark after the transmissions so far.
     pub fn mark(&self) -> Mark {
         self.lock().mark()
     }
 
-    /// As [`Line::settle`].
+    /// Calls [`Line::settle`].
     pub fn settle(&self, tally: &mut Tally, longest: usize, check: fn(End, &[u8]) -> Check) -> Vec<Unseen> {
         self.lock().settle(now(), tally, longest, check)
     }
@@ -64,7 +64,7 @@ impl Wire {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// One connection after the other.
+    /// Serves one connection after the other.
     async fn run(self, [mut near, mut far]: [mpsc::UnboundedReceiver<oneshot::Sender<DuplexStream>>; 2]) {
         // An end whose future was dropped has gone.
         while let (Some(to_near), Some(to_far)) = (next(&mut near).await, next(&mut far).await) {

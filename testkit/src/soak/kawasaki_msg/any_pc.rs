@@ -77,7 +77,7 @@ impl AnyPc {
         (self.all_sent, self.is_short) = (false, false);
     }
 
-    /// The user ends the order, or interrupts it.
+    /// Lets the user end the order, or interrupt it.
     pub(super) fn leave(&mut self, interrupts: bool) {
         if matches!(self.stage, Stage::Active | Stage::Ending) {
             self.stage = if interrupts { Stage::Interrupted } else { Stage::Ending };
@@ -191,7 +191,7 @@ impl AnyPc {
 }
 
 impl<C: Controller> Cell<C> {
-    /// The other PC instead of the project's own.
+    /// Runs the other PC in place of the project's own.
     pub(super) fn other_pc_pass(&mut self, other: &mut AnyPc, rng: &mut Rng) {
         while let Some(delivery) = self.receive(End::B) {
             match delivery {

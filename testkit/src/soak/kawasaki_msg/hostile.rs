@@ -26,13 +26,14 @@ pub(super) struct Hostile {
 }
 
 impl Hostile {
-    /// Over datagrams its orders have numbers of their own: a late one may name them when ours have begun.
+    /// Creates a hostile end. Over datagrams its orders have numbers of their own, because a late datagram may name them
+    /// after the project's orders have begun.
     pub(super) fn new(end: End, seed: u64, max_number: u16, datagrams: bool) -> Self {
         let orders = if datagrams && end == End::B { [0, 601, 602, 603] } else { [0, 1, 2, 3] };
         Self { end, rng: Rng::new(seed ^ 0x686F_7374), max_number, orders, next: 1 }
     }
 
-    /// Whether something is sent now, and what: some messages, a few of them corrupt.
+    /// Returns the bytes to send now, if any: some messages, a few of them corrupt.
     pub(super) fn send(&mut self) -> Option<Vec<u8>> {
         let rng = &mut self.rng;
         if !rng.chance(0.5) {
@@ -70,7 +71,7 @@ impl Hostile {
 }
 
 impl<C: Controller> Cell<C> {
-    /// Some seconds in which one end does anything; then it is replaced by ours.
+    /// Runs some seconds with any behaviour of one end, which the project's end then replaces.
     pub(super) fn is_harassed(&mut self, end: End, seed: u64, rng: &mut Rng) {
         self.log.line(self.now, format_args!("{end:?} is hostile"));
         self.hostile = Some(Hostile::new(end, seed, self.config.0.max_number, self.config.0.datagrams));
@@ -97,7 +98,7 @@ impl<C: Controller> Cell<C> {
         }
     }
 
-    /// A hostile end drops the bytes that it receives, and sends any bytes.
+    /// Runs a hostile end, which drops the bytes that it receives, and sends any bytes.
     pub(super) fn harass(&mut self, end: End) -> bool {
         let Some(hostile) = self.hostile.as_mut().filter(|hostile| hostile.end == end) else { return false };
         while self.wire.receive(end, self.now).is_some() {}
@@ -113,7 +114,7 @@ impl<C: Controller> Cell<C> {
         true
     }
 
-    /// Also a hostile PC's jobs are executed one after the other, none twice.
+    /// Checks that even a hostile PC's jobs are executed one after the other, and at most once.
     pub(super) fn check_hostile(&mut self, number: u16) {
         let Some(hostile) = &mut self.hostile else { return };
         if !self.overtakes && number != hostile.next {

@@ -292,7 +292,7 @@ impl<C: Controller> Cell<C> {
         }
     }
 
-    /// The next delivery to an end that can have one.
+    /// Returns the next delivery to an end that can have one.
     fn receive(&mut self, end: End) -> Option<Delivery> {
         let delivery = self.wire.receive(end, self.now)?;
         if self.half_open { self.receive(end) } else { Some(delivery) }
@@ -304,7 +304,7 @@ impl<C: Controller> Cell<C> {
         }
     }
 
-    /// A minute without faults, in which an order is asked for and has to be executed.
+    /// Runs a minute without faults, in which a requested order must be executed; returns whether it was.
     fn works_when_healed(&mut self) -> bool {
         self.wire.heal(self.now);
         (self.unreachable, self.is_calm) = (0, true);

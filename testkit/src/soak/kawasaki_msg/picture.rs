@@ -4,7 +4,7 @@ use kawasaki_msg::{JobKind, JobSource, Line, Point, Supply};
 
 use robot_session::contract::Rng;
 
-/// The line of a job, which encodes its number.
+/// Returns the line of a job, which encodes its number.
 pub(super) fn line(job: usize) -> Line {
     let kind = if job.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
     let x = job as i32;

@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-/// The first whole message of what is held: its name, and its fields, `None` where one is empty.
+/// Removes and returns the first whole message in the buffer: its name, and its fields, `None` where one is empty.
 pub(super) fn take(held: &mut Vec<u8>) -> Option<(String, Vec<Option<i32>>)> {
     let end = held.windows(2).position(|pair| pair == b"#>")? + 2;
     let text = String::from_utf8(held.drain(..end).collect()).expect("TCP corrupts nothing");
@@ -19,13 +19,13 @@ pub(super) fn push(packet: &mut String, name: &str, fields: &[Option<i32>]) {
     let _ = write!(packet, "<{name}${}#{data}#>", data.len());
 }
 
-/// The number of the job of this count, from 1.
+/// Returns the number of the job with this count, from 1.
 pub(super) fn number(count: u32, max_number: u16) -> Option<i32> {
     let number = count.checked_sub(1)? % u32::from(max_number) + 1;
     Some(number as i32)
 }
 
-/// The count that a number means, in a window that begins with `from` (KM-44).
+/// Returns the count of a job with this number, in a window that begins with `from` (KM-44).
 pub(super) fn count(from: u32, number: i32, max_number: u16) -> u32 {
     let max = u32::from(max_number);
     from + (number as u32 % max + max - from % max) % max

@@ -134,7 +134,7 @@ impl AnyController {
     }
 }
 
-/// The class and the word of a frame, and its instructions.
+/// Returns the class and the word of a frame, and its instructions.
 fn judge(frame: &Frame<'_>, marked: &mut Vec<Marked>) -> Result<(Class, u16), Refusal> {
     let items = frame.items();
     let first = Instruction::single(items).map_err(|_| Refusal::BadFrame)?;

@@ -82,7 +82,7 @@ pub struct Article {
 }
 
 impl Article {
-    /// A host and a controller on a line of this rate.
+    /// Creates a host and a controller on a line of this rate.
     pub fn new(baud: u32, late: Duration) -> Self {
         let (writer, reader) = robot_work_queue::boxed(21, 9999).unwrap();
         let mut controller = Controller::new(ControllerConfig::default(), writer).unwrap();
@@ -187,7 +187,7 @@ impl Article {
     }
 }
 
-/// The frame of these cuts.
+/// Returns the frame of these cuts.
 pub fn frame(cuts: core::ops::Range<u32>) -> Vec<u8> {
     let mut payload = Vec::new();
     for index in cuts {
@@ -212,7 +212,7 @@ fn envelope(payload: &[u8]) -> Vec<u8> {
     out
 }
 
-/// The word of an answer: none of those that are used holds a 90h.
+/// Returns the word of an answer: words in use do not contain 90h.
 fn word(answer: &[u8]) -> u16 {
     let [0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, low, high, 0x90, 0x82, _] = *answer else {
         panic!("{answer:02X?}")
@@ -220,7 +220,7 @@ fn word(answer: &[u8]) -> u16 {
     u16::from_le_bytes([low, high])
 }
 
-/// A frame with another one among its parameters, and a byte of its middle lost: the other is found.
+/// Returns a frame with another one among its parameters, and a byte of its middle lost: the other is found.
 fn nested(rng: &mut Rng) -> Vec<u8> {
     let inner = frame(INNER..INNER + 1);
     // Without its tail and check: those of the outer frame are taken for them.

@@ -276,12 +276,13 @@ impl Cell {
         }
     }
 
-    /// Whether what is executed follows from what was reported: no hostile end, and no caller who wants a frame several times.
+    /// Returns whether the executed work follows from the reports: without a hostile end, and without a caller that sends a
+    /// frame several times.
     fn is_certain(&self) -> bool {
         !matches!(self.peer, Peer::Hostile(_)) && !self.config.resend_on_silence
     }
 
-    /// A minute without faults, in which work is asked for. Whether it was done.
+    /// Runs a minute without faults, in which work is requested; returns whether it was done.
     fn heal(&mut self) -> bool {
         self.wire.heal(self.now);
         (self.healed, self.plug_at) = (true, self.now);
@@ -346,7 +347,7 @@ impl Cell {
         self.now = self.wire.next(self.now, times);
     }
 
-    /// A random walk over the messages of one end.
+    /// Makes a random walk over the messages of one end.
     fn provoke(&mut self) {
         let Peer::Hostile(from) = self.peer else { return };
         if self.healed || !self.rng.chance(0.05) {
@@ -435,7 +436,7 @@ fn obey(controller: &mut Controller<'static, Marked>, now: Duration, class: Clas
     Some(marked)
 }
 
-/// Whether an instruction is in a frame that corruption has made.
+/// Returns whether an instruction is in a frame that is the result of corruption.
 fn holds(unseen: &Unseen, alien: &Marked) -> bool {
     let (profile, mut payload) = (Profile::default(), [0; laser_eb90::MAX_PAYLOAD]);
     let Ok(Some((frame, _))) = Frame::decode(&unseen.bytes, &mut payload, &profile) else { return false };

@@ -83,7 +83,7 @@ static DEMOS: [Demo; 7] = [
 /// Runs the demo of the link of this name.
 ///
 /// # Errors
-/// When it cannot be set up: a port in use, a file that does not exist.
+/// If it cannot be set up: a port in use, a file that does not exist.
 pub fn run(link: &str, options: &DemoOptions) -> Result<Report> {
     let Some(demo) = DEMOS.iter().find(|demo| demo.link == link) else { bail!("{link} has no demo") };
     let can = |how: &MustFail| !(options.faults && demo.only_without_faults.contains(how));

@@ -359,7 +359,7 @@ enum Word {
     Stop,
     /// Stop everything now.
     Abort,
-    /// To a question: it was done, go on after it.
+    /// To a question: it was done, continue after it.
     Done,
     /// To a question: it was not done, do it again.
     Repeat,

@@ -39,8 +39,8 @@ const ENDED: files::Unwritten = files::Unwritten(Cow::Borrowed("the recording en
 /// Logs the telemetry block of a controller, as a table.
 ///
 /// Each line has the clock time (UTC), the time by the robot's life counter, the reported values, and the speeds without the
-/// controller's steps. The word order is detected from the life counter. Runs for the time of --for, or until interrupted; lines are
-/// written at once.
+/// controller's steps. The word order is detected from the life counter. Runs for the time of --for, or until interrupted;
+/// lines are written at once.
 ///
 /// A line with a `note` is not a motion sample. An implausible block has one of nan, infinite, denormal, quaternion (not of unit
 /// length), unreachable (by the robot of --limits, or by any) and standstill (of the life counter), with the value. A controller
@@ -65,7 +65,8 @@ pub(super) struct Args {
     /// The polling interval [default: the period of the task]
     #[arg(long, value_name = "TIME", value_parser = time(PERIODS))]
     poll: Option<Duration>,
-    /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment [default: the setting `address` of a file, or 0]
+    /// The PDU address of the block's first register: $ADDRESS - 1 of its first assignment [default: the setting `address`
+    /// of a file, or 0]
     #[arg(long, value_name = "N")]
     address: Option<u16>,
     /// The Modbus unit [default: the setting `unit` of a file, or 1]

@@ -23,8 +23,8 @@ const READ_BACK_WITHIN: Duration = Duration::from_secs(5);
 /// The value is JSON: a number, a "string", or a position such as {"cartesian": {"xyzwpr": [500,0,300,180,0,0]}, "user_frame": 1}
 /// or {"joints": [0,0,0,0,-90,0,0,0,0]}. It is written in one request, never in part. An integer that the registers cannot hold
 /// exactly is refused; a real is rounded to 24 bits. A string is written to all of its --size registers: those after its text are
-/// cleared. The output names the first and the last written register. R[1] to R[19], PDU addresses 0 to 36, are the telemetry block where a
-/// controller has one: its background task overwrites them.
+/// cleared. The output names the first and the last written register. R[1] to R[19], PDU addresses 0 to 36, are the
+/// telemetry block where a controller has one: its background task overwrites them.
 ///
 /// The exit status is 6 when the controller refuses the write, 1 when it holds a different value afterwards, and 8 when the write
 /// may have been executed, but the controller did not reply or the value could not be read back.

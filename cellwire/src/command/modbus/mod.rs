@@ -33,8 +33,8 @@ pub struct Args {
 
 /// Sends Modbus requests to a server and prints its replies
 ///
-/// Reads message objects, one a line, as `cellwire encode fanuc --from client` does (a "transaction" is not needed), sends one after the
-/// other, and prints one line for each: the reply's message object, or {"failed":"…"}.
+/// Reads message objects, one a line, as `cellwire encode fanuc --from client` does (a "transaction" is not needed), sends
+/// one after the other, and prints one line for each: the reply's message object, or {"failed":"…"}.
 #[derive(Debug, clap::Args)]
 struct SendArgs {
     /// The server: HOST:PORT, or the name of a serial port

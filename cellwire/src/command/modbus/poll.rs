@@ -20,8 +20,8 @@ use cellwire_io::tcp;
 ///
 /// The first line of each range has all of its values; each later line has one changed value, with the time in seconds
 /// since the start, the old and the new value. A read error of a range is a line, and so is its end; likewise
-/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. A server over TCP that
-/// is off at the start is waited for in the same way. Runs for the time of --for, or until interrupted.
+/// a lost connection, which is reopened after a pause of 0.1 to 5 s, longer each time until the server replies. A server
+/// over TCP that is off at the start is waited for in the same way. Runs for the time of --for, or until interrupted.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The server: HOST:PORT, or the name of a serial port

@@ -25,8 +25,8 @@ const GIVEN_UP: Duration = Duration::from_secs(20);
 ///
 /// Units: reads holding register 0 of each. Any reply counts, also an exception, except for a gateway's report that a unit
 /// does not respond (exceptions 10 and 11). A missing unit costs the timeout, on a serial line twice.
-/// A request without a reply is made again if it was the first of its connection, or followed a reply: a warning then names the setting
-/// that the server needs. The scan ends when the server has closed 8 connections without a reply.
+/// A request without a reply is made again if it was the first of its connection, or followed a reply: a warning then names
+/// the setting that the server needs. The scan ends when the server has closed 8 connections without a reply.
 ///
 /// Ranges: a refused range is split in halves, down to single addresses. Prints each readable range.
 /// A sparse table takes many requests: limit it with --from and --to.
@@ -183,8 +183,8 @@ fn try_read(unit: u8, client: &mut Client, seen: &mut Seen, part: Range) -> Resu
     })
 }
 
-/// Asks whether something can be read. A server that closes the connection, as some do at a request that they refuse, is asked once more.
-/// `None`: the scan was interrupted.
+/// Asks whether something can be read. A server that closes the connection, as some do at a request that they refuse, is
+/// asked once more. `None`: the scan was interrupted.
 fn ask(
     client: &mut Client,
     unit: u8,

@@ -23,7 +23,7 @@ impl Run {
     /// Runs a program from `joints` on.
     ///
     /// # Errors
-    /// When it stops with an alarm.
+    /// If it stops with an alarm.
     pub(super) fn new(text: &str, arm: Arm, joints: [f64; 6]) -> Result<Self> {
         let (main, programs) = load_text(text)?;
         let planner = Planner::new(arm, Limits::LR_MATE_200ID, joints);

@@ -83,7 +83,7 @@ impl Configure for Settings {
 /// Draws the picture once; with a time, again and again until it is over.
 ///
 /// # Errors
-/// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
+/// If the picture cannot be read, or the drawn one cannot be written; when no port is free.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { port, queue, speed, plant, robot, pc } =
         settings::read("kawasaki", Settings::default(), &options.settings)?;

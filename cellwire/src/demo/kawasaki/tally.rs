@@ -22,7 +22,8 @@ pub struct Outcome {
 /// The outcomes of the jobs of all orders.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// The jobs that were executed as they were sent. Of a withdrawn job its order has ended; an unreported job was executed after that.
+    /// The jobs that were executed as they were sent. Of a withdrawn job its order has ended; an unreported job was executed
+    /// after that.
     pub jobs: Counts,
     /// Executed jobs that differ from those sent under their number.
     pub altered: u64,
@@ -30,7 +31,8 @@ pub struct Tally {
     pub out_of_order: u64,
 }
 
-/// The orders of a run, counted as they end. It keeps the strokes of two orders, and those of the longest, however long the run is.
+/// The orders of a run, counted as they end. It keeps the strokes of two orders, and those of the longest, however long the
+/// run is.
 #[derive(Debug)]
 pub struct Orders<'a> {
     picture: &'a [AnyWork],

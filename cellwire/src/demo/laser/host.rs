@@ -21,7 +21,7 @@ use cellwire_io::serial;
 use cellwire_sim::laser::STATUS;
 use cellwire_sim::ledger::Reported;
 
-/// The time for which questions go on when a run is over.
+/// The time for which questions continue when a run is over.
 const GIVE_UP: Duration = Duration::from_secs(60);
 
 /// A robot that has restarted answers like one that has not: only its status shows it. It is asked at least this often.
@@ -131,7 +131,7 @@ impl<'a> Cutter<'a> {
     /// need be by asking; asks once more, so that a restart does not go unnoticed. Returns how many instructions were queued.
     ///
     /// # Errors
-    /// When the port fails.
+    /// If the port fails.
     pub fn cut(&mut self, time: Duration, batch: u8, mut progress: impl FnMut(u64)) -> Result<u64> {
         let Self { driver, host, plan } = self;
         let (before, end) = (plan.counts.queued, now() + time);

@@ -57,8 +57,8 @@ pub struct Settings {
 impl Settings {
     fn new(baud: u32, faults: bool) -> Self {
         let defaults = HostConfig::at_baud(baud);
-        // The simulated robot executes immediate instructions at once, and drops the beginning of a frame when it answers an error
-        // code. Nobody has sent anything before.
+        // The simulated robot executes immediate instructions at once, and drops the beginning of a frame when it answers an
+        // error code. Nobody has sent anything before.
         let (answer_timeout, execution_timeout) = if faults {
             (defaults.answer_timeout, defaults.answer_timeout * 2)
         } else {
@@ -97,7 +97,7 @@ impl Configure for Settings {
 /// started again.
 ///
 /// # Errors
-/// When there is no pseudo-terminal, or the picture cannot be written.
+/// If there is no pseudo-terminal, or the picture cannot be written.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
     let first = settings::read("laser", Settings::default(), &options.settings)?;

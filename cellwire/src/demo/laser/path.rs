@@ -31,7 +31,7 @@ impl Cut {
     /// Writes the parameters.
     ///
     /// # Errors
-    /// When they do not fit.
+    /// If they do not fit.
     pub fn write(&self, parameters: &mut Payload<'_>) -> Result<(), EncodeError> {
         parameters.f32(&self.values).map(drop)
     }

@@ -42,7 +42,7 @@ use cellwire_sim::mma::MotionFaults;
 
 /// The probability that a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;
-/// Longer than this the task is in no step, even when every connection has to be opened again.
+/// Longer than this the task is in no step, even when every connection must be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);
 
 /// The longest time until a device stops.

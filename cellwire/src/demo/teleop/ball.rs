@@ -27,7 +27,7 @@ impl Configure for Settings {
 /// Runs the cell.
 ///
 /// # Errors
-/// When there are no pseudo-terminals, or a setting is unknown to this demo.
+/// If there are no pseudo-terminals, or a setting is unknown to this demo.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let settings = settings::read("ball", Settings::default(), &options.settings)?;
     let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };

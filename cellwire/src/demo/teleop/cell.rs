@@ -152,7 +152,7 @@ pub struct HostRecord {
 /// Runs the cell.
 ///
 /// # Errors
-/// When there are no pseudo-terminals.
+/// If there are no pseudo-terminals.
 pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let clock = Clock::start();
     let (polls, viewer_baud) = (config.polls, config.viewer.baud);

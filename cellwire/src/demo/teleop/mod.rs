@@ -20,7 +20,7 @@ pub use viewer::{Settings as ViewerSettings, demo as viewer};
 /// Runs the cell once, and judges it as each of its links is.
 ///
 /// # Errors
-/// When there are no pseudo-terminals.
+/// If there are no pseudo-terminals.
 pub fn all(options: &DemoOptions) -> Result<[Report; 3]> {
     let config = CellConfig::of(options);
     let record = cell::run(&config, &options.progress)?;

@@ -35,7 +35,7 @@ pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRec
 /// Draws the velocity in each axis, and the acceleration along X.
 ///
 /// # Errors
-/// When the file cannot be written, or there is nothing to draw.
+/// If the file cannot be written, or there is nothing to draw.
 pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
     let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else {
         return Err(anyhow!("there is nothing to draw: ALTER never ran"));

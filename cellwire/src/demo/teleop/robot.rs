@@ -47,7 +47,7 @@ impl Configure for Settings {
 /// Runs the cell.
 ///
 /// # Errors
-/// When there are no pseudo-terminals, or a setting is unknown to this demo.
+/// If there are no pseudo-terminals, or a setting is unknown to this demo.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { alter, controller } = settings::read("alter", Settings::default(), &options.settings)?;
     let config = CellConfig { alter, controller, ..CellConfig::of(options) };

@@ -27,7 +27,7 @@ impl Configure for Settings {
 /// Runs the cell.
 ///
 /// # Errors
-/// When there are no pseudo-terminals, or a setting is unknown to this demo.
+/// If there are no pseudo-terminals, or a setting is unknown to this demo.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { viewer, host } = settings::read("viewer", Settings::default(), &options.settings)?;
     let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };

@@ -43,7 +43,7 @@ impl Jobs {
     /// Reads a picture or a table; `allow` omits the parts that a pen cannot follow.
     ///
     /// # Errors
-    /// When the file is neither; those of [`from_table`](Self::from_table) and [`from_picture`](Self::from_picture).
+    /// If the file is neither; those of [`from_table`](Self::from_table) and [`from_picture`](Self::from_picture).
     pub fn read(file: &Path, settings: &Settings, allow: bool) -> Result<Self> {
         let kind = input::extension(file);
         match kind.as_str() {
@@ -53,11 +53,11 @@ impl Jobs {
         }
     }
 
-    /// Reads a table. Its first line names fields of a job, in any order; one that has a default may be left out, or be empty in a
-    /// line. Lines that begin with `#` are passed over.
+    /// Reads a table. Its first line names fields of a job, in any order; one that has a default may be left out, or be
+    /// empty in a line. Lines that begin with `#` are passed over.
     ///
     /// # Errors
-    /// When the file cannot be read; the lines and fields that do not fit.
+    /// If the file cannot be read; the lines and fields that do not fit.
     pub fn from_table(file: &Path, plant: &Plant) -> Result<Self> {
         let (text, layout) = (input::text(file)?, plant.layout()?);
         let rows = rows(&text, &layout, plant.charset).with_context(|| file.display().to_string())?;
@@ -67,7 +67,7 @@ impl Jobs {
     /// Reads the lines of a picture, on a board of this size; with `allow`, parts that a pen cannot draw are omitted.
     ///
     /// # Errors
-    /// When the file cannot be read, the plant's jobs are not lines, or a line is out of the robot's reach.
+    /// If the file cannot be read, the plant's jobs are not lines, or a line is out of the robot's reach.
     pub fn from_picture(file: &Path, plant: &Plant, sheet: drawing::Point, allow: bool) -> Result<Self> {
         let (picture, layout) = (Picture::from_file(file, sheet, allow)?, plant.layout()?);
         let lines = Lines::of(&layout)?;
@@ -151,7 +151,7 @@ impl Jobs {
     /// Draws the path of the robot, marked by the outcomes of the jobs if there are any.
     ///
     /// # Errors
-    /// When the plant's jobs are not lines, or the file cannot be written.
+    /// If the plant's jobs are not lines, or the file cannot be written.
     pub fn draw(&self, file: &Path, size: drawing::Point, outcomes: &[Outcome]) -> Result<()> {
         let lines = Lines::of(&self.layout)?;
         let drawn: Vec<_> = self.work.iter().map(|work| lines.line(work)).collect();

@@ -101,7 +101,7 @@ impl Journal {
     /// Begins an order of all jobs that are not sent; their places.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// If the disk does not take it.
     pub fn begin(&mut self, order: u16, max_number: u16) -> Result<Vec<usize>> {
         self.note(&Entry::Order { order, max_number })?;
         Ok(self.record().flight.as_ref().map(|flight| flight.places.clone()).unwrap_or_default())
@@ -110,7 +110,7 @@ impl Journal {
     /// Writes that the order is broken off, before the robot receives the command.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// If the disk does not take it.
     pub fn break_off(&mut self) -> Result<()> {
         match &self.record().flight {
             Some(flight) if !flight.is_broken_off => {
@@ -124,7 +124,7 @@ impl Journal {
     /// Notes how far the order is, before the packet is sent; returns whether that is news.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// If the disk does not take it.
     pub fn progress(&mut self, executed: u32, sent: u32) -> Result<bool> {
         let flight = self.record().flight.as_ref();
         let is_news = flight.is_some_and(|flight| (flight.executed, flight.sent) != (executed, sent));

@@ -6,9 +6,9 @@ use super::route::Instruction;
 use super::settings::{Coordinate, Mapping};
 use cellwire_io::input::rows;
 
-/// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#` are passed
-/// over. A first line that begins with `word` names the floats, and the names of coordinates must stand in the order of the mapping. Empty
-/// cells at the end of a line are passed over.
+/// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#`
+/// are passed over. A first line that begins with `word` names the floats, and the names of coordinates must stand in the
+/// order of the mapping. Empty cells at the end of a line are passed over.
 ///
 /// # Errors
 /// If a cell has any other value, with the line.
@@ -43,7 +43,8 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
     Ok(instructions)
 }
 
-/// Checks the names of columns: another order is another path. Names that are not those of coordinates are of the plant's own words.
+/// Checks the names of columns: another order is another path. Names that are not those of coordinates are of the plant's
+/// own words.
 fn heading<'a>(names: impl Iterator<Item = &'a str>, mapping: &Mapping) -> Result<()> {
     for (name, expected) in names.zip(&mapping.values) {
         let found: Result<Coordinate, _> = serde_json::from_value(name.to_ascii_lowercase().into());

@@ -27,14 +27,14 @@ pub struct Program {
     pub unit: &'static str,
     /// The values that the program gives and its instructions do not carry, feed or power, each with its first line.
     pub not_carried: Vec<(Coordinate, u64)>,
-    /// The parts of a drawing that are not cut as they are drawn, or that the laser is never on. Each continues a sentence that begins
-    /// with the name of the file.
+    /// The parts of a drawing that are not cut as they are drawn, or that the laser is never on. Each continues a sentence
+    /// that begins with the name of the file.
     pub warnings: Vec<String>,
 }
 
 impl Program {
-    /// Reads a program: `.csv` of instructions, an SVG drawing (`.svg`, or text that begins with `<`), or G-code. A drawing that cannot be
-    /// cut as it is drawn is refused; with `allow` it has warnings.
+    /// Reads a program: `.csv` of instructions, an SVG drawing (`.svg`, or text that begins with `<`), or G-code. A drawing
+    /// that cannot be cut as it is drawn is refused; with `allow` it has warnings.
     ///
     /// # Errors
     /// If the file cannot be read, is a DXF drawing, or has a part that cannot become an instruction, with the line.
@@ -112,11 +112,11 @@ impl Program {
         Bounds::of(points.map(|point| point.map(shown)))
     }
 
-    /// Draws the path of the robot, seen from above: lines with the laser off are thin. With outcomes of the instructions, the lines are
-    /// marked by them.
+    /// Draws the path of the robot, seen from above: lines with the laser off are thin. With outcomes of the instructions,
+    /// the lines are marked by them.
     ///
     /// # Errors
-    /// When no instruction has a place, the path is longer than 10 km, or the file cannot be written.
+    /// If no instruction has a place, the path is longer than 10 km, or the file cannot be written.
     pub fn draw(&self, file: &Path, mapping: &Mapping, outcomes: &[Outcome]) -> Result<()> {
         let way = |it: &Instruction| {
             let [x, y] = place(it, mapping)?;

@@ -44,7 +44,7 @@ impl<'a> Route<'a> {
     /// Adds a straight line.
     ///
     /// # Errors
-    /// When there are too many.
+    /// If there are too many.
     pub(super) fn line(&mut self, source: u64, cuts: bool, to: [f64; 6]) -> Result<()> {
         ensure!(self.instructions.len() < MAX_INSTRUCTIONS, "more than {MAX_INSTRUCTIONS} instructions");
         let way = |axis: usize| {
@@ -75,7 +75,7 @@ impl<'a> Route<'a> {
     /// evenly.
     ///
     /// # Errors
-    /// When there are too many chords.
+    /// If there are too many chords.
     pub(super) fn arc(
         &mut self,
         source: u64,

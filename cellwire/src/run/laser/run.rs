@@ -57,7 +57,7 @@ impl<'a> Runner<'a> {
     /// answer; returns false when the operator stops.
     ///
     /// # Errors
-    /// When the journal cannot be written.
+    /// If the journal cannot be written.
     pub fn settle_earlier(&mut self, answer: Option<Answer>) -> Result<bool> {
         while let Some((first, count)) = self.journal.unknown()
             && let Some(done) = answer.and_then(|answer| answer.done(first, count))
@@ -70,7 +70,7 @@ impl<'a> Runner<'a> {
     /// Asks about every instruction whose outcome is unknown, with the reason; returns false when the operator stops.
     ///
     /// # Errors
-    /// When the journal cannot be written.
+    /// If the journal cannot be written.
     fn settle_unknown(&mut self, why: &str) -> Result<bool> {
         while let Some((first, count)) = self.journal.unknown() {
             if !self.ask(first, count, why)? {

@@ -18,8 +18,8 @@ const ROUNDED: f64 = 0.01;
 /// does not begin at the end of the previous one, the robot moves with the laser off. The line of an instruction is the number
 /// of its outline.
 ///
-/// A part that is not cut as it is drawn is an error, or with `allow` a warning. Both continue a sentence that begins with the name
-/// of the drawing.
+/// A part that is not cut as it is drawn is an error, or with `allow` a warning. Both continue a sentence that begins with
+/// the name of the drawing.
 ///
 /// # Errors
 /// If the data is not an SVG file, has no strokes or no size in a unit of length, or has parts that a laser cannot cut.

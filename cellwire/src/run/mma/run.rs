@@ -80,7 +80,7 @@ impl<'a> Runner<'a> {
     /// false if the operator stops.
     ///
     /// # Errors
-    /// When the journal cannot be written.
+    /// If the journal cannot be written.
     pub fn settle_begun(&mut self, answer: Option<Answer>) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;

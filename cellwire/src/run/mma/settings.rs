@@ -57,7 +57,7 @@ impl Settings {
     /// Returns the number of parts.
     ///
     /// # Errors
-    /// When there are no parts, or more than the simulated cameras see.
+    /// If there are no parts, or more than the simulated cameras see.
     pub fn count(&self, cameras_are_simulated: bool) -> Result<usize> {
         let count = if self.parts == 0 { self.part.len() } else { self.parts };
         ensure!(count > 0, "the task has no parts: give `parts`, or [[part]] with platform, pick and place");
@@ -78,11 +78,11 @@ impl Settings {
         format!("{hash:016x}")
     }
 
-    /// Draws the ways of the robot seen from above: those with a part on the gripper are thick. With outcomes of the parts, the ways are
-    /// marked by them.
+    /// Draws the ways of the robot seen from above: those with a part on the gripper are thick. With outcomes of the parts,
+    /// the ways are marked by them.
     ///
     /// # Errors
-    /// When only the cameras know the places, or the file cannot be written.
+    /// If only the cameras know the places, or the file cannot be written.
     pub fn draw(&self, file: &Path, outcomes: &[Outcome]) -> Result<()> {
         ensure!(!self.part.is_empty(), "nothing can be drawn: only the cameras know where the parts are");
         let place = |pose: RobotPose| {

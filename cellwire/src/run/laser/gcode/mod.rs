@@ -16,12 +16,12 @@ type NotCarried = Vec<(Coordinate, u64)>;
 
 /// Returns the instructions of a program, the values that they do not carry, and warnings.
 ///
-/// Reads G0 to G3, G4 P0, G17, G20, G21, G90, G91, M2, M3, M4, M5 and M30; F, S, X, Y, Z, A, B, C, I, J, R. These words are read and
-/// have no effect: G40, G49, G54, G69, G91.1, G94, G98 and G99, since their counterparts are refused, and M7, M8 and M9, since the link
-/// has no word for a coolant.
+/// Reads G0 to G3, G4 P0, G17, G20, G21, G90, G91, M2, M3, M4, M5 and M30; F, S, X, Y, Z, A, B, C, I, J, R. These words are
+/// read and have no effect: G40, G49, G54, G69, G91.1, G94, G98 and G99, since their counterparts are refused, and M7, M8
+/// and M9, since the link has no word for a coolant.
 ///
-/// G1 to G3 cut after M3 or M4 until M5, unless S is 0, as laser software writes its travel; otherwise they move, as G0 does. If the words
-/// of the plant carry no S, a program without S cuts with the plant's own power.
+/// G1 to G3 cut after M3 or M4 until M5, unless S is 0, as laser software writes its travel; otherwise they move, as G0
+/// does. If the words of the plant carry no S, a program without S cuts with the plant's own power.
 ///
 /// # Errors
 /// If a line has any other word, with its number, or a cut has no feed or power that the plant's words carry: a program that

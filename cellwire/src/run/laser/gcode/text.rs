@@ -30,7 +30,8 @@ pub(super) fn faults(text: &str) -> impl Iterator<Item = (u64, String)> {
     })
 }
 
-/// Returns a line without its comments. The parser reads on after the end of a line until the `)`, and counts each `(` within a comment.
+/// Returns a line without its comments. The parser reads on after the end of a line until the `)`, and counts each `(`
+/// within a comment.
 fn code(line: &str) -> Result<String, &'static str> {
     let (mut code, mut rest) = (String::new(), line);
     while let Some((before, comment)) = rest.find(['(', ';']).and_then(|at| rest.split_at_checked(at)) {

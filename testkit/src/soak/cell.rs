@@ -322,7 +322,7 @@ impl Cell {
         // The next command notices a disconnection that was not noticed before; the conditioning system gets no
         // commands, so clear its flag.
         self.conditioning.cut = false;
-        // A step that waits for its caller goes on.
+        // A step that waits for its caller continues.
         self.entered(self.task.step());
         let end = self.now + 60 * S;
         while self.task.step() != Step::Finished && self.now < end {

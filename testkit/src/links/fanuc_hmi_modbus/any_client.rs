@@ -1,4 +1,4 @@
-//! A server against clients that are not ours, on a line with units that are not ours.
+//! A server against clients of other makers, on a line with units of other makers.
 
 use core::time::Duration;
 

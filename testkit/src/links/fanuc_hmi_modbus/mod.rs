@@ -85,7 +85,7 @@ pub const RTU_OVER_TCP: Pair = Pair {
     refined: || refined(&[rtu_over_tcp(&[Job::Unicast; 3], 2), rtu_over_tcp(&MIXED, 1)]),
 };
 
-/// A server, and clients and units that are not ours.
+/// A server, and clients and units of other makers.
 pub const ANY_CLIENT: Pair = Pair {
     name: "fanuc-hmi-modbus server × any client",
     settings: |_| {
@@ -120,7 +120,7 @@ pub const ANY_CLIENT: Pair = Pair {
     },
 };
 
-/// A client, and servers that are not ours.
+/// A client, and servers of other makers.
 pub const ANY_SERVER: Pair = Pair {
     name: "fanuc-hmi-modbus client × any server",
     settings: |_| {

@@ -298,7 +298,7 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
         use server::Input as On;
         let request = |unit, is_last| On::Request { unit, is_last };
         let mut requests = [1, 2, 0].map(|unit| request(unit, true)).to_vec();
-        // Through TCP a client does not have to wait.
+        // Through TCP a client need not wait.
         if T::NAME == Rtu::NAME {
             requests.extend([1, 2, 0].map(|unit| request(unit, false)));
             requests.push(On::Partial);

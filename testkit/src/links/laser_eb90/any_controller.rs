@@ -1,4 +1,4 @@
-//! A host against controllers that are not ours.
+//! A host against controllers of other makers.
 
 use core::time::Duration;
 
@@ -135,7 +135,7 @@ pub enum Answer {
 pub enum Word {
     /// The caller submits an instruction.
     Submit(Class),
-    /// The caller goes on.
+    /// The caller continues.
     Resume,
     /// The frame is taken: queued and answered, or executed.
     Take(usize),

@@ -1,4 +1,4 @@
-//! A controller against hosts that are not ours.
+//! A controller against hosts of other makers.
 
 use core::time::Duration;
 

@@ -1,4 +1,4 @@
-//! The line between a host and a controller that is not ours: words as bytes, and the host's frames.
+//! The line between a host and a controller of another maker: words as bytes, and the host's frames.
 
 use core::time::Duration;
 

@@ -31,7 +31,7 @@ pub const TABLES: &[Table] =
 pub const PAIR: Pair =
     Pair { name: "laser-eb90 host × controller", settings, must_fail, diagrams, refined: Vec::new };
 
-/// A controller and hosts that are not ours.
+/// A controller and hosts of other makers.
 pub const ANY_HOST: Pair = Pair {
     name: "laser-eb90 controller × any host",
     settings: |_| both(any_host, any_host::RULES, any_host::ANYTHING),
@@ -52,7 +52,7 @@ pub const ANY_HOST: Pair = Pair {
     refined: Vec::new,
 };
 
-/// A host and controllers that are not ours.
+/// A host and controllers of other makers.
 pub const ANY_CONTROLLER: Pair = Pair {
     name: "laser-eb90 host × any controller",
     settings: |_| {

@@ -51,7 +51,7 @@ pub struct Faults {
     /// The execution of an immediate instruction fails halfway.
     pub fail: bool,
     /// The host's process ends; the bytes that it has written are transmitted, or are discarded. The next process
-    /// goes on with the next frame.
+    /// continues with the next frame.
     pub crash: bool,
     /// The host loses the connection, and has another.
     pub disconnect: bool,
@@ -252,7 +252,7 @@ pub enum Act {
     Send(Fate),
     /// The host's time has come, and it sends nothing.
     Timeout,
-    /// The caller goes on.
+    /// The caller continues.
     Resume,
     /// The controller judges a good frame.
     Judge(Result<(), Refusal>),

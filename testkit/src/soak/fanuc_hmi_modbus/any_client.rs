@@ -1,4 +1,4 @@
-//! A client that is not ours and keeps the source's rules: FM-2, FM-4, FM-10 and FM-43.
+//! A client of another maker and keeps the source's rules: FM-2, FM-4, FM-10 and FM-43.
 //!
 //! Through TCP it has any number of open requests; elsewhere it waits for its reply, or until no reply can arrive any more.
 

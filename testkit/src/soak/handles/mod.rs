@@ -1,8 +1,9 @@
-//! The handle of each link against the simulated device at its other end: both are tasks of tokio on a virtual clock, and what is between
-//! them are pipes whose bytes pass through the faulty [`Link`](crate::link::Link). Either end is restarted now and then.
+//! The handle of each link against the simulated device at its other end: both are tasks of tokio on a virtual clock, and
+//! what is between them are pipes whose bytes pass through the faulty [`Link`](crate::link::Link). Either end is restarted
+//! now and then.
 //!
-//! A job is a call, or one of those that a call is for. Some calls are dropped while they wait. Of a link without calls it is a value that
-//! is waited for.
+//! A job is a call, or one of those that a call is for. Some calls are dropped while they wait. Of a link without calls it
+//! is a value that is waited for.
 
 mod rows;
 mod wire;

@@ -87,7 +87,7 @@ impl Handled for kawasaki::Pc<Line, ()> {
             }
             Err(kawasaki::Error::Closed(_)) => split(count, 0, count),
             Err(_) => {
-                // An order goes on whose call was dropped.
+                // An order continues whose call was dropped.
                 sleep(200 * MS).await;
                 split(count, 0, 0)
             }

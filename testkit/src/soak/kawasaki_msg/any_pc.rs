@@ -1,4 +1,4 @@
-//! A PC that is not ours and keeps the source's rules: KM-3, KM-91, KM-95 and KM-96.
+//! A PC of another maker and keeps the source's rules: KM-3, KM-91, KM-95 and KM-96.
 //!
 //! It answers at any time, or not at all, with any number of jobs from the requested one on. It sends the end after
 //! the last of them or when all are executed, and interrupts and ends the order at any time.

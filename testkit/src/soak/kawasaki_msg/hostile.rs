@@ -1,4 +1,4 @@
-//! Ends that are not ours: a random walk over the protocol's messages.
+//! Ends of other makers: a random walk over the protocol's messages.
 
 use core::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! Messages as the ends that are not ours write and read them, without the crate's codec.
+//! Messages as the ends of other makers write and read them, without the crate's codec.
 
 use core::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! A controller that is not ours and keeps the source's rules: LE-5, LE-25, LE-72, LE-102 and LE-103.
+//! A controller of another maker and keeps the source's rules: LE-5, LE-25, LE-72, LE-102 and LE-103.
 //!
 //! It refuses any frame, keeps the first half of a frame or drops it and answers each half, executes for a while, and
 //! sometimes does not answer.

@@ -1,7 +1,7 @@
-//! laser-eb90: a controller against hosts that are not ours, over bytes. Nothing here is written or read with the crate's codec.
+//! laser-eb90: a controller against hosts of other makers, over bytes. Nothing here is written or read with the crate's codec.
 //!
-//! A host as the article has it keeps a frame until its echo has come, and sends it again for each error code (§3(4), §3(5); LE-45, LE-67); its port
-//! pauses and the line corrupts. Another one sends anything, and then works as the first.
+//! A host as the article has it keeps a frame until its echo has come, and sends it again for each error code (§3(4), §3(5);
+//! LE-45, LE-67); its port pauses and the line corrupts. Another one sends anything, and then works as the first.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -104,8 +104,8 @@ impl Article {
         }
     }
 
-    /// Sends seven cuts until they are confirmed; each transmission meets the next faults, and none when there are no more. Whether
-    /// they were.
+    /// Sends seven cuts until they are confirmed; each transmission meets the next faults, and none when there are no more.
+    /// Whether they were.
     pub fn exchange(&mut self, first: u32, faults: &[&[Fault]]) -> bool {
         let frame = frame(first..first + BATCH);
         let limit = self.now + LIMIT;

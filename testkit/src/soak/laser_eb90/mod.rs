@@ -1,7 +1,8 @@
 //! A host and a controller on a serial line. A job is an instruction: a cut, which is queued, or one that is executed at once.
 //!
-//! The host's assumptions hold: where the line pauses longer, or the ends are called later, they are set above it. With a hostile end,
-//! which answers or sends anything at any time, what is executed proves nothing; each job has one outcome all the same.
+//! The host's assumptions hold: where the line pauses longer, or the ends are called later, they are set above it. With a
+//! hostile end, which answers or sends anything at any time, what is executed proves nothing; each job has one outcome all
+//! the same.
 
 mod any_controller;
 mod any_host;
@@ -300,7 +301,7 @@ impl Cell {
     fn step(&mut self) {
         let is_cut = self.now < self.plug_at;
         let (now, mut events) = (self.now, Vec::new());
-        // The user checks an unknown outcome, and goes on.
+        // The user checks an unknown outcome, and continues.
         if self.host.is_held() {
             self.host.resume();
         }

@@ -96,7 +96,7 @@ impl Dialect {
     /// Creates a table of the caller, in ASCII. The table may lack some roles and fields (specification, KM-28).
     ///
     /// # Errors
-    /// When a role that every session needs is missing or any occurs twice, a name is empty or occurs twice, a message lacks
+    /// If a role that every session needs is missing or any occurs twice, a name is empty or occurs twice, a message lacks
     /// a field that every session needs, has one twice, has one without a meaning in it, or has more than 16.
     pub fn new(entries: &'static [Entry]) -> Result<Self, ConfigError> {
         let count = |role| entries.iter().filter(|entry| entry.role == role).count();
@@ -193,7 +193,7 @@ impl Dialect {
     /// Returns the job in a message; its order is 0 if the table's jobs do not name it.
     ///
     /// # Errors
-    /// When the message is not a job, or the first value of it that does not fit.
+    /// If the message is not a job, or the first value of it that does not fit.
     pub fn read_job<W: Work>(
         &self,
         message: &Message<'_>,

@@ -8,8 +8,8 @@ use robot_work_queue::{
 
 use crate::job::{Job, Work};
 
-/// A queue of at most `N` jobs, inline: for a `static`, or for the stack of the owner of both tasks. With the feature `alloc`, [`boxed`]
-/// returns ends that own it.
+/// A queue of at most `N` jobs, inline: for a `static`, or for the stack of the owner of both tasks. With the feature
+/// `alloc`, [`boxed`] returns ends that own it.
 ///
 /// ```
 /// use kawasaki_msg::motion::JobQueue;

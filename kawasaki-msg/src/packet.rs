@@ -123,7 +123,7 @@ impl<'a> Packet<'a> {
     /// Appends a message if there is space for all of it; a role that the table lacks adds nothing.
     ///
     /// # Errors
-    /// When no packet could ever hold the message; the packet is as it was.
+    /// If no packet could ever hold the message; the packet is as it was.
     pub fn push(&mut self, role: Role, params: &Params) -> Result<Room, EncodeError> {
         if self.dialect.entry(role).is_none() {
             return Ok(Room::Added);

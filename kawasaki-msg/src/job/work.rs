@@ -56,14 +56,14 @@ pub trait Fields {
     /// error too.
     ///
     /// # Errors
-    /// When the field is missing or does not fit.
+    /// If the field is missing or does not fit.
     fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit;
 
     /// Visits a text of this many characters, which is not changed; blanks are part of it. The four marks and characters
     /// outside the dialect's character set are not allowed.
     ///
     /// # Errors
-    /// When the field is missing or does not fit.
+    /// If the field is missing or does not fit.
     fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit;
 
     /// Refuses a field for a reason that the caller has found.
@@ -72,7 +72,7 @@ pub trait Fields {
     /// Visits a whole number, or an enum with a code: any type that is an `i32` on the wire.
     ///
     /// # Errors
-    /// When the field is missing or does not fit.
+    /// If the field is missing or does not fit.
     #[inline(always)]
     fn whole<T: Copy + Into<i32> + TryFrom<i32>>(
         &mut self,

@@ -29,7 +29,8 @@ pub enum PcEvent {
     /// This job, counted from 0, cannot be sent, because a field of it does not fit. The order ends after the jobs that the
     /// robot has queued.
     JobUnfit { order: u16, index: u32, error: FieldError },
-    /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed ahead.
+    /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed
+    /// ahead.
     OrderOver { order: u16, executed: u32, complete: bool },
     /// The robot no longer knows the order: it was restarted, or another client has begun another. Or it has interrupted the
     /// order, jobs may overtake one another, and the acknowledgement of one may be lost. The jobs before `executed` are executed;

@@ -65,7 +65,7 @@ impl<S: JobSource> Pc<S> {
     /// Creates a session that listens, without an order. The ranges of a job's fields are the defaults.
     ///
     /// # Errors
-    /// When the configuration cannot work.
+    /// If the configuration cannot work.
     pub fn new(config: PcConfig) -> Result<Self, ConfigError> {
         Self::with_ranges(config, Ranges::<S>::default())
     }
@@ -76,7 +76,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     /// the robot.
     ///
     /// # Errors
-    /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
+    /// If a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
     pub fn with_ranges(config: PcConfig, ranges: Ranges<S>) -> Result<Self, ConfigError> {
         config.check(job::check::<S::Work>(&ranges)?, MESSAGE)?;
         Ok(Self {
@@ -90,7 +90,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     /// Begins an order. The robot receives it in its next cycle; it need not be connected yet.
     ///
     /// # Errors
-    /// When there is an order already, `order` is 0, or the event queue is full.
+    /// If there is an order already, `order` is 0, or the event queue is full.
     pub fn start(&mut self, order: u16, source: S) -> Result<(), SessionError> {
         if order == 0 {
             return Err(SessionError::OrderZero);
@@ -154,7 +154,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     /// Ends the order when the jobs that the robot has queued are executed.
     ///
     /// # Errors
-    /// When no order is active.
+    /// If no order is active.
     pub fn end(&mut self) -> Result<(), SessionError> {
         self.ask(Duration::ZERO, Input::End).map_err(|_| SessionError::NoOrder)
     }
@@ -175,7 +175,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
     /// [`PcEvent::Command`].
     ///
     /// # Errors
-    /// When the dialect has no such command, or too many wait.
+    /// If the dialect has no such command, or too many wait.
     pub fn command(&mut self, id: u8, value: i32) -> Result<(), SessionError> {
         if self.core.config.dialect.entry(Role::Command(id)).is_none() {
             return Err(SessionError::UnknownCommand { id });

@@ -30,8 +30,8 @@ pub enum Link {
     /// No connection.
     #[default]
     Listening,
-    /// Bytes can flow. The robot is given up if no message has come by `silent_at`; `close`: the connection is to be closed, which is
-    /// not reported yet.
+    /// Bytes can flow. The robot is given up if no message has come by `silent_at`; `close`: the connection is to be closed,
+    /// which is not reported yet.
     Connected { silent_at: Duration, reply: Reply, robot: Known, close: bool },
 }
 

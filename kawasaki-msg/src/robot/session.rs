@@ -64,7 +64,7 @@ impl<'q, W: Work, R: Wake> Robot<'q, W, 256, R> {
     /// one on which both ends have agreed. The ranges of a job's fields are the defaults.
     ///
     /// # Errors
-    /// When the configuration cannot work.
+    /// If the configuration cannot work.
     pub fn new(config: RobotConfig, jobs: impl Into<Jobs<'q, W, R>>) -> Result<Self, ConfigError> {
         Self::with_ranges(config, jobs, W::Ranges::default())
     }
@@ -75,7 +75,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
     /// that the robot can reach.
     ///
     /// # Errors
-    /// When a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
+    /// If a range is empty, a job with the longest values does not fit a packet or the session, or the configuration cannot work.
     pub fn with_ranges(
         config: RobotConfig,
         jobs: impl Into<Jobs<'q, W, R>>,
@@ -100,7 +100,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
     /// report before the next [`handle_timeout`](robot_session::Session::handle_timeout).
     ///
     /// # Errors
-    /// When no job of this number is in the queue, or it was reported before.
+    /// If no job of this number is in the queue, or it was reported before.
     pub fn job_done(&mut self, now: Duration, number: u16) -> Result<(), SessionError> {
         self.executed_one(now, number).map_err(|_| SessionError::NotQueued { number })
     }
@@ -109,7 +109,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
     /// again. Ends an alarm.
     ///
     /// # Errors
-    /// When no order is active, or it is ending or being cleared; when the event queue is full.
+    /// If no order is active, or it is ending or being cleared; when the event queue is full.
     pub fn clear_queue(&mut self) -> Result<(), SessionError> {
         if !self.core.events.has_room(OF_ORDER) {
             return Err(SessionError::TooManyEvents);
@@ -120,7 +120,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
     /// Performs the second reset: clears the queue and discards the order, as an interruption by the PC does.
     ///
     /// # Errors
-    /// When no order is active, or it is interrupted already.
+    /// If no order is active, or it is interrupted already.
     pub fn reset_order(&mut self) -> Result<(), SessionError> {
         self.ask(Duration::ZERO, Input::ResetOrder).map_err(|_| SessionError::NoOrder)
     }

@@ -55,8 +55,8 @@ pub enum Cycle {
     /// A packet is sent at `at`; until `overdue_at` it waits for the rest of the answer, which a slow line delivers in
     /// pieces.
     Ready { at: Duration, overdue_at: Duration },
-    /// A packet was sent, and its answer is awaited until `overdue_at`; the next packet is not sent before `not_before`. `answered`: a
-    /// message has come, but half of another may be there.
+    /// A packet was sent, and its answer is awaited until `overdue_at`; the next packet is not sent before `not_before`.
+    /// `answered`: a message has come, but half of another may be there.
     Waiting { not_before: Duration, overdue_at: Duration, answered: bool },
 }
 

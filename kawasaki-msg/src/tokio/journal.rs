@@ -21,8 +21,8 @@ pub enum LastOrder {
     None,
     /// The program ended before the order: [`Pc::resume`](super::Pc::resume) continues it, and no job is executed twice.
     Active(Kept),
-    /// The order has ended before its last job: it was interrupted, or a job did not fit. Its first `executed` jobs are executed, and no
-    /// others: [`Pc::go_on`](super::Pc::go_on) begins an order with the rest.
+    /// The order has ended before its last job: it was interrupted, or a job did not fit. Its first `executed` jobs are
+    /// executed, and no others: [`Pc::go_on`](super::Pc::go_on) begins an order with the rest.
     Stopped(Kept),
     /// All jobs of the order are executed. If the order is started again, they are executed again.
     Complete(Kept),
@@ -108,7 +108,7 @@ impl Journal {
     /// # Errors
     /// The errors of the file system; another program has the journal, even after a second; the file has other contents, or a
     /// damaged line ([`InvalidData`](io::ErrorKind::InvalidData)). Then the jobs that the robot has executed are not known:
-    /// check the workpiece, remove the file, and [go on](super::Pc::go_on) after the last executed job.
+    /// check the workpiece, remove the file, and [continue](super::Pc::go_on) after the last executed job.
     #[allow(clippy::disallowed_methods, reason = "the lock of a file can only be tried again")]
     pub fn open(path: impl AsRef<Path>) -> io::Result<(Self, LastOrder)> {
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;

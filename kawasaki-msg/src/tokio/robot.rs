@@ -56,7 +56,7 @@ impl<W: Job> Robot<W> {
     /// Clears the queue of all jobs but the one that is being executed; those not executed come again. Ends an alarm.
     ///
     /// # Errors
-    /// When no order is active, or it is ending or being cleared; when the task has ended.
+    /// If no order is active, or it is ending or being cleared; when the task has ended.
     pub async fn clear_queue(&self) -> Result<(), RobotError> {
         self.handle.call(Call::ClearQueue).await?
     }
@@ -64,7 +64,7 @@ impl<W: Job> Robot<W> {
     /// Clears the queue and discards the order, as an interruption by the PC does.
     ///
     /// # Errors
-    /// When no order is active, or it is interrupted already; when the task has ended.
+    /// If no order is active, or it is interrupted already; when the task has ended.
     pub async fn reset_order(&self) -> Result<(), RobotError> {
         self.handle.call(Call::ResetOrder).await?
     }

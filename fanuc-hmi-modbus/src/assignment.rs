@@ -85,7 +85,7 @@ impl Assignment<'_> {
     /// Prints the four lines of a slot as a controller's `SYSTEM.VA` has them.
     ///
     /// # Errors
-    /// When `out` cannot take them.
+    /// If `out` cannot take them.
     pub fn print(&self, slot: u8, out: &mut impl fmt::Write) -> fmt::Result {
         let Self { address, size, var_name, multiply } = self;
         writeln!(out, "     Field: $SNPX_ASG[{slot}].$ADDRESS Access: RW: SHORT = {address}")?;
@@ -147,7 +147,7 @@ impl<'a> Setting<'a> {
     /// `Uninitialized`.
     ///
     /// # Errors
-    /// When the slot, the field or the value does not exist on a controller.
+    /// If the slot, the field or the value does not exist on a controller.
     pub fn parse(line: &'a str) -> Result<Option<Self>, AssignmentError> {
         let Some((_, rest)) = line.split_once("$SNPX_ASG[") else { return Ok(None) };
         let Some((slot, rest)) = rest.split_once("].$") else { return Ok(None) };

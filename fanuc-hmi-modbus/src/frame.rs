@@ -61,7 +61,7 @@ impl<'a> Frame<&'a [u8]> {
     /// with a wrong length.
     ///
     /// # Errors
-    /// When the header is not one of Modbus TCP.
+    /// If the header is not one of Modbus TCP.
     #[inline]
     pub fn decode_tcp(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
         let len = match bytes.first_chunk() {
@@ -94,7 +94,7 @@ impl<'a> Frame<&'a [u8]> {
     /// 256 bytes, and [`decode_rtu_whole`](Self::decode_rtu_whole) decodes it.
     ///
     /// # Errors
-    /// When the CRC is wrong or the frame would be longer than 256 bytes.
+    /// If the CRC is wrong or the frame would be longer than 256 bytes.
     pub fn decode_rtu(bytes: &'a [u8], side: Side) -> Result<Option<(Self, usize)>, DecodeError> {
         match RtuLen::of(bytes, side) {
             RtuLen::Known(len) if len > Self::MAX_RTU_LEN => Err(DecodeError::TooLong { found: len }),
@@ -113,7 +113,7 @@ impl<'a> Frame<&'a [u8]> {
     /// Decodes all of these bytes as one RTU frame, which has a silence on both sides.
     ///
     /// # Errors
-    /// When the CRC is wrong, or there are fewer than 4 or more than 256 bytes.
+    /// If the CRC is wrong, or there are fewer than 4 or more than 256 bytes.
     pub fn decode_rtu_whole(bytes: &'a [u8]) -> Result<Self, DecodeError> {
         let length = bytes.len();
         if length > Self::MAX_RTU_LEN {
@@ -184,7 +184,7 @@ impl<'a> Frame<&'a [u8]> {
     /// Returns a copy that borrows nothing.
     ///
     /// # Errors
-    /// When the PDU is empty or longer than 253 bytes, which a decoded one never is.
+    /// If the PDU is empty or longer than 253 bytes, which a decoded one never is.
     pub fn to_buf(self) -> Result<Frame<PduBuf>, EncodeError> {
         Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: PduBuf::new(&self.pdu)? })
     }
@@ -211,7 +211,7 @@ impl<P: Pdu> Frame<P> {
     /// Appends the frame.
     ///
     /// # Errors
-    /// When the specification does not allow the message; then nothing is appended.
+    /// If the specification does not allow the message; then nothing is appended.
     ///
     /// # Panics
     /// As [`bytes::BufMut::put_slice`], when a buffer that cannot grow is full.

@@ -12,8 +12,8 @@ use crate::message::limit;
 pub struct Block {
     /// One register for each address.
     pub registers: Vec<u16>,
-    /// The time of the reply, by [`now`](robot_session::now): equal for ranges of one request. Of a range of more than 125 registers, the
-    /// last reply.
+    /// The time of the reply, by [`now`](robot_session::now): equal for ranges of one request. Of a range of more than 125
+    /// registers, the last reply.
     pub at: Duration,
 }
 

@@ -130,8 +130,8 @@ pub struct CommEvents {
 
 /// Executes a request and writes its reply; returns the length of the reply.
 ///
-/// A PDU that is not a request is answered too: exception 1 for its function code, exception 3 for the rest of it, exception 2 when
-/// it reaches beyond address 65535.
+/// A PDU that is not a request is answered too: exception 1 for its function code, exception 3 for the rest of it, exception
+/// 2 when it reaches beyond address 65535.
 #[inline(always)] // the read that a client repeats in every cycle is little enough to be built in where the registers are known
 pub fn serve<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8; limit::PDU]) -> usize {
     let served = match pdu {

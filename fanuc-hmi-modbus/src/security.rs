@@ -1,7 +1,8 @@
-//! Modbus/TCP Security (MBTCP-Security, v21): Modbus in TLS with certificates of both ends, where the client's certificate has its role.
+//! Modbus/TCP Security (MBTCP-Security, v21): Modbus in TLS with certificates of both ends, where the client's certificate
+//! has its role.
 //!
-//! Port [`PORT`], TLS 1.2 or later: [`robot_session::tls`] and, for handles, `robot_session::tokio::tls`. A server gives each connection registers
-//! that are [`Guarded`] by the [`role`] of its peer.
+//! Port [`PORT`], TLS 1.2 or later: [`robot_session::tls`] and, for handles, `robot_session::tokio::tls`. A server gives
+//! each connection registers that are [`Guarded`] by the [`role`] of its peer.
 
 use core::str;
 

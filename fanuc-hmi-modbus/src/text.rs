@@ -22,7 +22,7 @@ pub fn read(registers: &[u16], out: &mut [u8]) -> usize {
 /// Fills the registers of a string: its bytes, then NULs.
 ///
 /// # Errors
-/// When the text is longer than two bytes per register, or contains a NUL. Nothing is written then.
+/// If the text is longer than two bytes per register, or contains a NUL. Nothing is written then.
 pub fn write(text: &[u8], registers: &mut [u16]) -> Result<(), TextError> {
     let most = 2 * registers.len();
     if text.len() > most {

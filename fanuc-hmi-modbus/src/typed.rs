@@ -70,7 +70,7 @@ impl Multiply {
     /// Returns the meaning of the number.
     ///
     /// # Errors
-    /// When a controller has no meaning for it.
+    /// If a controller has no meaning for it.
     pub fn new(value: f32) -> Result<Self, AssignmentError> {
         let multiply = if value == 0.0 {
             Self::Real
@@ -174,7 +174,7 @@ impl Number {
     /// Returns the registers of a value; for a value of one register, the second is 0.
     ///
     /// # Errors
-    /// When the value is not a number, or does not fit: a register holds −32768 to 32767 after multiplication.
+    /// If the value is not a number, or does not fit: a register holds −32768 to 32767 after multiplication.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the range was checked; a real is rounded on purpose"

@@ -36,10 +36,10 @@ pub struct ClientConfig {
     /// While it is off, requests on a connection that cannot equal their reply show whether the line returns them; that is
     /// the same event, and from then on the returned bytes are dropped.
     ///
-    /// On or off, a reply that equals its request (function 5, 6, 8 or 22, or one without a type) counts only if another reply has come on the
-    /// connection, which the line cannot have returned: otherwise it may be the request itself, and the outcome is
-    /// [`Failure::Returned`](crate::Failure::Returned). So before such a request the client reads register 0 of its unit, until one of these
-    /// reads or another request has a reply.
+    /// On or off, a reply that equals its request (function 5, 6, 8 or 22, or one without a type) counts only if another
+    /// reply has come on the connection, which the line cannot have returned: otherwise it may be the request itself, and
+    /// the outcome is [`Failure::Returned`](crate::Failure::Returned). So before such a request the client reads register 0
+    /// of its unit, until one of these reads or another request has a reply.
     pub echo: bool,
     /// For the model only: transactions count modulo this.
     #[cfg(feature = "model")]

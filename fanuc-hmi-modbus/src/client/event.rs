@@ -161,8 +161,8 @@ pub enum Failure {
     #[error("the reply does not answer the request: {0}")]
     #[cfg_attr(feature = "serde", serde(rename = "mismatch"))]
     Refused(Mismatch),
-    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown, unless the reply is an
-    /// [exception](Self::exception).
+    /// The reply with the transaction of the request is malformed. Whether the request was executed is unknown, unless the
+    /// reply is an [exception](Self::exception).
     #[error("the reply is malformed: {0}")]
     Malformed(DecodeError),
 }

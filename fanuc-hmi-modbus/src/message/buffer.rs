@@ -21,7 +21,7 @@ impl PduBuf {
     /// Encodes a request or a reply, or copies raw bytes.
     ///
     /// # Errors
-    /// When the specification does not allow the message.
+    /// If the specification does not allow the message.
     pub fn new(pdu: &impl Pdu) -> Result<Self, EncodeError> {
         let mut bytes = [0; limit::PDU];
         let len = pdu.encode(&mut bytes)?;

@@ -47,8 +47,8 @@ pub(crate) const REFERENCE: u8 = 6;
 /// Set in the function code of a reply that is an exception.
 pub const EXCEPTION: u8 = 0x80;
 
-/// Returns whether the code is one of those above. Messages of other functions travel as `Other`, and those of function 43 with another
-/// MEI type.
+/// Returns whether the code is one of those above. Messages of other functions travel as `Other`, and those of function 43
+/// with another MEI type.
 pub const fn is_typed(code: u8) -> bool {
     Row::of(code).is_typed
 }

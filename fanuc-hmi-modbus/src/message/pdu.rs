@@ -11,7 +11,7 @@ pub trait Pdu: sealed::Sealed {
     /// Writes the PDU to the beginning of `out`, and returns the number of its bytes.
     ///
     /// # Errors
-    /// When the specification does not allow the message, or `out` is too small: the contents of `out` are then unspecified.
+    /// If the specification does not allow the message, or `out` is too small: the contents of `out` are then unspecified.
     fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError>;
 }
 

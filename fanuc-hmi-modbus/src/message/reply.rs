@@ -64,7 +64,7 @@ impl<'a> Reply<'a> {
     /// Decodes the reply in a PDU.
     ///
     /// # Errors
-    /// When the bytes are not a reply that the specification allows.
+    /// If the bytes are not a reply that the specification allows.
     #[inline(always)] // small: the code that uses the registers is inlined after it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;

@@ -48,8 +48,8 @@ pub enum Request<'a> {
     ReadWriteRegisters { address: u16, quantity: u16, write_address: u16, values: Words<'a> },
     /// 24: the registers of a queue, which stay in it. The address is that of its count.
     ReadFifoQueue { address: u16 },
-    /// 43, MEI type 14: objects of the device's identification, from this id on. Categories: 1 basic, 2 regular, 3 extended, 4 the
-    /// object alone.
+    /// 43, MEI type 14: objects of the device's identification, from this id on. Categories: 1 basic, 2 regular, 3 extended,
+    /// 4 the object alone.
     ReadDeviceIdentification { category: u8, object: u8 },
     /// Another function, 1 to 127, with the bytes after its code.
     Other { function: u8, data: &'a [u8] },
@@ -59,7 +59,7 @@ impl<'a> Request<'a> {
     /// Decodes the request in a PDU.
     ///
     /// # Errors
-    /// When the bytes are not a request that the specification allows. An address beyond the table is not an error
+    /// If the bytes are not a request that the specification allows. An address beyond the table is not an error
     /// here: the server answers it with exception 2.
     #[inline(always)] // small: the code that uses the request is inlined after it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {

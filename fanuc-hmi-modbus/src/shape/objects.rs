@@ -1,4 +1,5 @@
-//! Lists of objects. The value of an object of a device's identification is a text: a character stands for the byte of its number.
+//! Lists of objects. The value of an object of a device's identification is a text: a character stands for the byte of its
+//! number.
 
 use core::fmt::{self, Write as _};
 use core::marker::PhantomData;

@@ -271,7 +271,8 @@ impl Client {
         self.write_registers(address, words.get(..quantity).unwrap_or(&words)).await
     }
 
-    /// Writes a string in one request: its bytes, then NULs up to the end of these registers. [`read_text`](Self::read_text) reads it.
+    /// Writes a string in one request: its bytes, then NULs up to the end of these registers. [`read_text`](Self::read_text)
+    /// reads it.
     ///
     /// # Errors
     /// [`Error::Text`] if the string is longer than two bytes per register, or has a NUL in it: nothing is sent.

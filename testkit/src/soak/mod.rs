@@ -1,10 +1,10 @@
-//! The soak: both ends of every session over the faults that its transport can commit, from a seed. Each end meets
-//! ours, *any* end that keeps the source's rules, and a *hostile* one that sends anything.
+//! The soak: both ends of every session over the faults that its transport can commit, from a seed. Each end meets the
+//! project's own, *any* end that follows the source's rules, and a *hostile* one that sends anything.
 //!
-//! A seed makes one short bad session of each [`Row`]: what is sent, what its users do, and what the line does follow from it.
-//! The seed determines the messages, the acts of the users, and the faults of the line. Every job ends in one column
-//! of the session's [`Tally`]. The outcome reported to its sender is compared with its execution; a wrong outcome is
-//! excused only if corruption is shown to have made a valid message out of the bytes sent.
+//! A seed makes one short bad session of each [`Row`]: the seed determines the messages, the acts of the users, and the
+//! faults of the line. Every job ends in one column of the session's [`Tally`]. The outcome reported to its sender is
+//! compared with its execution; a wrong outcome is excused only if corruption is shown to have made a valid message out of
+//! the bytes sent.
 
 mod cell;
 mod fanuc_hmi_modbus;
@@ -30,11 +30,11 @@ pub use wire::{Check, Unseen, Wire};
 /// The programs at the two ends of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Peer {
-    /// Both are ours.
+    /// Both ends are the project's.
     Ours,
-    /// This end is not ours: it chooses among what the source permits.
+    /// This end is another maker's: it chooses among the choices that the source permits.
     Any(End),
-    /// This end is not ours: it sends anything.
+    /// This end is another maker's: it sends anything.
     Hostile(End),
 }
 
@@ -52,8 +52,8 @@ pub struct Row {
     session: fn(u64, Log) -> Tally,
 }
 
-/// The sessions of the workspace: both of our ends of the links that have a model of the pair, then each end against one of
-/// another maker. Both of our ends of every link are also in [`HANDLES`].
+/// The sessions of the workspace: both of the project's ends of the links that have a model of the pair, then each end
+/// against one of another maker. Both ends of every link are also in [`HANDLES`].
 pub const ROWS: [Row; 36] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,

@@ -1,4 +1,4 @@
-//! The ends whose peers the model describes: each is walked at random over bytes. A job is a message, heard or lost.
+//! The ends whose peers the model describes: each is walked at random over bytes. A job is a message, received or lost.
 
 use super::Row;
 use crate::links::{isra_ball, mmacell_proto, val2_alter, val2_viewer};

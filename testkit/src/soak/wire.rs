@@ -1,4 +1,4 @@
-//! The faulty link of a session, and what it did to each transmission.
+//! The faulty link of a session, and its effect on each transmission.
 
 use core::time::Duration;
 
@@ -42,7 +42,7 @@ impl Unseen {
     }
 }
 
-/// A [`Link`] that remembers what it did, and can trace it.
+/// A [`Link`] that records its acts, and can trace them.
 #[derive(Debug)]
 pub struct Wire {
     link: Link,
@@ -181,7 +181,7 @@ impl Wire {
         self.link.heal();
     }
 
-    /// Traces what happened.
+    /// Writes a line of the trace.
     pub fn log(&self, now: Duration, text: core::fmt::Arguments<'_>) {
         self.log.line(now, text);
     }
@@ -196,7 +196,7 @@ impl Wire {
         Mark(self.sent[0].len(), self.sent[1].len())
     }
 
-    /// Adds the faults, and what was corrupt. Returns the valid messages that corruption made, of at most `longest` bytes.
+    /// Adds the faults and the corruption. Returns the valid messages that corruption made, of at most `longest` bytes.
     pub fn settle(
         &self,
         now: Duration,

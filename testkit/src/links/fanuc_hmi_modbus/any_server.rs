@@ -67,7 +67,7 @@ pub struct Known {
     is_up: bool,
     /// Bytes have come since the last tick.
     is_arriving: bool,
-    /// The last of them were no frame.
+    /// The last of the bytes were not a frame.
     is_damaged: bool,
     /// Whether they are the beginning of a reply.
     is_partial: bool,
@@ -209,7 +209,8 @@ impl Peer for AnyServer {
             if known.is_damaged {
                 words.extend([Fit::Exception, Fit::OpenException].map(Word::Data));
             }
-            // A line that returns what is sent is found by the probe, if that comes back whole: then it does so no more.
+            // A line that returns the sent bytes is detected by the probe, if that comes back whole: from then on the echo
+            // is known.
             if known.awaits_mirror(end) && !known.is_proven {
                 words.push(Word::Returned);
             }

@@ -47,7 +47,7 @@ pub const TCP: Pair = Pair {
     refined: || refined(&[tcp(3, 2, 2), tcp(3, 1, 2)]),
 };
 
-/// RTU on a serial line: one request at a time, and nothing in a reply shows what it answers.
+/// RTU on a serial line: one request at a time, and a reply does not show its request.
 pub const RTU: Pair = Pair {
     name: "fanuc-hmi-modbus client × server, rtu",
     settings: |depth| match depth {

@@ -234,7 +234,7 @@ impl Setup {
         if reads {
             ready.push(Act::ServerRead(Verdict::CarryOut));
         }
-        // A driver reads what has arrived first.
+        // A driver first reads the bytes that have arrived.
         if world.client_due() && !arrived(&world.up) {
             ready.push(Act::ClientTimer);
         }

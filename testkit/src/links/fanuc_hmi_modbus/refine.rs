@@ -1,4 +1,4 @@
-//! The sessions over bytes do what the machines do: every path of the model is walked by both.
+//! The sessions over bytes follow the machines: every path of the model is walked by both.
 
 use core::time::Duration;
 use std::collections::BTreeSet;

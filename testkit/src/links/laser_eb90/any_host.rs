@@ -196,7 +196,7 @@ pub enum Word {
     Piece(Piece),
     /// The host reads the answer.
     Read,
-    /// The host, or a person who looks at it, stops waiting.
+    /// The host, or its operator, stops waiting.
     GiveUp,
     /// The instruction is executed, or it fails.
     Executed(bool),

@@ -101,7 +101,7 @@ pub struct Setup {
     pub faults: Faults,
 }
 
-/// Everything that decides what happens next.
+/// The basis of all decisions about the next act.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct World {
     /// The host's end.
@@ -126,7 +126,7 @@ pub struct World {
     pub jobs: Vec<Job>,
     /// The number of submitted frames.
     pub submitted: u8,
-    /// A machine did not expect what it got.
+    /// A machine got an unexpected input.
     pub unexpected: bool,
 }
 
@@ -137,7 +137,7 @@ pub enum Held {
     Nothing,
     /// The beginning of a frame.
     Part(u8),
-    /// A head, and then what belongs to two frames.
+    /// A head, followed by bytes of two frames.
     Spoilt,
     /// Bytes without a head.
     Headless,

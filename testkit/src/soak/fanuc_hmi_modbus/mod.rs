@@ -115,15 +115,15 @@ struct Cell {
     server: Server<Bank>,
     /// In place of the server's replies: whatever the protocol has.
     hostile: bool,
-    /// In place of our server, and of what it answers: another one.
+    /// Another server, in place of the project's own and of its answers.
     lawful: Option<Lawful>,
-    /// In place of our client: another one.
+    /// Another client, in place of the project's own.
     other: Option<AnyClient>,
     /// There are other units on the line.
     has_neighbours: bool,
     /// Nothing is refused and nothing is late any more.
     is_calm: bool,
-    /// Until the end of the faults: what the client reports proves nothing of the server.
+    /// Whether, until the end of the faults, the client's reports prove nothing about the server.
     harassed: bool,
     /// The connection is lost, and the ends have noticed it.
     lost: [bool; 2],
@@ -157,7 +157,7 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, peer: Peer, log: Log) -> Tal
                 insert: 0.002 * bad,
                 lose: 0.02,
                 pause: [Duration::ZERO, MS, 5 * MS][rng.below(3)],
-                // Two silences, right before and right behind such data, would make a frame of it.
+                // Two silences, right before and right after such data, would make a frame of it.
                 stall: if has_neighbours { 0.0 } else { 0.1 * bad },
                 ..Faults::SERIAL
             };

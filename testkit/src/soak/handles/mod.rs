@@ -1,6 +1,5 @@
-//! The handle of each link against the simulated device at its other end: both are tasks of tokio on a virtual clock, and
-//! what is between them are pipes whose bytes pass through the faulty [`Link`](crate::link::Link). Either end is restarted
-//! now and then.
+//! The handle of each link against the simulated device at its other end: both are tasks of tokio on a virtual clock,
+//! connected by pipes whose bytes pass through the faulty [`Link`](crate::link::Link). Either end is restarted at times.
 //!
 //! A job is a call, or one of those that a call is for. Some calls are dropped while they wait. Of a link without calls it
 //! is a value that is waited for.
@@ -30,7 +29,7 @@ const MS: Duration = Duration::from_millis(1);
 const HEALED: Duration = Duration::from_secs(60);
 const WORK: usize = 20;
 
-/// The handle of one link, and what is at the other end.
+/// The handle of one link, and the other end.
 trait Handled: Sized {
     /// The simulated device.
     type Device: Settings<Device: Device<Session: Send> + Send + 'static>;

@@ -104,7 +104,7 @@ struct Cell<C> {
     /// The connection is gone, and neither end notices it.
     half_open: bool,
     hostile: Option<Hostile>,
-    /// In place of our PC, and what it chooses by.
+    /// Another PC in place of the project's own, and the source of its choices.
     other: Option<(AnyPc, Rng)>,
     /// Nothing goes wrong any more.
     is_calm: bool,
@@ -280,7 +280,7 @@ impl<C: Controller> Cell<C> {
                 self.lose_connection();
                 self.robot = C::begin(robot, self.capacity, self.ledger.len() as u64);
             }
-            // Its user knows that it restarted, and nothing else.
+            // Its user knows of the restart, and of nothing more.
             Mishap::PcRestarts => {
                 self.lose_connection();
                 self.pc = LargePc::with_ranges(pc, Default::default()).unwrap();

@@ -1,8 +1,8 @@
 //! A host and a controller on a serial line. A job is an instruction: a cut, which is queued, or one that is executed at once.
 //!
-//! The host's assumptions hold: where the line pauses longer, or the ends are called later, they are set above it. With a
-//! hostile end, which answers or sends anything at any time, what is executed proves nothing; each job has one outcome all
-//! the same.
+//! The host's assumptions are met: if the line pauses longer, or the ends are called later, the assumptions are set above
+//! that. With a hostile end, which answers or sends anything at any time, the executed work proves nothing; each job still
+//! has one outcome.
 
 mod any_controller;
 mod any_host;
@@ -105,7 +105,7 @@ struct Cell {
     /// Nothing arrives before.
     plug_at: Duration,
     peer: Peer,
-    /// In place of our controller.
+    /// Another controller, in place of the project's own.
     other: Option<AnyController>,
     healed: bool,
     ledger: Ledger,

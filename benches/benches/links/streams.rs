@@ -21,7 +21,7 @@ pub(super) trait Decoding {
     /// Returns a stream of whole frames.
     fn valid() -> Vec<u8>;
 
-    /// [`NOISE`] bytes that cost the decoder more than others.
+    /// Returns [`NOISE`] bytes that cost the decoder more than others.
     fn worst() -> Vec<u8>;
 }
 
@@ -61,7 +61,7 @@ pub(super) const fn rows<D: Decoding>() -> Stream {
 /// The bytes of a stream of noise.
 pub(super) const NOISE: usize = 1024;
 
-/// Random bytes, the same ones each time.
+/// Returns random bytes, the same ones each time.
 fn noise() -> Vec<u8> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let mut byte = || {
@@ -74,7 +74,7 @@ fn noise() -> Vec<u8> {
     (0..NOISE).map(|_| byte()).collect()
 }
 
-/// Noise of this pattern.
+/// Returns noise of this pattern.
 pub(super) fn repeated(pattern: &[u8]) -> Vec<u8> {
     pattern.iter().copied().cycle().take(NOISE).collect()
 }

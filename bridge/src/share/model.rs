@@ -98,7 +98,7 @@ impl Model {
         now + AGE - if at == 1 { self.behind } else { 0 }
     }
 
-    /// Everything that may happen next.
+    /// Returns all possible next states.
     fn next(&self, state: &State) -> Vec<State> {
         let mut next = Vec::new();
         let mut step = |change: &dyn Fn(&mut State)| {

@@ -147,7 +147,7 @@ fn entry(sent: u64, number: u64) -> Entry {
     Entry { at: 5, sent, outcome: Outcome::Accepted, detail: String::new(), by: String::new(), number }
 }
 
-/// Its messages, with their topics.
+/// Returns a share's messages, with their topics.
 fn said(share: &mut Share, has: bool, commands: &Commands, now: Duration) -> Vec<(String, Vec<u8>)> {
     let (node, mut said) = (share.node.clone(), Vec::new());
     share.say(now, BTreeMap::from([("f".to_owned(), has)]), commands, |below, message| {

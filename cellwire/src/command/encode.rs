@@ -45,7 +45,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(all)
 }
 
-/// Bytes as upper-case hex, separated by spaces.
+/// Returns bytes as upper-case hex, separated by spaces.
 pub(super) fn hex(bytes: &[u8]) -> String {
     let pairs: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
     pairs.join(" ")

@@ -336,7 +336,7 @@ fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
     })
 }
 
-/// Bytes as text.
+/// Returns bytes as hex text.
 pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

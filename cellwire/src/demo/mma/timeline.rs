@@ -70,7 +70,7 @@ pub fn draw(path: &Path, log: &Log, record: &Record) -> Result<()> {
     files::write(path, fine::shown(&drawn).as_bytes())
 }
 
-/// Six attempts: the first in which one part is placed, one missed and one lost, if there are any.
+/// Returns the times of six attempts: the first in which one part is placed, one missed and one lost, if there are any.
 fn window(shown: &Shown<'_>) -> Option<(Duration, Duration)> {
     const SHOWN: usize = 6;
     let begins = shown.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);

@@ -24,7 +24,7 @@ use cellwire_io::output::{announce, remark};
 /// The fields of an answer.
 pub type Fields = Map<String, Value>;
 
-/// These fields of an answer.
+/// Returns these fields of an answer.
 pub fn fields<const N: usize>(fields: [(&str, Value); N]) -> Fields {
     fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }

@@ -123,7 +123,7 @@ fn v6_headers(next: u8, headers: &[u8], payload: &[u8], from: u16) -> Vec<u8> {
     packet
 }
 
-/// Ethernet with these tags of virtual networks, padded to the least length.
+/// Returns an Ethernet frame with these tags of virtual networks, padded to the least length.
 pub(crate) fn ethernet(tags: &[u16], ip: &[u8]) -> Vec<u8> {
     let mut frame = vec![2, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 2];
     for tag in tags {

@@ -18,7 +18,7 @@ pub enum WordOrder {
 }
 
 impl WordOrder {
-    /// The 32 bits in two registers.
+    /// Returns the 32 bits in two registers.
     #[inline]
     pub const fn join(self, words: [u16; 2]) -> u32 {
         let [first, second] = words;
@@ -39,13 +39,13 @@ impl WordOrder {
         }
     }
 
-    /// The signed integer in two registers.
+    /// Returns the signed integer in two registers.
     #[inline]
     pub const fn i32(self, words: [u16; 2]) -> i32 {
         self.join(words).cast_signed()
     }
 
-    /// The real in two registers.
+    /// Returns the real in two registers.
     #[inline]
     pub const fn f32(self, words: [u16; 2]) -> f32 {
         f32::from_bits(self.join(words))

@@ -189,7 +189,8 @@ fn short_decimal(input: &[u8]) -> Option<(f64, usize)> {
     Some((number / POWERS.get(decimals)?, end as usize / 8))
 }
 
-/// The number that [`push_fixed`] writes into ten columns, with three decimals and up to four characters before the point.
+/// Returns the number that [`push_fixed`] writes into ten columns, with three decimals and up to four characters before the
+/// point.
 #[inline(always)]
 pub(crate) fn fixed_decimal(columns: &[u8; 10]) -> Option<f64> {
     let [b' ', b' ', word @ ..] = columns else { return None };

@@ -41,7 +41,7 @@ impl Clock for EmbassyClock {
     }
 }
 
-/// Whole microseconds, up to the longest time of `embassy-time`.
+/// Returns whole microseconds, up to the longest time of `embassy-time`.
 fn micros(time: Duration) -> u64 {
     time.as_secs().saturating_mul(1_000_000).saturating_add(u64::from(time.subsec_micros()))
 }

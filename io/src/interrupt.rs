@@ -187,7 +187,7 @@ fn is_ignored(signal: i32) -> bool {
         .is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Also handles a closed console, a user who logs off, and a shutdown of the computer.
+/// Installs a handler, also for a closed console, a user who logs off, and a shutdown of the computer.
 #[cfg(windows)]
 fn install(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
     let handler = std::sync::Arc::new(Mutex::new(move || {

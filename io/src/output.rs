@@ -39,7 +39,7 @@ pub fn is_unwritten(error: &anyhow::Error) -> bool {
     error.is::<Unwritten>() || error.chain().any(|cause| cause.downcast_ref().is_some_and(is_refused))
 }
 
-/// Standard output for a text or a table: its errors name standard output.
+/// Returns standard output for a text or a table: its errors name standard output.
 pub fn stdout() -> impl Write {
     struct Out(io::Stdout);
 

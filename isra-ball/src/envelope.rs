@@ -43,7 +43,7 @@ pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
     [n, minus_n, xor_n, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
 }
 
-/// The data of a packet whose envelope is valid.
+/// Returns the data of a packet whose envelope is valid.
 #[inline]
 pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
     let [n, minus_n, xor_n, data @ .., found] = packet;

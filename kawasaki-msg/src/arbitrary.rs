@@ -109,7 +109,7 @@ impl Fields for Filler<'_, '_> {
     }
 }
 
-/// Text up to the first byte that a part of a message cannot have, which is omitted.
+/// Generates text up to the first byte that a part of a message cannot have, which is omitted.
 fn part<'a>(u: &mut Unstructured<'a>, free: usize, ends: impl Fn(u8) -> bool) -> Result<&'a [u8]> {
     let length = u.arbitrary_len::<u8>()?.min(free);
     let bytes = u.peek_bytes(length).unwrap_or_default();

@@ -18,7 +18,7 @@ impl<const N: usize> Text<N> {
     /// No character.
     pub const EMPTY: Self = Self { bytes: [0; N], length: 0 };
 
-    /// This text; `None` if it is longer than `N` characters, or contains a mark or a character above U+00FF.
+    /// Returns the text; `None` if it is longer than `N` characters, or contains a mark or a character above U+00FF.
     pub fn new(text: &str) -> Option<Self> {
         let mut new = Self::EMPTY;
         for c in text.chars() {

@@ -34,7 +34,7 @@ impl Work for Mixed {
 
 const GOOD: [&str; 5] = ["-5", "1.500", "7", "grip", "2"];
 
-/// These fields with one replaced.
+/// Returns these fields with one replaced.
 fn with(place: usize, value: &str) -> String {
     let mut fields = GOOD;
     fields[place] = value;

@@ -30,7 +30,7 @@ impl From<Item<'_>> for Owned {
     }
 }
 
-/// Bytes that are marks more often than not.
+/// Returns bytes that are marks more often than not.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![any::<u8>(), prop::sample::select(vec![0x90, 0x82, 0x83, 0xEB, 0xF0, 0xF1, 0xF2, 0xF3])]
 }

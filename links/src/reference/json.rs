@@ -96,7 +96,7 @@ pub fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[String])
     text
 }
 
-/// Bytes as hex digits in capitals.
+/// Returns bytes as upper-case hex digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02X}");

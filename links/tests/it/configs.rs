@@ -23,7 +23,7 @@ fn fields(config: &Config, given: Value) -> Result<Vec<Setting>, String> {
     (config.fields)(given.as_object().unwrap()).map_err(|error| error.to_string())
 }
 
-/// Other values of the same kind, some of which a field accepts.
+/// Returns other values of the same kind, some of which a field accepts.
 fn others(value: &Value, range: &str) -> Vec<Value> {
     match value {
         Value::Null => vec![json!(1)],

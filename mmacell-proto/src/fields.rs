@@ -151,7 +151,7 @@ impl<'a> Reader<'a> {
         Some(INTEGER.value(u64::from_le_bytes(*word)))
     }
 
-    /// This integer and the next one, with the two characters before each.
+    /// Returns this integer and the next one, with the two characters before each.
     #[inline(always)]
     fn two_words(self) -> Option<[u64; 2]> {
         let words: &[u8; 14] = self.line.get(self.at.checked_sub(2)?..)?.first_chunk()?;

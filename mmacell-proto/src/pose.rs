@@ -79,7 +79,7 @@ impl RobotPose {
         [self.x.um(), self.y.um(), self.z.um(), self.c.tenths_mrad()]
     }
 
-    /// A pose of axes in units of their last digit.
+    /// Creates a pose of axes in units of their last digit.
     pub const fn from_units([x, y, z, c]: [i32; 4]) -> Self {
         let [x, y, z] = [Length::from_um(x), Length::from_um(y), Length::from_um(z)];
         Self { x, y, z, c: Angle::from_tenths_mrad(c) }
@@ -100,7 +100,7 @@ impl PlatformPose {
         [self.a.tenths_mrad(), self.b.tenths_mrad()]
     }
 
-    /// A pose of axes in units of their last digit.
+    /// Creates a pose of axes in units of their last digit.
     pub const fn from_units([a, b]: [i32; 2]) -> Self {
         Self { a: Angle::from_tenths_mrad(a), b: Angle::from_tenths_mrad(b) }
     }

@@ -56,7 +56,7 @@ pub const ASK_ROBOT: Output = Output::Robot(Command::Status);
 pub const ASK_PLATFORM: Output = Output::Platform(Command::Status);
 pub const STOP: Output = Output::Robot(Command::Stop);
 
-/// Everything that the task gives now.
+/// Returns all outputs that the task has now.
 pub fn poll(task: &mut Task, now: Duration) -> Vec<Output> {
     core::iter::from_fn(|| task.poll_output(now)).collect()
 }

@@ -205,7 +205,7 @@ async fn timed<T>(future: impl Future<Output = T>) -> (T, Duration) {
     (value, begun.elapsed())
 }
 
-/// Later by no more than a connection and a pause.
+/// Asserts that a time is at most a connection and a pause later than expected.
 fn assert_about(found: Duration, expected: Duration) {
     assert!((expected..expected + 260 * MS).contains(&found), "{found:?} is not {expected:?}");
 }

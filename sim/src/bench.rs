@@ -121,7 +121,7 @@ impl<S: Session, D: Device> Bench<S, D> {
         self.now
     }
 
-    /// Your session.
+    /// Returns your session.
     pub fn session(&self) -> &S {
         &self.session
     }

@@ -88,7 +88,7 @@ impl Pose {
         self.a = cross(self.n, self.o);
     }
 
-    /// Row x, y, z of column n, o, a, p; zero outside.
+    /// Returns row x, y, z of column n, o, a, p; zero outside.
     pub(super) fn element(&self, row: usize, column: usize) -> f64 {
         let columns = [self.n, self.o, self.a, self.p];
         columns.get(column).and_then(|vector| vector.get(row)).copied().unwrap_or_default()

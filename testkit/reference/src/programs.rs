@@ -197,7 +197,7 @@ fn streamed(stream: &Stream) -> Result<String> {
         .end())
 }
 
-/// Everything that a reader finds in a file, in its order.
+/// Returns all items that a reader finds in a file, in sequence.
 fn items(bytes: &[u8], rules: &Rules) -> Result<Vec<Value>> {
     let document = match Document::decode_bytes(bytes) {
         Ok(document) => document,

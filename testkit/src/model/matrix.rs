@@ -13,10 +13,10 @@ pub trait Rows {
     /// The machine.
     type Machine: Machine<Action: PartialEq>;
 
-    /// At least one state for each row, at [`NOW`].
+    /// Returns at least one state for each row, at [`NOW`].
     fn states() -> Vec<Self::Machine>;
 
-    /// At least one input for each column.
+    /// Returns at least one input for each column.
     fn inputs() -> Vec<<Self::Machine as Machine>::Input>;
 
     /// Returns the configuration of the machine.

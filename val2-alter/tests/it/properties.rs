@@ -14,7 +14,7 @@ use val2_alter::{
 
 use crate::arbitrary::arbitrary;
 
-/// Bytes that look like marks half of the time.
+/// Returns bytes that look like marks half of the time.
 fn byte() -> impl Strategy<Value = u8> {
     prop_oneof![prop_oneof![Just(0x10), Just(0x02), Just(0x03)], any::<u8>()]
 }

@@ -1,11 +1,11 @@
 //! The queue against other rings of one writer and one reader.
 //!
-//! Both threads are pinned, and every body is inlined. A thread that waits asks again at once ("bare"), or after the processor's
-//! instruction for such loops ("pause"). In each round the contenders run one after the other on each course, and each time is
-//! divided by rtrb's of the same round: a host may move the processors of a virtual machine to other cores meanwhile. Before each
-//! sample of two threads the round trip of a cache line is measured, and the ratio counts only if it was the same for both,
-//! within a half. If it is too fast, the two processors are hyper-threads of one core at that time; such ratios are used
-//! only where there are not enough others, and the table says so.
+//! Both threads are pinned, and every body is inlined. A thread that waits asks again at once ("bare"), or after the
+//! processor's instruction for such loops ("pause"). In each round the contenders run one after the other on each course,
+//! and each time is divided by rtrb's of the same round: a host may move the processors of a virtual machine to other cores
+//! meanwhile. Before each sample of two threads the round trip of a cache line is measured, and the ratio counts only if it
+//! was the same for both, within a half. If it is too fast, the two processors are hyper-threads of one core at that time;
+//! such ratios are used only where there are not enough others, and the table states it.
 
 mod cores;
 mod rings;

@@ -28,7 +28,7 @@ const KINDS: [Kind; 7] = [
     ("laser-eb90", "controller", None),
     ("mmacell-proto", "device", None),
     ("isra-ball", "ball", Some(("measure", Duration::from_millis(100)))),
-    // The exchange that was begun goes on by itself, in its cycles of 28 ms.
+    // The exchange continues by itself, in its cycles of 28 ms.
     ("val2-alter", "controller", Some(("start", Duration::from_secs(5)))),
     // Without an answer it asks again after a pause of 2 s.
     ("val2-viewer", "workstation", Some(("draw", Duration::from_secs(3)))),

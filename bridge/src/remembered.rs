@@ -168,7 +168,7 @@ impl Remembered {
         }
     }
 
-    /// Returns whether a further command whose id has no time would have to be forgotten within a day.
+    /// Returns whether a further command whose id has no time would be forgotten within a day.
     pub fn is_full(&mut self, cell: &str, now: u64, batch: &mut Batch) -> bool {
         self.executed.len() >= MOST_EXECUTED && {
             self.forget_executed(cell, now, batch);

@@ -1,4 +1,4 @@
-//! A broker of MQTT 5 for one connection at a time: the test says what it answers.
+//! A broker of MQTT 5 for one connection at a time: the test determines its answers.
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};

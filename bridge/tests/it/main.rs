@@ -229,7 +229,7 @@ fn a_record_that_is_too_long_is_dropped_where_the_broker_does_not_say_which() {
     let mut bridge = bridge(folder.path(), &broker.address(), &ball);
     let mut peer = broker.accept(&[]);
     let first = peer.message();
-    // Mosquitto's answer, which is none of PUBACK's reason codes.
+    // Mosquitto's answer, which is not one of PUBACK's reason codes.
     peer.acknowledge(&first, 0x95);
     drop(peer);
     until("a record that is dropped", || figure(&bridge, REFUSED) == 1);

@@ -285,7 +285,7 @@ fn of_several_brokers_one_that_answers_and_has_the_host_application_is_taken() {
     edit(folder.path(), "\"HERE\"", &addresses);
     edit(folder.path(), "node = \"n\"", "node = \"n\"\nprimary_host = \"h\"");
     let mut bridge = Running::start(command);
-    // The host application is not there, and what it says at the other broker has an earlier time.
+    // The host application is absent, and its message at the other broker has an earlier time.
     let waiting = first.accept(&[]);
     let line = bridge.line("is not online at");
     assert!(line.contains(&format!("the host application h is not online at {}", first.address())), "{line}");

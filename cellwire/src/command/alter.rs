@@ -119,7 +119,7 @@ impl Args {
 /// Runs until the operator quits.
 ///
 /// # Errors
-/// When there is no terminal, a port cannot be opened, or a setting has no such value.
+/// If there is no terminal, a port cannot be opened, or a setting has no such value.
 pub fn run(args: &Args) -> Result<bool> {
     ensure!(std::io::stdout().is_terminal(), "the operator's screen needs a terminal");
     let Settings { alter, polls, viewer, profile } = args.settings()?;

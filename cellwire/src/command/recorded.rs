@@ -114,7 +114,7 @@ impl Conversation {
     /// it sends any.
     ///
     /// # Errors
-    /// When the trace is none of the link.
+    /// If the trace is not one of the link.
     pub(super) fn parties(&self, link: &Link) -> Result<[Party; 2]> {
         let sides = match &self.place {
             Place::Network(..) => [true, false].map(|is_client| (link.sender)(is_client, self.port)),

@@ -318,7 +318,7 @@ fn a_robot_that_does_not_read_does_not_stop_the_pc() {
     let mut pc = Running::listening("kawasaki-pc");
     let mut deaf = pc.connect();
     greet(&mut deaf).unwrap();
-    // It accepts the order, asks for its first jobs again and again, and has no room for them.
+    // It accepts the order, requests its first jobs again and again, and has no free slots for them.
     SockRef::from(&deaf).set_recv_buffer_size(4096).unwrap();
     deaf.write_all(b"<TilausKuittaus$2#50#><Tila$7#50$2$$$#>").unwrap();
     let end = Instant::now() + DEADLINE;

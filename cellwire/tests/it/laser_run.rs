@@ -11,7 +11,7 @@ use crate::operated::{PATIENCE, Tool};
 /// A place for a program, and a robot.
 pub(crate) struct Cell {
     folder: tempfile::TempDir,
-    /// The longest queue, and instructions that take no time, unless a test says otherwise.
+    /// The longest queue, and instructions that take no time, unless a test sets them otherwise.
     robot: Option<Tool>,
 }
 

@@ -203,7 +203,7 @@ fn output_that_nobody_reads_makes_nobody_wait() {
         thread::sleep(Duration::from_millis(20));
     };
     let mut other = server.accept().unwrap().0;
-    // Each byte is noise, and so much text is far more than a pipe holds.
+    // Each byte is noise, and this text is far more than a pipe buffers.
     let bytes = vec![0x55; 20_000_000];
     let reader = thread::spawn(move || std::io::copy(&mut other, &mut std::io::sink()).unwrap());
     client.write_all(&bytes).unwrap();

@@ -57,7 +57,7 @@ enum Command {
     Write(write::WriteArgs),
 }
 
-/// Does what the arguments ask for; returns false if no usable value was read.
+/// Executes the command; returns false if no usable value was read.
 ///
 /// # Errors
 /// When the controller cannot be reached, or a file cannot be read or written.

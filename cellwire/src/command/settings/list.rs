@@ -40,7 +40,7 @@ const COMMANDS: [&str; 10] =
 /// Prints the settings of the command.
 ///
 /// # Errors
-/// When there is no such command, or it has no settings.
+/// If there is no such command, or if it has no settings.
 pub fn run(args: &Args) -> Result<bool> {
     let (command, of) =
         (args.command.first().map_or("", String::as_str), args.command.get(1).map(String::as_str));

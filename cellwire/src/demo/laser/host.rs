@@ -46,7 +46,7 @@ pub struct Plan<'a> {
     tickets: Vec<Option<usize>>,
     /// The instructions to send, in sequence.
     todo: VecDeque<usize>,
-    /// Whether to ask for the robot's status before going on, and when it was known last.
+    /// Whether to request the robot's status before the run continues, and the time of the last known status.
     ask: bool,
     asked: Duration,
     /// The number of times that the robot had started when it was asked last.

@@ -1,4 +1,4 @@
-//! The jobs of an order, as the session asks for them.
+//! The jobs of an order, as the session requests them.
 
 use kawasaki_msg::{JobSource, Supply};
 

@@ -346,7 +346,7 @@ fn of_server(stream: &[u8]) -> Items {
     items
 }
 
-/// FM-89: an exception has two bytes of PDU, whatever its header says.
+/// FM-89: an exception has two bytes of PDU, regardless of its header.
 #[test]
 fn an_exception_with_a_wrong_length_is_one_frame_and_costs_no_other() {
     let wrong = |found| {

@@ -62,7 +62,7 @@ fn trajectory(cycle: u32) -> Words {
 #[inline(never)] // its temporaries use its stack, which is free again for the motion
 fn start(uart: Uart, words: Reader<'static, Words>) {
     let link = LINK.init_with(|| {
-        // Behind an adapter, or in an emulator, bytes that came together may be read apart: no silence ends a frame.
+        // With an adapter, or in an emulator, bytes that came together may be read apart: no silence ends a frame.
         let config = HostConfig { gap: None, ..HostConfig::default() };
         let Ok(session) = Host::new(config) else { panic!("it works") };
         Alter { driver: Driver::new(uart, board::now), session, words }

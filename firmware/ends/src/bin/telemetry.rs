@@ -1,4 +1,4 @@
-//! A client of a FANUC controller, RTU on a serial line: asks for the telemetry block ten times a second.
+//! A client of a FANUC controller, RTU on a serial line: requests the telemetry block ten times a second.
 #![no_std]
 #![no_main]
 

@@ -292,7 +292,7 @@ fn asked(kind: &Kind, job: &Kind, number: usize) -> usize {
     let asks = |(at, values): &&(usize, Vec<String>)| {
         let next = match job.all.iter().find(|(of_job, _)| of_job > at) {
             Some((_, values)) => values.get(number).cloned(),
-            // A robot also asks for the job after the last.
+            // A robot also requests the job after the last.
             None => job.numbers(number).last().map(|last| (last + 1).to_string()),
         };
         next.is_some_and(|next| values.contains(&next))

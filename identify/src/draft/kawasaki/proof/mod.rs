@@ -1,6 +1,6 @@
 //! The roles and fields of a plant's messages that a conversation proves: each by two messages or more in their context.
 //!
-//! The rules are those of the link: the robot asks for the next job by its number, acknowledges a job that is executed, and
+//! The rules are those of the link: the robot requests the next job by its number, acknowledges a job that is executed, and
 //! begins an order on the PC's start message. All other parts of a draft are guesses. So are the messages that end and
 //! interrupt an order, which look alike when its jobs are executed.
 
@@ -86,7 +86,7 @@ struct Conversation<'a> {
     job: usize,
     /// The place of a job's number.
     number: usize,
-    /// The message that asks for jobs, and the place of the number that it asks for.
+    /// The message that requests jobs, and the index of the requested number.
     request: Option<(usize, usize)>,
     /// The jobs between two that begin with number 1.
     runs: Vec<Run>,

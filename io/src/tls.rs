@@ -33,7 +33,7 @@ pub struct TlsArgs {
 }
 
 impl TlsArgs {
-    /// Returns whether they ask for TLS.
+    /// Returns whether the options select TLS.
     pub const fn is_given(&self) -> bool {
         self.tls.is_some() || self.tls_cert.is_some()
     }

@@ -1,6 +1,6 @@
 //! The table of the links as WebAssembly, for `cellwire.js`: built for `wasm32-unknown-unknown` by `.ci/javascript`.
 //!
-//! One buffer holds the input of a call and its output. The caller asks for space with `reserve`, writes bytes there, calls
+//! One buffer holds the input of a call and its output. The caller reserves space with `reserve`, writes bytes there, calls
 //! a function that returns the length of its output, and reads the output at `answered`. Requests and most answers are JSON;
 //! bytes of a stream and of a transmission are themselves. Decoders and sessions have numbers. Times are nanoseconds.
 

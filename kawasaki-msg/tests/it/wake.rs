@@ -109,7 +109,8 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     }
     // A job that is not taken would be discarded.
     has_begun.recv().unwrap();
-    // The order is over when the job is executed. The packet that says so has no answer: there is nothing else to do for an hour.
+    // The order is over when the job is executed. The packet that reports it has no answer: there is no other work for an
+    // hour.
     robot.reset_order().unwrap();
     holds.store(true, Ordering::SeqCst);
     let executes = thread::spawn(move || {

@@ -32,8 +32,8 @@ fn an_immediate_instruction_is_executed_before_it_is_answered() {
     assert_eq!(controller.refuse(MS * 5009, Refusal::BadParameters), Err(SessionError::NotExecuting));
 }
 
-/// Two answers to one frame would make the host send it again, and the robot execute it twice. Nothing is executed behind corrupt
-/// bytes before the line was silent: it may be out of the middle of another frame.
+/// Two answers to one frame would make the host send it again, and the robot execute it twice. Nothing is executed after
+/// corrupt bytes before the line was silent: it may be out of the middle of another frame.
 #[test]
 fn a_stretch_of_bytes_is_answered_once() {
     let good = frame(&[1, 2], |_| ());

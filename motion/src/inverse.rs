@@ -78,7 +78,7 @@ impl Arm {
         }
         let bend = (upper * upper + reach * reach - lower * lower) / (2.0 * upper * reach);
         let bend = acos(bend.clamp(-1.0, 1.0));
-        // Seen from behind its back, the arm's other side is up.
+        // Seen from its back, the arm's other side is up.
         let elevation = atan2(z, out) + if up == front { bend } else { -bend };
         let (elbow_out, elbow_z) = (upper * cos(elevation), upper * sin(elevation));
         let forearm = atan2(z - elbow_z, out - elbow_out) - atan2(self.elbow, self.forearm);

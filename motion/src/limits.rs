@@ -160,7 +160,7 @@ pub enum LimitError {
         /// The greatest angle.
         max: f64,
     },
-    /// A joint that would have to be faster than it can.
+    /// A joint that would exceed its greatest speed.
     #[error("J{joint} moves at {value:.0}°/s until {time:.3} s: the robot's limit is {limit}°/s")]
     Speed {
         /// The joint, from 1.

@@ -275,7 +275,7 @@ fn a_place_that_says_how_the_arm_is_folded_has_those_joints() {
     }
 }
 
-/// 716 mm in front of J1: behind its back the arm ends before.
+/// 716 mm before J1: backwards the arm's reach is shorter.
 #[test]
 fn a_place_that_the_arm_does_not_reach_folded_so_is_refused() {
     let pose = Pose::shift(796.0, 0.0, 0.0).then(Arm::LR_MATE_200ID.flange_turn());

@@ -141,7 +141,7 @@ fn a_delay_that_is_left_over_is_seen_in_position_and_rotation() {
         let found = Confidence::of(&off(&states(500, line), late(by))).unwrap();
         assert!(is_all(found.delay, by), "{found:?}");
     }
-    // The rotation says more than the position, which is right: 10 × 0.4 of 100² + 10².
+    // The rotation is more significant than the position, which is right: 10 × 0.4 of 100² + 10².
     let [_, rotation, ..] = late(0.04);
     let found = Confidence::of(&off(&states(500, line), [[0.0; 3], rotation, [0.0; 3], [0.0; 3]])).unwrap();
     assert!(is_all(found.delay, 4.0 / 10_100.0), "{found:?}");

@@ -1,5 +1,5 @@
-//! Trajectories made into spline moves: which points are chosen, how fast each move is, and what the report says. The
-//! figures are computed by hand; times and ways are such that binary fractions hold them exactly.
+//! Trajectories made into spline moves: the chosen points, the speed of each move, and the report. The figures are computed
+//! by hand; times and ways are such that binary fractions hold them exactly.
 
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,

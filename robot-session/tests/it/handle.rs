@@ -253,11 +253,11 @@ async fn datagrams_go_to_a_peer_that_comes_later() {
         let mut bytes = [0; 16];
         loop {
             let (length, from) = socket.recv_from(&mut bytes).await.unwrap();
-            socket.send_to(&[], from).await.unwrap(); // an empty one says nothing
+            socket.send_to(&[], from).await.unwrap(); // an empty one is ignored
             socket.send_to(&bytes[..length], from).await.unwrap();
         }
     });
-    // The session asks for one thing after the other, and has no answer to the first.
+    // The session sends one request after the other, and has no answer to the first.
     handle.shutdown().await;
     let reported: Vec<_> = core::iter::from_fn(|| events.try_recv().ok()).collect();
     let lost = Event::NoAnswer("lost".into());

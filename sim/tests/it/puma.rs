@@ -301,7 +301,7 @@ fn a_robot_that_was_without_power_goes_on_where_it_was() {
     assert_eq!(told(&bench, started).len(), 2);
 }
 
-/// Only ALTER can be disturbed: what is overdue meanwhile asks for no time, also right after a restart.
+/// Only ALTER can be disturbed: an overdue incident meanwhile needs no time, even right after a restart.
 #[test]
 fn what_is_overdue_asks_for_no_time_after_a_restart() {
     let mut bench = bench(vec![(2 * S, Incident::Finish), (2 * S + 500 * MS, Incident::Corrupt)]);

@@ -89,7 +89,7 @@ fn a_device_that_panics_does_so_where_it_is_dropped() {
     assert!(drop.is_err());
 }
 
-/// Whether or not the device reads meanwhile.
+/// Tests a device that reads meanwhile, and one that does not.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_program_that_reads_late_gets_every_byte_and_one_that_never_reads_stops_nothing() {

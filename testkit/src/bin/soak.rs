@@ -136,7 +136,7 @@ fn batch(n: u64, rows: &[Row], seeds: u64) -> Option<(usize, Range<u64>)> {
     (begin < seeds).then(|| ((n % rows.len() as u64) as usize, begin..seeds.min(begin + SIZE)))
 }
 
-/// The columns, in order: what was run, what the transport did, what became of the jobs, and what the check could not see.
+/// The columns, in order: the run, the faults of the transport, the outcomes of the jobs, and the undetected corruption.
 const HEADER: [&str; 24] = [
     "",
     "sessions",

@@ -257,8 +257,8 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
         Setting::new("one that keeps the rules, 3 jobs, 2 faults", any(lossy(false), 2)),
         // Assumption: a PC to which a job is requested again sends it and the following ones before the end, as the source's
         // does. If a PC does not, a late job closes the gap, and the end that follows is executed. At 3 faults two answers
-        // that are both split come after the next packet, one piece after each request: the robot cannot tell the pieces
-        // from answers.
+        // that are both split come after the next packet, one piece after each request: the robot cannot distinguish the
+        // pieces from answers.
         Setting::new("one that sends the end whenever all is sent, 2 faults", any(lossy(true), 2)),
     ];
     let free = vec![

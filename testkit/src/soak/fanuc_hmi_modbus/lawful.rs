@@ -1,4 +1,4 @@
-//! Ends that keep the protocol's rules and are not ours: a server that chooses what they leave open, and other units of a line.
+//! Ends of another maker that follow the protocol's rules: a server that decides the open points, and other units of a line.
 
 use core::time::Duration;
 

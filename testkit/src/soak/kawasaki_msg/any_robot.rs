@@ -1,7 +1,7 @@
 //! A robot of another maker and keeps the source's rules: KM-3, KM-51, KM-52, KM-56 to KM-61, KM-64, KM-65, KM-67 and KM-71.
 //!
-//! It asks for jobs, acknowledges and reports its status at any time, refuses starts, pauses, accepts fewer jobs than
-//! it is sent, and gives up a connection at any time.
+//! It requests jobs, acknowledges and reports its status at any time, refuses starts, pauses, accepts fewer jobs than it is
+//! sent, and gives up a connection at any time.
 
 use core::time::Duration;
 use std::collections::VecDeque;

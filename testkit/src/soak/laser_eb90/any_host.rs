@@ -33,7 +33,7 @@ const LIMIT: Duration = Duration::from_secs(20);
 const CUT: u16 = 0x0101;
 /// Instructions in a frame.
 const BATCH: u32 = 7;
-/// Nobody asks for the instructions from here on: they are in the middle of other frames.
+/// The instructions from here on are not commanded: they are in the middle of other frames.
 const INNER: u32 = 1 << 24;
 
 /// A fault of a transmission, with its position.
@@ -104,8 +104,8 @@ impl Article {
         }
     }
 
-    /// Sends seven cuts until they are confirmed; each transmission meets the next faults, and none when there are no more.
-    /// Whether they were.
+    /// Sends seven cuts until they are confirmed; each transmission meets the next faults, until there are no more. Returns
+    /// whether they were confirmed.
     pub fn exchange(&mut self, first: u32, faults: &[&[Fault]]) -> bool {
         let frame = frame(first..first + BATCH);
         let limit = self.now + LIMIT;

@@ -88,7 +88,7 @@ fn bytes_that_begin_with_no_mark_are_reported_by_the_frame_itself() {
         Frame::decode(&[0x02, 0x10], Framing::DEFAULT),
         Err(DecodeError::StartMark { offset: 0, length: 2 })
     );
-    // One DLE is enough where the framing says so.
+    // One DLE is enough if the framing permits it.
     let one = Framing { leading_dle: LeadingDle::One, ..Framing::DEFAULT };
     let bytes = [0x10, 0x02, 0xE0, 0x10, 0x03, 0xE0];
     assert_eq!(Frame::decode(&bytes, Framing::DEFAULT), Err(DecodeError::StartMark { offset: 0, length: 6 }));

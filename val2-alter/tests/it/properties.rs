@@ -210,7 +210,7 @@ fn a_frame_after_a_cut_one_is_recovered() {
         assert_eq!(decoder.push(&stream), stream.len());
         for received in fetch(&mut decoder).into_iter().flatten() {
             recovered += usize::from(received.message == good);
-            // A frame that lost only its checksum, and took the next DLE for it, says what was sent.
+            // A frame that lost only its checksum, and took the next DLE for it, has the sent contents.
             wrong += usize::from(received.message != good && received.message != cut);
         }
     }

@@ -307,7 +307,7 @@ fn an_axis_that_must_wait_stays_on_the_path() {
 fn what_leads_out_of_reach_ends_at_it_and_all_else_is_as_it_was() {
     let reach = Reach { low: [-150; 6], high: [200; 6] };
     assert_eq!(reach.offsets([-151, -150, 7, 0, 200, 201]), [-150, -150, 7, 0, 200, 200]);
-    // With so much acceleration any speed stops at once.
+    // With this acceleration any speed stops at once.
     let speeds = reach.speeds([190, -140, 190, 0, 210, -160], [30, -30, -30, 30, 30, -30], &[1000; 6]);
     assert_eq!(speeds, [10, -10, -30, 30, 0, 0]);
 }

@@ -112,7 +112,7 @@ fn each_part_of_a_line_is_checked_in_its_place() {
     assert_eq!(with(6, b'7'), Err(DecodeError::Number { offset: 6 }), "75535 packets");
 }
 
-/// Also where the sum is right: the packet says something else then, or nothing.
+/// Even if the sum is right: the packet has another meaning then, or none at all.
 #[test]
 fn no_byte_above_127_is_a_digit() {
     for byte in 0x80..=0xFF {

@@ -10,7 +10,7 @@ use crate::error::{DecodeError, EncodeError};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Message {
-    /// `G7`: the host asks for the value of a register.
+    /// `G7`: the host requests the value of a register.
     Get {
         /// The register, 0 to 255.
         register: u8,

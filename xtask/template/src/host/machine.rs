@@ -37,7 +37,7 @@ pub enum Input {
     Disconnected,
     /// Time has passed.
     Timeout,
-    /// The caller asks for a register.
+    /// The caller requests a register.
     Get {
         /// The requested register.
         register: u8,

@@ -1,5 +1,5 @@
-//! The rows of the benches `budgets`, `calls` and `codecs`, and the harness of the first two: instruction counts by callgrind and timing
-//! budgets, in tables with their goals.
+//! The rows of the benches `budgets`, `calls` and `codecs`, and the harness of the first two: instruction counts by
+//! callgrind and timing budgets, in tables with their goals.
 //!
 //! A count is exact and the same on a busy computer: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
@@ -78,7 +78,7 @@ impl Link {
     pub const EMPTY: Self =
         Self { name: "", counts: &[], ratios: &[], streams: &[], peers: &[], budgets: Vec::new };
 
-    /// All rows of instruction counts, in the order of the table.
+    /// Returns all rows of instruction counts, in the sequence of the table.
     pub fn rows(&self) -> impl Iterator<Item = &'static Count> + use<> {
         self.counts.iter().chain(self.streams.iter().flatten())
     }
@@ -111,8 +111,9 @@ impl Ratio {
     }
 }
 
-/// Prints the tables of all links whose name contains the first free argument. With `--check` a goal that is missed, or that was not
-/// measured, is a failure. With `--write` the counts are written to `benches/results/PROGRAM.json`; they must be those of all links.
+/// Prints the tables of all links whose name contains the first free argument. With `--check` a goal that is missed, or that
+/// was not measured, is a failure. With `--write` the counts are written to `benches/results/PROGRAM.json`; they must be
+/// those of all links.
 pub fn main(program: &str, links: &[Link]) -> ExitCode {
     let mut args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     if let [flag, link, row, rounds] = args.as_slice()

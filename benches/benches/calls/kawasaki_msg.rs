@@ -31,7 +31,7 @@ fn line(index: usize) -> Line {
     Line { kind, start: at(n), end: at(n + 1) }
 }
 
-/// An order of as many full packets.
+/// Runs an order of as many full packets.
 fn handle(rounds: u64) {
     with_peer(LINK.name, 0, |tcp| async move {
         let (robot, task) = kawasaki_msg::tokio::pc(PcConfig::tcp(), (), tcp).expect("a PC");
@@ -42,7 +42,7 @@ fn handle(rounds: u64) {
     });
 }
 
-/// A robot that executes each job at once.
+/// Serves as a robot that executes each job at once.
 fn executing(stream: TcpStream) {
     let (jobs, mut motion) = kawasaki_msg::motion::boxed(256, 9999).expect("a queue");
     let mut robot =

@@ -1,5 +1,6 @@
-//! `cargo bench -p benches --bench calls [-- [LINK] [--check] [--write]]`: the instructions of a call over TCP through each link's handle,
-//! which waits for its reply. The ends by themselves are in `budgets`: the compiler inlines less of an end that a handle uses too.
+//! `cargo bench -p benches --bench calls [-- [LINK] [--check] [--write]]`: the instructions of a call over TCP through each
+//! link's handle, which waits for its reply. The ends by themselves are in `budgets`: the compiler inlines less of an end
+//! that a handle uses too.
 
 mod fanuc_hmi_modbus;
 mod isra_ball;

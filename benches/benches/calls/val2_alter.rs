@@ -23,7 +23,7 @@ pub(super) const LINK: Link = Link {
     ..Link::EMPTY
 };
 
-/// A controller that starts ALTER, and sends a request a cycle after each reply.
+/// Serves as a controller that starts ALTER, and sends a request a cycle after each reply.
 fn controller(mut stream: TcpStream) {
     // A host under callgrind that is too late does not reply.
     stream.set_read_timeout(Some(Duration::from_secs(1))).expect("a socket");

@@ -140,7 +140,7 @@ pub(super) fn by_robot(rounds: u64) {
     }
 }
 
-/// Each message is found, and read by the table; as many jobs as the session sends are written.
+/// Finds each message, and reads it by the table; writes as many jobs as the session sends.
 pub(super) fn by_codec(rounds: u64) {
     for exchanges in runs(rounds) {
         let (dialect, mut decoder, mut out) = (Dialect::DEFAULT, Decoder::new(Charset::Ascii), [0; 4096]);

@@ -1,5 +1,5 @@
-//! The pages whose tables are made: every field of each link's configurations from the code, and the costs of each crate from the last results
-//! of `.ci/size` and of the benches `budgets` and `calls`.
+//! The pages whose tables are made: every field of each link's configurations from the code, and the costs of each crate
+//! from the last results of `.ci/size` and of the benches `budgets` and `calls`.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -138,7 +138,8 @@ fn is_same(row: &Value, other: &Value) -> bool {
     ["field", "default", "unit", "range", "about", "source"].iter().all(|key| row.get(key) == other.get(key))
 }
 
-/// Returns the unit and the values of a field; none for a time or a boolean without a limit, which the page describes at its head.
+/// Returns the unit and the values of a field; none for a time or a boolean without a limit, which the page describes at its
+/// head.
 fn values(unit: &str, range: &str) -> String {
     let range = match unit {
         "ns" => range.replace("null: never", "").trim_end_matches("; ").replace("null: ", "`None`: "),
@@ -156,7 +157,7 @@ fn in_brackets(text: &str) -> String {
     if text.is_empty() { String::new() } else { format!(" ({text})") }
 }
 
-/// A default as a reader expects it: a time with its unit, and what is a table of its own by the name of that.
+/// Returns a default in a readable form: a time with its unit, and a table of its own by its name.
 fn default(value: &Value, unit: &str) -> String {
     match (value, unit) {
         (Value::Null, _) => "`None`".to_owned(),

@@ -1,4 +1,4 @@
-//! The bytes that a decoder holds of its stream.
+//! The bytes of a stream that a decoder buffers.
 
 /// The bytes of a stream that a [`Decoder`](crate::Decoder) buffers, at most `N`, and their offset in the stream.
 #[derive(Debug, Clone)]
@@ -36,19 +36,19 @@ impl<const N: usize> StreamBuffer<N> {
         taken
     }
 
-    /// Returns the held bytes.
+    /// Returns the bytes in the buffer.
     #[inline]
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(self.start..self.end).unwrap_or_default()
     }
 
-    /// Returns the number of held bytes.
+    /// Returns the number of bytes in the buffer.
     #[inline]
     pub const fn len(&self) -> usize {
         self.end - self.start
     }
 
-    /// Returns whether no byte is held.
+    /// Returns whether the buffer is empty.
     pub const fn is_empty(&self) -> bool {
         self.start == self.end
     }

@@ -2,8 +2,8 @@
 
 use core::fmt::Debug;
 
-/// The counters of an end: those of its link, and two that the loop of every session keeps. [`counters!`](crate::counters!)
-/// defines them.
+/// The counters of an end: those of its link, and two of the loop of every session. [`counters!`](crate::counters!) defines
+/// them.
 pub trait Counters: Copy + Default + Debug + PartialEq {
     /// Inputs that the machine's state did not allow.
     fn unexpected(&mut self) -> &mut u64;
@@ -12,8 +12,8 @@ pub trait Counters: Copy + Default + Debug + PartialEq {
     fn dropped_notices(&mut self) -> &mut u64;
 }
 
-/// Defines the counters of an end: those that are listed, and the two that the loop of every session keeps. The crate has
-/// the features `defmt` and `serde`.
+/// Defines the counters of an end: the listed ones, and the two of the loop of every session. The crate has the features
+/// `defmt` and `serde`.
 ///
 /// ```
 /// robot_session::counters! {

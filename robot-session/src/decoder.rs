@@ -34,6 +34,6 @@ pub trait Decoder {
     /// Returns the stream offset just after the frame or error that `next_frame` returned last.
     fn position(&self) -> u64;
 
-    /// Discards the held bytes; they count in [`position`](Self::position).
+    /// Discards the bytes in the buffer; they count in [`position`](Self::position).
     fn clear(&mut self);
 }

@@ -412,7 +412,7 @@ fn read_on<E: End>(end: &mut E, now: Duration) {
     end.read(now);
 }
 
-/// Reads the held frames, if there are any.
+/// Reads the frames in the decoder, if there are any.
 #[inline(always)]
 fn read_held<E: End>(end: &mut E, now: Duration) {
     if end.core().held {

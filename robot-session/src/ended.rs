@@ -17,8 +17,8 @@ pub enum Ended<B> {
     Stalled,
 }
 
-/// The longest time for which a peer may take no byte while bytes are to be sent, unless a driver is given another time:
-/// 10 s. If the receiver of a line may hold the sender (RTS/CTS), give the driver a longer time than that.
+/// The longest time for which a peer may take no byte while bytes are to be sent, unless a driver is given another time: 10
+/// s. If the receiver of a line may stop the sender (RTS/CTS), give the driver a longer time than that.
 pub const STALL: Duration = Duration::from_secs(10);
 
 impl Ended<()> {

@@ -12,9 +12,9 @@ use core::time::Duration;
 /// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stop. All arithmetic
 ///   saturates, and `Duration::MAX` is legal everywhere: as a setting or a deadline it means never.
 /// - **Connections.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
-///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
-///   connection. No state of a connection carries over to the next, except state that the machine keeps on purpose.
-/// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the
+///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is
+///   a connection. No state of a connection carries over to the next, except state that the machine preserves on purpose.
+/// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control stops the
 ///   sender. When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
 /// - **Wakes.** Nothing busy-waits. Other inputs of a session, such as the queue that a robot fills,
 ///   are read in [`handle_timeout`](Self::handle_timeout). The code that changes such an input wakes the caller,

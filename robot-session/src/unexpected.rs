@@ -2,7 +2,7 @@
 
 /// An input that the machine's state does not allow. Nothing has changed.
 ///
-/// A session counts it in its statistics. Neither a caller that keeps the contract nor any peer can cause it.
+/// A session counts it in its statistics. Neither a caller that follows the contract nor any peer can cause it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]

@@ -157,7 +157,8 @@ where
     assert_eq!(items, whole, "{name}: in pieces of {size}: {stream:02X?}");
 }
 
-/// Checks that bytes held when the decoder is cleared count in the position, and do not change the following items.
+/// Checks that bytes in the buffer of a decoder that is cleared count in the position, and do not change the following
+/// items.
 fn after_clear<D>(name: &str, new: &impl Fn() -> D, stream: &[u8], clean: &[Item], rng: &mut Rng)
 where
     D: Decoder<Error: Debug>,

@@ -30,7 +30,7 @@ pub enum Happened<'a, E> {
 ///
 /// Inputs and calls are drawn at random, as values that `arbitrary` derives: equal values on equal sessions must do the same.
 pub trait Subject {
-    /// The session, with the state that its user keeps beside it.
+    /// The session, with the state that its user has besides.
     type Session: Session<Event: Debug>;
     /// The choice of an input: a message, an index into a table, `()` if there is one input.
     type Input: for<'a> Arbitrary<'a> + Debug;

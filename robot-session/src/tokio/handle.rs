@@ -62,8 +62,8 @@ impl<T> Future for Outcome<T> {
 ///
 /// # Every call ends
 /// While its task runs, a call has an outcome in a bounded time, regardless of the peer:
-/// - While there is a connection, the session's own times hold: those of its configuration. Calls that must wait for
-///   others wait for their outcomes. An order or a motion takes as long as the peer reports that it continues.
+/// - While there is a connection, the session's own times apply: those of its configuration. Calls that must wait for others
+///   wait for their outcomes. An order or a motion takes as long as the peer reports that it continues.
 /// - Without a connection, a call waits for the current attempt to connect, and fails with it.
 /// - When a connection is lost, the outcome of a call that was sent is unknown, unless its session can continue it on the
 ///   next connection. A call that was not sent waits for the next one.

@@ -355,7 +355,7 @@ impl<S: Service> Served<S> {
         has_refused
     }
 
-    /// Waits without a connection, for which the session keeps its deadlines. `None`: the task is to end.
+    /// Waits without a connection, during which the session meets its deadlines. `None` if the task must end.
     async fn meanwhile<T>(
         &mut self,
         inbox: &mut Inbox<S>,

@@ -1,4 +1,4 @@
-/// Every slot holds a job that is waiting or being executed.
+/// Every slot contains a job that is waiting or being executed.
 ///
 /// Discard the rest of the packet, wait until [`drained`](crate::Writer::drained), then request a resend from the job after
 /// [`last_number`](crate::Writer::last_number).

@@ -9,7 +9,7 @@
 //!
 //! 1. Slots from `head` to `tail` are the reader's and contain a job, unless their flag in `done` is set because the job was
 //!    completed before its turn. The flags are the reader's alone.
-//! 2. Slots from `tail` to `head + capacity` are the writer's and hold no job.
+//! 2. Slots from `tail` to `head + capacity` are the writer's and do not contain jobs.
 //! 3. Only the writer stores `tail`: the release store hands the slots before it to the reader, whose acquire load takes
 //!    them over. Only the reader stores `head`, and hands slots back in the same way.
 //! 4. An end stores the last observed position of the other one as its cursor's `end`: slots from `at` to `end` are its own.
@@ -142,7 +142,7 @@ impl<T> Shared<T> {
     /// Returns the slots of a row, to iterate over them without computing each index.
     #[inline(always)]
     fn row(&self, cursor: &Cursor, slots: u32) -> &[Slot<T>] {
-        // SAFETY: as in `at`, up to the stop of the cursor; slots hold cells, so that others may write to theirs.
+        // SAFETY: as in `at`, up to the stop of the cursor; slots contain cells, so that others may write to theirs.
         unsafe { core::slice::from_raw_parts(self.control.0.slots.get().add(cursor.index()), slots as usize) }
     }
 

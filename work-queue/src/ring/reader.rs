@@ -369,7 +369,7 @@ impl<'a, T> Iter<'a, T> {
     }
 
     fn job(&self, here: Cursor) -> &'a T {
-        // SAFETY: by 1 and 4 the slot is the reader's and holds a job; to move it out takes the reader as `&mut`.
+        // SAFETY: by 1 and 4 the slot is the reader's and contains a job; to move it out takes the reader as `&mut`.
         unsafe { &*self.hold.slot(&here).place() }
     }
 }

@@ -31,7 +31,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
     ///
     /// # Errors
     ///
-    /// [`Full`] if every slot holds a job that was not completed yet.
+    /// [`Full`] if every slot contains a job that was not completed yet.
     #[inline(always)]
     pub fn claim(&mut self) -> Result<Claim<'_, T, R>, Full> {
         if !self.cursor.is_open() && self.look() == 0 {
@@ -75,8 +75,8 @@ impl<T, R: Wake> Writer<'_, T, R> {
 
     /// Discards every job that is queued now; the numbering continues.
     ///
-    /// The reader discards them when it next takes a job. A job that it is executing is not discarded, and one more may still
-    /// start until the writer [`is_settled`](Self::is_settled). Jobs queued from now on are kept.
+    /// The reader discards them when it next takes a job. A job that it is executing is not discarded, and one more may
+    /// still start until the writer [`is_settled`](Self::is_settled). Jobs queued from now on stay.
     pub fn clear(&mut self) {
         self.end.hold.set_mark(Mark::new(self.cursor.at, self.cursor.number()));
         self.end.other.wake();
@@ -232,7 +232,7 @@ impl<T, R: Wake> Claim<'_, T, R> {
     #[inline(always)]
     pub fn push_with(self, job: impl FnOnce() -> T) -> u16 {
         let number = self.number();
-        // SAFETY: the cursor is open, so by 2 and 4 the slot is the writer's and holds no job.
+        // SAFETY: the cursor is open, so by 2 and 4 the slot is the writer's and is empty.
         unsafe { self.hold.slot(self.cursor).place().write(job()) };
         if self.cursor.advance(1) {
             turn(self.hold, self.cursor, self.publish.is_some());
@@ -312,7 +312,7 @@ impl<T, R: Wake> Batch<'_, T, R> {
         }
     }
 
-    /// Returns the number of slots that hold a job.
+    /// Returns the number of slots that contain a job.
     #[inline(always)]
     fn filled(&self) -> u32 {
         self.hold.limits().distance(self.start, self.cursor.at)

@@ -90,9 +90,9 @@ struct AxisState {
 /// The group inputs of one period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Offsets {
-    /// X, Y, Z, W, P, R, as signed 16-bit numbers; a group input holds the same 16 bits.
+    /// X, Y, Z, W, P, R, as signed 16-bit numbers; a group input has the same 16 bits.
     pub counts: [i16; 6],
-    /// The axes that their limit a period, or the 16 bits, held back.
+    /// The axes whose offset was reduced by their limit per period, or by the 16 bits.
     pub limited: [bool; 6],
     /// The axes that have reached their limit a path.
     pub at_path_limit: [bool; 6],

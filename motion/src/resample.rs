@@ -81,7 +81,7 @@ impl Resampling {
     /// and 0.5° at 100 mm/s.
     ///
     /// # Errors
-    /// If a step makes no sense, the points are more than a program holds, or the program cannot be written.
+    /// If a step makes no sense, the points do not fit a program, or the program cannot be written.
     pub fn program(
         &self,
         name: &str,
@@ -267,7 +267,7 @@ pub enum ResampleError {
     /// A step that is not above zero, or a shortest step that is longer than the longest.
     #[error("steps must be above zero, and the shortest not longer than the longest")]
     Step,
-    /// More points than a program can hold.
+    /// More points than fit a program.
     #[error("the step is too short: more than {MAX_POINTS} points")]
     Points,
     /// The program cannot be written.

@@ -17,7 +17,7 @@ pub struct LatchConfig {
     /// The longest time until the controller reports the end of ALTER when no message is answered any more. Default:
     /// 0.15 s.
     pub farewell: Duration,
-    /// The rules of the latch, all of which are kept.
+    /// The rules of the latch, all of which apply.
     #[cfg(feature = "model")]
     #[doc(hidden)]
     pub rules: robot_session::end::Rules<Rule>,

@@ -115,7 +115,7 @@ pub enum LatchInput {
     Hand {
         /// Whether no axis is beyond the dead zone.
         rests: bool,
-        /// Whether the key to be held is down.
+        /// Whether the key to be held is pressed.
         holds: bool,
         /// The time until which they may be used.
         fresh_until: Duration,

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 use crate::error::{EncodeError, Reason};
 use crate::text::{Read, expect, fail, is_letter};
 
-/// One entry of `/ATTR`, kept as it stands: `OWNER = MNEDITOR;`.
+/// One entry of `/ATTR`, as in the text: `OWNER = MNEDITOR;`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]

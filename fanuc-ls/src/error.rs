@@ -275,7 +275,7 @@ pub enum Warning {
     /// A speed in a unit that its motion does not take, such as `J P[1] 100mm/sec`.
     #[error("the motion does not take a speed in this unit")]
     SpeedUnit,
-    /// The comment is longer than the controller keeps.
+    /// The comment is longer than the controller stores.
     #[error("COMMENT has {found} characters, the controller keeps 16")]
     CommentLength {
         /// The comment's length.

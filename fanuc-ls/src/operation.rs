@@ -125,7 +125,7 @@ pub enum TimerAction {
 }
 
 impl Operation {
-    /// Returns the operation that is executed if a condition holds; otherwise the operation itself.
+    /// Returns the operation that is executed if a condition is true; otherwise the operation itself.
     pub fn action(&self) -> &Self {
         match self {
             Self::If(_, inner)

@@ -14,8 +14,8 @@ use crate::text::{Fault, push_number, word};
 
 /// A TP program as values: the contents of an LS file, without its spelling.
 ///
-/// [`encode`](Self::encode) writes it the way a controller does. The written file reads as the same program. To change a file and
-/// keep the rest of it as it is, use a [`Document`](crate::Document).
+/// [`encode`](Self::encode) writes it the way a controller does. The written file reads as the same program. To change a
+/// file and leave the rest of it unchanged, use a [`Document`](crate::Document).
 #[derive(Debug, Clone, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
@@ -39,7 +39,7 @@ pub struct Program {
     pub positions: Vec<Position>,
 }
 
-/// The characters of a COMMENT that a controller keeps.
+/// The number of characters of a COMMENT that a controller stores.
 pub const COMMENT_LENGTH: usize = 16;
 
 /// The rules for a written program.

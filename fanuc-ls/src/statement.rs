@@ -87,7 +87,7 @@ fn close(body: &str) -> (&str, Option<&str>) {
     if let Some(closed) = trimmed.strip_suffix(';') {
         return (closed, Some(""));
     }
-    // A comment may hold semicolons.
+    // A comment may contain semicolons.
     let last_line = trimmed.rfind('\n').map_or(0, |at| at + 1);
     match trimmed.rfind(';').filter(|&at| at >= last_line && !body.trim_start().starts_with('!')) {
         Some(at) => {

@@ -23,7 +23,7 @@ pub(super) fn check(text: &str, parts: &Parts, mask: Option<&[bool]>, found: &mu
                     !mask.get(usize::from(group.number).wrapping_sub(1)).copied().unwrap_or(false)
                 })
         };
-        // A program that moves nothing may keep positions.
+        // A program without motions may have positions.
         if mask.is_some_and(|mask| mask.contains(&true) && is_other(mask)) {
             found.add(place, Mistake::Groups { number });
         }

@@ -26,7 +26,7 @@ pub trait Codec {
     /// Returns the stream offset after the frame or error that `next` returned last.
     fn position(&self) -> u64;
 
-    /// Discards the bytes that are held; they count in [`position`](Self::position).
+    /// Discards the bytes in the buffer; they count in [`position`](Self::position).
     fn clear(&mut self);
 
     /// Encodes one message object.
@@ -261,7 +261,7 @@ impl Item<'_> {
     }
 }
 
-/// An item that is kept.
+/// A stored item.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Found {
     /// The first byte, from the start of the stream.

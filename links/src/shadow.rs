@@ -105,7 +105,7 @@ pub struct Complaint {
 pub enum Kind {
     /// A rule of the specification is broken.
     Rule,
-    /// A time that the source gives was not kept.
+    /// A time of the source was missed.
     Budget,
     /// A session with this setting would have been wrong.
     Assumption,

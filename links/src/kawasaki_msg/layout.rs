@@ -18,7 +18,7 @@ pub const MAX_FIELDS: usize = 24;
 /// The most characters of a text in a job.
 pub const MAX_TEXT: usize = 32;
 
-/// The limit of a number without a given range: an AS program's real holds whole numbers up to it exactly.
+/// The limit of a number without a given range: an AS program's real represents whole numbers up to it exactly.
 const WIDEST: i32 = 9_999_999;
 
 /// The fields of a job. They are shared by readers and writers of jobs.

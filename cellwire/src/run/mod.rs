@@ -304,7 +304,7 @@ impl<'a> Console<'a> {
         self.pending.is_none() && self.is_absent
     }
 
-    /// Whether the stop of a signal has taken this long.
+    /// Returns whether the stop of a signal has taken this long.
     pub fn has_waited(&self, limit: Duration) -> bool {
         self.stop_at.is_some_and(|at| now() >= at.saturating_add(limit))
     }
@@ -369,7 +369,7 @@ impl Word {
     /// The words, for a hint.
     const HINT: &str = "type pause, continue or stop; answer questions with done, repeat or stop";
 
-    /// The word that a line is, also by its first letter.
+    /// Parses a word, or its first letter.
     fn parse(line: &str) -> Option<Self> {
         Some(match line.trim() {
             "pause" | "p" => Self::Pause,

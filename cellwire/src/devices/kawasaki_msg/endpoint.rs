@@ -81,7 +81,7 @@ pub(super) struct Connections<'a> {
 }
 
 impl<'a> Connections<'a> {
-    /// No connection yet; the bytes of each are added to `trace`.
+    /// Creates an end without a connection; the bytes of each connection are added to `trace`.
     pub(super) fn new(side: Side, meeting: &'a mut Meeting, trace: &'a Trace) -> Self {
         let (clock, packets, retry_at) = (Clock::start(), Rc::default(), Duration::ZERO);
         Self { side, meeting, clock, trace, carrier: None, discard_after: None, packets, retry_at }
@@ -92,7 +92,7 @@ impl<'a> Connections<'a> {
         self.clock
     }
 
-    /// The counts of the packets that this end has sent, over all connections.
+    /// Returns the counts of the packets that this end has sent, over all connections.
     pub(super) fn packets(&self) -> Rc<Cell<Packets>> {
         Rc::clone(&self.packets)
     }

@@ -22,10 +22,10 @@ pub trait Program {
     /// The failure that ends the run.
     fn step(&mut self, session: &mut LargePc<Self::Jobs>) -> Result<bool>;
 
-    /// Stores the state that has to survive the program, before the session's output is sent.
+    /// Stores the state that must survive the program, before the session's output is sent.
     ///
     /// # Errors
-    /// When the state could not be stored: nothing is sent, and the run ends.
+    /// If the state could not be stored: nothing is sent, and the run ends.
     fn keep(&mut self, _session: &mut LargePc<Self::Jobs>) -> Result<()> {
         Ok(())
     }

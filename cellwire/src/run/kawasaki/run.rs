@@ -208,7 +208,7 @@ impl<'a> Runner<'a> {
 impl<'a> Program for Runner<'a> {
     type Jobs = Order<'a>;
 
-    /// Nothing is sent that the journal does not have.
+    /// Stores the state in the journal before anything is sent.
     fn keep(&mut self, session: &mut Pc<'a>) -> Result<()> {
         if session.order().is_none() {
             return Ok(());
@@ -231,7 +231,8 @@ impl<'a> Program for Runner<'a> {
             }
             if self.console.paused || self.console.stopping {
                 self.journal.break_off()?;
-                // After the job that is being executed; if the plant has no message for that, after the jobs that the robot has queued.
+                // After the job that is being executed; if the plant has no message for that, after the jobs that the robot
+                // has queued.
                 if let Err(SessionError::Lacks { .. }) = session.interrupt() {
                     // The order is ending already, or has not begun: then the call is retried.
                     let _ = session.end();

@@ -220,7 +220,8 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// Returns whether the part under way is not waited for: after a word, or after a signal if the robot has not touched the part, or is late.
+    /// Returns whether the part under way is not waited for: after a word, or after a signal if the robot has not touched
+    /// the part, or is late.
     fn is_to_abort(&self) -> bool {
         let is_untouched = || self.journal.outcomes().get(self.part) == Some(&Outcome::NotSent);
         let console = &self.console;
@@ -321,7 +322,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    /// The next part, the end, or a pause.
+    /// Begins the next part, the end, or a pause.
     fn next(&mut self, task: &mut Task) {
         let event = match self.journal.first(Outcome::NotSent) {
             Some(part) if !self.console.stopping => {

@@ -46,8 +46,8 @@ pub enum Change {
     Disconnected(Ending),
 }
 
-/// Runs a session over an endpoint while `goes_on`, which is called at least each time that `look` has passed. Afterwards the session still has its
-/// connection.
+/// Runs a session over an endpoint while `goes_on`, which is called at least each time that `look` has passed. Afterwards
+/// the session still has its connection.
 ///
 /// # Errors
 /// The errors of the endpoint and of `observe`.

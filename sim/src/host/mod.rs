@@ -98,8 +98,8 @@ pub enum Notice<'a, E> {
     Sent(Duration, &'a [u8]),
     /// A connection has ended, or could not be made.
     Disconnected(&'a str, &'a Ending),
-    /// Bytes of the session are sent next: state that must survive the program is to be stored. Reported by [`attend`]; after an error
-    /// nothing is sent.
+    /// Bytes of the session are sent next: state that must survive the program is to be stored. Reported by [`attend`];
+    /// after an error nothing is sent.
     Sending,
     /// The events of a turn have been reported: executed commands can be fetched.
     Settled,

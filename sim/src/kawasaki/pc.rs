@@ -14,7 +14,8 @@ use crate::settings::Settings;
 /// The reason to close the connection to a robot.
 const SILENT: &str = "the robot is silent";
 
-/// A PC's settings, for jobs of the type `W`. What it "executes" are orders: [`PcEvent::OrderOver`] and [`PcEvent::OutcomeUnknown`].
+/// A PC's settings, for jobs of the type `W`. What it "executes" are orders: [`PcEvent::OrderOver`] and
+/// [`PcEvent::OutcomeUnknown`].
 #[derive(Debug, Clone)]
 pub struct KawasakiPc<W: Work> {
     /// The configuration of the session.

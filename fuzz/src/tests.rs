@@ -25,7 +25,7 @@ fn every_target_holds_over_its_seeds() {
 #[test]
 fn every_folder_of_seeds_has_a_target() {
     for name in folder("seeds") {
-        assert!(targets().any(|(target, _)| target == name), "{name} is no target");
+        assert!(targets().any(|(target, _)| target == name), "{name} is not a target");
     }
 }
 

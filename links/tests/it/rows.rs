@@ -38,7 +38,7 @@ fn tags_are_those_with_which_most_payloads_are_items() {
     assert_eq!(tags(&strict, &[(3, SHORT)], 0x83), [DEFAULT], "another tail");
     assert_eq!(tags(&either, &[(3, SHORT)], 0x83), [A1, DEFAULT]);
     let lone: &[(usize, &[u8])] = &[(3, SHORT), (4, &[0xB1]), (4, &[0xB2])];
-    assert_eq!(tags(&strict, lone, 0x82), [A1, DEFAULT], "one byte is no payload");
+    assert_eq!(tags(&strict, lone, 0x82), [A1, DEFAULT], "one byte is not a payload");
     assert_eq!(tags(&strict, &[(1, &[0xD1, 9, 1])], 0x82), [DEFAULT], "items of no tags");
     // One type has four bytes: which of the two tags it is, and what the other may be besides.
     let real: &[u8] = &[0xC1, 1, 0xFF, 0xFE, 0xFD, 0xFC];

@@ -65,7 +65,7 @@ fn what_was_drawn_is_counted() {
         (1, 1),
         "{drawn:?}"
     );
-    assert_eq!((drawn.gaps, drawn.most_at_once), (1, 2), "a pose that comes twice is no gap");
+    assert_eq!((drawn.gaps, drawn.most_at_once), (1, 2), "a pose that comes twice is not a gap");
     assert!(drawn.asked >= 10 && drawn.damaged > 0, "{drawn:?}");
 }
 

@@ -37,7 +37,7 @@ impl fmt::Display for Error {
         let text = match self {
             Error::Undefined => "a variable has no value",
             Error::Type => "a value is of another type",
-            Error::Index => "an index is no whole number from 0 to 9999",
+            Error::Index => "an index is not a whole number from 0 to 9999",
             Error::Argument => "a function does not take this value",
             Error::Depth => "too many programs call one another",
             Error::Division => "division by zero",

@@ -45,7 +45,7 @@ fn text(rest: &str) -> Result<(Token, &str), String> {
 fn number(rest: &str) -> Result<(Token, &str), String> {
     let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
     let (digits, after) = rest.split_at(end);
-    let number = digits.parse().map_err(|_| format!("{digits} is no number"))?;
+    let number = digits.parse().map_err(|_| format!("{digits} is not a number"))?;
     Ok((Token::Real(number), after))
 }
 
@@ -55,7 +55,7 @@ fn name(rest: &str) -> Result<(Token, &str), String> {
     let end = rest.find(|c| !is_name(c) && c != '$').unwrap_or(rest.len());
     let (found, after) = rest.split_at(end);
     if found.get(begin..).is_none_or(|name| name.is_empty() || !name.chars().all(is_name)) {
-        return Err(format!("{found} is no name"));
+        return Err(format!("{found} is not a name"));
     }
     if end - begin > LONGEST_NAME {
         return Err(format!("{found} has more than {LONGEST_NAME} characters"));

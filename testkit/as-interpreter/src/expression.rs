@@ -137,7 +137,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn place(&mut self) -> Result<Place, String> {
         let name = self.name()?;
         if name.chars().all(|c| c.is_ascii_uppercase() || c == '$' || c == '_') {
-            return Err(format!("{name} is not a variable"));
+            return Err(format!("{name} is no variable"));
         }
         let variable = self.names.variable(&name);
         let index = if self.takes("[") {

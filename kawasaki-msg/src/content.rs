@@ -6,18 +6,38 @@ use crate::role::{Field, Role};
 
 /// A message of the PC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum FromPc {
-    /// The PC's status: the order that it is in, 0 for none.
-    Status { order: u16 },
-    /// An order begins with this job number.
-    Start { order: u16, first: u16 },
-    /// No job follows.
-    End { order: u16 },
+    /// The PC's status.
+    Status {
+        /// The order that the PC is in; 0 for none.
+        order: u16,
+    },
+    /// An order begins.
+    Start {
+        /// The number of the order, from 1; 0 is refused.
+        order: u16,
+        /// The number of the first job: 1, otherwise the start is refused.
+        first: u16,
+    },
+    /// No job follows the ones sent.
+    End {
+        /// The order that is to end.
+        order: u16,
+    },
     /// The order ends after the job that is being executed.
-    Interrupt { order: u16 },
-    /// A job. `good`: all its values are present and within bounds.
-    Job { order: u16, number: u16, good: bool },
+    Interrupt {
+        /// The order that is to end.
+        order: u16,
+    },
+    /// A job of an order.
+    Job {
+        /// The number of the job's order.
+        order: u16,
+        /// The number of the job, 1 to 9999.
+        number: u16,
+        /// Whether all values of the job are present and within bounds.
+        good: bool,
+    },
     /// Nothing to report, or a command that the application acts on.
     Filler,
     /// A message that only a robot sends: it is reported and not used.
@@ -28,21 +48,45 @@ pub enum FromPc {
 
 /// A message of the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum FromRobot {
     /// A job is executed, or all up to it.
-    JobAck { order: u16, number: u16 },
-    /// The order that is active now; 0 for none.
-    OrderAck { active: u16 },
-    /// An order is over; up to this job all were executed.
-    EndAck { ended: u16, active: u16, executed: Option<u16> },
+    JobAck {
+        /// The number of the job's order.
+        order: u16,
+        /// The number of the executed job, 1 to 9999.
+        number: u16,
+    },
+    /// The answer to a start: the order that is active now.
+    OrderAck {
+        /// The active order: the one of the start if the robot has accepted it; 0 for none.
+        active: u16,
+    },
+    /// An order is over.
+    EndAck {
+        /// The order that is over.
+        ended: u16,
+        /// The order that is active now; 0 for none.
+        active: u16,
+        /// The job of the ended order up to which all are executed, 1 to 9999; `None` if none is.
+        executed: Option<u16>,
+    },
     /// The status of the robot.
     Status(Status),
-    /// No jobs for now.
-    Pause { order: u16, queued: Option<u16> },
-    /// The jobs from this number on.
-    Request { order: u16, number: u16 },
-    /// Nothing to report.
+    /// The robot does not accept jobs for now.
+    Pause {
+        /// The active order; 0 for none.
+        order: u16,
+        /// The job that was queued last, 1 to 9999; `None` if none was.
+        queued: Option<u16>,
+    },
+    /// The robot requests the jobs from a number on.
+    Request {
+        /// The active order.
+        order: u16,
+        /// The number of the first requested job, 1 to 9999.
+        number: u16,
+    },
+    /// A message without content, sent if nothing else is due.
     Filler,
     /// A message that only a PC sends: it is reported and not used.
     WrongSide,
@@ -57,9 +101,9 @@ pub struct Status {
     pub order: u16,
     /// The phase of the order.
     pub phase: Phase,
-    /// The job that was queued last.
+    /// The job that was queued last (robot) or sent last (PC), 1 to 9999; `None` if none was.
     pub queued: Option<u16>,
-    /// The job up to which all are executed.
+    /// The job up to which all are executed, 1 to 9999; `None` if none is.
     pub executed: Option<u16>,
     /// The order that ended last; 0 for none.
     pub ended: u16,

@@ -128,7 +128,7 @@ pub struct FieldError {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "see the error's message")]
+#[allow(missing_docs, reason = "the error's message names the fields")]
 pub enum FieldFault {
     /// The message ends before the field.
     #[error("is missing")]

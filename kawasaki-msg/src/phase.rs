@@ -6,7 +6,7 @@
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Phase {
-    /// 0: no order.
+    /// 0: there is no order.
     Idle,
     /// 1: an order is to begin, and is not acknowledged yet.
     Starting,

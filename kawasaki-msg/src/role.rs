@@ -40,17 +40,17 @@ pub enum Role {
 pub enum Field {
     /// An order's number, from 1; 0 for none.
     Order,
-    /// The order that ended last; empty since the robot's start.
+    /// The order that ended last, from 1; empty since the robot's start.
     Ended,
-    /// A phase's code.
+    /// The code of a [`Phase`](crate::Phase), 0 to 255.
     Phase,
-    /// A job's number, from 1.
+    /// A job's number, 1 to 9999.
     Number,
-    /// The job that was queued (robot) or sent (PC) last; empty for none.
+    /// The job that was queued (robot) or sent (PC) last, 1 to 9999; empty for none.
     Queued,
-    /// The job up to which all are executed; empty for none.
+    /// The job up to which all are executed, 1 to 9999; empty for none.
     Executed,
-    /// A value of a [`Role::Command`].
+    /// The value of a [`Role::Command`], any 32-bit whole number.
     Value,
     /// All fields of a job's own, one after the other: see [`Work`](crate::Work).
     Work,

@@ -66,26 +66,26 @@ impl Times {
 robot_session::counters! {
     /// The measurements and counters of a robot session since it was made.
     pub struct RobotStatistics {
-        /// From sending a packet to having received its answer.
+        /// The time from sending a packet to having received its answer.
         pub exchange: Times,
-        /// Unpacking a packet and queueing its jobs, as the caller measured it.
+        /// The time to unpack a packet and to queue its jobs, as the caller measured it.
         pub unpack: Times,
-        /// From one job executed to the next one of the same order.
+        /// The time from one job executed to the next one of the same order.
         pub work_cycle: Times,
-        /// Packets sent.
+        /// The number of packets sent.
         pub packets: u64,
-        /// Jobs queued.
+        /// The number of jobs queued, of all orders.
         pub queued: u64,
-        /// Jobs executed.
+        /// The number of jobs executed, of all orders.
         pub executed: u64,
-        /// Jobs that came again and were dropped.
+        /// The number of jobs that came again and were dropped.
         pub repeated: u64,
-        /// Messages that were destroyed because one before them in the packet failed, or was refused: jobs are requested
-        /// again.
+        /// The number of messages that were destroyed because one before them in the packet failed, or was refused: jobs are
+        /// requested again.
         pub discarded: u64,
-        /// Runs of corrupt bytes.
+        /// The number of runs of corrupt bytes.
         pub corrupt: u64,
-        /// Cycles without an answer.
+        /// The number of cycles without an answer.
         pub unanswered: u64,
     }
 }
@@ -93,9 +93,9 @@ robot_session::counters! {
 robot_session::counters! {
     /// The counters of a PC session since it was made.
     pub struct PcStatistics {
-        /// Packets sent.
+        /// The number of packets sent.
         pub packets: u64,
-        /// Runs of corrupt bytes.
+        /// The number of runs of corrupt bytes.
         pub corrupt: u64,
     }
 }

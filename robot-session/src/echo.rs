@@ -34,7 +34,7 @@ pub struct Echo<const N: usize> {
 pub enum EchoError {
     /// The line returns the bytes sent, and `echo` is not set. The echo is dropped from here on.
     NotSet {
-        /// The bytes of the message that came back.
+        /// The number of bytes of the message that came back.
         length: usize,
     },
     /// `echo` is set, and other bytes than those sent have come back.
@@ -43,7 +43,7 @@ pub enum EchoError {
         offset: usize,
         /// The byte that was sent.
         expected: u8,
-        /// The byte that came.
+        /// The byte that came in its place.
         found: u8,
     },
 }

@@ -81,15 +81,15 @@ pub trait Machine: Clone + Eq + Hash + Debug {
 /// If input does not wait, a reply that a late caller reads after its deadline still counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Expiry {
-    /// Everything waits: late input is worthless.
+    /// All inputs wait: late input is worthless.
     First,
     /// Bytes wait: after a silence they do not continue an earlier frame.
     BeforeInput,
     /// Sending waits: the message depends on the deadline.
     BeforeTransmit,
-    /// Both wait; calls do not.
+    /// Bytes and sending wait; calls do not.
     BeforeBytes,
-    /// Nothing waits: time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
+    /// No input waits: time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
     Last,
 }
 

@@ -63,7 +63,7 @@ pub trait Transport {
 pub enum Received {
     /// This number of bytes was read.
     Bytes(usize),
-    /// Nothing in time.
+    /// No byte has come before the wait ended.
     Nothing,
     /// The peer has closed the connection.
     Closed,
@@ -72,11 +72,11 @@ pub enum Received {
 /// The location of the bytes when [`Transport::send`] returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sent {
-    /// This number of them, perhaps 0, are in a buffer of the system, which is full. The driver gives the others again.
+    /// This number of the bytes, perhaps 0, is in a buffer of the system, which is full. The driver gives the others again.
     Part(usize),
-    /// All of them are in a buffer of the system.
+    /// All bytes are in a buffer of the system.
     Buffered,
-    /// The last one has left the port: the driver calls [`Session::handle_transmitted`].
+    /// The last byte has left the port: the driver calls [`Session::handle_transmitted`].
     Transmitted,
 }
 

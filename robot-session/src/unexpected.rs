@@ -7,9 +7,9 @@
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Unexpected {
-    /// The state's name.
+    /// The name of the state, as in the machine's table of states.
     pub state: &'static str,
-    /// The input's name.
+    /// The name of the input, as in the machine's table of states.
     pub input: &'static str,
 }
 

@@ -35,10 +35,10 @@ impl Work for Line {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum JobKind {
-    /// Draw the line: 1.
+    /// Code 1: draw the line with the pen on the board.
     #[default]
     Draw = 1,
-    /// Move along the line off the board: 2.
+    /// Code 2: move along the line with the pen off the board.
     Move = 2,
 }
 
@@ -67,9 +67,10 @@ impl TryFrom<i32> for JobKind {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[allow(missing_docs, reason = "the two axes of the board")]
 pub struct Point {
+    /// The first coordinate, in hundredths of a millimetre.
     pub x: i32,
+    /// The second coordinate, in hundredths of a millimetre.
     pub y: i32,
 }
 

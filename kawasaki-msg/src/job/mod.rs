@@ -19,8 +19,8 @@ pub(crate) use writer::write;
 pub struct Job<W> {
     /// The number of the job's order, from 1.
     pub order: u16,
-    /// The job's number in the order: from 1 to the highest that both ends agreed on, then 1 again.
+    /// The job's number in the order: from 1 to the highest that both ends agreed on (9999 at most), then 1 again.
     pub number: u16,
-    /// The work to do.
+    /// The job's own fields: the motion of the plant.
     pub work: W,
 }

@@ -13,35 +13,90 @@ use crate::phase::Phase;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum PcEvent {
     /// The robot is silent: close the connection, then call `handle_disconnected`.
     Disconnect,
     /// The robot has accepted the order.
-    OrderStarted { order: u16 },
-    /// The robot has refused the order because of the active one; 0 for none. `given_up`: it will not be retried.
-    OrderRefused { order: u16, active: u16, given_up: bool },
-    /// The number of executed jobs, from the first on, and the number of jobs that the robot has queued.
-    Progress { executed: u32, queued: u32 },
-    /// This job, counted from 0, was executed ahead of others. `Progress` covers it when these are executed too;
+    OrderStarted {
+        /// The number of the order, from 1.
+        order: u16,
+    },
+    /// The robot has refused the start of an order.
+    OrderRefused {
+        /// The number of the refused order, from 1.
+        order: u16,
+        /// The robot's active order, which is the reason; 0 if it has none, and cannot begin any.
+        active: u16,
+        /// Whether the order is over: the start will not be retried.
+        given_up: bool,
+    },
+    /// Jobs were executed or queued.
+    Progress {
+        /// The number of executed jobs, from the first on without a gap.
+        executed: u32,
+        /// The number of jobs that the robot has queued, executed ones included.
+        queued: u32,
+    },
+    /// A job was executed ahead of others. `Progress` covers it when these are executed too;
     /// [`Pc::is_executed`](crate::Pc::is_executed) covers all jobs.
-    ExecutedAhead { index: u32 },
-    /// This job, counted from 0, cannot be sent, because a field of it does not fit. The order ends after the jobs that the
-    /// robot has queued.
-    JobUnfit { order: u16, index: u32, error: FieldError },
+    ExecutedAhead {
+        /// The index of the job in the order, from 0.
+        index: u32,
+    },
+    /// A job cannot be sent, because a field of it does not fit. The order ends after the jobs that the robot has queued.
+    JobUnfit {
+        /// The number of the job's order, from 1.
+        order: u16,
+        /// The index of the job in the order, from 0.
+        index: u32,
+        /// The field that does not fit, and its fault.
+        error: FieldError,
+    },
     /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed
     /// ahead.
-    OrderOver { order: u16, executed: u32, complete: bool },
+    OrderOver {
+        /// The number of the order, from 1.
+        order: u16,
+        /// The number of executed jobs, from the first on without a gap.
+        executed: u32,
+        /// Whether these are all jobs of the order; false if the end of its list was not reached.
+        complete: bool,
+    },
     /// The robot no longer knows the order: it was restarted, or another client has begun another. Or it has interrupted the
-    /// order, jobs may overtake one another, and the acknowledgement of one may be lost. The jobs before `executed` are executed;
-    /// those up to `sent` are unknown; later ones are not executed.
-    OutcomeUnknown { order: u16, executed: u32, sent: u32 },
+    /// order, jobs may overtake one another, and the acknowledgement of one may be lost.
+    OutcomeUnknown {
+        /// The number of the order, from 1.
+        order: u16,
+        /// The number of jobs known to be executed, from the first on.
+        executed: u32,
+        /// The number of jobs sent: those from `executed` up to it are unknown, later ones are not executed.
+        sent: u32,
+    },
     /// The robot does not accept jobs for now.
-    Paused { queued: u32 },
+    Paused {
+        /// The number of jobs that the robot has queued, executed ones included.
+        queued: u32,
+    },
     /// The robot has sent its status.
-    PeerStatus { order: u16, phase: Phase, queued: Option<u16>, executed: Option<u16> },
+    PeerStatus {
+        /// The robot's active order; 0 for none.
+        order: u16,
+        /// The phase of that order.
+        phase: Phase,
+        /// The job that was queued last, 1 to 9999; `None` if none was.
+        queued: Option<u16>,
+        /// The job up to which all are executed, 1 to 9999; `None` if none is.
+        executed: Option<u16>,
+    },
     /// The outcome of a command.
-    Command { id: u8, value: i32, outcome: CommandOutcome },
+    Command {
+        /// The command's id in the dialect's table.
+        id: u8,
+        /// The value that the command was given.
+        value: i32,
+        /// The fate of the command.
+        outcome: CommandOutcome,
+    },
     /// Corrupt bytes; the messages around them were read.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),

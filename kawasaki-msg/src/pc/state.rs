@@ -13,7 +13,7 @@ use crate::phase::Phase;
 #[doc = include_str!("../../diagrams/pc.md")]
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Machine {
-    /// The connection.
+    /// The connection to the robot, and the reply that is due on it.
     pub link: Link,
     /// The order; it outlives the connection.
     pub order: Order,
@@ -25,85 +25,120 @@ pub struct Machine {
 
 /// The connection.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Link {
-    /// No connection.
+    /// There is no connection; the robot may open one.
     #[default]
     Listening,
-    /// Bytes can flow. The robot is given up if no message has come by `silent_at`; `close`: the connection is to be closed,
-    /// which is not reported yet.
-    Connected { silent_at: Duration, reply: Reply, robot: Known, close: bool },
+    /// Bytes can flow.
+    Connected {
+        /// The time at which the robot is given up if no message has come; [`Duration::MAX`]: never.
+        silent_at: Duration,
+        /// The reply to the robot.
+        reply: Reply,
+        /// The order that the robot is in.
+        robot: Known,
+        /// Whether the connection is to be closed, and the caller was not asked to yet.
+        close: bool,
+    },
 }
 
 /// The reply to the robot: nothing is sent that it does not wait for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Reply {
     /// The robot does not wait for an answer.
     Nothing,
     /// A message has come, and half of another is there.
-    Receiving { contents: Contents },
-    /// The answer is due at `at`.
-    Due { at: Duration, contents: Contents },
+    Receiving {
+        /// The contents that the answer must have so far.
+        contents: Contents,
+    },
+    /// The answer is due.
+    Due {
+        /// The time at which the answer is sent.
+        at: Duration,
+        /// The contents that the answer must have.
+        contents: Contents,
+    },
 }
 
 /// The contents that an answer must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Contents {
-    /// The status.
+    /// Whether the answer must have the PC's status.
     pub status: bool,
-    /// The jobs from this count on.
+    /// The index of the first job to send, from 0; `None` if the robot has not requested jobs.
     pub jobs_from: Option<u32>,
 }
 
 /// The order that the robot is in, as it has reported on this connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Known {
     /// The robot has reported no order.
     Nothing,
-    /// The robot has reported this order; 0: no order.
-    In { order: u16 },
+    /// The robot has reported its order.
+    In {
+        /// The number of the order; 0 if the robot is in none.
+        order: u16,
+    },
 }
 
 /// The order; its number is from 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Order {
-    /// No order.
+    /// There is no order.
     #[default]
     Idle,
-    /// The robot is to accept the order. `refusals`: the number of times that the robot has refused it without being in
-    /// another order. `cancelled`: the caller has interrupted it; the outcome of the start that was sent is still awaited.
-    Starting { number: u16, start: Start, refusals: u16, cancelled: bool },
-    /// The robot is in the order. `left_at`: over datagrams, the time at which the robot is considered to have left the
-    /// order, since its reports of another one may be late; [`Duration::MAX`] without such a report.
-    Running { number: u16, stage: Stage, left_at: Duration },
+    /// The robot is to accept the order.
+    Starting {
+        /// The number of the order, from 1.
+        number: u16,
+        /// The progress of the start.
+        start: Start,
+        /// The number of times that the robot has refused the start without being in another order.
+        refusals: u16,
+        /// Whether the caller has interrupted the order; the outcome of the start that was sent is still awaited.
+        cancelled: bool,
+    },
+    /// The robot is in the order.
+    Running {
+        /// The number of the order, from 1.
+        number: u16,
+        /// The stage of the order.
+        stage: Stage,
+        /// Over datagrams, the time at which the robot is considered to have left the order, since its reports of another one
+        /// may be late; [`Duration::MAX`] without such a report.
+        left_at: Duration,
+    },
 }
 
 /// The progress of a start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Start {
     /// The start must be sent.
     Unsent,
     /// The connection on which the start was sent is lost: the robot's status shows the outcome.
     Lost,
-    /// The start was sent on this connection, and is answered by `answer_by`, or the connection is given up. Over datagrams
-    /// it is sent again; once it is cancelled, it cannot arrive after that time.
-    Sent { answer_by: Duration },
-    /// This order, another one or an old one with the same number must end first.
-    Foreign { order: u16 },
+    /// The start was sent on this connection.
+    Sent {
+        /// The time by which the start is answered, or the connection is given up; [`Duration::MAX`]: never. Over datagrams the
+        /// start is sent again; once it is cancelled, it cannot arrive after this time.
+        answer_by: Duration,
+    },
+    /// Another order, or an old one with the same number, must end first.
+    Foreign {
+        /// The number of the order that must end.
+        order: u16,
+    },
 }
 
 /// The stage of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// Jobs are sent.
+    /// Jobs are sent as the robot requests them.
     Active,
-    /// No job follows.
+    /// No job follows; those in the robot's queue are executed.
     Ending,
     /// The robot is to end the order after the job that is being executed.
     Interrupted,
@@ -144,25 +179,38 @@ impl Commands {
 
 /// Messages that the session has decoded, and requests of its caller. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
     /// A connection was accepted.
     Connected,
     /// The connection is closed.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
     /// A message has come.
     Message(FromRobot),
     /// Bytes that are not a message.
     Corrupt,
-    /// All bytes read are decoded. `whole`: they do not end inside a message.
-    ReadEnd { whole: bool },
+    /// All bytes read are decoded.
+    ReadEnd {
+        /// Whether the bytes end between messages; false if they end inside one.
+        whole: bool,
+    },
     /// The caller begins an order.
-    Start { order: u16 },
-    /// The caller continues an order that an earlier PC has begun and stored: the first `executed` jobs are known to be
-    /// executed, those up to `sent` may have been sent; `total`: the number of jobs, if that is known.
-    Resume { order: u16, executed: u32, sent: u32, total: Option<u32> },
+    Start {
+        /// The number of the order, from 1.
+        order: u16,
+    },
+    /// The caller continues an order that an earlier PC has begun and stored.
+    Resume {
+        /// The number of the order, from 1.
+        order: u16,
+        /// The number of jobs known to be executed, from the first on.
+        executed: u32,
+        /// The number of jobs that may have been sent, `executed` or more.
+        sent: u32,
+        /// The number of jobs of the order; `None` if it is not known.
+        total: Option<u32>,
+    },
     /// The caller ends the order after the queued jobs.
     End,
     /// The caller ends the order after the job that is being executed.
@@ -170,7 +218,10 @@ pub enum Input {
     /// The caller sends a command.
     Command,
     /// A job of an order that continues was executed ahead of others.
-    Ahead { index: u32 },
+    Ahead {
+        /// The index of the job in the order, from 0.
+        index: u32,
+    },
     /// The answer that was due is sent.
     Sent(Sent),
     /// The change of the state has been reported.
@@ -208,9 +259,9 @@ impl Answer {
 pub struct Sent {
     /// Whether the order's request to the robot was in it.
     pub request: bool,
-    /// The number of commands.
+    /// The number of commands in the answer, oldest first.
     pub commands: u8,
-    /// The number of jobs.
+    /// The number of jobs in the answer.
     pub jobs: u32,
     /// The reason that no more jobs were in it.
     pub rest: Rest,
@@ -239,23 +290,33 @@ pub struct Reaction {
 
 /// Tasks of the session. Jobs are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// The message is not used.
     Rejected(Rejection),
     /// The robot has accepted the order.
     Started,
-    /// The robot has not accepted the order, because of the active one, 0 for none. The start is sent again.
-    Refused { active: u16 },
+    /// The robot has not accepted the order. The start is sent again.
+    Refused {
+        /// The robot's active order, which is the reason; 0 for none.
+        active: u16,
+    },
     /// The robot does not accept jobs for now.
     Paused,
     /// A job was executed ahead of others.
-    ExecutedAhead { index: u32 },
-    /// The order has ended.
-    Outcome { order: u16, outcome: Outcome },
-    /// An answer was sent.
+    ExecutedAhead {
+        /// The index of the job in the order, from 0.
+        index: u32,
+    },
+    /// The order has ended, or was given up.
+    Outcome {
+        /// The number of the order, from 1.
+        order: u16,
+        /// The number of executed jobs, and the fate of the others.
+        outcome: Outcome,
+    },
+    /// The answer that was due is recorded as sent.
     Sent,
 }
 
@@ -283,15 +344,26 @@ pub enum CommandOutcome {
 /// The outcome of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Outcome {
-    /// The jobs before `executed` and those ahead are executed, no others will be. `complete`: these are all jobs of the
-    /// order.
-    Over { executed: u32, complete: bool },
+    /// The jobs before `executed` and those ahead are executed, no others will be.
+    Over {
+        /// The number of executed jobs, from the first on without a gap.
+        executed: u32,
+        /// Whether these are all jobs of the order.
+        complete: bool,
+    },
     /// The jobs before `executed` and those ahead are executed, the others up to `sent` are unknown.
-    Unknown { executed: u32, sent: u32 },
-    /// The robot has not accepted the order, because of the active one, 0 for none, and the start is not sent again.
-    GivenUp { active: u16 },
+    Unknown {
+        /// The number of jobs known to be executed, from the first on.
+        executed: u32,
+        /// The number of jobs sent, executed ones included.
+        sent: u32,
+    },
+    /// The robot has not accepted the order, and the start is not sent again.
+    GivenUp {
+        /// The robot's active order, which is the reason; 0 for none.
+        active: u16,
+    },
 }
 
 /// The reason that a message is not used.

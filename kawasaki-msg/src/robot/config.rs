@@ -166,10 +166,12 @@ impl Default for RobotConfig {
 /// The way in which executed jobs are acknowledged (thesis, section 11.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Acks {
-    /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every
-    /// k-th, and the rest when there is no other message to send and no job to execute.
-    #[allow(missing_docs, reason = "see above")]
-    Cumulative { every: NonZeroU16 },
+    /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it.
+    Cumulative {
+        /// The k of "every k-th job is acknowledged", 1 for every job. The rest are acknowledged when there is no other message
+        /// to send and no job to execute.
+        every: NonZeroU16,
+    },
     /// Jobs may overtake one another: each is acknowledged individually. The queue has at most 1024 jobs.
     Individual,
 }

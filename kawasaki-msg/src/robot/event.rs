@@ -12,36 +12,87 @@ use crate::robot::state::RecoveryStep;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum RobotEvent {
     /// Open a connection, then call `handle_connected` or, if it fails, `handle_disconnected`.
     Connect,
     /// The PC is silent: close the connection, then call `handle_disconnected`.
     Disconnect,
     /// An order has begun; its first job is number 1.
-    OrderStarted { order: u16 },
-    /// A start was refused because of the active order; 0 for none.
-    OrderRefused { order: u16, active: u16 },
+    OrderStarted {
+        /// The number of the order, from 1.
+        order: u16,
+    },
+    /// A start was refused.
+    OrderRefused {
+        /// The number in the start; 0 is always refused.
+        order: u16,
+        /// The active order, which is the reason; 0 if none is.
+        active: u16,
+    },
     /// No job follows the queued ones.
-    OrderEnding { order: u16 },
+    OrderEnding {
+        /// The number of the order, from 1.
+        order: u16,
+    },
     /// The order ends after the current job.
-    OrderInterrupted { order: u16 },
-    /// An order is over; this many jobs of it were executed.
-    OrderOver { order: u16, executed: u32 },
+    OrderInterrupted {
+        /// The number of the order, from 1.
+        order: u16,
+    },
+    /// An order is over.
+    OrderOver {
+        /// The number of the order, from 1.
+        order: u16,
+        /// The number of executed jobs, from the first on without a gap.
+        executed: u32,
+    },
     /// A command that bypasses the queue: it takes effect after the current job.
-    Command { id: u8, value: Option<i32> },
-    /// The PC has sent its status: its order, its phase, the last job sent, the last job known to be executed.
-    PeerStatus { order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16> },
-    /// The queue is full after this job; the PC is asked to pause.
-    QueueFull { last: Option<u16> },
-    /// The queue has drained: jobs from this one on are requested.
-    QueueDrained { next: u16 },
-    /// Nothing more is to be executed, and the next job is overdue; the recovery step.
-    Recovery { step: RecoveryStep, next: u16 },
+    Command {
+        /// The command's id in the dialect's table.
+        id: u8,
+        /// The command's value; `None` if its message has none.
+        value: Option<i32>,
+    },
+    /// The PC has sent its status.
+    PeerStatus {
+        /// The order that the PC is in; 0 for none.
+        order: u16,
+        /// The phase of that order.
+        phase: Phase,
+        /// The job that was sent last, 1 to 9999; `None` if none was.
+        sent: Option<u16>,
+        /// The job up to which all are known to be executed, 1 to 9999; `None` if none is.
+        executed: Option<u16>,
+    },
+    /// The queue is full; the PC is asked to pause.
+    QueueFull {
+        /// The job that was queued last, 1 to 9999; `None` if none was.
+        last: Option<u16>,
+    },
+    /// The queue has drained; jobs are requested again.
+    QueueDrained {
+        /// The number of the next requested job, 1 to 9999.
+        next: u16,
+    },
+    /// Nothing more is to be executed, and the next job is overdue.
+    Recovery {
+        /// The recovery step that is taken.
+        step: RecoveryStep,
+        /// The number of the overdue job, 1 to 9999.
+        next: u16,
+    },
     /// For the motion program: stop and raise an alarm. `clear_queue` or `reset_order` ends the alarm.
-    Alarm { order: u16, next: u16 },
-    /// The queue was cleared; jobs are sent again from this one on.
-    QueueCleared { next: u16 },
+    Alarm {
+        /// The number of the active order, from 1.
+        order: u16,
+        /// The number of the overdue job, 1 to 9999.
+        next: u16,
+    },
+    /// The queue was cleared; its jobs are requested again.
+    QueueCleared {
+        /// The number of the first job to come again, 1 to 9999.
+        next: u16,
+    },
     /// A cycle has ended without an answer.
     NoReply,
     /// Corrupt bytes; the messages around them were read.

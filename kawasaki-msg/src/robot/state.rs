@@ -34,69 +34,112 @@ pub struct Machine {
 
 /// The connection and the cycle in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Link {
-    /// No connection; one is opened at a time.
-    Disconnected { connect_at: Duration },
-    /// A connection is being opened; `reported` once the caller has received the event.
-    Connecting { reported: bool },
-    /// Bytes can flow. The status is due at `status_at` without any other reason; `synced` after an answer: each end has the
-    /// progress of the other. `silent`: cycles without an answer in a row. `unanswered`: packets of the connection that were
-    /// not answered in time, less the ends that came late for them; at most
-    /// [`silent_cycles`](crate::RobotConfig::silent_cycles) if that is not 0. `close`: the connection is to be closed, which
-    /// is not reported yet.
-    Connected { cycle: Cycle, silent: u16, unanswered: u16, synced: bool, status_at: Duration, close: bool },
+    /// There is no connection; one is opened at a time.
+    Disconnected {
+        /// The time at which a connection is to be opened; [`Duration::MAX`]: never.
+        connect_at: Duration,
+    },
+    /// A connection is being opened.
+    Connecting {
+        /// Whether the caller has received the event to open it.
+        reported: bool,
+    },
+    /// Bytes can flow.
+    Connected {
+        /// The end whose turn it is to send.
+        cycle: Cycle,
+        /// The number of cycles without an answer in a row; at most [`silent_cycles`](crate::RobotConfig::silent_cycles).
+        silent: u16,
+        /// The number of packets of the connection that were not answered in time, less the ends that came late for them; at
+        /// most [`silent_cycles`](crate::RobotConfig::silent_cycles) if that is not 0.
+        unanswered: u16,
+        /// Whether an answer has come: each end has the progress of the other.
+        synced: bool,
+        /// The time at which the status is due without any other reason.
+        status_at: Duration,
+        /// Whether the connection is to be closed, and the caller was not asked to yet.
+        close: bool,
+    },
 }
 
 /// The end whose turn it is to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Cycle {
-    /// A packet is sent at `at`; until `overdue_at` it waits for the rest of the answer, which a slow line delivers in
-    /// pieces.
-    Ready { at: Duration, overdue_at: Duration },
-    /// A packet was sent, and its answer is awaited until `overdue_at`; the next packet is not sent before `not_before`.
-    /// `answered`: a message has come, but half of another may be there.
-    Waiting { not_before: Duration, overdue_at: Duration, answered: bool },
+    /// A packet is to be sent.
+    Ready {
+        /// The time at which the packet is sent.
+        at: Duration,
+        /// The time until which the packet waits for the rest of the answer, which a slow line delivers in pieces.
+        overdue_at: Duration,
+    },
+    /// A packet was sent, and its answer is awaited.
+    Waiting {
+        /// The time before which the next packet is not sent.
+        not_before: Duration,
+        /// The time at which the cycle ends without an answer.
+        overdue_at: Duration,
+        /// Whether a message has come; half of another may be there.
+        answered: bool,
+    },
 }
 
 /// The order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Order {
-    /// No order.
+    /// There is no order.
     Idle,
-    /// An order; its number is from 1.
-    Active { number: u16, stage: Stage },
+    /// An order is active.
+    Active {
+        /// The number of the order, from 1.
+        number: u16,
+        /// The stage of the order.
+        stage: Stage,
+    },
 }
 
 /// The stage of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Stage {
     /// Jobs are requested and queued.
-    Intake { flow: Flow, gap: Gap, recovery: Recovery },
-    /// The list is being cleared; the jobs in it are requested again. The queue has settled, and the jobs executed until then
-    /// are reported by `reported_at`; [`Duration::MAX`] before. `failures`: the number of recovery steps taken.
-    Clearing { failures: u32, reported_at: Duration },
+    Intake {
+        /// Whether jobs are requested.
+        flow: Flow,
+        /// Whether jobs are missing.
+        gap: Gap,
+        /// The steps taken to get the next job.
+        recovery: Recovery,
+    },
+    /// The list is being cleared; the jobs in it are requested again.
+    Clearing {
+        /// The number of recovery steps taken since the last executed job.
+        failures: u32,
+        /// The time by which the jobs executed before the queue settled are reported; [`Duration::MAX`] before it has settled.
+        reported_at: Duration,
+    },
     /// No job follows; those in the queue are executed.
     Ending,
-    /// The list is being cleared, and the order is then over; `reported_at` as in [`Stage::Clearing`].
-    Interrupted { reported_at: Duration },
+    /// The list is being cleared, and the order is then over.
+    Interrupted {
+        /// The time by which the jobs executed before the queue settled are reported; [`Duration::MAX`] before it has settled.
+        reported_at: Duration,
+    },
     /// The last recovery step has failed; the motion program must help.
     Alarm,
 }
 
 /// Whether jobs are requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Flow {
     /// Jobs are requested in every packet.
     Asking,
     /// Jobs are not requested before the queue has drained.
     Full,
     /// Jobs are not requested before a time.
-    Held { until: Duration },
+    Held {
+        /// The time from which jobs are requested again; [`Duration::MAX`]: never.
+        until: Duration,
+    },
 }
 
 /// A message failed: jobs are missing from here on, and the order's end does not count before they have come.
@@ -106,7 +149,7 @@ pub enum Gap {
     Closed,
     /// The packet of the failed message: the rest of the packet is destroyed, even in a later segment.
     Rest,
-    /// Jobs were requested again.
+    /// The missing jobs were requested again, once.
     Asked,
     /// An end came, and no job before it: the rest of the packet in another segment, or the PC has no more jobs.
     EndOnce,
@@ -117,20 +160,27 @@ pub enum Gap {
 /// The steps of recovery, which are taken by the clock while nothing more is to be executed, and start again after an
 /// executed job. `failures`: the number of steps taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Recovery {
     /// A job is being executed, or none was requested yet.
-    Resting { failures: u32 },
-    /// All queued jobs are executed, and the next one was requested: a step is taken unless it has come by `until`.
-    Waiting { failures: u32, until: Duration },
+    Resting {
+        /// The number of recovery steps taken since the last executed job.
+        failures: u32,
+    },
+    /// All queued jobs are executed, and the next one was requested.
+    Waiting {
+        /// The number of recovery steps taken since the last executed job.
+        failures: u32,
+        /// The time at which a step is taken unless the next job has come; [`Duration::MAX`]: never.
+        until: Duration,
+    },
 }
 
 /// An order that is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ended {
-    /// The number of the order.
+    /// The number of the order, from 1.
     pub order: u16,
-    /// The last executed job of the order; `None` if none was executed.
+    /// The last executed job of the order, 1 to 9999; `None` if none was executed.
     pub executed: Option<u16>,
 }
 
@@ -141,7 +191,7 @@ pub struct Replies {
     pub status: bool,
     /// Whether a pause is due: no jobs are to come for now.
     pub pause: bool,
-    /// The order number that answers a start.
+    /// The number that answers a start: the active order, or 0 to refuse; `None` if no answer is due.
     pub start: Option<u16>,
     /// Whether the end of [`Machine::ended`] is due.
     pub end: bool,
@@ -149,34 +199,49 @@ pub struct Replies {
 
 /// The orders that may begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Starts {
     /// Any: over a stream nothing comes late.
     Any,
-    /// Over datagrams, orders that no late datagram can name: not the previous ones in `ended`, 0 for none. Starts are
-    /// ignored before `ignored_until`, which is [`Duration::MAX`] before the first connection. `drained`: a start was read
-    /// after that time, which was then extended by one exchange: the start may have waited to be read.
-    New { ignored_until: Duration, drained: bool, ended: [u16; 16] },
+    /// Over datagrams, orders that no late datagram can name.
+    New {
+        /// The time before which starts are ignored; [`Duration::MAX`] before the first connection.
+        ignored_until: Duration,
+        /// Whether a start was read after that time, which was then extended by one exchange: the start may have waited to be
+        /// read.
+        drained: bool,
+        /// The numbers of the orders that ended last, newest first; 0 for none. Their starts are refused.
+        ended: [u16; 16],
+    },
 }
 
 /// An input, as decoded by the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum Input {
-    /// A connection is open.
+    /// The caller has opened a connection.
     Connected,
     /// The connection is closed, or could not be opened.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
-    /// A message. `room`: whether the queue can accept it: a slot is free for a job, or there is a motion task for an order.
-    Message { message: FromPc, room: bool },
+    /// A message has come.
+    Message {
+        /// The meaning of the message.
+        message: FromPc,
+        /// Whether the queue can accept it: a slot is free for a job, or there is a motion task for an order.
+        room: bool,
+    },
     /// Bytes that are not a message.
     Corrupt,
-    /// All bytes read are decoded. `whole`: they do not end inside a message.
-    ReadEnd { whole: bool },
-    /// The job of this number is executed.
-    Executed { number: u16 },
+    /// All bytes read are decoded.
+    ReadEnd {
+        /// Whether the bytes end between messages; false if they end inside one.
+        whole: bool,
+    },
+    /// A job is executed.
+    Executed {
+        /// The number of the job, 1 to 9999.
+        number: u16,
+    },
     /// All cleared jobs are gone from the queue and none is being executed, or the motion task is gone.
     Settled,
     /// At most the low-water mark remains in the queue.
@@ -205,7 +270,7 @@ pub struct Due {
     pub status: Option<FromRobot>,
     /// The pause: no jobs are to come for now.
     pub pause: Option<FromRobot>,
-    /// The request for jobs.
+    /// The request for jobs, from the next one to queue.
     pub request: Option<FromRobot>,
 }
 
@@ -229,9 +294,9 @@ pub struct Sent {
 /// An action for the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
-    /// A connection is open.
+    /// The connection begins: discard the measured time of an exchange on an earlier one.
     Connected,
     /// Put the job into the slot.
     Queue,
@@ -241,13 +306,13 @@ pub enum Action {
     Interrupt,
     /// The order begins, and the queue's numbers with it.
     Started,
-    /// The start is refused.
+    /// The start of an order is refused.
     Refused,
     /// No job follows the queued ones.
     Ending,
-    /// The order is over.
+    /// The order is over: reset the queue, and report the order's progress.
     Over,
-    /// The list is cleared.
+    /// The list is cleared; its jobs are requested again.
     Cleared,
     /// The queue has drained; jobs are requested again.
     Drained,
@@ -259,7 +324,7 @@ pub enum Action {
     Rejected(Rejection),
     /// The message is not used because it follows a failed message.
     Discarded,
-    /// A packet was sent.
+    /// The packet that was due is recorded as sent.
     Sent,
     /// The answer to the packet is read.
     Answered,

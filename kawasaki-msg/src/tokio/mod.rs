@@ -158,15 +158,15 @@ pub enum Error {
     /// The robot has refused the order because of its active one (0: none), after all configured retries.
     #[error("the robot refuses the order; its active one is {active}")]
     Refused {
-        /// The robot's order.
+        /// The robot's active order; 0 if it has none, and cannot begin any.
         active: u16,
     },
-    /// See [`PcEvent::OutcomeUnknown`](crate::PcEvent::OutcomeUnknown).
+    /// The robot no longer knows the order, as in [`PcEvent::OutcomeUnknown`](crate::PcEvent::OutcomeUnknown).
     #[error("of {sent} jobs sent, {executed} are executed, the others are unknown")]
     OutcomeUnknown {
-        /// The number of executed jobs, from the first on.
+        /// The number of jobs known to be executed, from the first on.
         executed: u32,
-        /// The first job that was not sent.
+        /// The number of jobs sent; later ones are not executed.
         sent: u32,
     },
     /// The PC was shut down: the order may be resumed.

@@ -149,9 +149,9 @@ pub struct Queueing<W>(core::marker::PhantomData<fn() -> W>);
 /// A call of a [`Robot`].
 #[derive(Debug)]
 pub enum Call {
-    /// The first reset.
+    /// The first reset of the motion program: clears the list.
     ClearQueue(Reply<Result<(), RobotError>>),
-    /// The second reset.
+    /// The second reset of the motion program: ends the order.
     ResetOrder(Reply<Result<(), RobotError>>),
 }
 
@@ -159,7 +159,7 @@ pub enum Call {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
-    /// The caller's fault.
+    /// A call that is invalid in this state.
     #[error(transparent)]
     Call(#[from] SessionError),
     /// The task has ended.

@@ -63,7 +63,7 @@ pub enum Call<W> {
     Start(Begun<W>),
     /// Ends the order when the queue is empty.
     End(Reply<Result<(), Error>>),
-    /// Ends the order now.
+    /// Ends the order after the job that is being executed.
     Interrupt(Reply<Result<(), Error>>),
     /// Sends a command that bypasses the queue.
     Command { id: u8, value: i32, reply: Reply<Result<CommandOutcome, Error>> },

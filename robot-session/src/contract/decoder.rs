@@ -14,7 +14,7 @@ use crate::Decoder;
 pub struct Item {
     /// `Ok` of a frame, `Err` of an error, each as `Debug` shows it.
     pub content: Result<String, String>,
-    /// The offset.
+    /// The offset in the stream of the byte after the item, in bytes from the stream's beginning.
     pub end: u64,
 }
 

@@ -19,7 +19,7 @@ pub enum Happened<'a, E> {
     Byte(u8),
     /// A message is transmitted, in one piece.
     Sent(&'a [u8]),
-    /// An event is reported.
+    /// The session reports an event to its user.
     Event(&'a E),
     /// The user's call has this result.
     Called(&'a str),

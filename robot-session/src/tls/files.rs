@@ -16,16 +16,16 @@ use rustls::{ClientConfig, RootCertStore, ServerConfig};
 pub struct Identity<'a> {
     /// The certificate, followed by those between it and the authority.
     pub certificate: &'a Path,
-    /// The private key.
+    /// The PEM file of the certificate's private key.
     pub key: &'a Path,
 }
 
 /// A file that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileError {
-    /// The file.
+    /// The path of the file.
     pub file: PathBuf,
-    /// The reason.
+    /// The reason that the file cannot be used, for a person.
     pub why: String,
 }
 

@@ -38,7 +38,7 @@ pub struct Assignment<'a> {
     pub size: u16,
     /// `$VAR_NAME`: the first variable, at most 37 characters. `R[1]` takes two registers a variable, `R[1]@1.1` one.
     pub var_name: &'a str,
-    /// `$MULTIPLY`.
+    /// `$MULTIPLY`: the form of a variable in its registers.
     pub multiply: Multiply,
 }
 
@@ -131,13 +131,13 @@ pub struct Setting<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Field<'a> {
-    /// `$ADDRESS`.
+    /// `$ADDRESS`: the first holding register, counted from 1.
     Address(u16),
-    /// `$SIZE`.
+    /// `$SIZE`: the number of registers.
     Size(u16),
-    /// `$VAR_NAME`; empty in a slot that is not used.
+    /// `$VAR_NAME`: the first variable; empty in a slot that is not used.
     VarName(&'a str),
-    /// `$MULTIPLY`.
+    /// `$MULTIPLY`: the form of a variable in its registers.
     Multiply(Multiply),
 }
 

@@ -11,13 +11,13 @@ pub enum DecodeError {
     /// The protocol identifier of the MBAP header is not 0: this is not Modbus TCP, or the stream is out of step.
     #[error("protocol identifier is {found:#06x}, not 0 (at byte 2)")]
     Protocol {
-        /// The identifier.
+        /// The protocol identifier of the header.
         found: u16,
     },
     /// The length field of the MBAP header counts the unit identifier and a PDU of 1 to 253 bytes.
     #[error("length field is {found}, it must be 2 to 254 (at byte 4)")]
     MbapLength {
-        /// The length.
+        /// The length field of the header.
         found: u16,
     },
     /// The length field of an exception over TCP is not 3, though its unit identifier and PDU have 3 bytes.
@@ -33,7 +33,7 @@ pub enum DecodeError {
         exception: Exception,
         /// The length of an exception, 3.
         expected: u16,
-        /// The length field.
+        /// The length field of the header.
         found: u16,
     },
     /// The checksum of an RTU frame does not fit its bytes.
@@ -63,7 +63,7 @@ pub enum DecodeError {
     /// More bytes without a frame than one error covers: they belong to the corruption before them.
     #[error("{length} more bytes without a frame")]
     Noise {
-        /// The number of bytes.
+        /// The number of these further bytes.
         length: usize,
     },
     /// A PDU without a function code.
@@ -72,13 +72,13 @@ pub enum DecodeError {
     /// A function code that this side cannot send: 0, or above 127 in a request, or 128 in a reply.
     #[error("function code {found} is invalid here (at byte 0 of the PDU)")]
     Function {
-        /// The code.
+        /// The invalid function code, 0 to 255.
         found: u8,
     },
     /// The PDU's length is not the one that its function code and byte count require.
     #[error("a PDU of function {function} has {found} bytes here, not {expected}")]
     PduLength {
-        /// The function code.
+        /// The function code of the PDU.
         function: u8,
         /// The required number of bytes, including the function code.
         expected: usize,
@@ -88,9 +88,9 @@ pub enum DecodeError {
     /// A quantity of coils or registers outside the limits of the specification.
     #[error("quantity {found} in function {function} is not within 1 to {max}")]
     Quantity {
-        /// The function code.
+        /// The function code of the PDU.
         function: u8,
-        /// The quantity.
+        /// The invalid quantity of coils or registers.
         found: u16,
         /// The maximum that the function allows.
         max: u16,
@@ -98,39 +98,39 @@ pub enum DecodeError {
     /// The byte count contradicts the quantity after or before it.
     #[error("byte count {found} in function {function} contradicts the quantity, which needs {expected}")]
     ByteCount {
-        /// The function code.
+        /// The function code of the PDU.
         function: u8,
         /// The byte count that the quantity requires.
         expected: u16,
-        /// The byte count.
+        /// The byte count in the PDU.
         found: u16,
     },
     /// The byte count of a reply, or of a group in it, is 0, odd before registers, or above the maximum of the function.
     #[error("byte count {found} is invalid in a reply of function {function}")]
     ReplyByteCount {
-        /// The function code.
+        /// The function code of the PDU.
         function: u8,
-        /// The byte count.
+        /// The byte count in the PDU.
         found: u8,
     },
     /// A device identification continues (`FF`) or not (`00`); no other value is allowed.
     #[error("more follows is {found:#04x}, neither 0xff nor 0 (at byte 4 of the PDU)")]
     MoreFollows {
-        /// The value.
+        /// The invalid byte.
         found: u8,
     },
     /// A group of a message about files has the reference type 6; no other value is allowed.
     #[error("reference type {found} in function {function} is not 6")]
     ReferenceType {
-        /// The function code.
+        /// The function code of the PDU: 20 or 21.
         function: u8,
-        /// The type.
+        /// The invalid reference type.
         found: u8,
     },
     /// A single coil is written with `FF00` (on) or `0000` (off); no other value is allowed.
     #[error("coil value is {found:#06x}, neither 0xff00 nor 0 (at byte 3 of the PDU)")]
     CoilValue {
-        /// The value.
+        /// The invalid 16-bit value.
         found: u16,
     },
 }
@@ -152,9 +152,9 @@ pub enum EncodeError {
     /// A quantity outside the limits of the specification.
     #[error("quantity {found} in function {function} is not within 1 to {max}")]
     Quantity {
-        /// The function code.
+        /// The function code of the message.
         function: u8,
-        /// The quantity.
+        /// The invalid quantity of coils or registers.
         found: usize,
         /// The maximum that the function allows.
         max: u16,
@@ -162,7 +162,7 @@ pub enum EncodeError {
     /// The last coil or register would lie beyond PDU address 65535.
     #[error("{quantity} items from address {address} exceed address 65535")]
     Address {
-        /// The first PDU address.
+        /// The PDU address of the first coil or register, from 0.
         address: u16,
         /// The number of coils or registers.
         quantity: u16,
@@ -170,7 +170,7 @@ pub enum EncodeError {
     /// `Other` has a code that is 0, above 127, or one of those that have a type of their own.
     #[error("function code {found} cannot be sent as a raw PDU")]
     Function {
-        /// The code.
+        /// The function code that was given.
         found: u8,
     },
     /// A PDU of 0 or more than 253 bytes.
@@ -195,7 +195,7 @@ pub enum Mismatch {
         /// The unit that answers.
         found: u8,
     },
-    /// Another function code.
+    /// A reply of another function.
     #[error("function {found} answers a request of function {expected}")]
     Function {
         /// The code of the request.
@@ -231,7 +231,7 @@ pub enum SessionError {
     /// A broadcast has no reply, so it cannot read.
     #[error("function {function} reads, but a broadcast has no reply")]
     BroadcastRead {
-        /// The function code.
+        /// The function code of the request.
         function: u8,
     },
     /// The specification does not allow the request.
@@ -249,7 +249,7 @@ pub enum ConfigError {
     /// The number of requests in flight at once is invalid.
     #[error("{found} requests in flight at once are not within 1 to {most}")]
     InFlight {
-        /// The configured number.
+        /// The configured number of requests in flight at once.
         found: usize,
         /// The number of request slots of the client; 1 if frames have no transaction.
         most: usize,
@@ -263,7 +263,7 @@ pub enum ConfigError {
     /// The unit is invalid for a server: unit 0 is the broadcast in this configuration.
     #[error("unit {found} is invalid for a server")]
     Unit {
-        /// The unit.
+        /// The configured unit.
         found: u8,
     },
 }
@@ -287,10 +287,10 @@ pub struct ListingError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum AssignmentError {
-    /// More assignments than slots.
+    /// There are more assignments than slots.
     #[error("{found} assignments exceed the 80 slots")]
     Slots {
-        /// The number of assignments.
+        /// The number of assignments, above 80.
         found: usize,
     },
     /// The number of the slot is invalid.
@@ -299,33 +299,33 @@ pub enum AssignmentError {
     /// A field that a slot does not have, or a value that is not a number where a number is required.
     #[error("slot {slot} has no such field, or the value is invalid")]
     Value {
-        /// The slot.
+        /// The number of the slot, 1 to 80.
         slot: u8,
     },
-    /// `$ADDRESS` is invalid.
+    /// The first register, `$ADDRESS`, is out of range.
     #[error("address {found} is not within 1 to 16384")]
     Address {
         /// The address, counted from 1.
         found: u16,
     },
-    /// `$SIZE` is invalid.
+    /// The number of registers, `$SIZE`, is 0, or reaches beyond the last register.
     #[error("{found} registers from {address} do not lie within 1 to 16384")]
     Size {
-        /// The address, counted from 1.
+        /// The first register, counted from 1.
         address: u16,
-        /// The size.
+        /// The number of registers.
         found: u16,
     },
-    /// `$VAR_NAME` is invalid.
+    /// The variable's name, `$VAR_NAME`, does not have 1 to 37 printable characters.
     #[error("a variable's name has 1 to 37 printable characters, this has {length}")]
     Name {
         /// The length of the name in bytes.
         length: usize,
     },
-    /// `$MULTIPLY` is invalid.
+    /// The factor, `$MULTIPLY`, is neither 0 nor -1, and out of range.
     #[error("multiply {found} is neither 0, -1 nor within 0.0001 to 10000")]
     Multiply {
-        /// The value.
+        /// The factor that was given.
         found: f32,
     },
     /// Two assignments share registers: the one with the lower number hides the other.

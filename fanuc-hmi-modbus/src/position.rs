@@ -51,10 +51,10 @@ pub struct PositionRegister {
 pub struct Cartesian {
     /// Registers 1 to 12: X, Y, Z in mm and W, P, R in degrees.
     pub xyzwpr: [f32; 6],
-    /// Registers 13 to 18: E1 to E3.
+    /// Registers 13 to 18: E1 to E3, in mm or degrees.
     #[cfg_attr(feature = "serde", serde(default))]
     pub external: [f32; 3],
-    /// Registers 19 to 25.
+    /// Registers 19 to 25: the solution of the arm.
     #[cfg_attr(feature = "serde", serde(default))]
     pub configuration: Configuration,
 }

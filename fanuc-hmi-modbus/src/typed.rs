@@ -213,11 +213,11 @@ impl Number {
 #[error("{value} does not fit: the registers hold {least} to {most} after the multiply")]
 #[non_exhaustive]
 pub struct NumberError {
-    /// The value, before multiplication.
+    /// The value that was given, before multiplication.
     pub value: f64,
-    /// The least number in the registers.
+    /// The least number that the registers hold.
     pub least: f64,
-    /// The largest number in the registers.
+    /// The largest number that the registers hold.
     pub most: f64,
 }
 

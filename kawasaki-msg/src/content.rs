@@ -67,7 +67,7 @@ pub enum FromRobot {
         ended: u16,
         /// The order that is active now; 0 for none.
         active: u16,
-        /// The job of the ended order up to which all are executed, 1 to 9999; `None` if none is.
+        /// The job of the ended order up to which all are executed, 1 to 9999; `None` before the first job.
         executed: Option<u16>,
     },
     /// The status of the robot.
@@ -76,7 +76,7 @@ pub enum FromRobot {
     Pause {
         /// The active order; 0 for none.
         order: u16,
-        /// The job that was queued last, 1 to 9999; `None` if none was.
+        /// The job that was queued last, 1 to 9999; `None` before the first job.
         queued: Option<u16>,
     },
     /// The robot requests the jobs from a number on.
@@ -101,9 +101,9 @@ pub struct Status {
     pub order: u16,
     /// The phase of the order.
     pub phase: Phase,
-    /// The job that was queued last (robot) or sent last (PC), 1 to 9999; `None` if none was.
+    /// The job that was queued last (robot) or sent last (PC), 1 to 9999; `None` before the first job.
     pub queued: Option<u16>,
-    /// The job up to which all are executed, 1 to 9999; `None` if none is.
+    /// The job up to which all are executed, 1 to 9999; `None` before the first job.
     pub executed: Option<u16>,
     /// The order that ended last; 0 for none.
     pub ended: u16,

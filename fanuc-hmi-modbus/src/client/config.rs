@@ -7,7 +7,7 @@ use crate::{frame::Frame, timing};
 /// Settings of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientConfig {
-    /// The transport. [`Framing::Tcp`].
+    /// The transport, and the separation of frames on it. [`Framing::Tcp`].
     pub framing: Framing,
     /// The timeout from the transmission of a request to its reply; above zero. One second. On a serial line
     /// [`rtu`](Self::rtu) adds the time that the longest request and the longest reply take.

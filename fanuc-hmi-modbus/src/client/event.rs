@@ -37,7 +37,7 @@ impl From<Ticket> for u64 {
 pub enum ClientEvent {
     /// A reply that fits its request, or the exception that refuses it: [`Client::reply`](crate::Client::reply) returns it.
     Replied {
-        /// The request.
+        /// The ticket of the request that has the reply.
         ticket: Ticket,
         /// The unit that replied, also in the reply.
         #[cfg_attr(feature = "serde", serde(skip))]
@@ -45,34 +45,35 @@ pub enum ClientEvent {
     },
     /// A broadcast was sent; it has no reply.
     Announced {
-        /// The request.
+        /// The ticket of the broadcast request.
         ticket: Ticket,
     },
     /// There is no usable reply.
     Failed {
-        /// The request.
+        /// The ticket of the request without a usable reply.
         ticket: Ticket,
-        /// The reason.
+        /// The reason, which also shows whether the request may have been executed.
         #[cfg_attr(feature = "serde", serde(rename = "reason"))]
         failure: Failure,
     },
     /// An unexpected reply was dropped. If it is late by more than [`ClientConfig::settle`](crate::ClientConfig::settle),
     /// that assumption is wrong.
     Stray {
-        /// The transaction of the reply, on TCP.
+        /// The transaction of the reply; `None` except on TCP.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
-        /// The transaction of the oldest request in flight, on TCP. Not part of the serialized event.
+        /// The transaction of the oldest request in flight; `None` without one, and except on TCP. Not part of the serialized
+        /// event.
         #[cfg_attr(feature = "serde", serde(skip))]
         expected: Option<u16>,
         /// The unit that sent the reply.
         unit: u8,
         /// The function code of the reply, without the bit that marks an exception.
         function: u8,
-        /// The request that the reply belongs to, which has timed out, if known.
+        /// The request that the reply belongs to, which has timed out; `None` if it is not known.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         late: Option<Ticket>,
-        /// Except on TCP: the reason that it is not the awaited reply.
+        /// The reason that the reply is not the awaited one; `None` on TCP.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         mismatch: Option<Mismatch>,
     },
@@ -190,9 +191,9 @@ robot_session::counters! {
         pub requests: u64,
         /// Requests with a reply, including exceptions.
         pub replies: u64,
-        /// Requests that failed.
+        /// Requests that failed, which are reported as [`ClientEvent::Failed`].
         pub failures: u64,
-        /// Unexpected replies.
+        /// Replies to no request in flight, which were dropped.
         pub strays: u64,
         /// Runs of corrupt bytes.
         pub corrupt: u64,

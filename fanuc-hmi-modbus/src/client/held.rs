@@ -7,7 +7,7 @@ use super::config::{ClientConfig, Rule};
 /// A request and the slot of its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Held {
-    /// The slot, below `N`.
+    /// The slot of the request, from 0, below `N`.
     pub place: u8,
     /// The stage of the request.
     pub stage: Stage,

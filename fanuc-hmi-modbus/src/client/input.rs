@@ -5,9 +5,9 @@ use super::places::Places;
 /// An input of a client's machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// A connection was made.
+    /// The caller reports a new connection.
     Connected,
-    /// The connection is lost.
+    /// The caller reports that the connection is lost.
     Disconnected,
     /// Time has passed. Given after the bytes that have arrived were read; each timeout handles one due deadline.
     Timeout,
@@ -20,7 +20,7 @@ pub enum Input {
     },
     /// The caller has polled the outcome of the request in this slot.
     Taken {
-        /// The slot.
+        /// The index of the slot, from 0.
         place: u8,
     },
     /// Bytes have arrived. Given before they are decoded.
@@ -61,7 +61,7 @@ pub enum Fit {
 /// The request that a client sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Due {
-    /// The slot of the request.
+    /// The slot of the request, from 0.
     pub place: u8,
     /// The transaction of the request; 0 if frames have no transaction.
     pub transaction: u16,
@@ -72,33 +72,33 @@ pub struct Due {
 /// An action of a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// Stores a new request in this slot.
     Keep {
-        /// The slot.
+        /// The index of the slot, from 0.
         place: u8,
     },
     /// The request that was sent waits for its reply.
     Sent,
     /// Reports that the request in this slot was sent to all units.
     Announced {
-        /// The slot.
+        /// The index of the slot, from 0.
         place: u8,
     },
     /// Reports the reply, which is stored in this slot.
     Replied {
-        /// The slot.
+        /// The index of the slot, from 0.
         place: u8,
     },
     /// Reports that the frame with the request's transaction is not its reply.
     Refused {
-        /// The slot.
+        /// The index of the slot, from 0.
         place: u8,
     },
     /// Reports a reply to no request in flight.
     Stray {
-        /// The slot of the request that timed out before.
+        /// The slot of the request that timed out before, from 0; `None` if no such request is known.
         late: Option<u8>,
     },
     /// Reports requests that have timed out.

@@ -17,7 +17,7 @@ pub use crate::line::Line;
 #[doc = include_str!("../../diagrams/client.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ClientMachine<const N: usize> {
-    /// The connection.
+    /// The connection, and the conditions before the next request is sent.
     pub link: ClientLink,
     /// The requests, oldest first; the last are `None`.
     requests: [Option<Held>; N],
@@ -30,9 +30,9 @@ pub struct ClientMachine<const N: usize> {
 pub enum ClientLink {
     /// There is no connection: requests wait for it.
     Down,
-    /// There is a connection.
+    /// There is a connection, on which requests are sent.
     Up {
-        /// Whether bytes are arriving.
+        /// The line's activity: whether bytes are arriving.
         line: Line,
         /// Whether earlier requests allow that something is sent.
         quiet: Quiet,

@@ -20,9 +20,9 @@ pub struct DeviceIdentification<'a> {
     pub conformity: u8,
     /// Whether further objects did not fit.
     pub more: bool,
-    /// The first of these, for the next request; otherwise 0.
+    /// The id of the first object that did not fit, for the next request; otherwise 0.
     pub next: u8,
-    /// The objects.
+    /// The objects that fit into the reply.
     pub objects: DeviceObjects<'a>,
 }
 

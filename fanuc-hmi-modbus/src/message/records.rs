@@ -17,7 +17,7 @@ pub struct FileRange {
     pub file: u16,
     /// The first record, of one register each; the specification has 0 to 9999.
     pub record: u16,
-    /// The number of registers.
+    /// The number of registers to read.
     pub quantity: u16,
 }
 
@@ -30,7 +30,7 @@ pub struct FileRecord<'a> {
     pub file: u16,
     /// The first record, of one register each; the specification has 0 to 9999.
     pub record: u16,
-    /// The registers.
+    /// The registers to write.
     pub values: Words<'a>,
 }
 

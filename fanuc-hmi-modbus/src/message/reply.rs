@@ -13,7 +13,6 @@ use crate::error::{DecodeError, EncodeError, Mismatch};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "the fields are the specification's own, and the units stand above them")]
 pub enum Reply<'a> {
     /// 1: 8 coils in each byte; the last byte is filled up with 0.
     Coils(Bits<'a>),
@@ -24,22 +23,60 @@ pub enum Reply<'a> {
     /// 4: 1 to 125 input registers.
     InputRegisters(Words<'a>),
     /// 5: repeats the request.
-    WriteCoil { address: u16, value: bool },
+    WriteCoil {
+        /// The PDU address of the coil, from 0.
+        address: u16,
+        /// Whether the coil was switched on.
+        value: bool,
+    },
     /// 6: repeats the request.
-    WriteRegister { address: u16, value: u16 },
+    WriteRegister {
+        /// The PDU address of the register, from 0.
+        address: u16,
+        /// The value that was written.
+        value: u16,
+    },
     /// 7: eight outputs of the device.
     ExceptionStatus(u8),
-    /// 8: for subfunction 0 the words of the request, for the others one word.
-    Diagnostics { subfunction: u16, data: Words<'a> },
-    /// 11: FFFF if the device is still busy with an earlier request, otherwise 0; and the number of requests that it has
-    /// executed.
-    CommEventCounter { status: u16, events: u16 },
-    /// 12: the same; the number of messages that it has received; and 0 to 64 events, the last one first.
-    CommEventLog { status: u16, events: u16, messages: u16, log: &'a [u8] },
-    /// 15: the number of coils that were written.
-    WriteCoils { address: u16, quantity: u16 },
-    /// 16: the number of registers that were written.
-    WriteRegisters { address: u16, quantity: u16 },
+    /// 8: the result of a diagnostic of the serial line.
+    Diagnostics {
+        /// The subfunction of the request; 0 returns the request's words.
+        subfunction: u16,
+        /// For subfunction 0 the words of the request, for the others one word.
+        data: Words<'a>,
+    },
+    /// 11: the counter of executed requests.
+    CommEventCounter {
+        /// FFFFh if the device is still busy with an earlier request, otherwise 0.
+        status: u16,
+        /// The number of requests that the device has executed, modulo 65536.
+        events: u16,
+    },
+    /// 12: the counters and the last events.
+    CommEventLog {
+        /// FFFFh if the device is still busy with an earlier request, otherwise 0.
+        status: u16,
+        /// The number of requests that the device has executed, modulo 65536.
+        events: u16,
+        /// The number of messages that the device has received, modulo 65536.
+        messages: u16,
+        /// The events, 0 to 64 bytes, the last one first.
+        log: &'a [u8],
+    },
+    /// 15: coils were written.
+    WriteCoils {
+        /// The PDU address of the first coil, from 0.
+        address: u16,
+        /// The number of coils that were written, 1 to 1968.
+        quantity: u16,
+    },
+    /// 16: registers were written.
+    WriteRegisters {
+        /// The PDU address of the first register, from 0.
+        address: u16,
+        /// The number of registers that were written, 1 to 123.
+        quantity: u16,
+    },
     /// Function 17: 1 to 250 bytes that the device chooses: an id, FF if the device runs or 00, further bytes.
     ServerId(&'a [u8]),
     /// 20: the registers of each run.
@@ -47,17 +84,34 @@ pub enum Reply<'a> {
     /// 21: repeats the request.
     WriteFileRecord(Records<'a, FileRecord<'a>>),
     /// 22: repeats the request.
-    MaskWriteRegister { address: u16, and: u16, or: u16 },
+    MaskWriteRegister {
+        /// The PDU address of the register, from 0.
+        address: u16,
+        /// The bits of the register that were not changed.
+        and: u16,
+        /// The new values of the other bits.
+        or: u16,
+    },
     /// 23: the 1 to 125 registers that were read after the write.
     ReadWriteRegisters(Words<'a>),
     /// 24: the 0 to 31 registers of the queue.
     FifoQueue(Words<'a>),
-    /// 43, MEI type 14.
+    /// 43, MEI type 14: objects of the device's identification.
     DeviceIdentification(DeviceIdentification<'a>),
-    /// The server refuses the request of this function code, 1 to 127.
-    Exception { function: u8, exception: Exception },
-    /// Another function, 1 to 127, with the bytes after its code.
-    Other { function: u8, data: &'a [u8] },
+    /// The server refuses the request.
+    Exception {
+        /// The function code of the request, 1 to 127.
+        function: u8,
+        /// The reason of the refusal.
+        exception: Exception,
+    },
+    /// The reply of a function without a variant.
+    Other {
+        /// The function code, 1 to 127.
+        function: u8,
+        /// The 0 to 252 bytes after the function code.
+        data: &'a [u8],
+    },
 }
 
 impl<'a> Reply<'a> {

@@ -10,32 +10,76 @@ use crate::error::{DecodeError, EncodeError};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
-#[allow(missing_docs, reason = "the fields are the specification's own, and the units stand above them")]
 pub enum Request<'a> {
-    /// 1: 1 to 2000 coils.
-    ReadCoils { address: u16, quantity: u16 },
-    /// 2: 1 to 2000 discrete inputs.
-    ReadDiscreteInputs { address: u16, quantity: u16 },
-    /// 3: 1 to 125 holding registers.
-    ReadHoldingRegisters { address: u16, quantity: u16 },
-    /// 4: 1 to 125 input registers.
-    ReadInputRegisters { address: u16, quantity: u16 },
-    /// 5: one coil.
-    WriteCoil { address: u16, value: bool },
-    /// 6: one holding register.
-    WriteRegister { address: u16, value: u16 },
-    /// 7, of a serial line: eight outputs of the device.
+    /// 1: reads coils.
+    ReadCoils {
+        /// The PDU address of the first coil, from 0.
+        address: u16,
+        /// The number of coils, 1 to 2000.
+        quantity: u16,
+    },
+    /// 2: reads discrete inputs.
+    ReadDiscreteInputs {
+        /// The PDU address of the first input, from 0.
+        address: u16,
+        /// The number of inputs, 1 to 2000.
+        quantity: u16,
+    },
+    /// 3: reads holding registers.
+    ReadHoldingRegisters {
+        /// The PDU address of the first register, from 0.
+        address: u16,
+        /// The number of registers, 1 to 125.
+        quantity: u16,
+    },
+    /// 4: reads input registers.
+    ReadInputRegisters {
+        /// The PDU address of the first register, from 0.
+        address: u16,
+        /// The number of registers, 1 to 125.
+        quantity: u16,
+    },
+    /// 5: writes one coil.
+    WriteCoil {
+        /// The PDU address of the coil, from 0.
+        address: u16,
+        /// Whether the coil is switched on.
+        value: bool,
+    },
+    /// 6: writes one holding register.
+    WriteRegister {
+        /// The PDU address of the register, from 0.
+        address: u16,
+        /// The value to write.
+        value: u16,
+    },
+    /// 7, of a serial line: reads eight outputs of the device.
     ReadExceptionStatus,
-    /// 8: a diagnostic of the serial line: 1 to 125 words, and 1 of every subfunction but 0.
-    Diagnostics { subfunction: u16, data: Words<'a> },
+    /// 8: runs a diagnostic of the serial line.
+    Diagnostics {
+        /// The subfunction; 0 returns the words.
+        subfunction: u16,
+        /// The words of the subfunction: 1 to 125 for subfunction 0, otherwise 1.
+        data: Words<'a>,
+    },
     /// 11, of a serial line: the counter of executed requests.
     GetCommEventCounter,
     /// 12, of a serial line: the counters and the last events.
     GetCommEventLog,
-    /// 15: 1 to 1968 coils.
-    WriteCoils { address: u16, values: Bits<'a> },
-    /// 16: 1 to 123 holding registers.
-    WriteRegisters { address: u16, values: Words<'a> },
+    /// 15: writes coils.
+    WriteCoils {
+        /// The PDU address of the first coil, from 0.
+        address: u16,
+        /// The 1 to 1968 coils to write.
+        values: Bits<'a>,
+    },
+    /// 16: writes holding registers.
+    WriteRegisters {
+        /// The PDU address of the first register, from 0.
+        address: u16,
+        /// The 1 to 123 registers to write.
+        values: Words<'a>,
+    },
     /// 17: the device's description of itself.
     ReportServerId,
     /// 20: runs of registers in files: 1 to 35, whose reply has at most 245 bytes, 2 for each run and 2 for each register.
@@ -43,16 +87,44 @@ pub enum Request<'a> {
     /// 21: registers in files: at most 251 bytes, 7 for each run and 2 for each register.
     WriteFileRecord(Records<'a, FileRecord<'a>>),
     /// 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
-    MaskWriteRegister { address: u16, and: u16, or: u16 },
-    /// 23: 1 to 121 registers are written, then 1 to 125 are read.
-    ReadWriteRegisters { address: u16, quantity: u16, write_address: u16, values: Words<'a> },
-    /// 24: the registers of a queue, which stay in it. The address is that of its count.
-    ReadFifoQueue { address: u16 },
-    /// 43, MEI type 14: objects of the device's identification, from this id on. Categories: 1 basic, 2 regular, 3 extended,
-    /// 4 the object alone.
-    ReadDeviceIdentification { category: u8, object: u8 },
-    /// Another function, 1 to 127, with the bytes after its code.
-    Other { function: u8, data: &'a [u8] },
+    MaskWriteRegister {
+        /// The PDU address of the register, from 0.
+        address: u16,
+        /// The bits of the register that are not changed.
+        and: u16,
+        /// The new values of the other bits.
+        or: u16,
+    },
+    /// 23: writes registers, then reads some.
+    ReadWriteRegisters {
+        /// The PDU address of the first register to read, from 0.
+        address: u16,
+        /// The number of registers to read, 1 to 125.
+        quantity: u16,
+        /// The PDU address of the first register to write, from 0.
+        write_address: u16,
+        /// The 1 to 121 registers to write.
+        values: Words<'a>,
+    },
+    /// 24: reads the registers of a queue, which stay in it.
+    ReadFifoQueue {
+        /// The PDU address of the queue's count, from 0.
+        address: u16,
+    },
+    /// 43, MEI type 14: reads objects of the device's identification, from an id on.
+    ReadDeviceIdentification {
+        /// The category: 1 basic, 2 regular, 3 extended, 4 the object alone.
+        category: u8,
+        /// The id of the first object, 0 to 255.
+        object: u8,
+    },
+    /// A function without a variant.
+    Other {
+        /// The function code, 1 to 127.
+        function: u8,
+        /// The 0 to 252 bytes after the function code.
+        data: &'a [u8],
+    },
 }
 
 impl<'a> Request<'a> {

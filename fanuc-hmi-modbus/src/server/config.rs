@@ -7,7 +7,7 @@ use crate::timing;
 /// Settings of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ServerConfig {
-    /// The transport. [`Framing::Tcp`].
+    /// The transport, and the separation of frames on it. [`Framing::Tcp`].
     pub framing: Framing,
     /// The unit number of the server, 1 to 247 (also 0 and 255 on TCP): requests to other units are not executed. `None`, the
     /// default, answers every unit with its own identifier, as most Modbus TCP servers do.

@@ -11,12 +11,12 @@ use crate::message::Exception;
 pub enum ServerEvent {
     /// A request was executed, or refused with an exception.
     Served {
-        /// The transaction on TCP.
+        /// The transaction of the request; `None` except on TCP.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
         /// The unit; 0 is a broadcast if [`ServerConfig::broadcast`](crate::ServerConfig::broadcast) is on.
         unit: u8,
-        /// The function code.
+        /// The function code of the request.
         function: u8,
         /// The reason of the refusal; `None`: executed.
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -25,9 +25,9 @@ pub enum ServerEvent {
     /// On a serial line: a request was neither executed nor answered, because another frame has followed it without a
     /// silence, or too many replies wait.
     Refused {
-        /// The unit.
+        /// The unit that the request is for.
         unit: u8,
-        /// The function code.
+        /// The function code of the request.
         function: u8,
     },
     /// Bytes that are not a frame.

@@ -13,7 +13,7 @@ pub use crate::line::Line;
 #[doc = include_str!("../../diagrams/server.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ServerMachine<const N: usize> {
-    /// The connection.
+    /// The connection, and the conditions before something is sent.
     pub link: ServerLink,
 }
 
@@ -22,14 +22,14 @@ pub struct ServerMachine<const N: usize> {
 pub enum ServerLink {
     /// There is no connection.
     Down,
-    /// There is a connection.
+    /// There is a connection, on which requests come.
     Up {
-        /// Whether bytes are arriving.
+        /// The line's activity: whether bytes are arriving.
         line: Line,
         /// Whether the line is serial: then bytes are not read until it is silent; through TCP, they are not read until there
         /// is an entry for a reply.
         serial: bool,
-        /// The number of replies that wait to be sent.
+        /// The number of replies that wait to be sent, 0 to `N`.
         replies: u8,
     },
 }
@@ -37,9 +37,9 @@ pub enum ServerLink {
 /// An input of a server's machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// A connection was made.
+    /// The caller reports a new connection.
     Connected,
-    /// The connection is lost.
+    /// The caller reports that the connection is lost.
     Disconnected,
     /// Time has passed. Given after the bytes that have arrived were read: an unobserved silence does not count.
     Timeout,
@@ -49,7 +49,7 @@ pub enum Input {
     Partial,
     /// The bytes contained a frame.
     Request {
-        /// The unit that the request is for.
+        /// The unit that the request is for; 0 is a broadcast if the server has broadcasts.
         unit: u8,
         /// Whether nothing has followed the request without a silence. Through TCP, over which a client need not wait,
         /// always true.
@@ -66,7 +66,7 @@ pub struct Due;
 /// An action of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// Discards the replies that were not sent.
     Reset,

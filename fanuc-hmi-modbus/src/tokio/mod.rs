@@ -94,7 +94,7 @@ pub enum Event {
 pub struct Abandoned {
     /// The unit that the request was sent to.
     pub unit: u8,
-    /// The request.
+    /// The PDU of the request.
     pub request: PduBuf,
     /// The reply, or the reason that there is no reply.
     pub outcome: Result<PduBuf, Error>,

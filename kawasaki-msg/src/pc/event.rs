@@ -25,7 +25,7 @@ pub enum PcEvent {
     OrderRefused {
         /// The number of the refused order, from 1.
         order: u16,
-        /// The robot's active order, which is the reason; 0 if it has none, and cannot begin any.
+        /// The robot's active order, which is the reason; 0 if the robot cannot begin any order.
         active: u16,
         /// Whether the order is over: the start will not be retried.
         given_up: bool,
@@ -83,9 +83,9 @@ pub enum PcEvent {
         order: u16,
         /// The phase of that order.
         phase: Phase,
-        /// The job that was queued last, 1 to 9999; `None` if none was.
+        /// The job that was queued last, 1 to 9999; `None` before the first job.
         queued: Option<u16>,
-        /// The job up to which all are executed, 1 to 9999; `None` if none is.
+        /// The job up to which all are executed, 1 to 9999; `None` before the first job.
         executed: Option<u16>,
     },
     /// The outcome of a command.

@@ -299,7 +299,7 @@ pub enum Action {
     Started,
     /// The robot has not accepted the order. The start is sent again.
     Refused {
-        /// The robot's active order, which is the reason; 0 for none.
+        /// The robot's active order, which is the reason; 0 without one.
         active: u16,
     },
     /// The robot does not accept jobs for now.
@@ -361,7 +361,7 @@ pub enum Outcome {
     },
     /// The robot has not accepted the order, and the start is not sent again.
     GivenUp {
-        /// The robot's active order, which is the reason; 0 for none.
+        /// The robot's active order, which is the reason; 0 without one.
         active: u16,
     },
 }

@@ -26,7 +26,7 @@ pub enum RobotEvent {
     OrderRefused {
         /// The number in the start; 0 is always refused.
         order: u16,
-        /// The active order, which is the reason; 0 if none is.
+        /// The active order, which is the reason; 0 without one.
         active: u16,
     },
     /// No job follows the queued ones.
@@ -50,7 +50,7 @@ pub enum RobotEvent {
     Command {
         /// The command's id in the dialect's table.
         id: u8,
-        /// The command's value; `None` if its message has none.
+        /// The command's value; `None` if its message lacks it.
         value: Option<i32>,
     },
     /// The PC has sent its status.
@@ -59,14 +59,14 @@ pub enum RobotEvent {
         order: u16,
         /// The phase of that order.
         phase: Phase,
-        /// The job that was sent last, 1 to 9999; `None` if none was.
+        /// The job that was sent last, 1 to 9999; `None` before the first job.
         sent: Option<u16>,
-        /// The job up to which all are known to be executed, 1 to 9999; `None` if none is.
+        /// The job up to which all are known to be executed, 1 to 9999; `None` before the first job.
         executed: Option<u16>,
     },
     /// The queue is full; the PC is asked to pause.
     QueueFull {
-        /// The job that was queued last, 1 to 9999; `None` if none was.
+        /// The job that was queued last, 1 to 9999; `None` before the first job.
         last: Option<u16>,
     },
     /// The queue has drained; jobs are requested again.

@@ -180,7 +180,7 @@ pub enum Recovery {
 pub struct Ended {
     /// The number of the order, from 1.
     pub order: u16,
-    /// The last executed job of the order, 1 to 9999; `None` if none was executed.
+    /// The last executed job of the order, 1 to 9999; `None` if no job was executed.
     pub executed: Option<u16>,
 }
 

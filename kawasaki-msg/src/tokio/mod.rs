@@ -158,7 +158,7 @@ pub enum Error {
     /// The robot has refused the order because of its active one (0: none), after all configured retries.
     #[error("the robot refuses the order; its active one is {active}")]
     Refused {
-        /// The robot's active order; 0 if it has none, and cannot begin any.
+        /// The robot's active order; 0 if the robot cannot begin any order.
         active: u16,
     },
     /// The robot no longer knows the order, as in [`PcEvent::OutcomeUnknown`](crate::PcEvent::OutcomeUnknown).

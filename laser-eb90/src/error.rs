@@ -12,15 +12,15 @@ pub enum DecodeError {
     /// Bytes that no head `EB 90 82` begins (帧头, §3(2)).
     #[error("no frame head in {skipped} bytes")]
     NoHead {
-        /// The number of bytes.
+        /// The number of bytes without a head.
         skipped: usize,
     },
     /// The head is not followed by the frame flag: a false head, or a corrupt flag.
     #[error("expected the frame flag {expected:02X}h, found {found:02X}h (at byte {offset})")]
     Flag {
-        /// The offset in the frame.
+        /// The offset of the flag in the frame.
         offset: usize,
-        /// The flag.
+        /// The frame flag of the profile.
         expected: u8,
         /// The byte in its place.
         found: u8,
@@ -30,7 +30,7 @@ pub enum DecodeError {
     Stuffing {
         /// The offset in the frame of the byte after 90h.
         offset: usize,
-        /// The byte after 90h.
+        /// The byte after 90h, which is neither 90h nor the tail's.
         found: u8,
     },
     /// No tail within the longest payload that is taken.
@@ -38,7 +38,7 @@ pub enum DecodeError {
     TooLong {
         /// The offset in the frame of the first byte too many.
         offset: usize,
-        /// The longest payload.
+        /// The length of the longest payload, in unstuffed bytes.
         limit: usize,
     },
     /// The check word is not that of the unstuffed payload (校验字, §3(3)).
@@ -54,9 +54,9 @@ pub enum DecodeError {
     /// A byte that is not a tag in the position of one. Before the payload, it shows a false head.
     #[error("{found:02X}h is not a tag (at payload byte {offset})")]
     Tag {
-        /// The offset in the payload.
+        /// The offset of the byte in the payload.
         offset: usize,
-        /// The byte.
+        /// The byte in the position of a tag.
         found: u8,
     },
     /// An item needs more bytes than the payload holds.
@@ -75,7 +75,7 @@ pub enum DecodeError {
     /// The line is silent, or the input ended, within a frame or in bytes without a head.
     #[error("{held} bytes are not a complete frame")]
     Incomplete {
-        /// The number of bytes.
+        /// The number of bytes that came.
         held: usize,
     },
 }
@@ -89,15 +89,15 @@ pub enum EncodeError {
     /// The buffer is too short.
     #[error("{needed} bytes are needed, the buffer has {available}")]
     BufferTooSmall {
-        /// The bytes to write.
+        /// The number of bytes of the frame.
         needed: usize,
-        /// The free bytes of the buffer.
+        /// The number of free bytes of the buffer.
         available: usize,
     },
     /// An item's count is one byte.
     #[error("an item holds at most 255 values, not {count}")]
     TooManyValues {
-        /// The number of values.
+        /// The number of values of the item, above 255.
         count: usize,
     },
     /// A frame needs at least one item: its first byte distinguishes a head from a false one.
@@ -106,7 +106,7 @@ pub enum EncodeError {
     /// A NaN or an infinity: it is not a position, an angle or a power.
     #[error("value {index} is not finite")]
     NotFinite {
-        /// The index in the item, from 0.
+        /// The index of the value in the item, from 0.
         index: usize,
     },
 }
@@ -123,7 +123,7 @@ pub enum SessionError {
     /// A word that is not a command word.
     #[error("{word:04X}h is not a command word")]
     UnknownWord {
-        /// The word.
+        /// The word that was given.
         word: u16,
     },
     /// A single short among the parameters of an interpreted instruction would begin the next one; among those of another
@@ -154,17 +154,17 @@ pub enum ConfigError {
     /// A word that would have two meanings.
     #[error("{word:04X}h is {first} and {second} at once")]
     Ambiguous {
-        /// The word.
+        /// The word with two meanings.
         word: u16,
-        /// One of its meanings.
+        /// The first use of the word.
         first: WordUse,
-        /// The other.
+        /// The second use of the word.
         second: WordUse,
     },
     /// More ranges of command words than a set of words holds.
     #[error("a set of words has at most {limit} ranges of command words")]
     TooManyRanges {
-        /// The largest number.
+        /// The largest number of ranges.
         limit: usize,
     },
 }

@@ -82,15 +82,15 @@ pub enum Error {
     Unfit {
         /// The index of the instruction, from 0.
         index: usize,
-        /// The reason.
+        /// The reason that the instruction cannot be sent.
         error: SessionError,
     },
     /// Error codes to the end. The first `taken` instructions were taken, and no others.
     #[error("the controller refuses: {refusal}; {taken} instructions of the run were taken before")]
     Refused {
-        /// The number of accepted instructions.
+        /// The number of accepted instructions of the run.
         taken: usize,
-        /// The last error code.
+        /// The error code that came last.
         refusal: Refusal,
     },
     /// The first `taken` instructions were queued; the outcome of the next `count` is unknown; the others were not queued.
@@ -98,11 +98,11 @@ pub enum Error {
         "whether {count} instructions after the first {taken} of the run were taken is unknown: {reason}"
     )]
     Unknown {
-        /// The number of accepted instructions.
+        /// The number of accepted instructions of the run.
         taken: usize,
-        /// The number of instructions with unknown outcome.
+        /// The number of instructions with unknown outcome, which follow the accepted ones.
         count: usize,
-        /// The reason.
+        /// The reason that the outcome is unknown.
         reason: UnknownReason,
     },
     /// An earlier run failed, and nothing of this one was sent: check the machine first.
@@ -186,9 +186,9 @@ impl Answer {
 /// A call of a [`Laser`].
 #[derive(Debug)]
 pub enum Call {
-    /// Interpreted instructions.
+    /// Sends interpreted instructions, in as many frames as needed.
     Run(Run),
-    /// Between two frames of a run.
+    /// Sends an instruction in a frame of its own, between two frames of a run.
     Single(Single),
 }
 

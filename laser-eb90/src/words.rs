@@ -83,17 +83,17 @@ impl core::fmt::Display for Refusal {
     serde(default, deny_unknown_fields)
 )]
 pub struct ErrorCodes {
-    /// [`Refusal::BadChecksum`]. Default: E001h.
+    /// The code of [`Refusal::BadChecksum`]. Default: E001h.
     pub bad_checksum: u16,
-    /// [`Refusal::BadFrame`]. Default: E002h.
+    /// The code of [`Refusal::BadFrame`]. Default: E002h.
     pub bad_frame: u16,
-    /// [`Refusal::UnknownCommand`]. Default: E003h.
+    /// The code of [`Refusal::UnknownCommand`]. Default: E003h.
     pub unknown_command: u16,
-    /// [`Refusal::BadBatch`]. Default: E004h.
+    /// The code of [`Refusal::BadBatch`]. Default: E004h.
     pub bad_batch: u16,
-    /// [`Refusal::BadParameters`]. Default: E005h.
+    /// The code of [`Refusal::BadParameters`]. Default: E005h.
     pub bad_parameters: u16,
-    /// [`Refusal::QueueFull`]. Default: E006h.
+    /// The code of [`Refusal::QueueFull`]. Default: E006h.
     pub queue_full: u16,
 }
 

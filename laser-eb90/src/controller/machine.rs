@@ -25,7 +25,7 @@ pub struct ControllerMachine {
 /// The controller's work on the last frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Work {
-    /// No work: it waits for a frame.
+    /// There is no work: it waits for a frame.
     Listening {
         /// Whether bytes without a head are the rest of the last answered frame, until a frame begins.
         rest: bool,
@@ -39,9 +39,9 @@ pub enum Work {
     },
     /// The answer waits for the end of the cycle.
     Answering {
-        /// The answer.
+        /// The echo or the error code to send.
         answer: Answer,
-        /// The end of the cycle.
+        /// The time at which the cycle ends, and the answer is sent.
         due: Duration,
     },
 }
@@ -49,7 +49,7 @@ pub enum Work {
 /// Bytes that are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Fault {
-    /// The first error.
+    /// The error code of the first error in the bytes.
     pub refusal: Refusal,
     /// The number of bytes, limited to the length of the shortest frame.
     pub bytes: u8,
@@ -62,9 +62,9 @@ pub struct Fault {
 pub enum Receiving {
     /// There is no connection.
     Disconnected,
-    /// The line is silent.
+    /// There is a connection, and no bytes came since the last silence.
     Silent,
-    /// Bytes came.
+    /// Bytes came since the last silence.
     Bytes(Stretch),
 }
 
@@ -84,24 +84,24 @@ pub struct Stretch {
 pub enum Answer {
     /// The command word of the first instruction; with values if it is a query.
     Echo(u16),
-    /// An error code.
+    /// An error code: the frame is refused.
     Error(Refusal),
 }
 
 /// An input of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// The line was opened.
+    /// The caller has opened the line.
     Connected,
-    /// The line is gone.
+    /// The caller reports that the line is gone.
     Disconnected,
-    /// Bytes came.
+    /// Bytes came; given before they are decoded.
     Bytes,
-    /// Bytes that are not a frame; up to 255.
+    /// Bytes that are not a frame.
     Corrupt {
         /// The error code of the answer.
         refusal: Refusal,
-        /// The number of bytes.
+        /// The number of bytes, at most 255.
         bytes: u8,
         /// Whether they begin as a frame does, as far as they go.
         begun: bool,
@@ -110,7 +110,7 @@ pub enum Input {
     Untrusted,
     /// A good frame whose instructions are queued.
     Queued {
-        /// The command word of the first.
+        /// The command word of the first instruction.
         word: u16,
     },
     /// A good frame that is refused.
@@ -136,13 +136,13 @@ pub enum Input {
 /// An action of the controller after an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// Has the caller execute the instruction.
     Execute,
-    /// Prepares the answer.
+    /// Prepares the answer, which is sent at the end of the cycle.
     Answer(Answer),
-    /// Counts an answer.
+    /// Counts an answer that was sent.
     Sent,
 }
 

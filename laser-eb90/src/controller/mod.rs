@@ -67,12 +67,12 @@ pub enum ControllerEvent {
     Execute {
         /// Whether the answer carries values.
         class: Class,
-        /// The command word.
+        /// The command word of the instruction.
         word: u16,
     },
     /// A notice: instructions were queued.
     Queued {
-        /// The number of instructions.
+        /// The number of instructions of the frame, from 1.
         count: u8,
     },
     /// A notice: a frame, or corrupt bytes, are answered with an error code.

@@ -13,7 +13,7 @@ pub enum HostLink {
     Disconnected {
         /// The time before which nothing is sent, even on the next connection.
         quiet_until: Duration,
-        /// The caller has not resumed.
+        /// Whether the caller must resume before anything is sent.
         held: bool,
     },
     /// No frame is in flight.
@@ -25,19 +25,19 @@ pub enum HostLink {
     Awaiting(Sent),
     /// An error code came, or nothing: the frame is sent again.
     Resending {
-        /// The frame.
+        /// The frame that is sent again.
         batch: Batch,
-        /// The number of times that it was sent.
+        /// The number of times that the frame was sent.
         tries: Tries,
-        /// The time at which the line has settled.
+        /// The time at which the line has settled, and the frame is sent.
         not_before: Duration,
     },
     /// An error code came that may refer to the first half of the frame alone: the frame is not sent again, but its echo may
     /// still come.
     AwaitingRest {
-        /// The frame.
+        /// The frame whose echo may come.
         batch: Batch,
-        /// The number of times that it was sent.
+        /// The number of times that the frame was sent.
         tries: Tries,
         /// The time after which the echo cannot come any more.
         until: Duration,
@@ -52,11 +52,11 @@ pub enum HostLink {
 /// A frame, apart from its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Batch {
-    /// The number of the first instruction.
+    /// The number of the first instruction, from 0.
     pub first: u64,
-    /// The number of instructions.
+    /// The number of instructions, from 1.
     pub count: u8,
-    /// The command word of the first: the one that is answered (§3(6)).
+    /// The command word of the first instruction: the one that is answered (§3(6)).
     pub word: u16,
     /// The controller's treatment of the instructions.
     pub class: Class,
@@ -65,19 +65,19 @@ pub struct Batch {
 /// A frame in flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Sent {
-    /// The frame.
+    /// The frame, apart from its bytes.
     pub batch: Batch,
-    /// The number of times that it was sent.
+    /// The number of times that the frame was sent before, and their results.
     pub tries: Tries,
-    /// The time by which its last byte has certainly been received.
+    /// The time by which the last byte of the frame has certainly been received.
     pub received_by: Duration,
     /// The time from which an error code refers to the whole frame.
     pub final_from: Duration,
-    /// The time by which it has certainly been executed, if it is executed before it is answered.
+    /// The time by which the frame has certainly been executed, if it is executed before it is answered.
     pub executed_by: Duration,
     /// The time at which the answer is overdue.
     pub deadline: Duration,
-    /// Corrupt bytes came.
+    /// Whether corrupt bytes came since the frame was sent.
     pub corrupt: bool,
 }
 
@@ -95,24 +95,24 @@ pub struct Tries {
 /// The frame that is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Due {
-    /// The next one.
+    /// The next frame, for the first time.
     Next,
-    /// The last one, again.
+    /// The last frame, again.
     Again,
 }
 
 /// An action of the host after an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// Counts the frame, and drops the bytes that came before: they are not an answer to it.
     Sent(Due),
     /// Reports the outcome of a frame.
     Report(Batch, Outcome),
-    /// Reports an unsolicited answer.
+    /// Reports an answer to no frame in flight.
     Unasked {
-        /// The word of the answer.
+        /// The command word or error code of the answer.
         word: u16,
     },
 }
@@ -123,12 +123,12 @@ pub enum Action {
 pub enum Outcome {
     /// The controller has echoed the command word.
     Done {
-        /// The number of times that it was sent again.
+        /// The number of times that the frame was sent again.
         resends: u8,
         /// The number of earlier transmissions that brought no answer.
         unanswered: u8,
     },
-    /// None of its instructions was accepted.
+    /// None of the frame's instructions was accepted.
     Refused(Refusal),
     /// The frame may have been accepted or not.
     Unknown(UnknownReason),
@@ -140,7 +140,7 @@ pub enum Outcome {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum UnknownReason {
-    /// No byte came.
+    /// No byte came before the answer was overdue.
     Silence,
     /// Bytes came, but no answer.
     Corrupt,

@@ -25,13 +25,13 @@ pub struct HostMachine {
 /// An input of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// The line was opened.
+    /// The caller has opened the line.
     Connected,
-    /// The line is gone.
+    /// The caller reports that the line is gone.
     Disconnected,
     /// The caller adds an instruction to the next frame.
     Submit {
-        /// The number of the instruction.
+        /// The number of the instruction, from 0.
         ticket: u64,
         /// The command word of the instruction.
         word: u16,
@@ -42,21 +42,21 @@ pub enum Input {
     TakeBack,
     /// The frame that was due is put on the line.
     Sent {
-        /// The time of its transmission.
+        /// The time that the bytes of the frame take on the line.
         line: Duration,
     },
     /// The last byte of the frame has left the port.
     Transmitted,
-    /// An answer.
+    /// A whole answer has come.
     Answer {
-        /// The word of the answer.
+        /// The command word or error code of the answer.
         word: u16,
         /// The meaning of the word as an error code; `None` if it is not an error code.
         refusal: Option<Refusal>,
     },
     /// Bytes that are not an answer.
     Corrupt,
-    /// A deadline has passed.
+    /// A deadline may have passed.
     Timeout,
     /// The caller continues after a refusal or an unknown outcome.
     Resume,

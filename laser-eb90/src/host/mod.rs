@@ -62,9 +62,9 @@ pub enum HostEvent {
     /// The controller echoed the command word: interpreted instructions are queued (not yet executed), an immediate one is
     /// executed.
     Done {
-        /// The first instruction.
+        /// The number of the first instruction, from 0.
         first: u64,
-        /// The number of instructions.
+        /// The number of instructions of the frame, from 1.
         count: u8,
         /// The number of times that the frame was resent.
         resends: u8,
@@ -74,32 +74,32 @@ pub enum HostEvent {
     },
     /// A query was answered: its values are in [`Host::answer`] until the next one is.
     Answer {
-        /// The query.
+        /// The number of the query, from 0.
         ticket: u64,
     },
     /// Only error codes: nothing of the frame was queued.
     Refused {
-        /// The first instruction.
+        /// The number of the first instruction, from 0.
         first: u64,
-        /// The number of instructions.
+        /// The number of instructions of the frame, from 1.
         count: u8,
-        /// The last error code.
+        /// The error code that came last.
         refusal: Refusal,
     },
     /// The instructions may have been queued or not, but not more than once unless
     /// [`resend_on_silence`](HostConfig::resend_on_silence) is on.
     Unknown {
-        /// The first instruction.
+        /// The number of the first instruction, from 0.
         first: u64,
-        /// The number of instructions.
+        /// The number of instructions of the frame, from 1.
         count: u8,
-        /// The reason.
+        /// The reason that the outcome is unknown.
         reason: UnknownReason,
     },
     /// A notice: an unsolicited answer. An assumption of [`HostConfig`] is wrong, or another host talks to the
     /// controller.
     Unasked {
-        /// The word of the answer.
+        /// The command word or error code of the answer.
         word: u16,
     },
     /// A notice: bytes that are not an answer.

@@ -12,9 +12,9 @@ use crate::message::Message;
 pub struct Received<M> {
     /// The frame's first byte, counted from the first byte that the decoder was given; wraps with `usize`.
     pub offset: usize,
-    /// The frame's length on the line.
+    /// The frame's length on the line, in bytes.
     pub length: usize,
-    /// The message.
+    /// The decoded message.
     pub message: M,
 }
 

@@ -13,7 +13,7 @@ pub enum DecodeError {
     /// Bytes without a start mark before them (§3.2).
     #[error("{length} bytes at byte {offset} are not part of a frame")]
     StartMark {
-        /// The first of these bytes.
+        /// The offset of the first of these bytes.
         offset: usize,
         /// The number of bytes up to the next start mark.
         length: usize,
@@ -35,13 +35,13 @@ pub enum DecodeError {
         offset: usize,
         /// The sum of the data.
         expected: u8,
-        /// The received checksum.
+        /// The checksum that came.
         found: u8,
     },
     /// More data than any message of this side has: the end of the frame was lost.
     #[error("frame at byte {offset} has more than {limit} data bytes")]
     TooLong {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
         /// The most data bytes that a message of this side has.
         limit: usize,
@@ -49,23 +49,23 @@ pub enum DecodeError {
     /// The line fell silent in the middle of a frame.
     #[error("frame at byte {offset} is cut off after {length} bytes")]
     Incomplete {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
-        /// The bytes that arrived.
+        /// The number of bytes of the frame that arrived.
         length: usize,
     },
     /// The control byte is not `1mm00eee` (§3.2.2).
     #[error("control byte {found:#04x} of the frame at byte {offset} is not 1mm00eee")]
     Control {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
-        /// The control byte.
+        /// The control byte that came.
         found: u8,
     },
     /// No message of this side has that many data bytes (§3.2.1, §3.2.2).
     #[error("{found} data bytes in the frame at byte {offset} do not match any message")]
     Length {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
         /// The number of data bytes.
         found: usize,
@@ -73,27 +73,27 @@ pub enum DecodeError {
     /// The answer to a start message is not 00, 01 or FF (§3.3.1).
     #[error("start reply {found:#04x} of the frame at byte {offset} is neither 0x00 nor 0x01 nor 0xff")]
     StartReply {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
-        /// The reply.
+        /// The code of the reply.
         found: u8,
     },
     /// The select byte sets bit 6 or 7, which name no axis (§3.3.2).
     #[error("select byte {found:#04x} of the frame at byte {offset} sets bits without an axis")]
     Select {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
-        /// The select byte.
+        /// The select byte that came.
         found: u8,
     },
     /// The reply does not hold one word for each bit of its select byte (§3.3.2).
     #[error("reply at byte {offset} selects {expected} data bytes but has {found}")]
     ReplyLength {
-        /// The frame's first byte.
+        /// The offset of the frame's first byte.
         offset: usize,
         /// The number of data bytes for the select byte.
         expected: usize,
-        /// The data bytes that arrived.
+        /// The number of data bytes that arrived.
         found: usize,
     },
 }
@@ -157,17 +157,17 @@ pub enum EncodeError {
     /// The output slice cannot hold the frame; nothing was written.
     #[error("frame has {needed} bytes, the output has room for {available}")]
     BufferTooSmall {
-        /// The frame's length.
+        /// The number of bytes of the frame.
         needed: usize,
-        /// The slice's length.
+        /// The number of bytes of the slice.
         available: usize,
     },
     /// More data than a frame of this link holds.
     #[error("{found} data bytes exceed the {limit} of a frame")]
     TooLong {
-        /// The data's length.
+        /// The number of data bytes.
         found: usize,
-        /// The most that fits.
+        /// The largest number of data bytes that fits.
         limit: usize,
     },
     /// A length or an angle outside the range of its 16-bit word (§3.3.2: ±1024 mm, ±180°).
@@ -187,16 +187,16 @@ pub enum SessionError {
     /// The ALTER instruction names no exception subroutine: an exception would abort the robot's program (§3).
     #[error("no exception subroutine is installed: an exception would abort the robot's program")]
     NoSubroutine,
-    /// ALTER is not running.
+    /// No ALTER is running, and the call needs one.
     #[error("ALTER is not running")]
     NotRunning,
     /// The exception before this one has not been sent yet.
     #[error("exception {pending} is not yet sent")]
     ExceptionPending {
-        /// The code that is pending.
+        /// The code of the exception that waits.
         pending: u8,
     },
-    /// ALTER runs already.
+    /// An ALTER runs already; it must end before the next one starts.
     #[error("ALTER is already started")]
     AlreadyStarted,
     /// The port is not open.
@@ -219,15 +219,15 @@ pub enum ConfigError {
         "at {baud} baud no value fits the reply window of mode {mode}: take a higher baud rate or a mode without transformation"
     )]
     Window {
-        /// The baud rate.
+        /// The configured rate of the line, in baud.
         baud: u32,
-        /// The mode.
+        /// The configured mode, as the mode byte of a start message.
         mode: u8,
     },
     /// A controller counts as lost after two cycles at the earliest: messages are a cycle apart.
     #[error("the loss timeout of {found} cycles is too short: messages are one cycle apart")]
     SilenceCycles {
-        /// The configured number.
+        /// The configured number of cycles.
         found: u32,
     },
     /// A controller makes at least one attempt to start.

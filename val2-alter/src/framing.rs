@@ -56,9 +56,9 @@ impl Default for Framing {
 #[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum LeadingDle {
-    /// `10 02`
+    /// One DLE before the STX: `10 02`.
     One,
-    /// `10 10 02`
+    /// Two DLEs before the STX: `10 10 02`.
     Two,
 }
 
@@ -99,6 +99,6 @@ impl TryFrom<u8> for LeadingDle {
 #[error("a start mark has one or two leading DLEs, not {found}")]
 #[non_exhaustive]
 pub struct LeadingDleError {
-    /// The count.
+    /// The number of DLEs that was given.
     pub found: u8,
 }

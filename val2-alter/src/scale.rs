@@ -16,9 +16,9 @@ use crate::error::EncodeError;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
-    /// Units in a millimetre.
+    /// The number of units in a millimetre.
     pub per_mm: f64,
-    /// Units in a degree.
+    /// The number of units in a degree.
     pub per_degree: f64,
 }
 

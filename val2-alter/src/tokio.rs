@@ -74,7 +74,7 @@ pub enum Error {
     /// There is no connection; nothing was sent.
     #[error("not connected: {0}")]
     NotConnected(Arc<io::Error>),
-    /// The task has ended.
+    /// The task has ended, so that the call has no outcome.
     #[error(transparent)]
     Closed(#[from] Closed),
 }
@@ -132,7 +132,7 @@ impl Arm {
 /// A call of an [`Arm`].
 #[derive(Debug)]
 pub enum Call {
-    /// Brings it to rest.
+    /// Brings the arm to rest, and ends ALTER.
     Stop(Reply<Result<(), Error>>),
     /// Sets the policy for starts.
     Policy(Policy, Reply<Result<(), Error>>),

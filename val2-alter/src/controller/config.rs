@@ -12,7 +12,7 @@ use crate::timing::{self, Budget};
 /// The configuration of a [`Controller`](crate::Controller): the ALTER instruction and the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerConfig {
-    /// The envelope. Default: [`Framing::DEFAULT`].
+    /// The envelope of the messages. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
     /// The line's baud rate: the reply window opens when the request has left, and bytes that arrive before are not a reply
     /// to it. Default: 38400.
@@ -96,9 +96,9 @@ pub enum Unselected {
     /// Cumulative: zero, nothing moves. Non-cumulative: as before, the offset stays.
     #[default]
     ByMode,
-    /// As before, even in cumulative mode: the words of the source.
+    /// As before, in both modes: the words of the source.
     Hold,
-    /// Zero in both.
+    /// Zero in both modes.
     Zero,
 }
 
@@ -125,9 +125,9 @@ pub enum ControllerEvent {
     Refused,
     /// No start message was accepted.
     GaveUp,
-    /// A reply was accepted.
+    /// A reply was accepted in its window.
     Reply {
-        /// The reply.
+        /// The reply as it came.
         #[cfg_attr(feature = "serde", serde(rename = "message", serialize_with = "message"))]
         reply: Reply,
         /// The effect on the arm: the increments of this cycle (cumulative), or the offset of the arm from the path

@@ -6,9 +6,9 @@ use crate::message::{ErrorCode, Exception, MotionPhase, StartCode};
 /// An input, as decoded by the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// The port was opened.
+    /// The caller has opened the port.
     Connected,
-    /// The port is gone.
+    /// The caller reports that the port is gone.
     Disconnected,
     /// Bytes came; a frame may have begun that is not whole.
     Bytes {
@@ -26,9 +26,9 @@ pub enum Input {
     },
     /// The code of bytes that are not a message.
     Corrupt(ErrorCode),
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
-    /// The message that was due, of this many bytes, is sent.
+    /// The message that was due is sent.
     Sent {
         /// The length of the message in bytes.
         len: u8,
@@ -38,24 +38,24 @@ pub enum Input {
         /// Whether the event queue has space for its outcomes.
         has_room: bool,
     },
-    /// The program ends ALTER.
+    /// The program ends ALTER: an end message is to be sent.
     Finish,
     /// The program runs a subroutine without an exception of the host.
     Interrupt,
-    /// The exception subroutine returns.
+    /// The program reports that the exception subroutine returns.
     Return,
 }
 
 /// An action of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// The caller's request is not possible.
     Refuse(SessionError),
     /// A new ALTER: all words are zero.
     Begin,
-    /// A message was sent.
+    /// The message that was due is recorded as sent.
     Sent(Outgoing),
     /// A reply was accepted; it may have an exception.
     Take(Taken, Option<Handling>),
@@ -78,27 +78,27 @@ pub enum Action {
 /// A message that is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outgoing {
-    /// A start message.
+    /// A start message, with the error of the last answer.
     Start(ErrorCode),
-    /// A standard message.
+    /// A standard message, with the phase and the error of the last reply.
     Motion(MotionPhase, ErrorCode),
-    /// An end message.
+    /// An end message, with the error of the last reply.
     End(ErrorCode),
 }
 
 /// The effect of a reply's values on the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Taken {
-    /// Its values move the arm.
+    /// The values of the reply move the arm.
     Moves,
-    /// The arm does not use its values.
+    /// The arm does not use the values of the reply.
     Rests,
 }
 
 /// The treatment of an exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Handling {
-    /// The subroutine begins.
+    /// The exception subroutine begins.
     Subroutine(Exception),
     /// The program has no subroutine, and is aborted.
     Abort(Exception),
@@ -108,11 +108,11 @@ pub enum Handling {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StartOutcome {
-    /// The host accepted.
+    /// The host accepted: standard messages follow.
     Started,
-    /// The host refused.
+    /// The host refused: the program ends with an error.
     Refused,
-    /// All attempts have failed.
+    /// All attempts have failed: no start message was accepted.
     GaveUp,
 }
 

@@ -9,7 +9,7 @@ use crate::message::ErrorCode;
 #[doc = include_str!("../../diagrams/controller.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ControllerMachine {
-    /// The current phase.
+    /// The phase: whether the port is open, and whether ALTER runs.
     pub phase: ControllerPhase,
     /// The time at which a silence ends the frame that has begun; `None`: no frame has begun.
     pub gap_at: Option<Duration>,
@@ -20,7 +20,7 @@ pub struct ControllerMachine {
 pub enum ControllerPhase {
     /// The port is not open.
     Disconnected,
-    /// No ALTER.
+    /// The port is open, and no ALTER runs.
     Off,
     /// The ALTER instruction is executed.
     On(Alter),
@@ -33,11 +33,11 @@ pub struct Alter {
     pub progress: Progress,
     /// The end whose turn it is.
     pub turn: Turn,
-    /// The error of the last reply, for the next message.
+    /// The error of the last reply, which the next message reports.
     pub error: ErrorCode,
     /// The time at which the next message is to be sent; while a window is open, not before it closes.
     pub slot: Duration,
-    /// The slot after it.
+    /// The time of the slot after `slot`.
     pub following: Duration,
 }
 
@@ -46,7 +46,7 @@ pub struct Alter {
 pub enum Progress {
     /// Start messages are sent until one is accepted or there were enough.
     Starting {
-        /// Start messages sent.
+        /// The number of start messages sent.
         attempts: u8,
     },
     /// The replies move the arm.

@@ -13,7 +13,7 @@ use crate::timing::{self, Budget, after};
 /// Settings of a [`Host`](crate::Host).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
-    /// The envelope. Default: [`Framing::DEFAULT`].
+    /// The envelope of the messages. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
     /// The line's baud rate, which determines the transmission time of a reply. Default: 38400.
     pub baud: u32,
@@ -198,7 +198,7 @@ pub enum HostEvent {
     Lost(LostReason),
     /// The outcome of an exception.
     Exception {
-        /// The exception.
+        /// The exception that the caller gave.
         exception: Exception,
         /// The outcome of the exception.
         outcome: ExceptionOutcome,
@@ -238,7 +238,7 @@ pub enum LostReason {
     Silence,
     /// The controller sent a new start message.
     Restart,
-    /// The connection is gone.
+    /// The connection is gone: the port was closed or has failed.
     Disconnected,
 }
 

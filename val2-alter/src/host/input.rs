@@ -7,9 +7,9 @@ use crate::message::{AXES, ErrorCode, Exception, MotionPhase, StartCode};
 /// An input, as decoded by the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// The port was opened.
+    /// The caller has opened the port.
     Connected,
-    /// The port is gone.
+    /// The caller reports that the port is gone.
     Disconnected,
     /// Bytes came; a frame may have begun that is not whole.
     Bytes {
@@ -18,31 +18,31 @@ pub enum Input {
     },
     /// A start message, with the configured mode or another.
     Start {
-        /// Whether it names the configured mode.
+        /// Whether the message names the configured mode.
         is_expected: bool,
     },
-    /// A standard message of this many bytes.
+    /// A standard message has come.
     Motion {
-        /// Whether ALTER is interrupted.
+        /// The phase of ALTER: running or interrupted.
         phase: MotionPhase,
-        /// The error of the last reply.
+        /// The controller's error code for the last reply.
         error: ErrorCode,
         /// The length of the message in bytes.
         len: usize,
     },
-    /// An end message.
+    /// The controller has sent an end message.
     End,
-    /// A corrupt frame.
+    /// The bytes of a frame that is not a message.
     CorruptFrame,
     /// Bytes outside of any frame.
     Noise,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
-    /// The answer was sent.
+    /// The answer that was due is sent.
     Sent {
         /// Bit *i*: word *i* of the answer is not zero.
         moving: u8,
-        /// Whether it is all zeros, and no axis moves.
+        /// Whether the answer is all zeros, and no axis moves.
         at_rest: bool,
     },
     /// The answer that was due does not end in time.
@@ -56,12 +56,12 @@ pub enum Input {
     NoTarget,
     /// The caller has an exception.
     Exception {
-        /// The code.
+        /// The exception to send.
         exception: Exception,
         /// Whether the event queue has space for the outcome.
         has_room: bool,
     },
-    /// The caller stops.
+    /// The caller stops ALTER: the values go to zero.
     Stop,
     /// The policy for start messages from now on.
     Policy(Policy),
@@ -73,9 +73,9 @@ pub enum Input {
 /// [fit](crate::host::machine::HostMachine::fits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Draft {
-    /// The length without words.
+    /// The length of the answer without words, in bytes on the line.
     pub bare: u8,
-    /// The length of each word.
+    /// The length of each word, in bytes on the line.
     pub words: [u8; AXES],
     /// Bit *i*: value *i* is not zero.
     pub moving: u8,
@@ -92,7 +92,7 @@ pub enum Answer {
     Reply {
         /// The course of the values.
         course: Course,
-        /// The exception in it.
+        /// The exception in the reply; [`Exception::None`] without one.
         exception: Exception,
     },
 }
@@ -100,9 +100,9 @@ pub enum Answer {
 /// The course of the values in a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Course {
-    /// To the caller's target.
+    /// The values follow the caller's target.
     Target,
-    /// To zero.
+    /// The values go to zero.
     Zero,
     /// An offset brakes and stays.
     Hold,
@@ -116,7 +116,7 @@ pub type Outcome = Option<(Exception, ExceptionOutcome)>;
 /// An action of the host. It reports in the order of the fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// The caller's request is not possible.
     Refuse(SessionError),
@@ -124,11 +124,11 @@ pub enum Action {
     EndFrame,
     /// A message was not answered in time: the arm is at rest.
     Missed,
-    /// No target came.
+    /// The target has expired, since the caller has not set another.
     Stale,
     /// A standard message to be answered.
     Asked(Judged),
-    /// A stop is done.
+    /// The stop is done: the controller has read zeros.
     Stopped(Judged),
     /// The outcome of the exception.
     Exception(Exception, ExceptionOutcome),
@@ -136,11 +136,11 @@ pub enum Action {
     Ended(Outcome),
     /// ALTER is over without an end message.
     Lost {
-        /// Whether a message was not answered.
+        /// Whether a message was not answered in time.
         missed: bool,
-        /// The outcome of the exception.
+        /// The outcome of the caller's exception; `None` without one.
         outcome: Outcome,
-        /// The reason.
+        /// The reason that ALTER is over.
         reason: LostReason,
     },
     /// The answer to a start message was sent.
@@ -152,14 +152,14 @@ pub enum Action {
 /// The results that a standard message shows about the previous one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Judged {
-    /// Whether it was not answered in time.
+    /// Whether the previous message was not answered in time.
     pub missed: bool,
-    /// Whether it was read later than the longest delay that the host assumes.
+    /// Whether the previous message was read later than the longest delay that the host assumes.
     pub delayed: bool,
-    /// The error if the controller could not read a reply, and whether that was the last reply: the arm did not move
-    /// by it.
+    /// The error if the controller could not read a reply, and whether that was the last reply: the arm did not move by it.
+    /// `None` without an error.
     pub rejected: Option<(ErrorCode, bool)>,
-    /// The outcome of the exception.
+    /// The outcome of the exception; `None` if it is not known yet, or there is no exception.
     pub outcome: Outcome,
 }
 

@@ -427,7 +427,7 @@ impl End for Host {
 pub enum HostState {
     /// The port is not open.
     Disconnected,
-    /// No ALTER.
+    /// The port is open, and no ALTER runs.
     Idle,
     /// A start message was received and is not answered yet.
     Starting,

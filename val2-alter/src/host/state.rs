@@ -12,7 +12,7 @@ use crate::message::{Exception, MotionPhase};
 #[doc = include_str!("../../diagrams/host.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct HostMachine {
-    /// The current phase.
+    /// The phase: whether the port is open, and whether ALTER runs.
     pub phase: HostPhase,
     /// The policy for start messages.
     pub policy: Policy,
@@ -27,22 +27,22 @@ pub struct HostMachine {
 pub enum HostPhase {
     /// The port is not open.
     Disconnected,
-    /// No ALTER.
+    /// The port is open, and no ALTER runs.
     Idle,
     /// A corrupt frame came that may have been a start message.
     Repeating {
-        /// The number of requests in a row to repeat it.
+        /// The number of requests in a row to repeat the start message.
         asked: u8,
-        /// The answer that is due.
+        /// The time by which the answer must leave; `None` if it was sent.
         answer: Option<Due>,
         /// The time at which the count restarts.
         forget_at: Duration,
     },
     /// A start message is not answered yet.
     Starting {
-        /// Whether it names the configured mode.
+        /// Whether the message names the configured mode.
         is_expected: bool,
-        /// The answer that is due.
+        /// The time by which the answer must leave.
         answer: Due,
     },
     /// A start message was accepted.
@@ -59,20 +59,20 @@ pub enum HostPhase {
 pub struct Active {
     /// The stage of the ALTER.
     pub stage: Stage,
-    /// The message to be answered.
+    /// The message to be answered; `None` if the last one was.
     pub request: Option<Request>,
     /// The time at which the controller counts as lost.
     pub lost_at: Duration,
     /// Whether the values follow the caller.
     pub target: Target,
-    /// The caller's exception.
+    /// The state of the caller's exception.
     pub exception: Pending,
     /// Bit *i*: the controller may hold a word *i* that is not zero, however it treats words that are left out.
     pub kept: u8,
-    /// The same if it has read the last reply. If replies may be late: the bits of all replies since `settles_at` was
-    /// set.
+    /// Bit *i*: the controller may hold a word *i* that is not zero if it has read the last reply. If replies may be late: the
+    /// bits of all replies since `settles_at` was set.
     pub sent: u8,
-    /// If replies may be late: the time after which no reply from before it was set can arrive any more.
+    /// If replies may be late: the time after which no reply from before it was set can arrive any more. Otherwise `None`.
     pub settles_at: Option<Duration>,
     /// Whether the last message was answered, and nothing corrupt has come since.
     pub in_sequence: bool,
@@ -97,11 +97,11 @@ pub enum Stage {
 /// Whether the values follow the caller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target {
-    /// No target was set.
+    /// The caller has not set a target in this ALTER.
     Unset,
-    /// A target was set.
+    /// A target was set, and is followed.
     Fresh {
-        /// The time at which it expires.
+        /// The time at which the target expires.
         until: Duration,
     },
     /// The target is too old.
@@ -111,16 +111,16 @@ pub enum Target {
 /// The caller's exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Pending {
-    /// No exception.
+    /// There is no exception.
     None,
-    /// To be sent with the next reply.
+    /// An exception to be sent with the next reply.
     Unsent(Exception),
-    /// Sent with the last reply.
+    /// An exception that was sent with the last reply.
     Sent(Exception),
-    /// Sent with the reply before the last message, which reported that no reply was read: it may have come late
-    /// since.
+    /// An exception that was sent with the reply before the last message, which reported that no reply was read: the reply may
+    /// have come late since.
     Unread {
-        /// The code.
+        /// The exception that was sent.
         exception: Exception,
         /// Whether that message followed directly, and nothing corrupt has come since.
         in_sequence: bool,
@@ -133,7 +133,7 @@ pub enum Pending {
 pub struct Request {
     /// The time by which the reply must leave.
     pub due: Due,
-    /// Whether ALTER is interrupted.
+    /// The phase of ALTER in the message: running or interrupted.
     pub phase: MotionPhase,
 }
 

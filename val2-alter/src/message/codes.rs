@@ -151,7 +151,7 @@ codes! {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum StartCode {
-    /// 00: ready for ALTER.
+    /// 00: the host is ready for ALTER.
     Accept,
     /// 01: the start message was corrupt and is to be repeated.
     Repeat,

@@ -101,9 +101,9 @@ pub enum Accumulation {
 /// The frame that values are given in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CoordinateFrame {
-    /// World coordinates: the robot's base.
+    /// World coordinates, of the robot's base.
     World,
-    /// Tool coordinates: the gripper.
+    /// Tool coordinates, of the gripper.
     Tool,
 }
 

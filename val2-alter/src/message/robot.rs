@@ -268,7 +268,7 @@ impl Motion {
 pub enum MotionPhase {
     /// 00: values change the path.
     Running,
-    /// 10: ALTER is interrupted.
+    /// 10: ALTER is interrupted by a subroutine, and values have no effect.
     Interrupted,
 }
 

@@ -69,7 +69,7 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
 /// A message with the envelope in which it is written: the item of a framed transport (`robot_session::tokio::Codec`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Framed<M> {
-    /// The message.
+    /// The message in the envelope.
     pub message: M,
     /// The envelope of the message.
     pub framing: Framing,

@@ -5,9 +5,9 @@ use super::evaluate::{Deviation, State};
 /// The bounds within which a share of 95 % of the results of other stretches of the same motion lie.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Bounds {
-    /// The least.
+    /// The least value, in the unit of the figure.
     pub low: f64,
-    /// The greatest.
+    /// The greatest value, in the unit of the figure.
     pub high: f64,
 }
 

@@ -195,16 +195,16 @@ pub enum Error {
     /// A scale or a limit that is not above zero.
     #[error("axis {index}: the scale and the limits must be above zero")]
     Axis {
-        /// The axis.
+        /// The index of the axis, 0 for X to 5 for R.
         index: usize,
     },
-    /// A period of zero.
+    /// The interpolation period is zero.
     #[error("the interpolation period must not be zero")]
     Period,
     /// A speed that is not a number.
     #[error("axis {index}: the speed is not a finite number")]
     Speed {
-        /// The axis.
+        /// The index of the axis, 0 for X to 5 for R.
         index: usize,
     },
 }

@@ -14,15 +14,15 @@ use super::tracker::MotionSample;
 /// The motion at a time.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct State {
-    /// In seconds, on the motion's own clock.
+    /// The time on the motion's own clock, in s.
     pub time: f64,
     /// X, Y, Z in mm.
     pub position: [f64; 3],
-    /// The tool's orientation.
+    /// The tool's orientation in the world frame.
     pub orientation: Quaternion,
-    /// In mm/s.
+    /// The velocity of the tool along X, Y, Z, in mm/s.
     pub velocity: [f64; 3],
-    /// About the world's axes, in degrees a second.
+    /// The angular velocity about the world's axes, in degrees a second.
     pub angular_velocity: [f64; 3],
 }
 
@@ -70,13 +70,13 @@ pub fn differentiate(states: &mut [State]) {
 pub struct Deviation {
     /// The time on the recording's clock, in s.
     pub time: f64,
-    /// In mm.
+    /// The error of X, Y, Z, in mm.
     pub position: [f64; 3],
     /// The rotation from the requested orientation to the recorded one: a rotation vector in degrees (footnote 5).
     pub rotation: [f64; 3],
-    /// In mm/s.
+    /// The error of the velocity along X, Y, Z, in mm/s.
     pub velocity: [f64; 3],
-    /// In degrees a second.
+    /// The error of the angular velocity about the world's axes, in degrees a second.
     pub angular_velocity: [f64; 3],
 }
 
@@ -194,9 +194,9 @@ pub struct Summary {
 /// The greatest and the root mean square of a deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Figures {
-    /// The greatest.
+    /// The greatest value, 0 without any.
     pub max: f64,
-    /// The root mean square.
+    /// The root mean square of the values, 0 without any.
     pub rms: f64,
 }
 

@@ -11,9 +11,9 @@ use super::trajectory::Trajectory;
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
-    /// J1 to J6.
+    /// The limits of J1 to J6.
     pub joints: [JointLimits; 6],
-    /// The lengths of its arm.
+    /// The lengths of the arm; `None` if they are not known.
     #[serde(default)]
     pub arm: Option<Dimensions>,
 }
@@ -22,15 +22,15 @@ pub struct Limits {
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dimensions {
-    /// From the axis of J1 to the axis of J2, horizontally.
+    /// The distance from the axis of J1 to the axis of J2, horizontally.
     pub shoulder: f64,
-    /// From J2 to J3; above 0.
+    /// The distance from J2 to J3; above 0.
     pub upper_arm: f64,
-    /// From J3 up to the axis of J4, with the forearm level.
+    /// The distance from J3 up to the axis of J4, with the forearm level.
     pub elbow: f64,
-    /// From J3 to the wrist's centre along the forearm; above 0.
+    /// The distance from J3 to the wrist's centre along the forearm; above 0.
     pub forearm: f64,
-    /// From the wrist's centre to the flange.
+    /// The distance from the wrist's centre to the flange.
     pub flange: f64,
 }
 
@@ -126,18 +126,18 @@ pub enum LimitsError {
         "line {line}, column {column}: expected {{\"joints\": [{{\"min\": -170, \"max\": 170, \"speed\": 450}}, …]}} with six joints"
     )]
     Json {
-        /// The line, from 1.
+        /// The line of the text, from 1.
         line: usize,
-        /// The column, from 1.
+        /// The column of the line, from 1.
         column: usize,
     },
     /// A joint that could not move.
     #[error("J{joint}: min must be below max, and speed above 0")]
     Joint {
-        /// The joint, from 1.
+        /// The number of the joint, 1 to 6.
         joint: u8,
     },
-    /// An arm without length.
+    /// An arm whose links have no length.
     #[error("arm: upper_arm and forearm must be above 0")]
     Arm,
 }
@@ -149,27 +149,27 @@ pub enum LimitError {
     /// An angle out of the joint's range.
     #[error("J{joint} is {value:.3}° at {time:.3} s: the robot's range is {min}° to {max}°")]
     Angle {
-        /// The joint, from 1.
+        /// The number of the joint, 1 to 6.
         joint: u8,
         /// The time of the sample in s.
         time: f64,
-        /// The angle in degrees.
+        /// The angle of the sample, in degrees.
         value: f64,
-        /// The least angle.
+        /// The least angle of the joint, in degrees.
         min: f64,
-        /// The greatest angle.
+        /// The greatest angle of the joint, in degrees.
         max: f64,
     },
     /// A joint that would exceed its greatest speed.
     #[error("J{joint} moves at {value:.0}°/s until {time:.3} s: the robot's limit is {limit}°/s")]
     Speed {
-        /// The joint, from 1.
+        /// The number of the joint, 1 to 6.
         joint: u8,
         /// The time of the later sample in s.
         time: f64,
         /// The speed in degrees a second.
         value: f64,
-        /// The greatest speed.
+        /// The greatest speed of the joint, in degrees a second.
         limit: f64,
     },
 }

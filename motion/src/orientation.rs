@@ -6,11 +6,14 @@ use libm::{asin, atan2, cos, fabs, sin, sqrt};
 
 /// A unit quaternion: the orientation of the tool in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-#[allow(missing_docs, reason = "the usual names")]
 pub struct Quaternion {
+    /// The scalar part: the cosine of half the angle, −1 to 1.
     pub w: f64,
+    /// The part along X, −1 to 1.
     pub x: f64,
+    /// The part along Y, −1 to 1.
     pub y: f64,
+    /// The part along Z, −1 to 1.
     pub z: f64,
 }
 

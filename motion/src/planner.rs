@@ -32,9 +32,10 @@ pub struct Planner {
 /// The goal of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
-    /// Joint angles in degrees.
+    /// The angles of J1 to J6, in degrees.
     Joints([f64; 6]),
-    /// The tool's pose in the world frame, the arm folded so, if it is known, with the turns of J4, J5 and J6.
+    /// The tool's pose in the world frame; then the posture of the arm and the turns of J4, J5 and J6, `None` if they are not
+    /// known.
     Pose(Pose, Option<(Posture, [i16; 3])>),
 }
 
@@ -45,14 +46,14 @@ pub enum Way {
     Joint,
     /// A straight line of the tool.
     Linear,
-    /// An arc of the tool through this place, in mm.
+    /// An arc of the tool through this point: X, Y, Z in mm.
     Arc([f64; 3]),
 }
 
 /// The speed of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pace {
-    /// A share of the joints' greatest speeds.
+    /// A share of the joints' greatest speeds, above 0 to 1.
     Share(f64),
     /// The tool's speed in mm/s.
     Path(f64),
@@ -67,13 +68,13 @@ pub enum Pace {
 pub struct Move {
     /// The goal of the motion.
     pub goal: Goal,
-    /// The way there.
+    /// The path of the tool to the goal.
     pub way: Way,
     /// The speed of the motion.
     pub pace: Pace,
     /// The length of the moving average, in s: the time in which the arm gets its speed.
     pub ramp: f64,
-    /// The share of the average for which the next motion need not wait: 0 stops at the goal.
+    /// The share of the average for which the next motion need not wait, 0 to 1: 0 stops at the goal.
     pub blend: f64,
 }
 
@@ -83,12 +84,26 @@ pub struct Move {
 pub enum MoveError {
     /// No joint angles bring the tool there.
     #[error("the robot cannot reach X {x:.1} Y {y:.1} Z {z:.1} mm in that orientation")]
-    #[allow(missing_docs, reason = "the place, in mm")]
-    Unreachable { x: f64, y: f64, z: f64 },
+    Unreachable {
+        /// X of the goal, in mm.
+        x: f64,
+        /// Y of the goal, in mm.
+        y: f64,
+        /// Z of the goal, in mm.
+        z: f64,
+    },
     /// A joint would leave its range.
     #[error("J{joint} would be at {value:.1}°: its range is {min}° to {max}°")]
-    #[allow(missing_docs, reason = "the joint, its angle and its range")]
-    Joint { joint: u8, value: f64, min: f64, max: f64 },
+    Joint {
+        /// The number of the joint, 1 to 6.
+        joint: u8,
+        /// The angle that the joint would have, in degrees.
+        value: f64,
+        /// The least angle of the joint, in degrees.
+        min: f64,
+        /// The greatest angle of the joint, in degrees.
+        max: f64,
+    },
     /// The three places of an arc are on one line.
     #[error("the points of the arc are on one line")]
     Arc,

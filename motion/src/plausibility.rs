@@ -12,7 +12,7 @@ use crate::{Arm, Limits, Pose, Quaternion};
 pub enum Fault {
     /// A value is not a number.
     Nan,
-    /// A value is infinite.
+    /// A value is plus or minus infinity.
     Infinite,
     /// A value is above zero and below 1.2e-38: an integer that is read as a real, or words in the wrong order.
     Denormal,

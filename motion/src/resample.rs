@@ -10,11 +10,11 @@ use super::trajectory::{JointSample, Trajectory};
 /// The choice of points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Sampling {
-    /// At each such way of the tool, in mm.
+    /// After each such way of the tool, in mm.
     Distance(f64),
-    /// At each such turn of the tool, in degrees.
+    /// After each such turn of the tool, in degrees.
     Angle(f64),
-    /// After this many seconds.
+    /// After each such time, in s.
     Time(f64),
     /// Samples after `max` seconds if nothing accelerates, after `min` seconds at the greatest acceleration, and in
     /// proportion between: dense where the motion changes. The source rates this sampling best. The acceleration is taken
@@ -24,7 +24,7 @@ pub enum Sampling {
         min: f64,
         /// The longest step in s (tdMax).
         max: f64,
-        /// The acceleration that counts.
+        /// The acceleration on which the step depends.
         by: Acceleration,
     },
 }
@@ -44,10 +44,10 @@ pub enum Acceleration {
 /// The rounding of speeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SpeedStep {
-    /// In whole mm/s, as the source does.
+    /// To whole mm/s, as the source does.
     #[default]
     Whole,
-    /// In tenths of mm/s.
+    /// To tenths of mm/s.
     Tenth,
 }
 
@@ -55,7 +55,7 @@ pub enum SpeedStep {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Resampling {
-    /// The choice of points.
+    /// The choice of points on the trajectory.
     pub sampling: Sampling,
     /// The rounding of speeds. No speed is below 1 mm/s.
     pub speed: SpeedStep,
@@ -191,7 +191,7 @@ fn push(times: &mut Vec<f64>, time: f64) -> Result<(), ResampleError> {
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 #[non_exhaustive]
 pub struct Report {
-    /// The spline moves.
+    /// The number of spline moves.
     pub moves: usize,
     /// The length of the tool's path in mm.
     pub length: f64,

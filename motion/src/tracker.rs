@@ -52,7 +52,7 @@ pub enum Observation {
     Repeated,
     /// The life counter has gone back: the controller was restarted, and this is a first block.
     Restarted,
-    /// A sample.
+    /// A new run of the task, with the motion since the previous block.
     Sample(MotionSample),
 }
 
@@ -67,7 +67,7 @@ pub struct MotionSample {
     pub position: [f64; 3],
     /// The orientation; its sign follows the sample before.
     pub orientation: Quaternion,
-    /// In mm/s, from the block before to this one.
+    /// The velocity along X, Y, Z in mm/s, from the block before to this one.
     pub velocity: [f64; 3],
     /// The quaternion's derivative a second, from the block before to this one.
     pub quaternion_rate: [f64; 4],
@@ -80,15 +80,15 @@ pub struct MotionSample {
 /// Counts of the blocks that were read, and of missed runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Counts {
-    /// Blocks that were compared with one before them.
+    /// The number of blocks that were compared with one before them.
     pub samples: u64,
-    /// Blocks that were read twice.
+    /// The number of blocks that were read twice.
     pub repeated: u64,
-    /// Times that runs were missed: more than half a polling interval beyond one.
+    /// The number of times that runs were missed: more than half a polling interval beyond one.
     pub gaps: u64,
-    /// Runs that were missed, without those that the polling interval skips.
+    /// The number of runs that were missed, without those that the polling interval skips.
     pub missed: u64,
-    /// Restarts of the controller.
+    /// The number of restarts of the controller.
     pub restarts: u64,
 }
 

@@ -113,12 +113,12 @@ impl Trajectory {
 #[error("line {line}, column {column}: {reason}")]
 #[non_exhaustive]
 pub struct TrajectoryError {
-    /// The reason.
+    /// The reason that the line or the sample is invalid.
     #[serde(rename = "kind")]
     pub reason: TrajectoryReason,
-    /// The line, from 1.
+    /// The line of the text, from 1; without a text, the sample.
     pub line: usize,
-    /// The column, from 1.
+    /// The column of the line in characters, from 1.
     pub column: usize,
 }
 
@@ -130,7 +130,7 @@ pub enum TrajectoryReason {
     /// A line without seven columns.
     #[error("expected seven columns: time in s, J1 to J6 in degrees; found {found}")]
     Columns {
-        /// The columns there are.
+        /// The number of columns of the line.
         found: usize,
     },
     /// A value that is not a number.
@@ -142,7 +142,7 @@ pub enum TrajectoryReason {
     /// More than a day after the first sample.
     #[error("expected a time at most {MAX_SPAN} s after the first")]
     Span,
-    /// Fewer than two samples.
+    /// The table has fewer than two samples.
     #[error("expected at least two samples")]
     Short,
 }

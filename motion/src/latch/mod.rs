@@ -31,50 +31,50 @@ pub use config::Rule;
 /// The latch. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Latch {
-    /// No ALTER.
+    /// No ALTER runs.
     Off(Cause),
-    /// ALTER is interrupted.
+    /// ALTER is interrupted: the exception subroutine runs.
     Interrupted,
     /// ALTER runs, and the robot brakes the arm or has stopped it.
     Halted,
     /// The hand moves nothing until it has rested.
     Disarmed(Cause),
-    /// The hand rests.
+    /// The hand rests, and has not rested long enough.
     Resting {
-        /// The reason that it has to rest.
+        /// The reason that the hand has to rest.
         cause: Cause,
-        /// The time until which its values may be used.
+        /// The time until which the hand's values may be used.
         fresh_until: Duration,
-        /// The time at which it has rested long enough.
+        /// The time at which the hand has rested long enough.
         rested_at: Duration,
     },
     /// The hand has rested; a key has to confirm it.
     Ready {
-        /// The reason that it had to rest.
+        /// The reason that the hand had to rest.
         cause: Cause,
-        /// The time until which its values may be used.
+        /// The time until which the hand's values may be used.
         fresh_until: Duration,
     },
     /// The hand moves the arm.
     Armed {
-        /// The time until which its values may be used.
+        /// The time until which the hand's values may be used.
         fresh_until: Duration,
     },
     /// The operator has stopped: the values go to zero, then ALTER ends.
     Stopping,
-    /// The same, and then the program ends.
+    /// The program is to end: the values go to zero, then ALTER ends.
     Ending {
-        /// At the latest.
+        /// The time at which the program ends at the latest.
         by: Duration,
     },
-    /// The program ends.
+    /// The program ends now.
     Ended,
 }
 
 /// The reason that the hand does not move the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cause {
-    /// No ALTER runs.
+    /// No ALTER runs that could move the arm.
     NoAlter,
     /// ALTER has begun.
     Start,
@@ -84,7 +84,7 @@ pub enum Cause {
     Halt,
     /// The input sends no new values.
     OldValues,
-    /// The input is gone.
+    /// The input device is gone.
     InputLost,
     /// The key that must be held was let go.
     KeyReleased,
@@ -99,9 +99,9 @@ pub enum Cause {
 pub enum LatchInput {
     /// ALTER begins: a start message has come.
     Connected,
-    /// ALTER is over.
+    /// ALTER is over, or the port is gone.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
     /// Messages of a running ALTER are to be answered with values.
     Running,
@@ -117,18 +117,18 @@ pub enum LatchInput {
         rests: bool,
         /// Whether the key to be held is pressed.
         holds: bool,
-        /// The time until which they may be used.
+        /// The time until which the values may be used.
         fresh_until: Duration,
     },
     /// The input sends no new values.
     OldValues,
-    /// The input is gone.
+    /// The input device is gone.
     InputLost,
     /// The meaning of the values has changed.
     Profile,
     /// The operator confirms that the hand may move the arm.
     Confirm,
-    /// The operator stops.
+    /// The operator stops the arm and ends ALTER.
     Stop,
     /// The program is to end.
     End,
@@ -137,7 +137,7 @@ pub enum LatchInput {
 /// An action of the latch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum LatchAction {
-    /// Nothing.
+    /// The caller has nothing to do.
     Nothing,
     /// Shows the state of the latch.
     Report,

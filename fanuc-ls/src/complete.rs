@@ -15,7 +15,7 @@ use crate::statement::Statement;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Completion {
-    /// The text.
+    /// The text that completes the word.
     pub text: String,
     /// The bytes of the document that it would replace: the part of the text that is there already.
     pub place: Range<usize>,

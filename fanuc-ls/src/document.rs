@@ -45,7 +45,7 @@ pub struct Document {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Encoding {
-    /// UTF-8.
+    /// UTF-8, of which ASCII is a part.
     #[default]
     Utf8,
     /// A byte a character, Latin-1, if the text is not UTF-8. Controllers write comments in the character set of their settings.

@@ -28,25 +28,25 @@ pub struct Entry<'a> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Content<'a> {
-    /// The line of `/PROG`.
+    /// The line of `/PROG`: the name of the program.
     Program {
-        /// The program's name.
+        /// The name of the program.
         name: &'a str,
-        /// The word after the name, such as `Macro`.
+        /// The word after the name, such as `Macro`; `None` without one.
         kind: Option<&'a str>,
     },
-    /// One of `/ATTR`.
+    /// An attribute of `/ATTR`.
     Attribute(Attribute),
     /// A line of `/APPL` that is not blank.
     Application(&'a str),
-    /// One of `/MN`.
+    /// A line of `/MN`.
     Statement {
         /// The number of the line. `None` if it is left out, or the line belongs to the motion above it.
         number: Option<usize>,
         /// The instruction as a value.
         instruction: Instruction,
     },
-    /// One of `/POS`.
+    /// A position of `/POS`.
     Position(Position),
 }
 

@@ -73,7 +73,7 @@ pub enum Reason {
     /// A speed without a unit that the controller knows.
     #[error("expected a unit: %, sec, msec, mm/sec, cm/min, inch/min or deg/sec")]
     SpeedUnit,
-    /// A smoothness outside 0..=100.
+    /// A smoothness (CNT) outside 0..=100.
     #[error("expected CNT with 0 to 100, or with a register")]
     Continuous,
     /// Text in `/POS` that is not a position.
@@ -106,12 +106,12 @@ pub enum Reason {
     /// The program's name is longer than [`Rules::name_limit`](crate::Rules::name_limit).
     #[error("expected a name of {limit} characters at most, found {found}")]
     NameLength {
-        /// The name's length.
+        /// The number of characters of the name.
         found: usize,
-        /// The limit that was set.
+        /// The largest number of characters that the rules allow.
         limit: usize,
     },
-    /// Text after `/END`.
+    /// Text that follows `/END`.
     #[error("expected nothing after `/END`: a file has one program")]
     Trailing,
 }
@@ -127,15 +127,15 @@ pub enum EncodeError {
     /// The name is longer than [`Rules::name_limit`](crate::Rules::name_limit).
     #[error("the program's name has {found} characters, the limit is {limit}")]
     NameLength {
-        /// The name's length.
+        /// The number of characters of the name.
         found: usize,
-        /// The limit that was set.
+        /// The largest number of characters that the rules allow.
         limit: usize,
     },
     /// The comment does not fit its 16 characters; [`CommentRule::Truncate`](crate::CommentRule) would cut it.
     #[error("COMMENT has {found} characters, the controller keeps 16")]
     CommentLength {
-        /// The comment's length.
+        /// The number of characters of the comment, above 16.
         found: usize,
     },
     /// Two edits overlap, or the edited text could not be read again.
@@ -156,9 +156,9 @@ pub enum EncodeError {
         item: ItemKind,
         /// The number of the item.
         number: u32,
-        /// The least number.
+        /// The least number of the kind.
         low: u32,
-        /// The greatest number.
+        /// The greatest number of the kind.
         high: u32,
     },
     /// A name that would end before its end.
@@ -181,42 +181,42 @@ pub enum EncodeError {
     /// An instruction's text would not be read again as the same instruction.
     #[error("instruction {line} cannot be written: its text would parse differently")]
     Instruction {
-        /// The instruction's number.
+        /// The number of the instruction, from 1.
         line: usize,
     },
     /// A speed outside its unit's range; see [`SpeedUnit::range`](crate::SpeedUnit::range).
     #[error("the speed of instruction {line} is outside the range of its unit")]
     Speed {
-        /// The instruction's number.
+        /// The number of the instruction, from 1.
         line: usize,
     },
     /// A speed in a unit that its motion does not take; see [`SpeedUnit::fits`](crate::SpeedUnit::fits).
     #[error("the speed of instruction {line} has a unit that its motion does not take")]
     SpeedUnit {
-        /// The instruction's number.
+        /// The number of the instruction, from 1.
         line: usize,
     },
-    /// CNT above 100.
+    /// A smoothness (CNT) above 100.
     #[error("CNT of instruction {line} is {found}, the range is 0 to 100")]
     Continuous {
-        /// The instruction's number.
+        /// The number of the instruction, from 1.
         line: usize,
-        /// The value.
+        /// The value of CNT, above 100.
         found: u8,
     },
     /// C goes through one point to another, every other motion to one point.
     #[error("instruction {line}: only C has a via point, and needs one")]
     Via {
-        /// The instruction's number.
+        /// The number of the instruction, from 1.
         line: usize,
     },
     /// A position without a group, or with a number, name, configuration or coordinate that cannot be written.
     #[error("P[{number}] cannot be written: it needs a group, plain text, and coordinates that are finite")]
     Position {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
-    /// The caller's writer failed.
+    /// The caller's writer has failed.
     #[error("the text cannot be written")]
     Write,
 }
@@ -235,25 +235,25 @@ pub enum Warning {
     /// No instruction uses this position.
     #[error("P[{number}] is not used")]
     UnusedPosition {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
     /// A motion goes to a position that `/POS` does not define.
     #[error("/POS does not define P[{number}]")]
     UndefinedPosition {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
     /// Two positions have the same number.
     #[error("P[{number}] is defined more than once")]
     RepeatedPosition {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
     /// A coordinate is not set: `********`.
     #[error("P[{number}] has a coordinate that was never taught")]
     UntaughtPosition {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
     /// The number does not follow the previous one; a line may be missing.
@@ -267,9 +267,9 @@ pub enum Warning {
     /// LINE_COUNT is neither 0 nor the number of instructions.
     #[error("LINE_COUNT is {expected}, the program has {found} lines")]
     LineCount {
-        /// The value of LINE_COUNT.
+        /// The value of LINE_COUNT, not 0.
         expected: usize,
-        /// The instructions there are.
+        /// The number of instructions of the program.
         found: usize,
     },
     /// A speed in a unit that its motion does not take, such as `J P[1] 100mm/sec`.
@@ -278,7 +278,7 @@ pub enum Warning {
     /// The comment is longer than the controller stores.
     #[error("COMMENT has {found} characters, the controller keeps 16")]
     CommentLength {
-        /// The comment's length.
+        /// The number of characters of the comment, above 16.
         found: usize,
     },
     /// A name that is not letters, digits and `_`, or begins with a digit: `-BCKEDT-` is the editor's copy of a program.

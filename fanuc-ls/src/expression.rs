@@ -8,13 +8,13 @@ use core::ops::RangeInclusive;
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Expression {
-    /// `0.5`.
+    /// A number: `0.5`.
     Number(f64),
-    /// `'text'`, without the quotes.
+    /// A text: `'text'`, without the quotes.
     Text(String),
-    /// `ON`.
+    /// `ON`: the signal is on.
     On,
-    /// `OFF`.
+    /// `OFF`: the signal is off.
     Off,
     /// `ON+`: OFF before, ON now. Conditions outside of mixed logic have it.
     Rising,
@@ -24,17 +24,17 @@ pub enum Expression {
     CartesianPosition,
     /// `JPOS`: the position of the robot, by its joints.
     JointPosition,
-    /// `R[1]`.
+    /// The value of a register, a signal or another item: `R[1]`.
     Item(Item),
     /// `$MCR.$GENOVERRIDE`: a system variable as it stands.
     System(String),
-    /// `!DI[1]`.
+    /// The negation of a condition: `!DI[1]`.
     Not(Box<Expression>),
-    /// `-R[1]`.
+    /// The negative of a number: `-R[1]`.
     Negative(Box<Expression>),
-    /// `R[1]+1`.
+    /// An operator and the expressions on its two sides: `R[1]+1`.
     Binary(Operator, Box<(Expression, Expression)>),
-    /// `ABS[R[1]]`, `SUBSTR SR[1],1,2`.
+    /// A function and its arguments: `ABS[R[1]]`, `SUBSTR SR[1],1,2`.
     Call(Function, Vec<Expression>),
     /// `[1,R[2],*]`: a row, a column and a layer of a pallet, as they stand.
     Pallet(String),
@@ -80,27 +80,38 @@ impl From<Index> for Expression {
 /// A function of numbers or of strings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum Function {
+    /// `ABS`: the absolute value.
     Abs,
+    /// `SQRT`: the square root.
     SquareRoot,
+    /// `SIN`: the sine of an angle in degrees.
     Sine,
+    /// `COS`: the cosine of an angle in degrees.
     Cosine,
+    /// `TAN`: the tangent of an angle in degrees.
     Tangent,
+    /// `ASIN`: the arc sine, in degrees.
     ArcSine,
+    /// `ACOS`: the arc cosine, in degrees.
     ArcCosine,
+    /// `ATAN`: the arc tangent, in degrees.
     ArcTangent,
-    /// The arc tangent of a quotient, by the signs of its parts.
+    /// `ATAN2`: the arc tangent of a quotient, by the signs of its parts, in degrees.
     ArcTangent2,
+    /// `EXP`: e to the power of a number.
     Exponential,
+    /// `LN`: the natural logarithm.
     Logarithm,
+    /// `ROUND`: the nearest whole number.
     Round,
+    /// `TRUNC`: the whole part of a number.
     Truncate,
-    /// How long a string is.
+    /// `STRLEN`: the number of characters of a string.
     StringLength,
-    /// The offset of a string in another one.
+    /// `FINDSTR`: the position of a string in another one.
     FindString,
-    /// A part of a string: from where, and how long.
+    /// `SUBSTR`: a part of a string, from a position and of a length.
     SubString,
 }
 
@@ -137,19 +148,30 @@ impl Function {
 /// The operator between the two sides of an [`Expression`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum Operator {
+    /// `OR`: one of the two conditions is true.
     Or,
+    /// `AND`: both conditions are true.
     And,
+    /// `=`: the two sides are equal.
     Equal,
+    /// `<>`: the two sides are not equal.
     Unequal,
+    /// `<=`: the left side is not greater.
     LessOrEqual,
+    /// `>=`: the left side is not less.
     GreaterOrEqual,
+    /// `<`: the left side is less.
     Less,
+    /// `>`: the left side is greater.
     Greater,
+    /// `+`: the sum.
     Add,
+    /// `-`: the difference.
     Subtract,
+    /// `*`: the product.
     Multiply,
+    /// `/`: the quotient.
     Divide,
     /// `DIV`: the whole part of a quotient.
     DivideWhole,
@@ -201,7 +223,7 @@ pub struct Item {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Index {
-    /// The number itself.
+    /// A number as it stands: `R[1]`.
     Number(u32),
     /// The number is in another item, such as a register.
     Item(Box<Item>),
@@ -212,48 +234,74 @@ pub enum Index {
 /// The kind of an [`Item`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum ItemKind {
+    /// `R`: a register of a number.
     Register,
+    /// `PR`: a register of a position.
     PositionRegister,
+    /// `SR`: a register of a string.
     StringRegister,
+    /// `P`: a position of the program.
     Position,
     /// `AR`: an argument that the program was called with.
     Argument,
+    /// `F`: a flag, on or off.
     Flag,
     /// `M`: a marker, set in the background.
     Marker,
+    /// `DI`: a digital input.
     DigitalInput,
+    /// `DO`: a digital output.
     DigitalOutput,
+    /// `RI`: a digital input at the robot's arm.
     RobotInput,
+    /// `RO`: a digital output at the robot's arm.
     RobotOutput,
+    /// `GI`: several digital inputs as one number.
     GroupInput,
+    /// `GO`: several digital outputs as one number.
     GroupOutput,
+    /// `AI`: an analog input.
     AnalogInput,
+    /// `AO`: an analog output.
     AnalogOutput,
+    /// `SI`: an input of the operator's panel.
     OperatorInput,
+    /// `SO`: an output of the operator's panel.
     OperatorOutput,
+    /// `UI`: an input by which other equipment controls the robot.
     UserInput,
+    /// `UO`: an output that reports the robot's state to other equipment.
     UserOutput,
+    /// `TIMER`: a timer, in s.
     Timer,
+    /// `UFRAME`: a user frame; 0 is the world.
     UserFrame,
+    /// `UTOOL`: a tool frame; 0 is the flange.
     UserTool,
+    /// `LBL`: a label, the target of jumps.
     Label,
     /// `VR`: the result of a vision process.
     VisionRegister,
     /// `PL`: the position of the next part in a pallet.
     PalletRegister,
+    /// `WI`: an input of the welding equipment.
     WeldInput,
+    /// `WO`: an output to the welding equipment.
     WeldOutput,
+    /// `WSI`: an input of the wire stick detection.
     WireInput,
+    /// `WSO`: an output of the wire stick detection.
     WireOutput,
-    /// Whether a timer has run over.
+    /// `TIMER_OVERFLOW`: whether a timer has exceeded its range.
     TimerOverflow,
-    /// How fast the tool is, or will be: of the option that predicts it.
+    /// `TCP_SPD`: the present or predicted speed of the tool; of an option.
     ToolSpeed,
+    /// `SPI`: an input of the spot welding equipment.
     SpotInput,
+    /// `SPO`: an output to the spot welding equipment.
     SpotOutput,
-    /// A signal between programs that run at the same time.
+    /// `SEMAPHORE`: a signal between programs that run at the same time.
     Semaphore,
 }
 

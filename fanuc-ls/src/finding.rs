@@ -28,7 +28,7 @@ pub enum Problem {
     /// Text that is not understood, and that a controller would not take. It stays as it is spelled.
     #[error(transparent)]
     Error(Reason),
-    /// A controller takes it.
+    /// Text that a controller takes, but its author probably did not intend.
     #[error(transparent)]
     Warning(Warning),
     /// A mistake in a statement, or in the relation between statements and positions; its level is its severity.

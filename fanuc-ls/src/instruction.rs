@@ -20,7 +20,7 @@ pub enum Instruction {
     UserFrame(u16),
     /// `UTOOL_NUM=`: the tool frame of the following motions.
     UserTool(u16),
-    /// A motion.
+    /// A motion of the robot.
     Motion(Motion),
     /// Any other instruction as it stands, without the spaces around it.
     Other(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::statement))] String),

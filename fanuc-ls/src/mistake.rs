@@ -41,13 +41,13 @@ pub enum Mistake {
     /// A word that differs by one letter from an instruction or an option.
     #[error("unknown instruction or option: did you mean `{word}`?")]
     Misspelled {
-        /// The word that is one.
+        /// The known word that differs by one letter.
         word: &'static str,
     },
     /// An unknown instruction with a name similar to a known one's; it can be that of a macro.
     #[error("unknown instruction, similar to `{word}`: it may be a macro")]
     Similar {
-        /// The word that is known.
+        /// The known word that is similar.
         word: &'static str,
     },
     /// `ON+` or `OFF-` in mixed logic, or outside of a condition.
@@ -56,19 +56,19 @@ pub enum Mistake {
     /// A sum of more than two positions.
     #[error("{found} positions in one instruction: not every controller takes more than two")]
     PositionSum {
-        /// How many there are.
+        /// The number of positions of the sum.
         found: u32,
     },
     /// An acceleration far above the greatest one of the manuals.
     #[error("ACC{found}: the manuals name 150 at most")]
     Acceleration {
-        /// The value, in percent.
+        /// The value of ACC, in percent.
         found: u32,
     },
     /// A speed far above the greatest one of the manuals.
     #[error("the speed is above {highest}{unit}")]
     HighSpeed {
-        /// The greatest speed without this finding.
+        /// The greatest speed without this finding, in the unit.
         highest: u32,
         /// The unit of that speed.
         unit: SpeedUnit,
@@ -91,9 +91,9 @@ pub enum Mistake {
     /// A number outside its range.
     #[error("expected a number from {low} to {high}")]
     Range {
-        /// The lowest.
+        /// The least number that is allowed.
         low: i32,
-        /// The greatest.
+        /// The greatest number that is allowed.
         high: i32,
     },
     /// Brackets that are deeper, or a text that is longer, than any instruction's.
@@ -102,9 +102,9 @@ pub enum Mistake {
     /// A function that is given too few or too many values.
     #[error("the function takes {expected} values, not {found}")]
     Arguments {
-        /// How many it takes.
+        /// The number of values that the function takes.
         expected: usize,
-        /// How many there are.
+        /// The number of values that are there.
         found: usize,
     },
     /// AND and OR in one condition without parentheses.
@@ -146,10 +146,10 @@ pub enum Mistake {
     /// The end of a block while one within it is open.
     #[error("{} inside it is not closed", block.begin())]
     Crossed {
-        /// The inner one.
+        /// The inner block, which is still open.
         block: Block,
     },
-    /// A second ELSE.
+    /// A second ELSE of one block.
     #[error("the block already has an ELSE")]
     RepeatedElse,
     /// FOR whose first value is beyond its last one.
@@ -158,7 +158,7 @@ pub enum Mistake {
     /// A word that controllers write in capitals.
     #[error("controllers write `{word}`")]
     Capitals {
-        /// The word.
+        /// The word in capitals.
         word: &'static str,
     },
     /// A motion with Skip in a program that has no condition for it.
@@ -167,12 +167,12 @@ pub enum Mistake {
     /// A joint that has turned further than any robot's can.
     #[error("{} of P[{number}] is beyond 720 degrees", axis.name())]
     Joint {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
-        /// The joint.
+        /// The joint that has turned too far.
         axis: AxisName,
     },
-    /// Nothing leads here.
+    /// A line to which no instruction leads.
     #[error("unreachable line")]
     Unreachable,
     /// A motion in a program without a motion group.
@@ -181,13 +181,13 @@ pub enum Mistake {
     /// A position lacks a group of the program, or has one that the program does not move.
     #[error("P[{number}] lacks motion groups of DEFAULT_GROUP")]
     Groups {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
     /// A position that lacks a coordinate.
     #[error("P[{number}] has no {}", axis.name())]
     MissingAxis {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
         /// The missing coordinate.
         axis: AxisName,
@@ -195,43 +195,43 @@ pub enum Mistake {
     /// A coordinate that is there twice, or does not belong to the others.
     #[error("{} of P[{number}] is duplicate or not allowed there", axis.name())]
     ForeignAxis {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
-        /// The coordinate.
+        /// The coordinate that is not allowed there.
         axis: AxisName,
     },
     /// A coordinate in a unit that its axis does not have.
     #[error("{} of P[{number}] has the wrong unit", axis.name())]
     AxisUnit {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
-        /// The coordinate.
+        /// The coordinate with the wrong unit.
         axis: AxisName,
     },
     /// A CONFIG that is not valid.
     #[error("CONFIG of P[{number}] is not N or F, U or D, T or B, and turns from -8 to 7")]
     Configuration {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
     },
     /// A motion to a position of another frame than the program has chosen.
     #[error("P[{number}] has UF {found}, but the program selected UFRAME_NUM={chosen}")]
     Frame {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
-        /// The position's frame.
+        /// The user frame of the position.
         found: u16,
-        /// The frame that the program selected.
+        /// The user frame that the program selected.
         chosen: u16,
     },
     /// A motion to a position of another tool than the program has selected.
     #[error("P[{number}] has UT {found}, but the program selected UTOOL_NUM={chosen}")]
     Tool {
-        /// The position's number.
+        /// The number of the position, as in `P[1]`.
         number: u32,
-        /// The position's tool.
+        /// The tool frame of the position.
         found: u16,
-        /// The tool that the program selected.
+        /// The tool frame that the program selected.
         chosen: u16,
     },
     /// A motion without FINE or CNT.
@@ -245,7 +245,7 @@ pub enum Mistake {
 /// The text that is expected instead of the text at hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-#[allow(missing_docs, reason = "they are what they say")]
+#[allow(missing_docs, reason = "the error's message names the expected text")]
 #[non_exhaustive]
 pub enum Expected {
     #[error("a value such as `R[1]`, `5` or `ON`")]
@@ -301,10 +301,12 @@ pub enum Expected {
 /// A structure with a beginning and an end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum Block {
+    /// `IF … THEN` to `ENDIF`.
     If,
+    /// `FOR` to `ENDFOR`.
     For,
+    /// `SELECT` and its cases.
     Select,
 }
 

@@ -12,17 +12,18 @@ use crate::text::{
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion {
-    /// How the robot moves.
+    /// The path of the motion: joint, linear, circular or another.
     pub kind: MotionKind,
-    /// For [`MotionKind::Circular`]: the point on the arc before the target.
+    /// For [`MotionKind::Circular`]: the point on the arc before the target; otherwise `None`.
     pub via: Option<Target>,
     /// The text after that point, as spelled: `Offset,PR[3]`. Empty if there is no such text.
     pub via_options: String,
     /// The target of the motion.
     pub target: Target,
-    /// How fast.
+    /// The speed of the motion and its unit.
     pub speed: Speed,
-    /// The distance from the target at which the robot begins the next motion. Some applications omit it.
+    /// The distance from the target at which the robot begins the next motion; `None` if it is omitted, as some applications
+    /// do.
     pub termination: Option<Termination>,
     /// The text after the termination, as spelled: `ACC50 Offset,PR[3]`. Empty if there is no such text.
     pub options: String,
@@ -250,7 +251,7 @@ impl fmt::Display for Target {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Speed {
-    /// `100mm/sec`.
+    /// A number in the program: `100mm/sec`.
     Fixed {
         /// The number. Written with as many decimals as it has; seconds with at least one.
         value: f64,
@@ -339,14 +340,20 @@ impl fmt::Display for Speed {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum SpeedUnit {
+    /// `%`: the share of the joints' greatest speeds.
     Percent,
+    /// `sec`: the time of the motion in s.
     Sec,
+    /// `msec`: the time of the motion in ms.
     Msec,
+    /// `mm/sec`: the speed of the tool in mm/s.
     MmPerSec,
+    /// `cm/min`: the speed of the tool in cm/min.
     CmPerMin,
+    /// `inch/min`: the speed of the tool in inches a minute.
     InchPerMin,
+    /// `deg/sec`: the rotation of the tool in degrees a second.
     DegPerSec,
 }
 

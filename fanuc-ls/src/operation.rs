@@ -18,71 +18,71 @@ pub enum Operation {
     },
     /// `RUN NAME`: starts another program, and continues.
     Run(String),
-    /// `LBL[3:name]`.
+    /// `LBL[3:name]`: the target of jumps.
     Label(Item),
-    /// `JMP LBL[3]`.
+    /// `JMP LBL[3]`: continues at a label.
     Jump(Item),
-    /// `R[1]=R[2]+1`, `DO[5]=ON`, `PR[1,3]=26.5`, `UTOOL[5]=PR[10]`.
+    /// `R[1]=R[2]+1`, `DO[5]=ON`, `PR[1,3]=26.5`, `UTOOL[5]=PR[10]`: sets an item.
     Assign(Item, Expression),
-    /// `$WAITTMOUT=500`.
+    /// `$WAITTMOUT=500`: sets a system variable, whose name is as it stands.
     AssignSystem(String, Expression),
     /// `UFRAME_NUM=1`: the user frame of the following motions.
     UserFrame(Expression),
     /// `UTOOL_NUM=1`: the tool frame of the following motions.
     UserTool(Expression),
-    /// `OVERRIDE=100%`.
+    /// `OVERRIDE=100%`: the speed of all motions, in percent.
     Override(Expression),
-    /// `DO[1]=PULSE,0.5sec`.
+    /// `DO[1]=PULSE,0.5sec`: switches an output on for a time in s; `None` for the controller's own time.
     Pulse(Item, Option<f64>),
-    /// `TIMER[1]=START`.
+    /// `TIMER[1]=START`: starts, stops or resets a timer.
     Timer(Item, TimerAction),
-    /// `WAIT 1.00(sec)`, `WAIT R[5]`.
+    /// `WAIT 1.00(sec)`, `WAIT R[5]`: waits for a time in s.
     Wait(Expression),
-    /// `WAIT DI[1]=ON TIMEOUT,LBL[570]`.
+    /// `WAIT DI[1]=ON TIMEOUT,LBL[570]`: waits for a condition.
     WaitFor {
         /// The condition that ends the wait.
         condition: Expression,
-        /// The label to which the program goes when `$WAITTMOUT` ends the wait.
+        /// The label to which the program goes when `$WAITTMOUT` ends the wait; `None`: it waits without a limit.
         timeout: Option<Item>,
     },
-    /// `IF R[1]=2,JMP LBL[3]`.
+    /// `IF R[1]=2,JMP LBL[3]`: an operation that is executed if a condition is true.
     If(Expression, Box<Operation>),
-    /// `IF (R[1]=2) THEN`.
+    /// `IF (R[1]=2) THEN`: the beginning of a block that is executed if a condition is true.
     IfThen(Expression),
-    /// `ELSE`.
+    /// `ELSE`: the beginning of the block's other part.
     Else,
-    /// `ENDIF`.
+    /// `ENDIF`: the end of the block of an `IF … THEN`.
     EndIf,
-    /// `SELECT R[1]=1,CALL A`.
+    /// `SELECT R[1]=1,CALL A`: the first case of a register's values.
     Select(Item, Expression, Box<Operation>),
     /// `=2,CALL B`: another case of the `SELECT` above.
     Case(Expression, Box<Operation>),
     /// `ELSE,CALL C`: every other case.
     Otherwise(Box<Operation>),
-    /// `FOR R[1]=1 TO 10`.
+    /// `FOR R[1]=1 TO 10`: the beginning of a loop.
     For {
-        /// The register that counts.
+        /// The register that counts the runs of the loop.
         counter: Item,
         /// The first value of the register.
         from: Expression,
         /// The last value of the register.
         to: Expression,
-        /// `DOWNTO`.
+        /// Whether the register counts down: `DOWNTO` in place of `TO`.
         down: bool,
     },
-    /// `ENDFOR`.
+    /// `ENDFOR`: the end of the loop.
     EndFor,
-    /// `MESSAGE[text]`.
+    /// `MESSAGE[text]`: shows a text to the operator.
     Message(String),
     /// `UALM[1]`: an alarm that the user has defined.
     UserAlarm(Index),
-    /// `PAYLOAD[1]`.
+    /// `PAYLOAD[1]`: the number of the load that the robot carries.
     Payload(Index),
-    /// `END`.
+    /// `END`: the end of the program's execution.
     End,
-    /// `ABORT`.
+    /// `ABORT`: ends this program and its callers.
     Abort,
-    /// `PAUSE`.
+    /// `PAUSE`: stops the program until the operator continues it.
     Pause,
     /// `//CALL A`: an instruction that is switched off, as it stands.
     Disabled(String),
@@ -90,7 +90,7 @@ pub enum Operation {
     Remark(String),
     /// `LOCK PREG`: the position registers stay as they are.
     Lock,
-    /// `UNLOCK PREG`.
+    /// `UNLOCK PREG`: the position registers may change again.
     Unlock,
     /// `MONITOR NAME`: a program of conditions that are looked at from here on.
     Monitor(String),
@@ -117,10 +117,12 @@ pub enum Operation {
 /// An action on a timer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum TimerAction {
+    /// `START`: the timer runs on.
     Start,
+    /// `STOP`: the timer keeps its value.
     Stop,
+    /// `RESET`: the timer is 0.
     Reset,
 }
 

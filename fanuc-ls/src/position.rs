@@ -109,11 +109,11 @@ impl Position {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Group {
-    /// 1 for `GP1`.
+    /// The number of the motion group: 1 for `GP1`.
     pub number: u8,
-    /// `UF`. None for `F`, the frame that is active when the program runs.
+    /// `UF`: the number of the user frame. `None` for `F`, the frame that is active when the program runs.
     pub user_frame: Option<u16>,
-    /// `UT`. None for `F`.
+    /// `UT`: the number of the tool frame. `None` for `F`, the tool that is active when the program runs.
     pub user_tool: Option<u16>,
     /// The arm's solution that a Cartesian position means. `None` for joints.
     pub configuration: Option<Configuration>,
@@ -321,23 +321,34 @@ impl Axis {
 /// The name of a coordinate. With `serde` it is its text: `X`, `RX`, `J1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum AxisName {
+    /// X of the tool, in mm.
     X,
+    /// Y of the tool, in mm.
     Y,
+    /// Z of the tool, in mm.
     Z,
+    /// The tool's turn about X, in degrees.
     W,
+    /// The tool's turn about Y, in degrees.
     P,
+    /// The tool's turn about Z, in degrees.
     R,
+    /// `RX`, in mm.
     RX,
+    /// `RY`, in mm.
     RY,
+    /// `RZ`, in mm.
     RZ,
+    /// `RW`, in degrees.
     RW,
+    /// `RP`, in degrees.
     RP,
+    /// `RR`, in degrees.
     RR,
-    /// `J1` to `J9`.
+    /// A joint, `J1` to `J9`, in degrees or mm.
     J(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::digit))] u8),
-    /// `E1` to `E9`: an axis of an external drive.
+    /// An axis of an external drive, `E1` to `E9`, in degrees or mm.
     E(#[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::digit))] u8),
 }
 
@@ -419,9 +430,10 @@ impl<'de> serde::Deserialize<'de> for AxisName {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
-#[allow(missing_docs, reason = "they are what they say")]
 pub enum AxisUnit {
+    /// Degrees: `deg`.
     Deg,
+    /// Millimetres: `mm`.
     Mm,
 }
 

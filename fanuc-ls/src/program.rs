@@ -23,7 +23,7 @@ pub struct Program {
     /// The name, which is also the file's.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::word))]
     pub name: String,
-    /// The word after the name, such as `Macro`.
+    /// The word after the name, such as `Macro`; `None` without one.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::name))]
     pub kind: Option<String>,
     /// `/ATTR`, in its sequence. `None` without such a section.
@@ -31,10 +31,10 @@ pub struct Program {
     /// `/APPL`, its lines as they stand. `None` without such a section.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::application))]
     pub application: Option<Vec<String>>,
-    /// `/MN`, in its order.
+    /// `/MN`: the instructions, in their sequence.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::instructions))]
     pub instructions: Vec<Instruction>,
-    /// `/POS`, in its order.
+    /// `/POS`: the positions, in their sequence.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::texts::list::<0, 8, _>))]
     pub positions: Vec<Position>,
 }
@@ -61,10 +61,10 @@ impl Default for Rules {
 /// The treatment of a comment that is too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CommentRule {
-    /// [`EncodeError::CommentLength`].
+    /// The program is refused with [`EncodeError::CommentLength`].
     #[default]
     Refuse,
-    /// Truncate the comment.
+    /// The comment is truncated to [`COMMENT_LENGTH`] characters.
     Truncate,
 }
 

@@ -50,7 +50,7 @@ pub enum By<'a> {
     Event(&'a str),
     /// An event that ends all open items.
     All(&'a str),
-    /// A transmission.
+    /// A transmission of the end.
     Sent,
     /// A byte that is read.
     Byte(u8),
@@ -61,11 +61,11 @@ pub enum By<'a> {
 /// The number of items that may be pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
-    /// The amount.
+    /// This number of items.
     Most(u64),
-    /// One, until whose end nothing is sent.
+    /// One item, until whose end nothing is sent.
     Silent,
-    /// One: a second beginning refers to the same item.
+    /// One item: a second beginning refers to the same item.
     Merged,
 }
 
@@ -73,7 +73,7 @@ pub enum Room {
 pub type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
 
 /// A session in the table of ends; its methods are those of [`Session`].
-#[allow(missing_docs, reason = "they are the session's")]
+#[allow(missing_docs, reason = "the methods are those of Session")]
 pub trait End {
     fn handle_connected(&mut self, now: Duration);
     fn handle_disconnected(&mut self, now: Duration);

@@ -40,11 +40,21 @@ pub struct Field {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holds {
     /// A number, in units of its last decimal.
-    #[allow(missing_docs, reason = "the names say it")]
-    Number { places: u8, min: i32, max: i32 },
-    /// Text of this many characters.
-    #[allow(missing_docs, reason = "the names say it")]
-    Text { min: usize, max: usize },
+    Number {
+        /// The number of decimals, 0 to 9.
+        places: u8,
+        /// The least value, in units of the last decimal.
+        min: i32,
+        /// The greatest value, in units of the last decimal.
+        max: i32,
+    },
+    /// A text.
+    Text {
+        /// The least number of characters.
+        min: usize,
+        /// The greatest number of characters.
+        max: usize,
+    },
 }
 
 /// A job of any layout.

@@ -12,39 +12,39 @@ pub enum DecodeError {
     /// A line with another byte in place of a fixed one.
     #[error("byte {offset} of the line does not match the format")]
     Format {
-        /// The place in the line.
+        /// The offset of the byte in the line, from 0.
         offset: usize,
     },
     /// A line with a missing number, or with one outside its range: 0..=65535 for the count, −32768..=32767 for a word.
     #[error("the number at byte {offset} of the line is missing or out of range")]
     Number {
-        /// The offset of the number.
+        /// The offset of the number in the line, from 0.
         offset: usize,
     },
     /// A line with the wrong checksum.
     #[error("checksum is {found:#04x}, the line gives {expected:#04x}")]
     Checksum {
-        /// The checksum of the bytes before it.
+        /// The checksum of the line's bytes.
         expected: u8,
-        /// The checksum that came.
+        /// The checksum in the line.
         found: u8,
     },
     /// A line that is longer than the longest packet.
     #[error("line has more than {limit} bytes")]
     TooLong {
-        /// The longest packet.
+        /// The number of bytes of the longest packet.
         limit: usize,
     },
     /// The next line began before this one ended, or the stream ended. Only the stream decoder gives it.
     #[error("line ends after {length} bytes")]
     Incomplete {
-        /// The bytes that came.
+        /// The number of bytes of the line that came.
         length: usize,
     },
     /// Bytes that no `$` begins. Only the stream decoder gives it.
     #[error("{length} bytes without a line")]
     Noise {
-        /// The bytes skipped.
+        /// The number of bytes that were skipped.
         length: usize,
     },
 }
@@ -68,9 +68,9 @@ pub enum EncodeError {
     /// The output is too short.
     #[error("output has room for {available} bytes, {needed} are needed")]
     BufferTooSmall {
-        /// The bytes needed.
+        /// The number of bytes of the message.
         needed: usize,
-        /// The free bytes of the output.
+        /// The number of free bytes of the output.
         available: usize,
     },
 }
@@ -93,7 +93,7 @@ pub enum ConfigError {
     /// Every display cycle would be taken for a pause, and would send a request.
     #[error("a pause of {found:?} must be longer than the display cycle of {minimum:?}")]
     Pause {
-        /// [`timing::CYCLE`](crate::timing::CYCLE).
+        /// The display cycle, [`timing::CYCLE`](crate::timing::CYCLE).
         minimum: Duration,
         /// The pause of the configuration.
         found: Duration,
@@ -101,7 +101,7 @@ pub enum ConfigError {
     /// The picture would be reported as stale between two poses of a host that does nothing wrong.
     #[error("the stale time {found:?} must be longer than the display cycle of {minimum:?}")]
     StaleAfter {
-        /// [`timing::CYCLE`](crate::timing::CYCLE).
+        /// The display cycle, [`timing::CYCLE`](crate::timing::CYCLE).
         minimum: Duration,
         /// The time of the configuration.
         found: Duration,

@@ -12,11 +12,11 @@ pub const XOFF: u8 = 0x13;
 /// Whether an end may send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Flow {
-    /// The end may send.
+    /// The end may send whatever is due.
     Free,
     /// XOFF has come, and no XON since.
     Held {
-        /// The time from which it may send nevertheless: the XOFF may be noise.
+        /// The time from which the end may send nevertheless: the XOFF may be noise.
         until: Duration,
     },
 }

@@ -15,7 +15,7 @@ use crate::flow::Flow;
 /// The state of a host. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct HostMachine {
-    /// The line.
+    /// The connection, and the requests on it.
     pub link: Link,
     /// The pose of the arm.
     pub pose: Pose,
@@ -26,7 +26,7 @@ pub struct HostMachine {
 /// The line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Link {
-    /// No connection.
+    /// There is no connection.
     Disconnected,
     /// No reply is requested.
     Ready {
@@ -35,7 +35,7 @@ pub enum Link {
     },
     /// A packet is requested, once or more often.
     Asked {
-        /// The time from which it may be sent.
+        /// The time from which the packet may be sent.
         from: Duration,
     },
 }
@@ -47,7 +47,7 @@ pub enum Pose {
     Unknown,
     /// The pose may be sent.
     Known {
-        /// The time until which it may be sent.
+        /// The time until which the pose may be sent.
         until: Duration,
     },
 }
@@ -59,15 +59,15 @@ pub enum Input {
     Connected,
     /// The port is closed or lost.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
     /// The caller has a new pose.
     Pose,
-    /// ENQ has come.
+    /// The workstation has sent ENQ: it requests a packet.
     Enquiry,
-    /// XOFF has come.
+    /// The workstation has sent XOFF: it holds the line.
     Xoff,
-    /// XON has come.
+    /// The workstation has sent XON: it releases the line.
     Xon,
     /// The packet that was due is sent.
     Sent,
@@ -82,9 +82,9 @@ pub struct Answer;
 /// An action of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
-    /// Reports a request.
+    /// Reports a request that will get a packet of its own.
     Accept,
     /// Reports a request that does not get a packet of its own.
     Ignore,

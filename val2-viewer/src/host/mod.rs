@@ -47,7 +47,7 @@ pub struct Host {
 pub enum HostEvent {
     /// A request has come: it is answered as soon as there is a pose, and the interval is over.
     Asked,
-    /// A packet was sent.
+    /// A packet was sent, with this pose.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Sent(PosePacket),
     /// A request came before the answer to the last one was sent: one packet answers both.
@@ -83,7 +83,7 @@ robot_session::counters! {
         pub unsendable: u64,
         /// Times that the line was held for longer than it may be.
         pub holds_ended: u64,
-        /// Bytes that were nothing.
+        /// Bytes other than ENQ, XON and XOFF.
         pub unknown: u64,
     }
 }

@@ -18,8 +18,11 @@ pub struct HandshakeDecoder {
 /// An item of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
+    /// A packet with a pose.
     Packet(PosePacket),
+    /// XON: the host releases the line.
     Xon,
+    /// XOFF: the host holds the line.
     Xoff,
 }
 

@@ -17,7 +17,7 @@ use crate::flow::Flow;
 /// The state of a workstation. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum WorkstationMachine {
-    /// No connection.
+    /// There is no connection.
     Disconnected,
     /// A connection to the host.
     Connected(Display),
@@ -26,9 +26,9 @@ pub enum WorkstationMachine {
 /// The state during a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Display {
-    /// The request.
+    /// The state of the request to the host.
     pub request: Request,
-    /// The picture.
+    /// Whether the picture follows the arm.
     pub picture: Picture,
     /// Whether the host holds the line.
     pub flow: Flow,
@@ -42,16 +42,16 @@ pub enum Request {
     Allowed,
     /// The request is to be sent.
     Due,
-    /// The answer is awaited.
+    /// A request was sent, and its answer is awaited.
     Waiting {
-        /// The time from which the next display cycle sends a request again: the last one was so long before.
+        /// The time from which the next display cycle sends a request again: the previous one was so long before.
         again_from: Duration,
         /// The time from which the request counts as missed.
         missed_from: Duration,
     },
     /// No answer has come in time, which is reported. The picture is stale.
     Overdue {
-        /// The time from which the next display cycle sends a request again: the last one was so long before.
+        /// The time from which the next display cycle sends a request again: the previous one was so long before.
         again_from: Duration,
     },
 }
@@ -63,7 +63,7 @@ pub enum Picture {
     Stale,
     /// The picture follows the arm.
     Live {
-        /// The time until which it does so without a new pose.
+        /// The time until which the picture counts as following the arm without a new pose.
         until: Duration,
     },
 }
@@ -75,22 +75,22 @@ pub enum Input {
     Connected,
     /// The port is closed or lost.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
-    /// A display cycle.
+    /// A display cycle: the picture is drawn.
     Draw,
     /// The request that was due is sent.
     Sent,
-    /// A packet.
+    /// A packet with a pose has come.
     Pose,
     /// Bytes that are not a packet.
     Corrupt {
-        /// Whether they are a whole line.
+        /// Whether the bytes are a whole line.
         line: bool,
     },
-    /// XOFF has come.
+    /// The host has sent XOFF: it holds the line.
     Xoff,
-    /// XON has come.
+    /// The host has sent XON: it releases the line.
     Xon,
 }
 
@@ -101,9 +101,9 @@ pub struct Enquiry;
 /// An action of the workstation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
-    /// Counts a request.
+    /// Counts a request that was sent.
     Sent,
     /// Reports the packet as the answer.
     Pose,

@@ -86,7 +86,7 @@ robot_session::counters! {
         pub unasked: u64,
         /// Times that the line was held for longer than allowed.
         pub holds_ended: u64,
-        /// Decode errors.
+        /// Errors in the decoded bytes.
         pub corrupt: u64,
     }
 }

@@ -12,45 +12,45 @@ pub enum DecodeError {
     /// The header must be n, −n and n XOR 55h (§4.2).
     #[error("no packet header: byte {offset} is {found:#04x}, not {expected:#04x}")]
     Header {
-        /// 1 or 2: the byte that does not fit the first.
+        /// The offset of the byte that does not fit the first: 1 or 2.
         offset: usize,
         /// The byte that belongs there, by the first byte.
         expected: u8,
-        /// The byte that came.
+        /// The byte that came in its place.
         found: u8,
     },
     /// Bytes that no packet header begins. Only the stream decoder gives it.
     #[error("{length} bytes without a packet header")]
     Noise {
-        /// The bytes skipped.
+        /// The number of bytes that were skipped.
         length: usize,
     },
     /// The sum of n, the data bytes and the checksum must be 0 modulo 256 (§4.2).
     #[error("checksum is {found:#04x}, the data gives {expected:#04x} (at byte {offset})")]
     Checksum {
-        /// The place of the checksum.
+        /// The offset of the checksum in the packet.
         offset: usize,
         /// The checksum of the bytes before it.
         expected: u8,
-        /// The checksum that came.
+        /// The checksum in the packet.
         found: u8,
     },
     /// The stream paused or ended inside a packet. On a line with XON/XOFF switched on the lost force values 17 and 19 have
     /// this effect.
     #[error("packet ends after {found} of {expected} bytes")]
     Incomplete {
-        /// The bytes of the whole packet by its length byte, checksum included.
+        /// The number of bytes of the whole packet by its length byte, checksum included.
         expected: usize,
-        /// The bytes that came.
+        /// The number of bytes of the packet that came.
         found: usize,
     },
     /// A good packet, but not of the eight data bytes whose meaning the source gives: the DIP switches are set another way
     /// (§4.1).
     #[error("packet has {found} data bytes, only the layout of {expected} is known")]
     Layout {
-        /// 8.
+        /// The number of data bytes of the known layout: 8.
         expected: usize,
-        /// n of the packet.
+        /// The number of data bytes of the packet, its n.
         found: usize,
     },
 }
@@ -64,29 +64,29 @@ pub enum EncodeError {
     /// The output slice is too short.
     #[error("output has room for {available} bytes, {needed} are needed")]
     BufferTooSmall {
-        /// The bytes needed.
+        /// The number of bytes of the packet.
         needed: usize,
-        /// The free bytes of the output.
+        /// The number of free bytes of the output.
         available: usize,
     },
     /// The sensor type has three bits (§4.2).
     #[error("sensor type {found} is not in 0..=7")]
     SensorType {
-        /// The value given.
+        /// The sensor type that was given, above 7.
         found: u8,
     },
     /// The sensor number has three bits (§4.2).
     #[error("sensor number {found} is not in 0..=7")]
     Sensor {
-        /// The value given.
+        /// The sensor number that was given, above 7.
         found: u8,
     },
     /// Only packets of eight data bytes are written.
     #[error("a packet has {expected} data bytes, not {found}")]
     Layout {
-        /// 8.
+        /// The number of data bytes of the known layout: 8.
         expected: usize,
-        /// The data bytes given.
+        /// The number of data bytes that were given.
         found: usize,
     },
 }

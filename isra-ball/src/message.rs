@@ -13,17 +13,17 @@ use crate::keys::Keys;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Packet {
-    /// Sensor type, 0..=7.
+    /// The sensor type, 0 to 7.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = three_bits))]
     pub sensor_type: u8,
-    /// Sensor number, 0..=7.
+    /// The sensor number, 0 to 7.
     #[cfg_attr(feature = "arbitrary", arbitrary(with = three_bits))]
     pub sensor: u8,
-    /// Whether the values are new.
+    /// Whether the values are new since the last packet.
     pub status: Status,
-    /// Force along X, Y, Z.
+    /// The force along X, Y, Z, −128 to 127 each, in units of the sensor.
     pub force: [i8; 3],
-    /// Moment about X, Y, Z.
+    /// The moment about X, Y, Z, −128 to 127 each, in units of the sensor.
     pub moment: [i8; 3],
     /// The keys that are down.
     pub keys: Keys,

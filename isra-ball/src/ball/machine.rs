@@ -13,16 +13,16 @@ use super::config::{BallConfig, Rule};
 /// The state of a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct BallMachine {
-    /// The line.
+    /// The connection, and the poll on it.
     pub link: Link,
-    /// The values of the sensor.
+    /// Whether the sensor has new values.
     pub values: Values,
 }
 
 /// The line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Link {
-    /// No connection.
+    /// There is no connection.
     Disconnected,
     /// No reply is requested.
     Ready,
@@ -33,9 +33,9 @@ pub enum Link {
 /// The values of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Values {
-    /// Sent before, or none were measured.
+    /// The values were sent before, or none were measured.
     Old,
-    /// Measured since the last reply.
+    /// The values were measured since the last reply.
     New,
 }
 
@@ -50,7 +50,7 @@ pub enum Input {
     Timeout,
     /// The sensor has new values.
     Measured,
-    /// ENQ has come.
+    /// The host has sent ENQ: it polls.
     Enquiry,
     /// The reply that was due is sent.
     Sent,
@@ -66,13 +66,13 @@ pub struct Reply {
 /// An action of the ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// Reports a poll that does not get a reply of its own.
     Ignore,
     /// Reports the values that were sent.
     Sent {
-        /// Whether they are new.
+        /// Whether the values are new.
         fresh: bool,
     },
 }

@@ -21,16 +21,16 @@ use super::config::{HostConfig, Rule};
 /// The state of a host. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum HostMachine {
-    /// No connection.
+    /// There is no connection.
     Disconnected,
-    /// The ball is polled.
+    /// There is a connection, and the ball is polled.
     Connected(Polling),
 }
 
 /// The state during a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Polling {
-    /// The poll.
+    /// The state of the last poll, and the time of the next one.
     pub poll: Poll,
     /// The values of the last packet that was reported as new.
     pub values: Values,
@@ -42,12 +42,12 @@ pub struct Polling {
 /// The poll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Poll {
-    /// Nothing is awaited.
+    /// No reply is awaited.
     Idle {
         /// The time at which the next poll is due.
         due: Duration,
     },
-    /// The reply is awaited.
+    /// A poll was sent, and its reply is awaited.
     Waiting {
         /// The time from which a packet can be the reply.
         from: Duration,
@@ -67,7 +67,7 @@ pub enum Values {
     Stale,
     /// The values may be used.
     Live {
-        /// The time until which they may be used.
+        /// The time until which the values may be used.
         until: Duration,
     },
 }
@@ -83,7 +83,7 @@ pub enum Input {
     Timeout,
     /// The poll that was due is sent.
     Sent,
-    /// A packet.
+    /// A good packet has come.
     Packet {
         /// Whether the ball marks the values as new.
         fresh: bool,
@@ -97,9 +97,9 @@ pub struct Enquiry;
 /// An action of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
-    /// Counts a poll.
+    /// Counts a poll that was sent.
     Sent,
     /// Reports the packet as the reply, its values to be used.
     New,

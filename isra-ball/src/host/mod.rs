@@ -82,7 +82,7 @@ robot_session::counters! {
         pub polls: u64,
         /// Replies with new values.
         pub packets: u64,
-        /// Other replies.
+        /// Replies with values that were sent before.
         pub old: u64,
         /// Polls without a reply.
         pub missed: u64,
@@ -90,7 +90,7 @@ robot_session::counters! {
         pub stale: u64,
         /// Packets that were not replies.
         pub unasked: u64,
-        /// Decode errors.
+        /// Errors in the decoded bytes.
         pub corrupt: u64,
     }
 }

@@ -12,19 +12,19 @@
 )]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Dialect {
-    /// `ITR` is `STP`: §6 steps 17 and 20 use a word that §4 does not define.
+    /// Whether `ITR` is `STP`: §6 steps 17 and 20 use a word that §4 does not define.
     pub itr: bool,
-    /// `OVRD` is `OVR`: so written in §6 step 4.
+    /// Whether `OVRD` is `OVR`: so written in §6 step 4.
     pub ovrd: bool,
-    /// `HND…CLOS` is `HND…CLOSE`: §4.10 counts 15 characters, but its own fields add up to 16.
+    /// Whether `HND…CLOS` is `HND…CLOSE`: §4.10 counts 15 characters, but its own fields add up to 16.
     pub clos: bool,
-    /// `SRVOFF` is `SRVOF`.
+    /// Whether `SRVOFF` is `SRVOF`.
     pub off: bool,
-    /// A line ends with a line feed alone: §4 spells the end of a line in three ways.
+    /// Whether a line ends with a line feed alone: §4 spells the end of a line in three ways.
     pub lone_lf: bool,
-    /// A blank follows the sign of an integer: §4 prints `+ 00001`.
+    /// Whether a blank follows the sign of an integer: §4 prints `+ 00001`.
     pub blank: bool,
-    /// All five digits of an integer count, also above 32767.
+    /// Whether all five digits of an integer count, also above 32767.
     pub wide_integers: bool,
 }
 

@@ -20,21 +20,21 @@ pub enum DecodeError {
     /// The first three characters name no command (§4).
     #[error("there is no command {:?}", Text(found))]
     UnknownCommand {
-        /// The first three characters.
+        /// The first three characters of the line.
         found: [u8; 3],
     },
     /// The first two characters are neither `OK` nor `ER` (§4).
     #[error("a reply begins with OK or ER, not with {:?}", Text(found))]
     UnknownReply {
-        /// The first two characters.
+        /// The first two characters of the line.
         found: [u8; 2],
     },
     /// A character that its field does not allow.
     #[error("{:?} at byte {offset}, where {expected} is expected", *found as char)]
     Unexpected {
-        /// The offset of the character.
+        /// The offset of the character in the line, from 0.
         offset: usize,
-        /// The character.
+        /// The character that is not allowed.
         found: u8,
         /// The characters that the field allows there.
         expected: Expected,
@@ -42,7 +42,7 @@ pub enum DecodeError {
     /// The line ends within a field, or before one.
     #[error("the line ends at byte {offset}, where {expected} is expected")]
     Short {
-        /// The offset of the end of the line.
+        /// The offset of the end of the line, from 0.
         offset: usize,
         /// The characters that should follow.
         expected: Expected,
@@ -50,13 +50,13 @@ pub enum DecodeError {
     /// The line continues after its last field.
     #[error("expected the end of the line at byte {offset}")]
     Trailing {
-        /// The offset of the first byte too many.
+        /// The offset of the first byte too many, from 0.
         offset: usize,
     },
     /// Five digits that 16 bits cannot hold (§4).
     #[error("the integer {found} at byte {offset} is outside −32768 to 32767")]
     IntegerRange {
-        /// The offset of the field.
+        /// The offset of the field in the line, from 0.
         offset: usize,
         /// The value of the field.
         found: i32,
@@ -64,9 +64,9 @@ pub enum DecodeError {
     /// An override outside 0 to 100 % (§4.3).
     #[error("the override {found} % at byte {offset} is outside 0 to 100 %")]
     Percent {
-        /// The offset of the field.
+        /// The offset of the field in the line, from 0.
         offset: usize,
-        /// The value of the field.
+        /// The value of the field, in percent.
         found: i32,
     },
     /// `ER` with the number that means "no error" (§5).
@@ -82,21 +82,21 @@ pub enum DecodeError {
 pub enum Expected {
     /// The three letters of a command.
     Command,
-    /// `OK` or `ER`.
+    /// The two letters of a reply, `OK` or `ER`.
     Reply,
-    /// `+` or `-`.
+    /// A sign, `+` or `-`.
     Sign,
-    /// `0` to `9`.
+    /// A digit, `0` to `9`.
     Digit,
-    /// `.`
+    /// A decimal point, `.`.
     Point,
-    /// `T` or `F`.
+    /// A truth value, `T` or `F`.
     TrueOrFalse,
-    /// `A` or `R`.
+    /// The mode of a motion, `A` or `R`.
     AbsoluteOrRelative,
-    /// `ON` or `OF`.
+    /// The state of the servo motors, `ON` or `OF`.
     OnOrOff,
-    /// `OPEN` or `CLOSE`.
+    /// The state of a gripper, `OPEN` or `CLOSE`.
     OpenOrClose,
     /// The end of the line: this kind of device has no axes and no status.
     NoAxes,
@@ -128,29 +128,29 @@ pub enum EncodeError {
     /// The buffer is too small.
     #[error("{needed} bytes are needed, the buffer has {found}")]
     Buffer {
-        /// The length of the message.
+        /// The number of bytes of the message.
         needed: usize,
-        /// The length of the buffer.
+        /// The number of bytes of the buffer.
         found: usize,
     },
     /// A coordinate beyond three digits before the point of millimetres, or two of radians. Fields are never widened.
     #[error("axis {axis} at {found} is outside ±999999 (units of the last digit: 1 µm or 0.1 mrad)")]
     AxisRange {
-        /// The axis, counted from 0.
+        /// The index of the axis, from 0.
         axis: usize,
-        /// Micrometres or tenths of a milliradian.
+        /// The coordinate, in micrometres or tenths of a milliradian.
         found: i32,
     },
     /// An integer beyond 16 bits, or in a dialect of five digits beyond those.
     #[error("the integer {found} does not fit its field")]
     IntegerRange {
-        /// The value.
+        /// The integer that was given.
         found: i32,
     },
     /// An override above 100 %.
     #[error("the override {found} % is above 100 %")]
     Percent {
-        /// The value.
+        /// The override that was given, in percent.
         found: u8,
     },
     /// An error reply with the number that means "no error".

@@ -19,13 +19,13 @@ pub trait Pose: Copy + Eq + core::hash::Hash + core::fmt::Debug + sealed::Axes {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct RobotPose {
-    /// X.
+    /// The position along X, in steps of 1 µm.
     pub x: Length,
-    /// Y.
+    /// The position along Y, in steps of 1 µm.
     pub y: Length,
-    /// Z.
+    /// The position along Z, in steps of 1 µm.
     pub z: Length,
-    /// The rotation about Z.
+    /// The rotation about Z, in steps of 0.1 mrad.
     pub c: Angle,
 }
 
@@ -34,9 +34,9 @@ pub struct RobotPose {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct PlatformPose {
-    /// The first rotation.
+    /// The first rotation, in steps of 0.1 mrad.
     pub a: Angle,
-    /// The second rotation.
+    /// The second rotation, in steps of 0.1 mrad.
     pub b: Angle,
 }
 
@@ -58,9 +58,9 @@ impl defmt::Format for NoPose {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum AnyPose {
-    /// Four axes.
+    /// The pose of four axes.
     Robot(RobotPose),
-    /// Two axes.
+    /// The pose of two axes.
     Platform(PlatformPose),
 }
 

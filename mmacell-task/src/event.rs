@@ -16,16 +16,16 @@ pub enum Event {
     Done(Device),
     /// The robot or the platform has answered a [`Command::Status`](mmacell_proto::Command::Status).
     Status {
-        /// The device.
+        /// The robot or the platform.
         device: Device,
         /// The conclusion for the motion that was ordered last.
         motion: Progress,
     },
     /// The device will not carry out its order, or cannot.
     Failed {
-        /// The device.
+        /// The device that failed.
         device: Device,
-        /// The kind of failure.
+        /// The way in which the device failed.
         failure: Failure,
     },
     /// Camera 1 sees a part.
@@ -40,11 +40,11 @@ pub enum Event {
         /// The pose in which the robot puts the part.
         place: RobotPose,
     },
-    /// The camera sees nothing.
+    /// The camera sees neither a part nor a place.
     NotFound,
     /// The level of the vacuum switch. It is taken for low until this reports otherwise; the task acts on its edges.
     Switch {
-        /// High: the vacuum is deep enough for a part to be on the gripper.
+        /// Whether the vacuum is deep enough for a part to be on the gripper.
         high: bool,
     },
     /// Stops everything now, from any step: [`Step::Faulted`] follows. A command that a session has in flight is answered
@@ -83,25 +83,25 @@ pub enum Failure {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault {
-    /// A device failed.
+    /// A device failed during a step.
     Device {
-        /// The device.
+        /// The device that failed.
         device: Device,
-        /// The kind of failure.
+        /// The way in which the device failed.
         failure: Failure,
     },
     /// A step took longer than it may.
     Timeout {
-        /// The step.
+        /// The step that took too long.
         step: Step,
     },
     /// The vacuum switch is high although the gripper must be empty: before the vacuum is on, or after the part was blown
     /// off.
     SwitchHigh {
-        /// The step.
+        /// The step in which the gripper must be empty.
         step: Step,
     },
-    /// [`Event::Abort`].
+    /// The caller aborted the task with [`Event::Abort`].
     Aborted,
 }
 

@@ -49,12 +49,12 @@ pub enum Output {
     /// Take a picture, then report its contents: [`Event::PartFound`](crate::Event::PartFound),
     /// [`Event::SlotFound`](crate::Event::SlotFound) or [`Event::NotFound`](crate::Event::NotFound).
     Acquire {
-        /// 1 or 2.
+        /// The number of the camera: 1 sees the part, 2 sees the place.
         camera: i32,
     },
     /// Set a valve, then report [`Event::Done`](crate::Event::Done).
     Grip {
-        /// [`VACUUM`](mmacell_proto::VACUUM) or [`BLOW`](mmacell_proto::BLOW).
+        /// The number of the valve: [`VACUUM`](mmacell_proto::VACUUM) or [`BLOW`](mmacell_proto::BLOW).
         gripper: i32,
         /// Whether the valve is opened.
         open: bool,

@@ -10,7 +10,7 @@ use core::fmt::{self, Write};
 pub enum Step {
     /// \[1\] Waits until robot, platform and conditioning system are ready.
     AwaitDevices,
-    /// \[2\] They are.
+    /// \[2\] Robot, platform and conditioning system are ready.
     DevicesReady,
     /// \[3\] Servo motors of robot and platform on.
     ServosOn,
@@ -76,7 +76,7 @@ pub enum Step {
     Resetting,
     /// At [`Event::Finish`](crate::Event::Finish): the connections are closed (§3).
     Closing,
-    /// The connections are closed.
+    /// All connections are closed: the task has ended.
     Finished,
 }
 
@@ -99,11 +99,11 @@ pub enum Trigger {
     Risen,
     /// The vacuum switch has gone low since the robot was sent to the place.
     Fallen,
-    /// The camera sees nothing.
+    /// The camera sees neither a part nor a place.
     NotFound,
     /// The camera sees the requested object.
     Found,
-    /// All devices are ready.
+    /// All devices are connected and ready.
     Ready,
     /// The dwell time of this step has passed.
     Elapsed,

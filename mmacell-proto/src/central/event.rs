@@ -17,14 +17,14 @@ pub enum CentralEvent<P> {
     /// The device has executed the command, or has started it. The outcome of a [`Command::Close`] is
     /// [`Closing::Agreed`] instead.
     Done {
-        /// The command.
+        /// The command that was executed or started.
         command: Command<P>,
     },
     /// The device has not executed the command.
     Refused {
-        /// The command.
+        /// The command that was not executed.
         command: Command<P>,
-        /// The device's reason.
+        /// The device's reason; never [`ErrorCode::None`].
         error: ErrorCode,
     },
     /// The reply to a [`Command::Status`].
@@ -36,12 +36,12 @@ pub enum CentralEvent<P> {
     },
     /// The caller has aborted the command before it was sent. It was not executed.
     Aborted {
-        /// The command.
+        /// The command that was not sent.
         command: Command<P>,
     },
     /// The connection has ended: close it, unless the reason is [`Closing::Disconnected`].
     Closed {
-        /// The reason.
+        /// The reason that the connection has ended.
         reason: Closing,
         /// The outcome of the command that was not finished.
         unfinished: Unfinished<P>,
@@ -58,7 +58,7 @@ pub enum CentralEvent<P> {
 pub enum Closing {
     /// The device has agreed to a [`Command::Close`].
     Agreed,
-    /// No reply in time.
+    /// The reply was overdue: the device did not answer in time.
     Timeout,
     /// The caller has aborted a command whose reply was awaited: replies have no number, so the next one could be taken for
     /// another command's.
@@ -76,7 +76,7 @@ pub enum Closing {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Unfinished<P> {
-    /// No command was unfinished.
+    /// Every command had its outcome.
     Nothing,
     /// The command was not sent, and so not executed.
     NotSent(Command<P>),
@@ -95,7 +95,7 @@ pub enum Progress {
     /// The device has accepted a motion and has not been seen moving. It may seem to be at rest: the status may be
     /// older than the motion.
     Starting,
-    /// The device is moving.
+    /// The device is moving towards its target.
     Moving,
     /// The device has accepted a halt, and is still moving.
     Stopping,

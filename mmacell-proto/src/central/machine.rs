@@ -37,20 +37,20 @@ pub struct CentralMachine<P> {
 /// The connection and the command on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CentralLink<P> {
-    /// There is no connection.
+    /// There is no connection, and commands are refused.
     Down,
     /// A command may be requested.
     Idle,
     /// A command is to be sent.
     Sending {
-        /// The command.
+        /// The command that is due.
         command: Command<P>,
     },
-    /// A command was sent.
+    /// A command was sent, and its reply is awaited.
     Awaiting {
-        /// The command.
+        /// The command that was sent.
         command: Command<P>,
-        /// The time at which its reply is overdue.
+        /// The time at which the reply is overdue.
         deadline: Duration,
     },
     /// The connection has ended, and its owner is to close it.
@@ -76,7 +76,7 @@ pub enum Motion<P> {
     Stopping,
     /// The device is not known to move.
     Rest {
-        /// The expected pose.
+        /// The goal of the last motion: the pose that the device is expected to have.
         target: Target<P>,
         /// The pose of the device since it accepted a motion last.
         pose: Place<P>,
@@ -86,37 +86,37 @@ pub enum Motion<P> {
 /// The goal of a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target<P> {
-    /// No motion.
+    /// There is no motion to have a goal.
     None,
     /// A pose that only the device knows.
     Unknown,
-    /// This pose.
+    /// A pose, which the device's status is compared with.
     At(P),
 }
 
 /// The pose of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place<P> {
-    /// The pose is unknown.
+    /// The pose is not known.
     Unknown,
-    /// This pose.
+    /// A known pose.
     At(P),
 }
 
 /// An input at the central controller's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input<P> {
-    /// A connection was made.
+    /// The caller has made a connection.
     Connected,
-    /// The connection is gone.
+    /// The caller reports that the connection is gone.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
     /// The caller requests a command.
     Request(Command<P>),
     /// The caller aborts the command.
     Abort,
-    /// A well-formed reply.
+    /// A well-formed reply has come.
     Reply(Reply<P>),
     /// A line that is not a reply.
     Corrupt(DecodeError),
@@ -127,7 +127,7 @@ pub enum Input<P> {
 /// An action for the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action<P> {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// The connection begins.
     Connected {
@@ -136,7 +136,7 @@ pub enum Action<P> {
     },
     /// The reply to the sent command is awaited.
     Sent,
-    /// Report this.
+    /// Reports an event to the caller.
     Report(Event<P>),
 }
 

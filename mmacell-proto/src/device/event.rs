@@ -11,17 +11,17 @@ pub enum DeviceEvent<P> {
     /// The central controller orders this. Answer with [`Device::accept`](crate::Device::accept), and carry it out only if that
     /// succeeds, or with [`Device::refuse`](crate::Device::refuse).
     Asked {
-        /// The order.
+        /// The order to accept or refuse.
         order: Order<P>,
     },
     /// The connection has ended: close it.
     Closed {
-        /// The reason.
+        /// The reason that the connection has ended.
         reason: DeviceClosing,
     },
     /// A notice: a command was refused by the protocol itself.
     Rejected {
-        /// The reason.
+        /// The reason that the command was refused.
         reason: Rejection,
     },
     /// A notice: an input that the machine did not expect. It has no effect.
@@ -41,31 +41,31 @@ pub enum Order<P> {
     },
     /// Go at this speed from now on.
     Override {
-        /// 0 to 100 %.
+        /// The speed of all motions, 0 to 100 %.
         percent: u8,
     },
-    /// Go there, then call [`Device::arrived`](crate::Device::arrived). A relative motion has been added up.
+    /// Go to a pose, then call [`Device::arrived`](crate::Device::arrived). A relative motion has been added up.
     Move {
         /// The pose to go to.
         target: P,
     },
-    /// Stop, then call [`Device::arrived`](crate::Device::arrived).
+    /// Stop the motion, then call [`Device::arrived`](crate::Device::arrived).
     Stop,
     /// Clear the error, switch the servo motors on, leave any other motion, go home, then call
     /// [`Device::arrived`](crate::Device::arrived).
     Home,
     /// Agree to the end of the connection.
     Close,
-    /// Take a picture.
+    /// Take a picture with a camera.
     Acquire {
-        /// The camera.
+        /// The number of the camera, 16 bits on the wire.
         camera: i32,
     },
     /// Open or close a gripper.
     Grip {
-        /// The gripper.
+        /// The number of the gripper: [`VACUUM`](crate::VACUUM), [`BLOW`](crate::BLOW) or another; 16 bits on the wire.
         gripper: i32,
-        /// Open: for [`VACUUM`](crate::VACUUM) and [`BLOW`](crate::BLOW) this turns the air on.
+        /// Whether the gripper is opened: for [`VACUUM`](crate::VACUUM) and [`BLOW`](crate::BLOW) this turns the air on.
         open: bool,
     },
 }

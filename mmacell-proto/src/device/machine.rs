@@ -43,7 +43,7 @@ pub struct DeviceMachine<P> {
     pub axes: Axes,
     /// The pose of the axes; `None` if it is unknown or has no form on the wire.
     pub pose: Option<P>,
-    /// The override.
+    /// The override: the speed of all motions, 0 to 100 %.
     pub percent: u8,
 }
 
@@ -54,14 +54,14 @@ pub enum DeviceLink<P> {
     Down,
     /// A command can be read.
     Idle,
-    /// The owner has to accept or refuse this.
+    /// The owner has to accept or refuse an order.
     Asked {
-        /// The order.
+        /// The order that waits.
         order: Order<P>,
     },
     /// A reply is to be sent.
     Answering {
-        /// The reply.
+        /// The reply that is due.
         reply: Reply<P>,
     },
     /// The reply to `CLO` is to be sent, and then the connection ends.
@@ -73,14 +73,14 @@ pub enum DeviceLink<P> {
 /// The state of the axes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Axes {
-    /// Servo motors off.
+    /// The servo motors are off.
     #[default]
     Off,
-    /// Servo motors on, at rest.
+    /// The servo motors are on, and the axes are at rest.
     Still,
-    /// In a motion, or on the way home.
+    /// The axes are in a motion, or on the way home.
     Moving,
-    /// Stopping, and not at rest yet.
+    /// The axes are stopping, and not at rest yet.
     Stopping,
     /// An error occurred: at rest, servo motors off.
     Fault {
@@ -92,13 +92,13 @@ pub enum Axes {
 /// An input at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Input<P> {
-    /// A connection was made.
+    /// The caller has made a connection.
     Connected,
-    /// The connection is gone.
+    /// The caller reports that the connection is gone.
     Disconnected,
-    /// Time has passed.
+    /// A deadline may have passed.
     Timeout,
-    /// A well-formed command.
+    /// A well-formed command has come.
     Command(Command<P>),
     /// A line that is not a command.
     Corrupt(DecodeError),
@@ -114,14 +114,14 @@ pub enum Input<P> {
     Pose(Option<P>),
     /// The axes are at rest.
     Arrived,
-    /// An error occurred.
+    /// An error of the device occurred.
     Failed(ErrorCode),
 }
 
 /// An action for the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action<P> {
-    /// Nothing.
+    /// The session has nothing to do.
     Nothing,
     /// The connection begins.
     Connected,
@@ -129,7 +129,7 @@ pub enum Action<P> {
     Sent,
     /// The reply to `CLO` was sent: it reports the end of the connection.
     Left,
-    /// Report this.
+    /// Reports an event to the owner.
     Report(Event<P>),
 }
 

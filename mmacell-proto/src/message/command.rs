@@ -44,16 +44,16 @@ pub enum Command<P> {
     /// `OVR`: set the override, the speed of all motions (§4.3).
     #[cfg_attr(feature = "serde", serde(rename = "OVR"))]
     Override {
-        /// 0 to 100 %.
+        /// The speed of all motions, 0 to 100 %.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::percent))]
         percent: u8,
     },
     /// `MOV`: start a point-to-point motion (§4.4). The reply means that it has started, not that it has ended.
     #[cfg_attr(feature = "serde", serde(rename = "MOV"))]
     Move {
-        /// To a pose, or by one.
+        /// Whether the pose is a target or a distance.
         mode: Mode,
-        /// The pose.
+        /// The target or the distance, by `mode`.
         #[cfg_attr(feature = "serde", serde(rename = "axes"))]
         pose: P,
     },
@@ -69,17 +69,17 @@ pub enum Command<P> {
     /// `ACQ`: take a picture; only for a vision system with a controller of its own (§4.9).
     #[cfg_attr(feature = "serde", serde(rename = "ACQ"))]
     Acquire {
-        /// The camera; 16 bits on the wire.
+        /// The number of the camera; 16 bits on the wire.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::integer))]
         camera: i32,
     },
     /// `HND`: open or close a gripper; only for a gripper with a controller of its own (§4.10).
     #[cfg_attr(feature = "serde", serde(rename = "HND"))]
     Grip {
-        /// [`VACUUM`], [`BLOW`] or another; 16 bits on the wire.
+        /// The number of the gripper: [`VACUUM`], [`BLOW`] or another; 16 bits on the wire.
         #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::integer))]
         gripper: i32,
-        /// Open: for [`VACUUM`] and [`BLOW`] this turns the air on.
+        /// Whether the gripper is opened: for [`VACUUM`] and [`BLOW`] this turns the air on.
         open: bool,
     },
 }
@@ -90,7 +90,7 @@ pub enum Command<P> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Mode {
-    /// `A`: to this pose.
+    /// `A`: a motion to this pose.
     Absolute,
     /// `R`: a relative motion by this distance.
     Relative,

@@ -20,11 +20,11 @@ use crate::pose::Pose;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "reply", rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum Reply<P> {
-    /// `OK`: done, or for a motion, started.
+    /// `OK`: the command is done, or for a motion, started.
     Ok,
-    /// `ER`: not done.
+    /// `ER`: the command is not done.
     Error {
-        /// The error; never [`ErrorCode::None`].
+        /// The reason; never [`ErrorCode::None`].
         #[cfg_attr(feature = "arbitrary", arbitrary(with = failure))]
         error: ErrorCode,
     },
@@ -38,7 +38,7 @@ pub enum Reply<P> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub struct Status<P> {
-    /// A motion is going on. It may report no until a motion that it has accepted begins.
+    /// Whether a motion is going on. It may be false until a motion that the device has accepted begins.
     pub moving: bool,
     /// The pose of the axes.
     #[cfg_attr(feature = "serde", serde(rename = "axes"))]
@@ -49,7 +49,7 @@ pub struct Status<P> {
     #[cfg_attr(feature = "serde", serde(rename = "override"))]
     #[cfg_attr(feature = "arbitrary", arbitrary(with = crate::arbitrary::percent))]
     pub percent: u8,
-    /// The error that it is in.
+    /// The error that the device is in; [`ErrorCode::None`] without one.
     pub error: ErrorCode,
 }
 
@@ -62,16 +62,16 @@ pub struct Status<P> {
     serde(from = "i32", into = "i32")
 )]
 pub enum ErrorCode {
-    /// 0: no error.
+    /// 0: there is no error.
     #[default]
     None,
-    /// 1: generic error.
+    /// 1: an error without a number of its own.
     Generic,
     /// 2: error of servo motor 1.
     Servo1,
     /// 3: error of servo motor 2.
     Servo2,
-    /// Any other; 16 bits on the wire.
+    /// Any other number; 16 bits on the wire.
     Other(i32),
 }
 

@@ -36,7 +36,7 @@ pub enum ConfigError {
     /// The capacity is outside `1..=9999`.
     #[error("a capacity of {capacity} jobs is outside 1 to 9999")]
     Capacity {
-        /// The requested capacity.
+        /// The requested number of jobs.
         capacity: usize,
     },
     /// The highest job number is not above the capacity: one number could be in the queue twice.
@@ -44,7 +44,7 @@ pub enum ConfigError {
     MaxNumber {
         /// The requested highest job number.
         max_number: u16,
-        /// The requested capacity.
+        /// The requested number of jobs of the queue.
         capacity: usize,
     },
 }

@@ -64,7 +64,7 @@ pub trait Device {
 pub struct Executed<W> {
     /// The time since the device was first used.
     pub at: Duration,
-    /// The executed work.
+    /// The job, instruction or motion that was executed.
     pub work: W,
 }
 
@@ -109,10 +109,10 @@ impl<E, W> Notes<E, W> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// These settings cannot work.
+    /// The settings cannot work together.
     #[error("{0}")]
     Settings(#[source] Box<dyn StdError + Send + Sync>),
-    /// The system's.
+    /// The system has refused a transport or a file.
     #[error(transparent)]
     Io(#[from] io::Error),
 }

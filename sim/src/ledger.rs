@@ -28,7 +28,7 @@ pub struct Job<T = ()> {
     pub reported: Option<Reported>,
     /// Whether an outcome was reported more than once.
     pub is_reported_again: bool,
-    /// The number of executions.
+    /// The number of times that the job was executed.
     pub times: u32,
 }
 
@@ -126,21 +126,21 @@ impl<T> Job<T> {
 /// The counts of jobs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Counts {
-    /// The number of jobs.
+    /// The number of jobs of the ledger.
     pub sent: u64,
-    /// Executed exactly once, and not reported as not done.
+    /// The number of jobs that were executed exactly once, and not reported as not done.
     pub executed_once: u64,
-    /// Executed more than once.
+    /// The number of jobs that were executed more than once.
     pub repeated: u64,
-    /// Jobs that were not executed, and reported as done or not at all.
+    /// The number of jobs that were not executed, and reported as done or not at all.
     pub lost: u64,
-    /// Reported as unknown, executed or not.
+    /// The number of jobs that were reported as unknown, executed or not.
     pub unknown: u64,
-    /// Reported as unknown, and executed.
+    /// The number of jobs that were reported as unknown, and executed.
     pub unknown_executed: u64,
-    /// Reported as not done, and not executed.
+    /// The number of jobs that were reported as not done, and not executed.
     pub withdrawn: u64,
-    /// Reported as not done, and executed once.
+    /// The number of jobs that were reported as not done, and executed once.
     pub unreported: u64,
 }
 

@@ -45,15 +45,15 @@ impl robot_session::spec::Configure for Viewer {
 /// The counts of a workstation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Drawn {
-    /// Requests sent.
+    /// The number of requests sent.
     pub asked: u64,
-    /// Poses received.
+    /// The number of poses received.
     pub poses: u64,
-    /// Poses that never came, by the gaps in their count.
+    /// The number of poses that never came, by the gaps in their count.
     pub gaps: u64,
-    /// Corrupt lines, or pieces of one.
+    /// The number of corrupt lines, or pieces of one.
     pub damaged: u64,
-    /// Times that the picture was stale.
+    /// The number of times that the picture was stale.
     pub stale: u64,
     /// Times that the operator paused a frozen picture, which makes it request again (§9.4).
     pub pauses: u64,

@@ -21,13 +21,13 @@ pub struct NoFault(String);
 pub enum TelemetryFault {
     /// The speed in X is not a number.
     Nan,
-    /// R is infinite.
+    /// The orientation's R is infinite.
     Infinite,
-    /// X is 1e-40.
+    /// The position's X is 1e-40.
     Denormal,
     /// The quaternion's first part is 2.
     Quaternion,
-    /// X is 5 m further.
+    /// The position's X is 5 m further.
     Unreachable,
     /// The background task does not run.
     Standstill,

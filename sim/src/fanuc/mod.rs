@@ -34,7 +34,7 @@ pub struct Fanuc {
     pub config: ServerConfig,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// Implausible telemetry, with times.
+    /// The faults of the telemetry, with their times.
     pub faults: TelemetryFaults,
     /// The objects of its device identification; without object 0 it has no identification.
     pub identification: Identification,
@@ -85,11 +85,11 @@ pub enum FanucEvent {
     Role(Result<Option<String>, RoleError>),
     /// A client has read values.
     Read {
-        /// The table.
+        /// The table that the values are in.
         table: Table,
-        /// The PDU address of the first value.
+        /// The PDU address of the first value, from 0.
         address: u16,
-        /// The number of values.
+        /// The number of values, from 1.
         count: u16,
     },
     /// A client has written values.

@@ -14,7 +14,7 @@ pub use self::proxy::{FaultyProxy, NetworkFaults};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Fault {
-    /// The message is lost.
+    /// The message is lost; the connection continues.
     Drop,
     /// The message, and all later ones, are delayed by this time.
     Delay(Duration),
@@ -24,7 +24,7 @@ pub enum Fault {
     Cut,
     /// The connection ends instead of the message.
     Close,
-    /// The message comes twice.
+    /// The message comes twice, one directly after the other.
     Twice,
     /// The device neither reads nor sends for this time, beginning with the message. Execution continues.
     Freeze(Duration),

@@ -32,7 +32,7 @@ pub enum Arrival {
     Client(TcpStream, SocketAddr),
     /// No descriptor was free for this client: its connection was closed.
     Refused(SocketAddr),
-    /// No client has arrived.
+    /// No client has arrived since the last call.
     Nobody,
 }
 

@@ -86,7 +86,7 @@ impl<D: Device> Hosted for Simulator<D> {
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Notice<'a, E> {
-    /// A peer is connected.
+    /// A connection with this peer begins.
     Connected(&'a str),
     /// A client is not served, for this reason; its connection is closed.
     Refused(&'a str, &'a str),
@@ -118,10 +118,10 @@ pub enum Ending {
     /// Another client has replaced this one.
     #[error("another client has connected")]
     Replaced,
-    /// The peer has not sent or taken a byte for this time.
+    /// The peer has not sent or taken a byte for a time.
     #[error("the client {} nothing for {} s", verb(.reads), .time.as_secs_f64())]
     Idle {
-        /// The time.
+        /// The time without a byte.
         time: Duration,
         /// Whether the peer has taken all bytes that were sent to it.
         reads: bool,
@@ -132,7 +132,7 @@ pub enum Ending {
     /// The transport has failed, or a connection could not be made.
     #[error("{0}")]
     Failed(String),
-    /// The host is stopped.
+    /// The host is stopped by its owner.
     #[error("the device is switched off")]
     Stopped,
 }

@@ -30,16 +30,16 @@ const ARRIVALS: Token = Token(usize::MAX);
 /// Serves a device over TCP: [several clients](Hosted::another) at once, or the newest.
 #[derive(Debug)]
 pub struct Server<C> {
-    /// The clients arrive here.
+    /// The listener at which the clients arrive.
     pub listener: Listener,
-    /// The time of the sessions.
+    /// The clock of the sessions.
     pub clock: C,
-    /// A client that neither sends nor takes a byte for this long is disconnected.
+    /// The time after which a client that neither sends nor takes a byte is disconnected; `None`: never.
     pub idle_timeout: Option<Duration>,
-    /// The interval at which the sessions are called even if no bytes arrive and no deadline has passed, because another
-    /// thread may have changed them; also the longest time until the server stops.
+    /// The interval at which the sessions are called even if no bytes arrive and no deadline has passed, because another thread
+    /// may have changed them; also the longest time until the server stops. `None`: they are not.
     pub look: Option<Duration>,
-    /// The clients have to speak TLS, with this.
+    /// The TLS that the clients have to speak; `None`: the connections are not encrypted.
     #[cfg(feature = "tls")]
     pub tls: Option<std::sync::Arc<robot_session::tls::rustls::ServerConfig>>,
 }

@@ -73,7 +73,7 @@ impl robot_session::spec::Configure for Laser {
 /// An interpreted instruction, as it came.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Job {
-    /// The command word.
+    /// The command word of the instruction.
     pub word: u16,
     /// The items that follow it, unstuffed: see [`Items`].
     pub parameters: Vec<u8>,

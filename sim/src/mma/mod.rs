@@ -38,7 +38,7 @@ pub struct Mma<P> {
     pub mute_every: u64,
     /// The period of disconnections: the connection ends in place of every n-th reply; 0: never.
     pub drop_every: u64,
-    /// The pose at rest.
+    /// The pose at first, and after a reset.
     pub home: P,
 }
 
@@ -59,7 +59,7 @@ pub struct MotionFaults {
     pub stall_every: u64,
     /// The period of motions that are refused with `refuse_code`.
     pub refuse_every: u64,
-    /// Any number but 0 that fits its field.
+    /// The error number of the refusals: any but 0 that fits its field.
     pub refuse_code: i32,
 }
 
@@ -115,18 +115,18 @@ mod spec {
 /// The end of the motion that is under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Fate {
-    /// At its target.
+    /// The motion ends at its target.
     Arrives,
-    /// Half-way, with an error.
+    /// The motion ends half-way, with an error.
     Fails,
-    /// Half-way, without an error.
+    /// The motion ends half-way, without an error.
     Stalls,
 }
 
 /// A motion that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Motion<P> {
-    /// The commanded pose.
+    /// The pose that was commanded.
     pub to: P,
     /// The pose at which it has ended.
     pub at: P,
@@ -136,11 +136,11 @@ pub struct Motion<P> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MmaEvent<P> {
-    /// The device moves there.
+    /// The device moves to this pose.
     Move(P),
     /// The device moves home, after a reset.
     Home,
-    /// The servo motors are on, or off.
+    /// The servo motors are switched on (true) or off.
     Servo(bool),
     /// The override is this many percent.
     Override(u8),
@@ -148,7 +148,7 @@ pub enum MmaEvent<P> {
     Refused(ErrorCode),
     /// A command was refused by the protocol.
     Rejected(Rejection),
-    /// The connection has ended.
+    /// The connection has ended, for this reason.
     Closed(DeviceClosing),
 }
 

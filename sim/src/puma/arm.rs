@@ -10,7 +10,7 @@ use super::pose::Pose;
 pub struct ArmConfig {
     /// The polarity of mode bit 1.
     pub polarity: Polarity,
-    /// The robot's scaling.
+    /// The units of the robot's words.
     pub scale: Scale,
     /// The layout of the transformations that it sends.
     pub layout: Layout,

@@ -15,7 +15,7 @@ pub enum Incident {
     Corrupt,
     /// The messages report this status of the motion segment from now on.
     Status(SegmentStatus),
-    /// The program ends ALTER.
+    /// The program ends ALTER with an end message.
     Finish,
     /// The controller is switched off and on, and its program started: no message reports the end of ALTER.
     Restart,

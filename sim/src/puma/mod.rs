@@ -35,11 +35,11 @@ const FIRST: Duration = Duration::from_millis(200);
 pub struct Puma {
     /// The ALTER instruction and the line.
     pub config: ControllerConfig,
-    /// The arm.
+    /// The arm that ALTER moves.
     pub arm: ArmConfig,
     /// The time after the program's end at which the operator restarts it.
     pub restart: Duration,
-    /// The subroutine that closes or opens the gripper takes this long.
+    /// The time that the subroutine takes which closes or opens the gripper.
     pub subroutine_time: Duration,
     /// The incidents, in the order of their times. The times begin with the first ALTER.
     pub incidents: Vec<(Duration, Incident)>,
@@ -89,13 +89,13 @@ impl Settings for Puma {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum PumaEvent {
-    /// ALTER runs, and the arm stands there.
+    /// ALTER runs, and the arm has this pose.
     Started(Pose),
-    /// A reply was accepted, with its effect on the arm.
+    /// A reply was accepted, with its effect on the arm, in units of the words.
     Reply([i16; AXES]),
     /// The host has refused ALTER.
     Refused,
-    /// No answer came.
+    /// No start message was accepted.
     GaveUp,
     /// A reply could not be read, or did not come.
     BadReply(ErrorCode),
@@ -103,7 +103,7 @@ pub enum PumaEvent {
     Gripper(bool),
     /// An exception that the subroutine does not know, or that is not handled.
     Exception(Exception),
-    /// ALTER is over, and the arm stands there.
+    /// ALTER is over, with this code, and the arm has this pose.
     Ended(ErrorCode, Pose),
     /// A scheduled incident has happened.
     Incident(Incident),

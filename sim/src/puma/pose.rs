@@ -11,7 +11,7 @@ pub struct Pose {
     pub o: [f64; 3],
     /// The tool's z axis (approach).
     pub a: [f64; 3],
-    /// The tool's origin, mm.
+    /// The tool's origin, in mm.
     pub p: [f64; 3],
 }
 

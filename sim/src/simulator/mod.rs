@@ -51,7 +51,7 @@ pub struct Simulator<D: Device> {
 pub enum Told<E> {
     /// An event of the device.
     Device(E),
-    /// A fault was injected.
+    /// A scheduled fault was injected.
     Fault(Fault),
     /// The connection is to be closed, for this reason.
     Close(&'static str),

@@ -83,7 +83,7 @@ impl EncodeError {
 /// The two kinds of objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A message.
+    /// The object of a message.
     Message,
     /// The reason for which bytes are not a message.
     Error,
@@ -232,13 +232,13 @@ where
 /// A part of the stream.
 #[derive(Debug, Clone, Copy)]
 pub struct Item<'a> {
-    /// The first byte, from the start of the stream.
+    /// The offset of the first byte, from the start of the stream.
     pub offset: u64,
-    /// The number of bytes.
+    /// The number of bytes of the item.
     pub length: u64,
     /// The kind of `json`.
     pub kind: Kind,
-    /// The object.
+    /// The object of a message or of an error, as JSON.
     pub json: &'a [u8],
 }
 
@@ -264,13 +264,13 @@ impl Item<'_> {
 /// A stored item.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Found {
-    /// The first byte, from the start of the stream.
+    /// The offset of the first byte, from the start of the stream.
     pub offset: u64,
-    /// The number of bytes.
+    /// The number of bytes of the item.
     pub length: u64,
     /// The object of a message, or of an error, as JSON.
     pub content: Result<String, String>,
-    /// The item is given only because the stream ends.
+    /// Whether the item is given only because the stream ends.
     pub at_end: bool,
 }
 

@@ -37,7 +37,7 @@ pub struct Once {
     pub begins: By<'static>,
     /// The events that end the item.
     pub ends: &'static [By<'static>],
-    /// How much of it there may be.
+    /// The number of items that may be pending.
     pub room: Room,
 }
 

@@ -12,20 +12,20 @@ pub use crate::parts::{Part, Parts, Read, count};
 /// A message or an error in a stream, and the meaning of its bytes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Explained {
-    /// The first byte, from the start of the stream.
+    /// The offset of the first byte, from the start of the stream.
     pub offset: u64,
-    /// The number of bytes.
+    /// The number of bytes of the item.
     pub length: u64,
-    /// The object of a message.
+    /// The object of a message; `None` for an error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub message: Option<Value>,
-    /// The object of an error.
+    /// The object of an error; `None` for a message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<Value>,
-    /// The clause that an error breaks.
+    /// The clause that an error breaks; `None` for a message.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clause: Option<&'static str>,
-    /// The item is given only because the stream ends.
+    /// Whether the item is given only because the stream ends.
     pub at_end: bool,
     /// The meaning of the message's bytes, in their sequence.
     pub parts: Vec<Part>,

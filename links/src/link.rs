@@ -14,9 +14,9 @@ use crate::shadow::MakeShadow;
 /// A link.
 #[derive(Debug, Clone, Copy)]
 pub struct Link {
-    /// The crate's name.
+    /// The name of the link's crate.
     pub name: &'static str,
-    /// The name in commands.
+    /// The name of the link in commands.
     pub short: &'static str,
     /// The link in one line.
     pub about: &'static str,
@@ -79,9 +79,9 @@ pub struct Open {
     /// Other settings of the ends, which bytes show and a command may lack: their values in these messages, and the reason
     /// for each.
     pub places: fn(messages: &[(&'static str, Value)]) -> Vec<Place>,
-    /// The names of [`places`](Self::places).
+    /// The names of the settings of [`places`](Self::places).
     pub place_names: &'static [&'static str],
-    /// The setting that has too many values to try all.
+    /// The setting that has too many values to try all; `None` without one.
     pub guess: Option<Guess>,
     /// Messages whose bytes differ from setting to setting.
     pub deciding: &'static [Deciding],
@@ -104,9 +104,9 @@ pub enum Carrier {
     /// The capture does not show the carrier.
     #[default]
     Unknown,
-    /// TCP or UDP.
+    /// A TCP connection or UDP datagrams.
     Network,
-    /// A serial line, of a rate that is known if it was listened to.
+    /// A serial line, with its rate in baud if that is known; `None` otherwise.
     Serial(Option<u32>),
 }
 
@@ -128,7 +128,7 @@ pub struct Deciding {
     pub side: &'static str,
     /// A description of the message.
     pub about: &'static str,
-    /// The message as JSON.
+    /// The object of the message, as JSON.
     pub message: &'static str,
 }
 

@@ -51,9 +51,9 @@ pub enum Seen<'a> {
     Closed,
     /// An end has sent bytes. The messages that are whole with them follow.
     Bytes {
-        /// The end.
+        /// The end that sent the bytes.
         from: &'static str,
-        /// All of them.
+        /// All bytes that were sent at once.
         bytes: &'a [u8],
     },
     /// Sent bytes are a message.
@@ -67,9 +67,9 @@ pub enum Seen<'a> {
     },
     /// Sent bytes are not a message.
     Corrupt {
-        /// The end that sent it.
+        /// The end that sent the bytes.
         from: &'static str,
-        /// The number of bytes.
+        /// The number of bytes without a message.
         length: u64,
         /// The error of the decoder.
         error: &'a Value,
@@ -84,7 +84,7 @@ pub enum Seen<'a> {
 /// A fault that a shadow has found.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Complaint {
-    /// When that was clear.
+    /// The time at which the fault was clear.
     #[serde(skip)]
     pub at: Duration,
     /// The end that is to blame.
@@ -95,7 +95,7 @@ pub struct Complaint {
     pub kind: Kind,
     /// The clause of the link's specification.
     pub clause: &'static str,
-    /// The fault in words.
+    /// The fault in words, for a person.
     pub text: String,
 }
 
@@ -116,7 +116,7 @@ pub enum Kind {
 pub struct Report<'a> {
     /// The time of the current event.
     pub now: Duration,
-    /// The complaints so far.
+    /// The complaints of all events up to now.
     pub complaints: &'a mut Vec<Complaint>,
 }
 

@@ -49,11 +49,11 @@ pub struct Vector {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// The object, which encodes to exactly these bytes.
+    /// An object, which encodes to exactly these bytes.
     Valid,
-    /// The object, which the encoder writes another way or not at all.
+    /// An object, which the encoder writes another way or not at all.
     Acceptable,
-    /// The error.
+    /// An error: the bytes are not a message.
     Invalid,
 }
 

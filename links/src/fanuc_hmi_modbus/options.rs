@@ -6,25 +6,26 @@ use fanuc_hmi_modbus::{ClientConfig, Framing, WordOrder};
 /// The frames of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Frames {
-    /// With MBAP headers.
+    /// Modbus TCP: frames with MBAP headers.
     #[default]
     Tcp,
-    /// Frames as on a serial line, through a TCP connection.
+    /// RTU over TCP: frames as on a serial line, through a TCP connection.
     Rtu,
 }
 
 /// The settings of a view of the link's bytes, and the registers that a client requests.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ViewSettings {
-    /// The frames.
+    /// The frames of the connection.
     pub frames: Frames,
     /// Whether a reply of 37 registers is shown as the telemetry block.
     pub telemetry: bool,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// The unit to which a client sends requests; `None`: that of the command. The bytes of every unit are shown.
+    /// The unit to which a client sends requests; `None`: the command's own default. The bytes of every unit are shown.
     pub unit: Option<u8>,
-    /// The PDU address of the first register that a client requests; `None`: that of the command. Every register is shown.
+    /// The PDU address of the first register that a client requests; `None`: the command's own default. Every register is
+    /// shown.
     pub address: Option<u16>,
 }
 

@@ -48,7 +48,7 @@ pub enum Holds {
         /// The greatest value, in units of the last decimal.
         max: i32,
     },
-    /// A text.
+    /// A text, in the plant's character set.
     Text {
         /// The least number of characters.
         min: usize,

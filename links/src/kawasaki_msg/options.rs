@@ -7,9 +7,9 @@ use kawasaki_msg::{PcConfig, RobotConfig};
 /// The settings of `decode` and `encode`.
 #[derive(Debug, Clone, Default)]
 pub struct CodecSettings {
-    /// The plant's messages.
+    /// The messages and jobs of the plant.
     pub plant: Plant,
-    /// Messages are read and written by their roles in the plant's table.
+    /// Whether messages are read and written by their roles in the plant's table.
     pub roles: bool,
 }
 

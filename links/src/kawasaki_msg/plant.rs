@@ -20,11 +20,11 @@ use crate::settings::{Configure, Fields, Refused};
 pub struct Plant {
     /// The character set of names and fields.
     pub charset: Charset,
-    /// Packets are datagrams.
+    /// Whether packets are datagrams.
     pub udp: bool,
     /// The limits of a packet in bytes.
     pub limits: Limits,
-    /// The highest job number.
+    /// The highest job number, 2 to 9999.
     pub max_number: u16,
     /// The way in which executed jobs are acknowledged.
     pub acks: Acks,

@@ -15,14 +15,14 @@ use crate::vectors::{Vector, unhex};
 /// A file.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Field {
-    /// The link's name.
+    /// The name of the link.
     pub link: String,
     /// A description of the recording.
     pub source: String,
-    /// Frames.
+    /// The frames, each with its object.
     #[serde(default)]
     pub vectors: Vec<Vector>,
-    /// The bytes of a side.
+    /// The recorded bytes, each stream of one side.
     #[serde(default)]
     pub streams: Vec<Stream>,
     /// The inputs of an end, and its actions.
@@ -37,12 +37,12 @@ pub struct Stream {
     pub id: u32,
     /// A description of the stream.
     pub comment: String,
-    /// The side.
+    /// The side that sent the bytes; `None` for the link's first.
     pub from: Option<String>,
     /// Settings other than the link's defaults.
     #[serde(default)]
     pub options: Map<String, Value>,
-    /// The bytes; `|` is an end.
+    /// The bytes in hex; `|` is an end of the stream.
     pub hex: String,
     items: Vec<Item>,
 }

@@ -14,13 +14,13 @@ use crate::vectors::unhex;
 /// An input of a session.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Do {
-    /// A connection is made.
+    /// The caller has made a connection.
     Connected,
-    /// The connection is lost.
+    /// The caller reports that the connection is lost.
     Disconnected,
-    /// Bytes are read.
+    /// The caller has read these bytes.
     Input(Vec<u8>),
-    /// Time has passed.
+    /// The caller reports that a deadline has passed.
     Timeout,
     /// The last byte has left the port.
     Transmitted,
@@ -72,18 +72,18 @@ impl Do {
 /// The driver's actions that a step omits.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Omits {
-    /// `hold`: it does not poll for bytes to transmit.
+    /// Whether it does not poll for bytes to transmit: `hold`.
     pub transmit: bool,
-    /// `keep`: it takes no event.
+    /// Whether it takes no event: `keep`.
     pub events: bool,
 }
 
 /// The result of a step.
 #[derive(Debug, Default)]
 pub struct Done {
-    /// The refusal of a call, as JSON.
+    /// The refusal of a call, as JSON; `None` if no call was refused.
     pub refused: Option<String>,
-    /// As JSON.
+    /// The events that were polled, as JSON.
     pub events: Vec<String>,
     /// The bytes that the session sent.
     pub transmit: Vec<Vec<u8>>,

@@ -63,7 +63,7 @@ pub struct Cell {
 /// The next state of a cell.
 #[derive(Debug, Default)]
 pub enum Next {
-    /// The cell continues.
+    /// The cell continues as before.
     #[default]
     Same,
     /// The cell is not in the site file any more.

@@ -42,9 +42,9 @@ pub struct Commands {
 /// A command and its outcome, as bridges report it to one another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Told {
-    /// The cell.
+    /// The name of the cell.
     pub cell: String,
-    /// The id.
+    /// The id of the command.
     pub id: String,
     /// The outcome, and the bridge that has accepted the command.
     pub entry: Entry,
@@ -53,26 +53,27 @@ pub struct Told {
 /// A command that had no outcome when the bridge ended.
 #[derive(Debug, PartialEq)]
 pub struct Interrupted {
-    /// The cell.
+    /// The name of the cell.
     pub cell: String,
-    /// The metrics to report.
+    /// The metrics that report the command's outcome.
     pub report: Vec<Named>,
 }
 
 /// A message that writes metrics of a cell.
 #[derive(Debug, Clone, Copy)]
 pub struct Write<'a> {
-    /// The cell.
+    /// The name of the cell.
     pub cell: &'a str,
-    /// Whether the site file allows commands to it.
+    /// Whether the site file allows commands to the cell.
     pub is_allowed: bool,
-    /// The metrics.
+    /// The metrics to write, as the message has them.
     pub payload: &'a Payload,
-    /// The reason to refuse the command, if there is one.
+    /// The reason to refuse the command; `None` if there is no such reason.
     pub unfit: Option<&'a str>,
     /// Whether several bridges share the cell.
     pub is_shared: bool,
-    /// The reason to refuse every id without a time: the ids that another bridge has executed are not all known.
+    /// The reason to refuse every id without a time, because the ids that another bridge has executed are not all known; `None`
+    /// if they are known.
     pub unread: Option<&'a str>,
 }
 

@@ -24,7 +24,7 @@ pub struct Words {
 /// A record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
-    /// The cell's name.
+    /// The name of the cell.
     pub cell: String,
     /// The metrics that the cell reports.
     pub metrics: Vec<Metric>,

@@ -19,13 +19,13 @@ pub struct Health(Mutex<Figures>);
 /// The state of the bridge.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
-    /// The broker.
+    /// The state of the connection to the broker.
     pub broker: BrokerHealth,
-    /// Whether records are published.
+    /// Whether records are published now.
     pub is_online: bool,
     /// The number of records in the store.
     pub stored: u64,
-    /// The bytes of the records in the store, and their maximum.
+    /// The number of bytes of the records in the store, and its maximum.
     pub stored_bytes: (u64, u64),
     /// The number of records that were sent to the broker and are not acknowledged.
     pub in_flight: usize,
@@ -41,15 +41,15 @@ pub struct Figures {
     pub strange: u64,
     /// Whether the disk does not take the data that is to be written.
     pub is_stuck: bool,
-    /// The connection to the broker.
+    /// The counts of the connection to the broker.
     pub uplink: Counts,
     /// The numbers of commands by outcome.
     pub commands: BTreeMap<&'static str, u64>,
     /// The latest commands, the latest first.
     pub latest: Vec<Latest>,
-    /// The cells.
+    /// The state of each cell.
     pub cells: Vec<CellHealth>,
-    /// The numbers of shared cells, if this bridge shares cells.
+    /// The numbers of shared cells; `None` if this bridge does not share cells.
     pub shared: Option<Shared>,
 }
 
@@ -69,11 +69,11 @@ pub struct Shared {
 pub struct BrokerHealth {
     /// The address of the broker.
     pub address: String,
-    /// Sparkplug's group.
+    /// The name of Sparkplug's group.
     pub group: String,
-    /// Sparkplug's edge node.
+    /// The name of Sparkplug's edge node: this bridge.
     pub node: String,
-    /// The reason why nothing is published.
+    /// The reason why nothing is published; empty if records are published.
     pub why: String,
 }
 

@@ -52,9 +52,9 @@ const RETRY: Duration = Duration::from_millis(100);
 pub struct Reply {
     /// The status code, such as 200.
     pub status: u16,
-    /// The content's type.
+    /// The media type of the content.
     pub kind: &'static str,
-    /// The content.
+    /// The content, as text.
     pub body: String,
     /// Whether the content is an event, and followed by others for as long as the client reads.
     pub is_live: bool,

@@ -18,7 +18,7 @@ pub struct Commands(VecDeque<Latest>);
 /// A command.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Latest {
-    /// The cell.
+    /// The name of the cell.
     pub cell: String,
     /// The id of the command.
     pub id: String,
@@ -26,7 +26,7 @@ pub struct Latest {
     pub at: u64,
     /// The outcome of the command.
     pub outcome: Outcome,
-    /// The reason for the outcome, or nothing.
+    /// The reason for the outcome; empty without one.
     pub detail: String,
 }
 

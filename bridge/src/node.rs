@@ -41,16 +41,16 @@ pub enum Received {
     Rebirth,
     /// Metrics of a device are to be written.
     Write {
-        /// The device.
+        /// The device, which is the name of a cell.
         device: String,
-        /// The metrics.
+        /// The metrics to write, as the message has them.
         payload: Payload,
-        /// The reason to refuse the command, if there is one.
+        /// The reason to refuse the command; `None` if there is no such reason.
         unfit: Option<String>,
     },
     /// The state of a host application.
     State {
-        /// The host application.
+        /// The name of the host application.
         host: String,
         /// Whether the host application is online.
         online: bool,

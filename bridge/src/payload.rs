@@ -38,10 +38,10 @@ pub struct Metric {
     /// Whether there is no value.
     #[prost(bool, optional, tag = "7")]
     pub is_null: Option<bool>,
-    /// More about the metric.
+    /// The properties of the metric, such as its quality; `None` without any.
     #[prost(message, optional, tag = "9")]
     pub properties: Option<Properties>,
-    /// The value.
+    /// The value of the type `datatype`; `None` if `is_null`.
     #[prost(oneof = "Value", tags = "10, 11, 12, 13, 14, 15")]
     pub value: Option<Value>,
 }
@@ -63,7 +63,7 @@ pub struct Property {
     /// Sparkplug's number of the value's type.
     #[prost(uint32, optional, tag = "1")]
     pub datatype: Option<u32>,
-    /// The value.
+    /// The value of the property, a number of 32 bits.
     #[prost(uint32, optional, tag = "3")]
     pub value: Option<u32>,
 }
@@ -93,10 +93,10 @@ pub enum Value {
     /// A number of double precision.
     #[prost(double, tag = "13")]
     Double(f64),
-    /// True or false.
+    /// A truth value.
     #[prost(bool, tag = "14")]
     Boolean(bool),
-    /// A text.
+    /// A text in UTF-8.
     #[prost(string, tag = "15")]
     String(String),
 }
@@ -111,9 +111,9 @@ pub enum Kind {
     Float = 9,
     /// A number of double precision, as [`Value::Double`].
     Double = 10,
-    /// True or false, as [`Value::Boolean`].
+    /// A truth value, as [`Value::Boolean`].
     Boolean = 11,
-    /// A text, as [`Value::String`].
+    /// A text in UTF-8, as [`Value::String`].
     String = 12,
 }
 

@@ -11,7 +11,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub struct Apart {
     /// The key of the record in the store.
     pub key: u64,
-    /// The cell.
+    /// The index of the cell.
     pub place: usize,
     /// The reason of the refusal.
     pub why: String,

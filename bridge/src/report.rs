@@ -38,11 +38,11 @@ pub enum What {
     Bad(Vec<Named>),
     /// The outcome of a command.
     Outcome {
-        /// The command.
+        /// The id of the command.
         id: String,
         /// The outcome of the command.
         outcome: Outcome,
-        /// The reason for the outcome, or nothing.
+        /// The reason for the outcome; empty without one.
         detail: String,
     },
 }

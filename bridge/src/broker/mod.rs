@@ -37,15 +37,15 @@ const IN_FLIGHT: u16 = 1000;
 pub struct Options {
     /// The broker's name or address, which its certificate must contain.
     pub host: String,
-    /// The broker's port.
+    /// The TCP port of the broker.
     pub port: u16,
-    /// The URL, if the broker is reached over a WebSocket.
+    /// The URL, if the broker is reached over a WebSocket; otherwise `None`.
     pub url: Option<String>,
     /// The client's name: a broker ends the connection of another client that has it.
     pub client: String,
-    /// The user name and password.
+    /// The user name and password; `None` without a login.
     pub login: Option<(String, Password)>,
-    /// The TLS of the connection; without it the connection is not encrypted.
+    /// The TLS of the connection; `None`: it is not encrypted.
     pub tls: Option<Tls>,
     /// The version of the protocol.
     pub version: Version,
@@ -74,20 +74,20 @@ pub struct Password(pub String);
 /// PEM texts.
 #[derive(Debug, Clone)]
 pub struct Tls {
-    /// The certificates of the authorities that may vouch for the broker.
+    /// The certificates of the authorities that may vouch for the broker, as PEM.
     pub authorities: Vec<u8>,
-    /// The client's own certificate, and its key.
+    /// The client's own certificate and its key, as PEM; `None` without one.
     pub client: Option<(Vec<u8>, Password)>,
 }
 
 /// An event of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Happened {
-    /// The broker has accepted the connection. The maximum packet size in bytes, if the broker states one.
+    /// The broker has accepted the connection. The maximum packet size in bytes; `None` if the broker does not state one.
     Connected(Option<u32>),
     /// The broker has accepted every subscription.
     Subscribed,
-    /// A message.
+    /// A message of a subscribed topic has come.
     Message {
         /// The topic of the message.
         topic: String,
@@ -109,7 +109,7 @@ pub enum Happened {
     Rejected {
         /// The token of the message.
         token: u64,
-        /// The reason.
+        /// The reason of the refusal, for the log.
         why: String,
         /// The scope of the refusal.
         refusal: Refusal,

@@ -47,27 +47,27 @@ pub struct Site {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Broker {
-    /// HOST:PORT, or several: one after the other is tried.
+    /// The address HOST:PORT, or several: one after the other is tried.
     pub address: Addresses,
-    /// The version of MQTT.
+    /// The version of MQTT that the bridge speaks.
     #[serde(default)]
     pub mqtt: broker::Version,
-    /// Sparkplug's group.
+    /// The name of Sparkplug's group.
     pub group: String,
-    /// Sparkplug's edge node: this bridge, and no other of the group.
+    /// The name of Sparkplug's edge node: this bridge, and no other of the group.
     pub node: String,
-    /// The client's name at the broker; by default GROUP-NODE.
+    /// The client's name at the broker; `None`: GROUP-NODE.
     pub client: Option<String>,
-    /// The user name at the broker.
+    /// The user name at the broker; `None` without a login.
     pub user: Option<String>,
-    /// A file with the password in its first line.
+    /// A file with the password in its first line; `None` without a password.
     pub password_file: Option<PathBuf>,
-    /// The TLS files; without them the connection is not encrypted.
+    /// The TLS files; `None`: the connection is not encrypted.
     pub tls: Option<TlsFiles>,
     /// The keep-alive time: after 1.5 times this without a message the broker considers the bridge disconnected.
     #[serde(default = "keep_alive", deserialize_with = "time")]
     pub keep_alive: Duration,
-    /// The host application without which nothing is sent.
+    /// The host application without which nothing is sent; `None`: no host is waited for.
     pub primary_host: Option<String>,
     /// Unsafe settings that the bridge refuses otherwise.
     #[serde(default)]
@@ -75,7 +75,7 @@ pub struct Broker {
     /// Whether numbers stand for the names of metrics after their birth.
     #[serde(default)]
     pub aliases: bool,
-    /// The prefix of the topics on which each record is published as JSON, too: PREFIX/CELL.
+    /// The prefix of the topics on which each record is published as JSON, too: PREFIX/CELL; `None`: no record is.
     pub json: Option<String>,
     /// The QoS of records. 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
     #[serde(default = "one")]
@@ -96,11 +96,11 @@ pub enum Unsafe {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TlsFiles {
-    /// The certificates of the authorities that may vouch for the broker.
+    /// The file with the certificates of the authorities that may vouch for the broker.
     pub ca: PathBuf,
-    /// The bridge's own certificate.
+    /// The file with the bridge's own certificate; `None` without one.
     pub certificate: Option<PathBuf>,
-    /// The key of the bridge's certificate.
+    /// The file with the key of the bridge's certificate; `None` without one.
     pub key: Option<PathBuf>,
 }
 
@@ -168,9 +168,9 @@ pub struct Cell {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged, expecting = "give an address, or a list of addresses")]
 pub enum Addresses {
-    /// One address.
+    /// A single address.
     One(String),
-    /// Several addresses.
+    /// A list of addresses.
     Several(Vec<String>),
 }
 
@@ -405,9 +405,9 @@ const ADVICE: &str = "give HOST:PORT, such as broker.example:8883";
 pub struct Place {
     /// The broker's name or address.
     pub host: String,
-    /// The broker's port.
+    /// The TCP port of the broker.
     pub port: u16,
-    /// The whole URL, if the broker is reached over a WebSocket.
+    /// The whole URL, if the broker is reached over a WebSocket; otherwise `None`.
     pub url: Option<String>,
 }
 

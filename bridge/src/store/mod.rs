@@ -62,7 +62,7 @@ pub struct Busy(String);
 /// The changes that are written at once.
 #[derive(Debug, Default)]
 pub struct Batch {
-    /// Records to append.
+    /// The records to append, in their sequence.
     pub append: Vec<Vec<u8>>,
     /// The keys of records to remove.
     pub remove: Vec<u64>,

@@ -50,21 +50,21 @@ pub enum Sender {
     Other(String),
     /// The end at which a line was recorded, or the other one.
     Kept {
-        /// The bytes were sent by the end that recorded the line.
+        /// Whether the bytes were sent by the end that recorded the line.
         by_keeper: bool,
     },
     /// The likely end of a connection, and the server's port.
     Connected {
-        /// The sender seems to have opened the connection.
+        /// Whether the sender seems to have opened the connection.
         is_client: bool,
-        /// The server's port.
+        /// The TCP port of the server.
         port: u16,
     },
     /// The bytes that a trace of the tool lists as sent, or as received.
     Traced {
         /// The name of the trace.
         name: String,
-        /// The bytes were sent by the end that kept the trace.
+        /// Whether the bytes were sent by the end that kept the trace.
         sent: bool,
     },
 }
@@ -72,7 +72,7 @@ pub enum Sender {
 /// How a link explains bytes, with the settings that explain most.
 #[derive(Debug, Clone)]
 pub struct Finding {
-    /// The link.
+    /// The link that explains the bytes.
     pub link: &'static Link,
     /// The settings, those that are undecided at the value that is likelier or the default.
     pub settings: Map<String, Value>,
@@ -132,11 +132,11 @@ pub enum Decided {
     ByBytes,
     /// Other values give numbers or texts that make no sense.
     ByValues,
-    /// Nothing in these bytes.
+    /// The bytes do not decide the setting.
     Not {
-        /// The other values that are not ruled out; none where any value explains the same.
+        /// The other values that are not ruled out; empty if any value explains the same.
         others: Vec<Other>,
-        /// A message that would decide it; none where the setting makes no difference beside the others.
+        /// A message that would decide it; `None` if the setting makes no difference beside the others.
         message: Option<String>,
     },
 }
@@ -144,9 +144,9 @@ pub enum Decided {
 /// A value of a setting that is not ruled out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Other {
-    /// The value.
+    /// The value that is not ruled out.
     pub value: Value,
-    /// The bytes that it leaves unexplained, and the chosen value explains.
+    /// The number of bytes that the value leaves unexplained, and the chosen value explains.
     pub fewer: u64,
     /// The bytes that it explains, but would write otherwise; the chosen value writes them as they were read.
     pub inexact: u64,

@@ -37,11 +37,11 @@ pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
 /// The division of the bytes of a serial line into bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mode {
-    /// 7 or 8.
+    /// The number of data bits, 7 or 8.
     pub data_bits: DataBits,
-    /// None, even or odd.
+    /// The parity bit: none, even or odd.
     pub parity: Parity,
-    /// 1 or 2.
+    /// The number of stop bits, 1 or 2.
     pub stop_bits: StopBits,
 }
 

@@ -83,9 +83,9 @@ impl TlsArgs {
 /// A port as it is, or a secure connection.
 #[derive(Debug)]
 pub enum Carrier<T> {
-    /// Without TLS.
+    /// The port without TLS.
     Plain(T),
-    /// With TLS.
+    /// The port with TLS.
     Secure(Box<Secure>),
 }
 

@@ -68,9 +68,9 @@ fn folder(path: &str) -> Result<PathBuf, String> {
 /// The direction of a byte, seen from the end that keeps the trace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
-    /// From this end.
+    /// The bytes that this end sent.
     Sent,
-    /// To this end.
+    /// The bytes that this end received.
     Received,
 }
 

@@ -22,27 +22,27 @@ pub use nearest::{Nearest, nearest};
 /// The visible structure of the bytes of one end.
 #[derive(Debug, Clone, Serialize)]
 pub struct Seen {
-    /// The number of messages.
+    /// The number of messages that the bytes are divided into.
     pub messages: usize,
-    /// The shortest and the longest of them, in bytes.
+    /// The lengths of the shortest and the longest message, in bytes.
     pub lengths: [usize; 2],
-    /// The bytes that all of them begin with.
+    /// The bytes that all messages begin with.
     #[serde(serialize_with = "hex")]
     pub begin: Vec<u8>,
-    /// The bytes that all of them end with.
+    /// The bytes that all messages end with.
     #[serde(serialize_with = "hex")]
     pub end: Vec<u8>,
-    /// The byte that is doubled inside of them.
+    /// The byte that is doubled inside of messages; `None` without one.
     pub doubled: Option<u8>,
     /// The bytes besides the marks that are the same in all messages: their offsets and values.
     pub constant: Vec<(usize, u8)>,
-    /// The bytes that check others.
+    /// The bytes that check others; `None` without any.
     pub check: Option<Check>,
-    /// A field with the length.
+    /// The field with the length of the message; `None` without one.
     pub length: Option<Length>,
     /// Numbers that grow by one from message to message.
     pub counters: Vec<Number>,
-    /// Numbers that change slowly.
+    /// The fields with numbers that change slowly.
     pub numbers: Vec<Number>,
 }
 

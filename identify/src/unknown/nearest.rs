@@ -31,7 +31,7 @@ pub struct Nearest {
     pub link: &'static str,
     /// The settings with which the link is nearest, without the defaults.
     pub settings: Map<String, Value>,
-    /// The side.
+    /// The side of the link that sends such messages.
     pub side: &'static str,
     /// The number of messages that begin like those of the link.
     pub begin: usize,

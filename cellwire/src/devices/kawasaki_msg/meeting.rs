@@ -31,17 +31,17 @@ const LONGEST: usize = 65536;
 /// The way in which the other end is reached.
 #[derive(Debug)]
 pub enum Meeting {
-    /// The other end connects.
+    /// This end listens, and the other end connects.
     Listen(Arrivals),
-    /// The other end listens.
+    /// This end connects, and the other end listens.
     Connect {
-        /// The address of the other end.
+        /// The address of the other end, `HOST:PORT`.
         address: String,
         /// The settings of a connection.
         dialing: Dialing,
-        /// The pauses between connections.
+        /// The pauses between attempts to connect.
         backoff: Backoff,
-        /// The TLS of the connections; `None` without.
+        /// The TLS of the connections; `None`: they are not encrypted.
         tls: Option<Tls>,
     },
     /// The other end sends datagrams; each must be a message of this table.
@@ -53,9 +53,9 @@ pub enum Meeting {
 /// The transport of a connection.
 #[derive(Debug)]
 pub enum Carrier {
-    /// A TCP connection.
+    /// A TCP connection, perhaps with TLS.
     Tcp(tls::Carrier<Stream>),
-    /// Datagrams.
+    /// Datagrams of one peer.
     Udp(Datagrams),
 }
 

@@ -64,7 +64,7 @@ struct Timing {
 /// The time that the source allows, for the p99 of a timing.
 #[derive(Debug, Clone, Copy)]
 pub struct Budget {
-    /// The time.
+    /// The longest time that the source allows.
     pub time: Duration,
     /// The section of the source.
     pub source: &'static str,

@@ -12,23 +12,23 @@ use super::profile::Profile;
 /// The configuration of the host.
 #[derive(Debug, Clone)]
 pub struct TeleopConfig {
-    /// The robot's port.
+    /// The port of the robot's line.
     pub robot: PortConfig,
     /// The source of the hand's values.
     pub input: InputConfig,
-    /// The file that stores the reports of the input.
+    /// The file that stores the reports of the input; `None` without.
     pub record: Option<PathBuf>,
-    /// The workstation's port.
+    /// The port of the workstation's line; `None` without.
     pub viewer: Option<PortConfig>,
-    /// The answers to it.
+    /// The settings of the answers to the workstation.
     pub viewer_host: val2_viewer::HostConfig,
-    /// The ALTER session.
+    /// The settings of the ALTER session.
     pub alter: HostConfig,
-    /// The polls of the ball.
+    /// The settings of the polls of the ball.
     pub polls: isra_ball::HostConfig,
     /// The meaning of the hand's values.
     pub profile: Profile,
-    /// When the hand may move the arm.
+    /// The conditions under which the hand may move the arm.
     pub latch: LatchConfig,
 }
 

@@ -13,21 +13,21 @@
 /// Of equally strong axes the first of X, Y, Z, MX, MY, MZ passes. Forces and moments are compared by their raw numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Filter {
-    /// The axes that pass.
+    /// The axes of the ball that pass.
     pub axes: Axes,
-    /// DOM: only the strongest of them.
+    /// Whether only the strongest of them passes: DOM.
     pub dominant: bool,
 }
 
 /// Half of the six axes, or all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Axes {
-    /// Forces and moments.
+    /// All six axes: forces and moments.
     #[default]
     All,
-    /// TRA: the forces.
+    /// TRA: the forces alone.
     Translation,
-    /// ROT: the moments.
+    /// ROT: the moments alone.
     Rotation,
 }
 

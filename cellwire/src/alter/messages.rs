@@ -44,7 +44,7 @@ pub enum Order {
 /// The reports of the host's threads, each with its time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notification {
-    /// A port is open (again).
+    /// A port is open (again): its name and its path.
     PortOpen(&'static str, String),
     /// The USB adapter of a port delays bytes for too long, with the advised setting.
     SlowAdapter(&'static str, String),
@@ -52,22 +52,22 @@ pub enum Notification {
     PortLost(&'static str, String),
     /// Whether the reply thread runs before all others.
     Priority(bool),
-    /// A start message.
+    /// A start message has come.
     Start(Start),
-    /// A standard message.
+    /// A standard message has come.
     Motion(Motion),
-    /// A reply has left.
+    /// A reply was sent.
     Reply {
-        /// The values that the ball asked for.
+        /// The values that the ball asked for, in units a cycle.
         demand: [i16; AXES],
-        /// The demand within the limits, as it is sent.
+        /// The demand within the limits, as it is sent, in units a cycle.
         values: [i16; AXES],
         /// The time from the last byte read to the reply written.
         thinking: Duration,
-        /// An axis had to wait, because its word did not fit the window.
+        /// Whether an axis had to wait, because its word did not fit the window.
         held: bool,
     },
-    /// ALTER is over.
+    /// ALTER is over: the controller has sent an end message.
     End(End),
     /// A message was read later than the host assumes.
     Delayed,
@@ -95,7 +95,7 @@ pub enum Notification {
     Hand(Sample),
     /// A packet of the ball with new values, and how long after the poll it was whole.
     Ball(Packet, Duration),
-    /// The same without new values.
+    /// A packet of the ball without new values, and how long after the poll it was whole.
     BallOld(Packet, Duration),
     /// A poll of the ball without a packet.
     BallMissed,
@@ -115,18 +115,18 @@ pub enum Notification {
     Pose,
     /// The messages at a port at one baud rate.
     Probed {
-        /// The port.
+        /// The name of the port.
         port: &'static str,
-        /// The rate.
+        /// The rate of the line, in baud.
         baud: u32,
-        /// Good messages.
+        /// The number of good messages.
         good: usize,
-        /// Corrupt ones.
+        /// The number of corrupt messages.
         corrupt: usize,
     },
     /// ALTER runs: no port is tested.
     ProbeRefused,
-    /// A trace was written.
+    /// A trace was written to this file.
     Trace(PathBuf),
 }
 

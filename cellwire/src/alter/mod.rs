@@ -81,11 +81,11 @@ impl Orders {
 /// The traces of the host's own ends of the lines.
 #[derive(Debug, Clone)]
 pub struct Traces {
-    /// The robot's line.
+    /// The trace of the robot's line.
     pub robot: Trace,
-    /// The ball's line.
+    /// The trace of the ball's line.
     pub ball: Trace,
-    /// The workstation's line.
+    /// The trace of the workstation's line.
     pub viewer: Trace,
 }
 

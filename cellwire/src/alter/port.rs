@@ -22,9 +22,9 @@ use cellwire_io::trace::Way;
 /// A serial port by its path, or `HOST:PORT`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PortConfig {
-    /// The path or name.
+    /// The path of the port, or `HOST:PORT`.
     pub path: String,
-    /// The baud rate.
+    /// The rate of the line, in baud.
     pub baud: u32,
 }
 

@@ -18,13 +18,13 @@ pub struct Profile {
     pub dead_zone: u8,
     /// The speed that full deflection asks for, in percent of the limits. Above 100 the limits cut it.
     pub speed: u16,
-    /// The same for each axis of the robot, in percent of `speed`: -200 to 200. A negative one turns the axis round.
+    /// The speed of each axis of the robot, in percent of `speed`: -200 to 200. A negative one turns the axis round.
     pub gain: [i16; AXES],
     /// The axis of the input that each axis of the robot follows.
     pub axes: [Source; AXES],
-    /// Non-cumulative ALTER: how far off the path full deflection asks for, in mm.
+    /// Non-cumulative ALTER: the distance off the path that full deflection asks for, in mm.
     pub reach_mm: u16,
-    /// The same in degrees.
+    /// Non-cumulative ALTER: the turn off the path that full deflection asks for, in degrees.
     pub reach_degrees: u16,
     /// The button to be held, where the arm moves only while it is: 1 to 32.
     pub hold_key: u8,
@@ -37,7 +37,7 @@ pub struct Profile {
 pub struct Source {
     /// X, Y, Z, RX, RY, RZ as 0 to 5; `None`: the robot's axis stays where it is.
     pub axis: Option<u8>,
-    /// Reversed.
+    /// Whether the axis is reversed.
     pub is_inverted: bool,
 }
 

@@ -19,8 +19,8 @@ pub const FULL: i16 = 1000;
 /// A key that moves an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Jog {
-    /// X, Y, Z, RX, RY, RZ as 0 to 5.
+    /// The axis: X, Y, Z, RX, RY, RZ as 0 to 5.
     pub axis: u8,
-    /// The other way.
+    /// Whether the key moves the axis in the negative direction.
     pub is_negative: bool,
 }

@@ -94,7 +94,7 @@ fn check_field(path: &Path, name: &str) -> Result<bool> {
     Ok(result.is_ok())
 }
 
-/// Prints the disagreements, and their number; returns true if all agree.
+/// Prints the disagreements, and their number; returns true without any disagreement.
 fn report<'a>(name: &str, checked: impl Iterator<Item = (u32, &'a str, Result<()>)>) -> Result<bool> {
     let (mut all, mut disagree, mut out) = (0, 0, stdout());
     for (id, comment, result) in checked {

@@ -91,11 +91,11 @@ const NEXT: [(&str, &str); 3] = [
 /// The demo of a link, judged.
 #[derive(Debug)]
 pub struct Judged {
-    /// The measurements.
+    /// The measurements of the run.
     pub report: Report,
     /// Whether a time above its budget is a failure.
     pub check_times: bool,
-    /// The path of the picture.
+    /// The path of the picture; `None` without one.
     pub picture: Option<PathBuf>,
 }
 

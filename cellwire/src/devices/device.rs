@@ -55,13 +55,13 @@ pub struct SimulateOptions {
     pub dialing: Dialing,
     /// The TLS of the device's connections.
     pub tls: TlsArgs,
-    /// A client that neither sends nor takes a byte for this long is disconnected.
+    /// The time after which a client that neither sends nor takes a byte is disconnected; `None`: never.
     pub idle_timeout: Option<Duration>,
     /// The options of traces: where the bytes of a session that ended are kept.
     pub trace: TraceArgs,
     /// Settings other than the device's defaults.
     pub settings: Map<String, Value>,
-    /// The socket of `--control`.
+    /// The socket of `--control`; `None` without.
     pub control: Option<Control>,
 }
 

@@ -32,13 +32,13 @@ pub fn beside(work: &Path) -> PathBuf {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Never sent, or known not to have been taken.
+    /// The part was never sent, or is known not to have been taken.
     NotSent,
-    /// Executed: the part is not repeated.
+    /// The part was executed, and is not repeated.
     Done,
-    /// Nobody knows.
+    /// The part was sent, and whether it was executed is unknown.
     Unknown,
-    /// The machine refuses it.
+    /// The machine has refused the part, which was not executed.
     Refused,
 }
 
@@ -60,9 +60,9 @@ impl Outcome {
 pub struct Span {
     /// The outcome of all parts of the span.
     pub outcome: Outcome,
-    /// The first, from 0.
+    /// The index of the first part, from 0.
     pub first: usize,
-    /// The number of parts of the span.
+    /// The number of parts of the span, from 1.
     pub count: usize,
 }
 
@@ -77,13 +77,13 @@ impl fmt::Display for Span {
 /// The numbers of parts of the work with each outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tally {
-    /// All parts.
+    /// The number of all parts.
     pub parts: usize,
-    /// The finished parts.
+    /// The number of finished parts.
     pub done: usize,
-    /// The parts whose outcome is unknown; sent parts without an outcome among them.
+    /// The number of parts whose outcome is unknown; sent parts without an outcome among them.
     pub unknown: usize,
-    /// The unknown parts that the machine has in its queue, as far as is known.
+    /// The number of unknown parts that the machine has in its queue, as far as is known.
     pub queued: usize,
 }
 
@@ -153,7 +153,7 @@ pub struct Head {
     pub robot: String,
     /// The fingerprint of the file and of the settings on which the parts depend.
     pub work: String,
-    /// The number of parts.
+    /// The number of parts of the work.
     pub parts: usize,
 }
 

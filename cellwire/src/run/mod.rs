@@ -51,11 +51,11 @@ impl Bounds {
 /// The answer of the command line for parts that an earlier run has left unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
-    /// All are done.
+    /// All unknown parts are done.
     Done,
-    /// None is done.
+    /// No unknown part is done: all are repeated.
     Repeat,
-    /// The parts up to this number, counted from 1, are done.
+    /// The unknown parts up to this number, counted from 1, are done.
     Last(usize),
 }
 
@@ -353,11 +353,11 @@ impl<'a> Console<'a> {
 enum Word {
     /// Begin nothing new until `continue`.
     Pause,
-    /// Go on.
+    /// Go on after a pause.
     Continue,
     /// End after the current work.
     Stop,
-    /// Stop everything now.
+    /// Stop the machine and the run now.
     Abort,
     /// To a question: it was done, continue after it.
     Done,

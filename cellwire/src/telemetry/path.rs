@@ -10,9 +10,9 @@ use cellwire_motion::Pose;
 /// The joints and the tool's pose of the robot at a time.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// In s.
+    /// The time since the start, in s.
     pub time: f64,
-    /// J1 to J6 in degrees.
+    /// The angles of J1 to J6, in degrees.
     pub joints: [f64; 6],
     /// The tool's pose in the world frame.
     pub pose: Pose,

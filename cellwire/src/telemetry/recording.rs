@@ -185,11 +185,11 @@ pub struct Comparison {
     pub reference: Vec<State>,
     /// The recorded states; the delay is subtracted from their times.
     pub recording: Vec<State>,
-    /// The delay, in seconds.
+    /// The time by which the recording is later than its reference, in s.
     pub delay: f64,
     /// The errors while either of the two moves, on the reference's clock.
     pub deviations: Vec<Deviation>,
-    /// The greatest and the mean of them.
+    /// The greatest and the root mean square of the deviations.
     pub summary: Summary,
     /// The number of states that were recorded while both were idle.
     pub idle: u64,
@@ -210,7 +210,7 @@ pub enum ComparisonError {
     DelayNotFound {
         /// The delay at which the search ended, in s.
         at: f64,
-        /// The border, in s.
+        /// The greatest delay that was tried in either direction, in s.
         latest: f64,
     },
 }

@@ -15,15 +15,15 @@ use fanuc_ls::{Builder, EncodeError, Program, Rules};
 /// - its first difference is taken against unset registers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BackgroundTask {
-    /// The program's name.
+    /// The name of the program.
     pub name: String,
-    /// COMMENT.
+    /// The COMMENT of the program.
     pub comment: String,
     /// The period of the task: 8 ms, the interpolation period of most controllers. 1 ms to 999 s, in whole ms.
     pub period: Duration,
-    /// The register of the life counter, followed by 18 more (override, X Y Z W P R, Q1 to Q4, and seven speeds).
+    /// The number of the life counter's register, followed by 18 more (override, X Y Z W P R, Q1 to Q4, and seven speeds).
     pub first: u16,
-    /// The first of 13 scratch registers of the task. They must not be among the other 19.
+    /// The number of the first of 13 scratch registers of the task. They must not be among the other 19.
     pub scratch: u16,
     /// The motion group to observe, from 1.
     pub group: u8,

@@ -38,7 +38,7 @@ pub enum InputConfig {
     Hid(String),
     /// A game pad, a joystick or a 3D mouse: a device of the Linux input system.
     Evdev(PathBuf),
-    /// A recording.
+    /// A recording of an earlier input, in this file.
     Play(PathBuf),
 }
 

@@ -8,11 +8,11 @@ use cellwire_links::settings::{Configure, Fields};
 /// The settings of the cell.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
-    /// The ALTER session.
+    /// The settings of the ALTER session.
     pub alter: HostConfig,
-    /// The polls of the ball.
+    /// The settings of the polls of the ball.
     pub polls: isra_ball::HostConfig,
-    /// The answers to the workstation.
+    /// The settings of the answers to the workstation.
     pub viewer: val2_viewer::HostConfig,
     /// The meaning of the hand's values.
     pub profile: Profile,

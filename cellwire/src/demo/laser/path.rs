@@ -21,7 +21,7 @@ const STEP: f64 = 500.0;
 /// the path so far in millimetres, by which the laser is pulsed. It makes every instruction of the path another one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cut {
-    /// [`CUT`] or [`MOVE`].
+    /// The command word: [`CUT`] or [`MOVE`].
     pub word: u16,
     /// X, Y, Z, tilt about X, tilt about Y, length.
     pub values: [f32; 6],

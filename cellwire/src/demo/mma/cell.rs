@@ -25,11 +25,11 @@ pub const CONFIG: TaskConfig = TaskConfig {
 /// The connections of the central controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
-    /// To the robot.
+    /// The connection to the robot.
     Robot,
-    /// To the platform.
+    /// The connection to the platform.
     Platform,
-    /// To the third device, which has the cameras' trigger and the valves.
+    /// The connection to the third device, which has the cameras' trigger and the valves.
     Periphery,
 }
 

@@ -49,19 +49,19 @@ pub struct Log {
     pub steps: Vec<(Duration, Step)>,
     /// Parts that the task believes in their place.
     pub placed: u64,
-    /// Faults.
+    /// Faults that the task has reported.
     pub faults: u64,
     /// Parts that were missed or lost as often as they may be.
     pub unpicked: u64,
     /// Steps 7 that began with the vacuum on.
     pub vacuum_left_on: u64,
-    /// Commands that were answered.
+    /// Commands that the devices answered.
     pub exchanges: u64,
     /// Command to reply, on the wall's clock.
     pub turn_around: Samples,
     /// The motions of robot and platform.
     pub motions: [Motions; 2],
-    /// Motions that they refused.
+    /// Motions that the devices refused.
     pub refused: u64,
     /// Connections that were opened again.
     pub reconnections: u64,

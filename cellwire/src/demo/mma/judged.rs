@@ -12,7 +12,7 @@ use crate::io::samples::Samples;
 /// The figures of a run.
 #[derive(Debug, Default)]
 pub struct Judged {
-    /// Attempts.
+    /// The attempts to place a part.
     pub attempts: u64,
     /// The attempts that a fault broke off.
     pub broken_off: u64,

@@ -5,13 +5,13 @@ use mmacell_task::Step;
 /// The attempts of a run, by the numbers of their steps, and how each ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
-    /// A part in its place.
+    /// The part was placed.
     Placed,
-    /// Given up, and begun again.
+    /// The attempt was given up, and another one begun.
     GivenUp,
-    /// Broken off by a fault.
+    /// A fault broke the attempt off.
     Fault,
-    /// Still going on when the run ended.
+    /// The attempt was still going on when the run ended.
     Open,
 }
 

@@ -42,11 +42,11 @@ pub struct Record {
     pub carried_off: u64,
     /// The longest time for which the vacuum was on without its part after a fall, in cell time.
     pub vacuum_after_fall: Duration,
-    /// Levels and their beginnings.
+    /// The levels of the vacuum valve, each with the time at which it began.
     pub vacuum: Vec<(Duration, bool)>,
-    /// Levels and their beginnings.
+    /// The levels of the blow-off valve, each with the time at which it began.
     pub blow: Vec<(Duration, bool)>,
-    /// Levels and their beginnings.
+    /// The levels of the vacuum switch, each with the time at which it began.
     pub switch: Vec<(Duration, bool)>,
     /// The time and the outcome of each attempt.
     pub outcomes: Vec<(Duration, Outcome)>,
@@ -55,13 +55,13 @@ pub struct Record {
 /// The outcome of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// In its place.
+    /// The part is in its place.
     Placed,
-    /// Not caught.
+    /// The gripper did not catch the part.
     Missed,
-    /// Fallen on the way.
+    /// The part fell on the way.
     Lost,
-    /// Let go because of a fault.
+    /// The part was let go because of a fault.
     Dropped,
 }
 

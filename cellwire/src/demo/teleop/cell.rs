@@ -44,15 +44,15 @@ pub struct CellConfig {
     pub time: Duration,
     /// The host's end of the robot's line.
     pub alter: HostConfig,
-    /// The robot's end of it.
+    /// The robot's end of the robot's line.
     pub controller: ControllerConfig,
     /// The polls of the ball, and its line.
     pub polls: isra_ball::HostConfig,
-    /// The ball.
+    /// The settings of the ball.
     pub ball: BallConfig,
     /// The workstation, and its line.
     pub viewer: Viewer,
-    /// The host's end of that line.
+    /// The host's end of the workstation's line.
     pub viewer_host: val2_viewer::HostConfig,
     /// Whether lines corrupt bytes, and the host stalls.
     pub faults: bool,
@@ -86,17 +86,17 @@ impl CellConfig {
 /// The results of a run, as the simulated devices and the host saw it.
 #[derive(Debug, Default)]
 pub struct CellRecord {
-    /// The robot's side.
+    /// The run as the robot saw it.
     pub puma: PumaRecord,
-    /// The ball's side.
+    /// The run as the ball saw it.
     pub ball: BallStatistics,
-    /// The workstation's side.
+    /// The run as the workstation saw it.
     pub drawn: Drawn,
-    /// The host's side.
+    /// The run as the host saw it.
     pub host: HostRecord,
     /// Bytes corrupted by the lines of robot, ball and workstation.
     pub line_faults: [u64; 3],
-    /// When the host was ordered to come to rest.
+    /// The time at which the host was ordered to come to rest.
     pub stopped_at: Duration,
     /// The number of the robot's ends of ALTER that came before that.
     pub ends_before_stop: usize,
@@ -125,13 +125,13 @@ pub struct HostRecord {
     pub gripper_keys: Vec<(Duration, bool)>,
     /// Keys that did nothing, because ALTER did not run.
     pub gripper_keys_refused: u64,
-    /// Packets of the ball with new values, and with old ones.
+    /// Packets of the ball with new values.
     pub fresh: u64,
-    /// Packets of the ball with the values before.
+    /// Packets of the ball with values that were sent before.
     pub old: u64,
     /// The times from a poll of the ball to the whole packet.
     pub exchange: Samples,
-    /// Polls without a packet.
+    /// Polls of the ball without a packet.
     pub ball_missed: u64,
     /// The number of the ball's packets that were not a reply.
     pub ball_late: u64,

@@ -9,14 +9,14 @@ use crate::devices::val2_alter::judge::{Extremes, less};
 /// One reply of the host.
 #[derive(Debug, Clone, Copy)]
 pub struct Cycle {
-    /// When it left.
+    /// The time at which the reply left.
     pub at: Duration,
-    /// The how many-th ALTER, from 1.
+    /// The number of the ALTER, from 1.
     pub session: u32,
     /// The number of cycles for which the arm has been at rest by then, without a good reply: after such a cycle it begins from
     /// rest.
     pub stood: u64,
-    /// The robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
+    /// Whether the robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
     pub interrupted: bool,
     /// The demand of the ball, in units a cycle.
     pub demand: [i16; AXES],

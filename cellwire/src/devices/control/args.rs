@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 /// A command in the list that `help` prints.
 #[derive(Debug)]
 pub struct Command {
-    /// The value of `do`.
+    /// The name of the command, the value of `do`.
     pub name: &'static str,
     /// The effect of the command, and its fields.
     pub about: &'static str,
@@ -27,7 +27,7 @@ impl Command {
 /// A command and its fields.
 #[derive(Debug)]
 pub struct Args {
-    /// The value of `do`.
+    /// The name of the command, the value of `do`.
     pub name: String,
     fields: Map<String, Value>,
 }

@@ -26,9 +26,9 @@ const REGAINED: Duration = Duration::from_secs(5);
 /// The address of a server, and the settings of the connection.
 #[derive(Debug, Clone)]
 pub struct Port {
-    /// The connection or the line.
+    /// The connection or the line, with its address.
     pub kind: PortKind,
-    /// The session's configuration.
+    /// The configuration of the session.
     pub config: ClientConfig,
     /// The settings by which a connection is opened.
     pub dialing: Dialing,
@@ -37,9 +37,9 @@ pub struct Port {
 /// A connection or a line.
 #[derive(Debug, Clone)]
 pub enum PortKind {
-    /// A TCP port.
+    /// A TCP connection to a server.
     Tcp {
-        /// HOST:PORT.
+        /// The address of the server, `HOST:PORT`.
         server: String,
         /// Whether RTU frames go through the connection.
         rtu: bool,
@@ -50,7 +50,7 @@ pub enum PortKind {
     Serial {
         /// The path of the serial port.
         path: String,
-        /// The baud rate.
+        /// The rate of the line, in baud.
         baud: u32,
         /// The data bits, parity and stop bits of the line.
         mode: Mode,

@@ -49,15 +49,15 @@ pub struct FanucSettings {
 /// The program of the robot, and its settings.
 #[derive(Debug, Clone)]
 pub struct ProgramSettings {
-    /// The LS file; programs that it calls are in the same folder.
+    /// The LS file; programs that it calls are in the same folder. `None`: the robot goes around a circle.
     pub program: Option<String>,
-    /// A listing of `$SNPX_ASG`.
+    /// The file with a listing of `$SNPX_ASG`; `None` without.
     pub assignments: Option<String>,
     /// The robot's description, as `ls make` takes it.
     pub robot: Option<String>,
     /// J1 to J6 at the start, in degrees.
     pub joints: [f64; 6],
-    /// See [`Inputs`](super::inputs::Inputs).
+    /// The signals that come from outside, as [`Inputs`](super::inputs::Inputs) reads them; `None` without.
     pub inputs: Option<String>,
     /// Whether the program begins again when it has ended.
     pub repeat: bool,

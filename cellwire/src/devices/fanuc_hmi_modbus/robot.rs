@@ -15,7 +15,7 @@ use super::program::{Machine, Place};
 /// A robot that runs a program, and the view of it in its controller.
 #[derive(Debug)]
 pub struct Robot {
-    /// The program.
+    /// The machine that runs the program.
     pub machine: Machine,
     /// The mapping of the holding registers.
     pub mapping: Mapping,
@@ -76,7 +76,7 @@ pub type Reports = Arc<Mutex<Vec<Value>>>;
 /// A robot in a controller that serves clients.
 #[derive(Debug)]
 pub struct Reporting {
-    /// The robot.
+    /// The robot that runs a program.
     pub robot: Robot,
     /// The reports of its program.
     pub reports: Reports,

@@ -186,11 +186,11 @@ pub(super) struct Reports {
 /// A report of an end's connection.
 #[derive(Debug)]
 pub enum Connection<'a> {
-    /// A connection is open.
+    /// A connection with this peer is open.
     Connected(&'a str),
-    /// No connection could be opened, or one has ended.
+    /// No connection could be opened, or one has ended; the reason.
     Disconnected(&'a str),
-    /// The session's bytes were written there.
+    /// The session's bytes were written to this file.
     Traced(std::path::PathBuf),
 }
 

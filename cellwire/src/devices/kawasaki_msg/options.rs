@@ -11,7 +11,7 @@ use kawasaki_msg::{PcConfig, RobotConfig};
 /// The simulated robot.
 #[derive(Debug, Clone)]
 pub struct RobotSettings {
-    /// The plant.
+    /// The messages and limits that both ends of the plant have agreed on.
     pub plant: Plant,
     /// The configuration of the session.
     pub config: RobotConfig,
@@ -53,11 +53,11 @@ impl Configure for RobotSettings {
 /// The simulated PC.
 #[derive(Debug, Clone)]
 pub struct PcSettings {
-    /// The plant.
+    /// The messages and limits that both ends of the plant have agreed on.
     pub plant: Plant,
     /// The configuration of the session.
     pub config: PcConfig,
-    /// The picture, an SVG file.
+    /// The path of the picture, an SVG file; `None` without.
     pub drawing: Option<String>,
     /// The number of the first order.
     pub order: u16,

@@ -21,7 +21,7 @@ use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 /// The settings of the simulated robot.
 #[derive(Debug, Clone)]
 pub struct Setup {
-    /// The session's configuration.
+    /// The configuration of the session.
     pub config: RobotConfig,
     /// The fields of a job.
     pub layout: Layout,
@@ -40,7 +40,7 @@ pub struct Run {
     pub work_cycle: Samples,
     /// The times from sending a packet to having received its answer.
     pub exchange: Samples,
-    /// Reading a packet, checking it and queueing its jobs.
+    /// The times to read a packet, to check it and to queue its jobs.
     pub unpack: Samples,
     /// The counters of the session.
     pub statistics: RobotStatistics,
@@ -51,9 +51,9 @@ pub struct Run {
 /// A job that was executed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stroke {
-    /// The number of its order, from 1.
+    /// The number of the job's order, from 1.
     pub order: u32,
-    /// The job.
+    /// The job that was executed.
     pub job: Job<AnyWork>,
 }
 

@@ -28,7 +28,7 @@ use cellwire_links::settings::{self, Configure, Fields};
 /// The counts of a robot.
 #[derive(Debug, Default)]
 pub struct RobotCounts {
-    /// Error codes sent.
+    /// The number of error codes that were sent.
     pub refused: u64,
     /// The time of the robot's work in a cycle, from when it has the processor until its answer is on the line.
     pub work: Samples,

@@ -40,9 +40,9 @@ impl Judge {
 /// The maximum observed, for each axis separately, in units of its words.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Extremes {
-    /// Units in a cycle.
+    /// The greatest step of a cycle, in units.
     pub velocity: [u32; AXES],
-    /// Units in a cycle, from one cycle to the next.
+    /// The greatest change of the step from one cycle to the next, in units.
     pub acceleration: [u32; AXES],
 }
 

@@ -31,7 +31,7 @@ const TOLD: u64 = 18;
 /// The behaviour of the simulated robot.
 #[derive(Debug, Clone)]
 pub struct PumaConfig {
-    /// The robot.
+    /// The settings of the robot.
     pub puma: Puma,
     /// The events that the host does not cause.
     pub script: Script,
@@ -52,11 +52,11 @@ impl Default for PumaConfig {
 pub enum Notification {
     /// An event of the robot.
     Robot(PumaEvent),
-    /// The arm is there.
+    /// The arm has this pose: reported twice a second while replies come.
     Moves(Pose),
     /// The measurements since ALTER began.
     Measured(Measured),
-    /// A client has the port open, or none has.
+    /// Whether a client has the port open.
     Connected(bool),
 }
 
@@ -67,7 +67,7 @@ pub struct Measured {
     pub replies: u64,
     /// The times from the last byte of a request to the last byte of its reply: half of them at most, 99 % at most, the longest.
     pub turn_around: [Duration; 3],
-    /// The shortest window.
+    /// The shortest window for a reply, which the requests left of a cycle.
     pub window: Duration,
 }
 
@@ -76,13 +76,13 @@ pub struct Measured {
 pub struct PumaRecord {
     /// The times from the last byte of a request to the last byte of its reply.
     pub turn_around: Samples,
-    /// When there was a cycle without a good reply.
+    /// The times at which there was a cycle without a good reply.
     pub without: Vec<Duration>,
-    /// The part of it that the host took, until it wrote the reply.
+    /// The part of the turn-around that the host took, until it wrote the reply.
     pub thinking: Samples,
     /// The unused time of the window.
     pub margin: Samples,
-    /// The shortest window.
+    /// The shortest window for a reply, which the requests left of a cycle; `None` before the first reply.
     pub window: Option<Duration>,
     /// The speeds of the replies that were taken.
     pub judge: Judge,
@@ -94,7 +94,7 @@ pub struct PumaRecord {
     pub bad_replies: u64,
     /// Times that ALTER began.
     pub starts: u64,
-    /// The ends of ALTER, and why.
+    /// The ends of ALTER, each with its time and code.
     pub ends: Vec<(Duration, ErrorCode)>,
     /// The gripper's moves: true closes.
     pub gripper: Vec<bool>,

@@ -12,12 +12,12 @@ pub enum Fault {
     LinkType {
         /// The number of the link type in the registry of tcpdump.org.
         number: u32,
-        /// The interface, from 0.
+        /// The index of the interface, from 0.
         interface: usize,
     },
     /// A packet of an interface that the capture does not describe.
     NoInterface {
-        /// The interface, from 0.
+        /// The index of the interface, from 0.
         interface: usize,
     },
     /// A header that is not valid, or that the capture has cut off.
@@ -34,13 +34,13 @@ pub enum Fault {
     },
     /// Fragments of an IP packet whose rest is not in the capture, or came too late.
     Fragments {
-        /// The sender.
+        /// The address of the sender.
         source: IpAddr,
-        /// The receiver.
+        /// The address of the receiver.
         destination: IpAddr,
         /// The identification of the packet.
         identification: u32,
-        /// The bytes of its payload that were captured.
+        /// The number of bytes of the payload that were captured.
         captured: usize,
         /// The reason for which they are not a packet.
         why: &'static str,
@@ -52,7 +52,7 @@ pub enum Fault {
     },
     /// The capture ends in the middle of a block.
     Truncated {
-        /// The bytes of that block.
+        /// The number of bytes of the incomplete block.
         length: usize,
     },
     /// A block that is not valid: nothing after it can be read.

@@ -42,25 +42,25 @@ pub use self::usb::Adapter;
 pub struct Reading {
     /// The form of the capture.
     pub form: Form,
-    /// Only what is sent from or to this TCP or UDP port.
+    /// The TCP or UDP port whose bytes alone are read, in both directions; `None`: all ports.
     pub port: Option<u16>,
-    /// The type of a USB device that does not show it.
+    /// The type of a USB device that does not show it; `None` if it is not given.
     pub adapter: Option<Adapter>,
-    /// Only what strace has of this file descriptor.
+    /// The file descriptor whose bytes alone are read from an output of strace; `None`: all.
     pub descriptor: Option<u32>,
 }
 
 /// The forms of captures.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Form {
-    /// pcap or pcapng.
+    /// A capture in the form pcap or pcapng.
     #[default]
     Pcap,
-    /// The text that text2pcap reads.
+    /// A text that text2pcap reads.
     HexDump,
-    /// Output of strace.
+    /// An output of strace.
     Strace,
-    /// Output of `socat -x`.
+    /// An output of `socat -x`.
     Socat,
     /// A file that `--trace` has written.
     Trace,
@@ -122,12 +122,12 @@ pub enum Line {
     },
     /// A file that a program has opened.
     Opened {
-        /// The file descriptor.
+        /// The number of the file descriptor.
         descriptor: u32,
         /// The number of files that have had this descriptor before.
         turn: u32,
     },
-    /// A hex dump.
+    /// The line of a hex dump, which does not name it.
     Dump,
     /// A trace of this name.
     Trace(&'static str),
@@ -151,13 +151,13 @@ impl fmt::Display for Line {
 pub struct Segment {
     /// The sequence number of the first byte of the payload.
     pub sequence: u32,
-    /// This end opens its direction.
+    /// Whether this end opens its direction.
     pub opens: bool,
-    /// This end accepts the connection that the other one opens.
+    /// Whether this end accepts the connection that the other one opens.
     pub accepts: bool,
-    /// The sequence number of the next byte that this end expects, if the segment has one.
+    /// The sequence number of the next byte that this end expects; `None` if the segment does not have one.
     pub acknowledges: Option<u32>,
-    /// The sender has nothing more to send at this time.
+    /// Whether the sender has nothing more to send at this time.
     pub pushes: bool,
 }
 
@@ -166,13 +166,13 @@ pub struct Segment {
 pub struct Packet<'a> {
     /// The number of the packet in the capture, from 1; in a text, the line.
     pub number: u64,
-    /// When it was captured, from any beginning.
+    /// The time at which the packet was captured, from any beginning; `None` if the capture does not have it.
     pub at: Option<Duration>,
     /// The sender and the receiver.
     pub flow: Flow,
-    /// The segment of TCP.
+    /// The header of the TCP segment; `None` if the packet is not of TCP.
     pub segment: Option<Segment>,
-    /// The payload.
+    /// The captured bytes of the payload.
     pub payload: &'a [u8],
     /// The number of bytes of the payload that the capture has cut off.
     pub missing: u64,
@@ -181,7 +181,7 @@ pub struct Packet<'a> {
 /// An item of a capture.
 #[derive(Debug)]
 pub enum Found<'a> {
-    /// Bytes of a flow.
+    /// A packet with bytes of a flow.
     Packet(Packet<'a>),
     /// A fault of the packet of this number, or of the capture after it.
     Fault(u64, Fault),
@@ -190,7 +190,7 @@ pub enum Found<'a> {
 /// The contents of a capture beside flows.
 #[derive(Debug, Default)]
 pub struct Summary {
-    /// The packets of the capture.
+    /// The number of packets of the capture.
     pub packets: u64,
     /// The numbers of packets that never carry the bytes of a link, by protocol.
     pub others: BTreeMap<String, u64>,

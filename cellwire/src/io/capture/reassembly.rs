@@ -15,15 +15,15 @@ const ORIGIN: u64 = 1 << 32;
 /// A piece of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Piece<'a> {
-    /// The next bytes.
+    /// The next bytes of the stream.
     Bytes(&'a [u8]),
-    /// The next bytes are not in the capture: no packet has them.
+    /// This number of next bytes is not in the capture: no packet has them.
     Gap(u64),
-    /// The next bytes are not in the capture: it has cut them off a packet.
+    /// This number of next bytes is not in the capture: it has cut them off a packet.
     Cut(u64),
-    /// These bytes belong into a gap that was reported before.
+    /// This number of bytes belongs into a gap that was reported before.
     Late(u64),
-    /// These bytes belong before the first that was captured.
+    /// This number of bytes belongs before the first that was captured.
     BeforeStart(u64),
 }
 

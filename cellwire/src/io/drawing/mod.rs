@@ -36,9 +36,9 @@ const MAX_SHEETS: f64 = 100.0;
 /// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Point {
-    /// To the right.
+    /// The distance from the left edge, in hundredths of a millimetre.
     pub x: i32,
-    /// Down.
+    /// The distance from the upper edge, in hundredths of a millimetre.
     pub y: i32,
 }
 

@@ -132,7 +132,7 @@ struct Direction {
 /// The transport in place of a serial line between two parts of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lines {
-    /// A pseudo-terminal.
+    /// A pair of pseudo-terminals.
     PseudoTerminals,
     /// A TCP connection, as of a serial device server.
     Tcp,

@@ -22,9 +22,9 @@ const WAITING: usize = 4096;
 /// One of the two ends: of a TCP connection `A` is the client, and on a serial line the device at the port `--a`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum End {
-    /// The client.
+    /// The client of a connection, or the device at the port `--a`.
     A,
-    /// The server.
+    /// The server of a connection, or the other device.
     B,
 }
 
@@ -48,7 +48,7 @@ pub struct Seen {
     pub connection: u32,
     /// The end that caused the event.
     pub from: End,
-    /// The event.
+    /// The event between the ends.
     pub what: What,
 }
 
@@ -57,7 +57,7 @@ pub struct Seen {
 pub enum What {
     /// A connection, from A's address to B's. On a line that is joined or listened to it is the first that is seen.
     Opened(Place),
-    /// Bytes, as they were read.
+    /// Bytes, as they were read at once.
     Bytes(Arc<[u8]>),
     /// The number of bytes that were passed on, and not seen.
     Missed(u64),

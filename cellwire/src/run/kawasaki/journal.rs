@@ -55,17 +55,17 @@ pub enum Entry {
     },
     /// The robot receives a command to interrupt or end the order.
     BreakOff {
-        /// The order's number.
+        /// The number of the order.
         break_off: u16,
     },
-    /// The order is over.
+    /// The order is over, with its outcome.
     End {
         /// The number of jobs that were executed, and those that were ahead.
         end: u32,
         /// The jobs from `end` to this one are unknown.
         unknown: u32,
     },
-    /// The operator's answer.
+    /// The operator's answer about jobs that were unknown.
     Answer(Span),
 }
 
@@ -91,9 +91,9 @@ impl fmt::Display for Entry {
 #[derive(Debug)]
 pub struct Orders {
     outcomes: Vec<Outcome>,
-    /// The order in flight.
+    /// The order in flight; `None` without one.
     pub flight: Option<Flight>,
-    /// The numbers of all orders.
+    /// The numbers of all orders of the journal.
     pub numbers: Vec<u16>,
 }
 

@@ -20,7 +20,7 @@ use cellwire_io::trace::Trace;
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// Every job is done.
+    /// Every job of the work is done.
     Complete,
     /// The operator has stopped it, or a question was not answered.
     Stopped,

@@ -10,11 +10,11 @@ use cellwire_links::settings::{Configure, Fields};
 /// The PC's end, and the board that is drawn on.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// The plant.
+    /// The messages and limits that both ends of the plant have agreed on.
     pub plant: Plant,
-    /// The session.
+    /// The configuration of the PC's session.
     pub config: PcConfig,
-    /// The number of the next order.
+    /// The number of the next order; `None`: a random number that the journal does not have.
     pub order: Option<u16>,
     board: [u32; 2],
 }

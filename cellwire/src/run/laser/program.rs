@@ -21,7 +21,7 @@ const OVERHEAD: (usize, usize) = (6, 7);
 /// A program.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
-    /// In order.
+    /// The instructions, in their sequence.
     pub instructions: Vec<Instruction>,
     /// The unit of the instructions' lines: `line`, or `outline` of a drawing.
     pub unit: &'static str,

@@ -12,7 +12,7 @@ pub(super) const MAX_INSTRUCTIONS: usize = 5_000_000;
 pub struct Instruction {
     /// The origin of the instruction: a line of the file, or an outline of a drawing, from 1.
     pub line: u64,
-    /// The command word.
+    /// The command word of the instruction.
     pub word: u16,
     /// The floats of the instruction.
     pub values: Vec<f32>,

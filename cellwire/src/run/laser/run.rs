@@ -20,7 +20,7 @@ const GLANCE: Duration = Duration::from_millis(50);
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// Every instruction is done.
+    /// Every instruction of the program is done.
     Complete,
     /// The operator has stopped it, or a question was not answered.
     Stopped,

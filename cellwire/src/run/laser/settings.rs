@@ -8,9 +8,9 @@ use cellwire_links::settings::{Configure, Fields};
 /// A host, and how paths become instructions.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// The session.
+    /// The configuration of the host's session.
     pub host: HostConfig,
-    /// The command words.
+    /// The command words, and the floats of each instruction.
     pub mapping: Mapping,
 }
 
@@ -32,11 +32,11 @@ impl Configure for Settings {
 /// The mapping of the lines of a path to instructions: the profile of a plant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mapping {
-    /// To a point with the laser on.
+    /// The command word of a motion to a point with the laser on.
     pub cut: u16,
-    /// To a point with the laser off.
+    /// The command word of a motion to a point with the laser off.
     pub rapid: u16,
-    /// The floats of both, in order.
+    /// The floats of both instructions, in their sequence.
     pub values: Vec<Coordinate>,
     /// The largest distance of a chord from its arc, in mm.
     pub tolerance: f64,
@@ -46,17 +46,17 @@ pub struct Mapping {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Coordinate {
-    /// mm
+    /// The position along X, in mm.
     X,
-    /// mm
+    /// The position along Y, in mm.
     Y,
-    /// mm
+    /// The position along Z, in mm.
     Z,
-    /// Degrees about X.
+    /// The rotation about X, in degrees.
     A,
-    /// Degrees about Y.
+    /// The rotation about Y, in degrees.
     B,
-    /// Degrees about Z.
+    /// The rotation about Z, in degrees.
     C,
     /// The feed, in mm/min.
     F,

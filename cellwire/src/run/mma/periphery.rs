@@ -20,13 +20,13 @@ use cellwire_io::tls::Tls;
 /// A camera's answer, a valve that is set, the switch.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Happened {
-    /// Camera 1 sees a part.
+    /// Camera 1 sees a part: the pose of the platform, and that in which the robot takes the part.
     Part(PlatformPose, RobotPose),
-    /// Camera 2 sees its place.
+    /// Camera 2 sees the place: the pose in which the robot puts the part.
     Slot(RobotPose),
-    /// A camera sees nothing.
+    /// A camera sees neither a part nor a place.
     Nothing,
-    /// A valve is set.
+    /// A valve is set as it was requested.
     ValveSet,
     /// The vacuum switch is high, or low.
     Switch(bool),

@@ -23,9 +23,9 @@ use cellwire_io::tls::Tls;
 /// The addresses of the devices.
 #[derive(Debug, Clone)]
 pub struct Addresses {
-    /// The robot's controller.
+    /// The address of the robot's controller.
     pub robot: String,
-    /// The platform's.
+    /// The address of the platform's controller.
     pub platform: String,
     /// The settings by which connections are opened.
     pub dialing: Dialing,
@@ -36,7 +36,7 @@ pub struct Addresses {
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// Every part is placed.
+    /// Every part of the work is placed.
     Complete,
     /// The operator has stopped it, or a question was not answered.
     Stopped(Rest),

@@ -34,9 +34,9 @@ pub struct Settings {
     pub part: Vec<Part>,
     /// The time in which a simulated vacuum builds up.
     pub vacuum: Duration,
-    /// The task.
+    /// The settings of the task.
     pub task: TaskConfig,
-    /// The sessions.
+    /// The settings of the sessions with robot and platform.
     pub central: CentralConfig,
 }
 

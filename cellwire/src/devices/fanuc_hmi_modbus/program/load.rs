@@ -19,9 +19,9 @@ pub struct Loaded {
 /// An instruction that runs.
 #[derive(Debug, Clone)]
 pub enum Step {
-    /// A motion.
+    /// A motion of the robot.
     Motion(Box<Motion>),
-    /// Another instruction.
+    /// An instruction that is not a motion, and is simulated.
     Operation(Box<Operation>),
     /// No effect: a comment, or an instruction that is not simulated.
     Pass,

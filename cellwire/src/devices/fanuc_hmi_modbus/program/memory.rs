@@ -11,11 +11,11 @@ use cellwire_sim::fanuc::Tables;
 /// Everything but the tables of signals, which the Modbus server has.
 #[derive(Debug, Clone, Default)]
 pub struct Memory {
-    /// R\[n\].
+    /// The values of R\[n\] by n, as far as they are set.
     pub numbers: BTreeMap<u32, f64>,
-    /// PR\[n\].
+    /// The values of PR\[n\] by n, as far as they are set.
     pub positions: BTreeMap<u32, Place>,
-    /// SR\[n\].
+    /// The values of SR\[n\] by n, as far as they are set.
     pub strings: BTreeMap<u32, String>,
     /// UFRAME\[n\] and UTOOL\[n\], as far as the program has set them.
     pub frames: BTreeMap<(bool, u32), [f64; 6]>,
@@ -38,22 +38,22 @@ struct Timer {
 /// A value of an expression.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// A number.
+    /// The value of a register, an input or a calculation.
     Number(f64),
-    /// On or off.
+    /// The state of a signal or a condition: on or off.
     Bit(bool),
-    /// A text.
+    /// The text of a string register or a literal.
     Text(String),
-    /// A position.
+    /// The position of a position register or of the robot.
     Place(Place),
 }
 
 /// The values that an expression uses beside the memory.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<'a> {
-    /// The time in s.
+    /// The time of the simulated program, in s.
     pub now: f64,
-    /// AR\[n\].
+    /// The values of AR\[n\], from n = 1.
     pub arguments: &'a [Value],
     /// The position of the robot: in X Y Z W P R of its user frame, and by its joints.
     pub here: (Place, Place),

@@ -11,12 +11,12 @@ use cellwire_motion::{Goal, Pose, Posture};
 pub enum Place {
     /// X, Y, Z in mm and W, P, R in degrees, in a user frame.
     Cartesian {
-        /// The six.
+        /// X, Y, Z in mm, then W, P, R in degrees.
         xyzwpr: [f64; 6],
-        /// The posture of the arm, and the turns of J4 to J6, if they are known.
+        /// The posture of the arm, and the turns of J4 to J6; `None` if they are not known.
         folded: Option<(Posture, [i16; 3])>,
     },
-    /// J1 to J6 in degrees.
+    /// The angles of J1 to J6, in degrees.
     Joints([f64; 6]),
 }
 

@@ -15,7 +15,7 @@ use cellwire_sim::fanuc::Tables;
 /// The file: lines such as `"R[1]" = 5`, and a table `[macros]` of names and programs.
 #[derive(Debug, Default)]
 pub struct Preset {
-    /// The programs of macros.
+    /// The programs of macros, by the macros' names.
     pub macros: Macros,
     values: Vec<(String, Value)>,
 }

@@ -31,7 +31,7 @@ const DEEPEST: usize = 100;
 /// A controller that runs a program.
 #[derive(Debug)]
 pub struct Machine {
-    /// Registers and the like.
+    /// The registers, frames and other values that the program sets.
     pub memory: Memory,
     main: String,
     programs: Programs,
@@ -46,9 +46,9 @@ pub struct Machine {
     /// The time since which a `WAIT` waits, in s; `None` if it does not.
     waits: Option<f64>,
     state: State,
-    /// UFRAME_NUM and UTOOL_NUM, once something has selected them.
+    /// The value of UFRAME_NUM; `None` before the program has selected one.
     pub frame: Option<u32>,
-    /// See `frame`.
+    /// The value of UTOOL_NUM; `None` before the program has selected one.
     pub tool: Option<u32>,
     /// The name of the robot, for an alarm that its arm cannot reach a place.
     pub robot: String,

@@ -48,13 +48,13 @@ pub struct Cell {
     pub takes_commands: bool,
     /// Whether the cell may be another bridge's.
     pub is_shared: bool,
-    /// The changes by which metrics are reported, if the cell reports by exception.
+    /// The changes by which metrics are reported; `None`: the cell does not report by exception.
     pub bands: Option<Bands>,
     /// The sender of commands to the cell's task.
     pub commands: UnboundedSender<Command>,
     /// The sender of true when the cell's task is to end.
     pub stop: watch::Sender<bool>,
-    /// The task of the cell.
+    /// The task of the cell; `None` before it begins and after it has ended.
     pub task: Option<JoinHandle<()>>,
     /// The next state, after a change of the site file or of the lease: another cell is begun when the task has ended.
     pub next: Next,

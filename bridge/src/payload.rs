@@ -12,7 +12,7 @@ pub struct Payload {
     /// The metrics of the message.
     #[prost(message, repeated, tag = "2")]
     pub metrics: Vec<Metric>,
-    /// The number of the message, 0 to 255.
+    /// The number of the message, 0 to 255; `None` in messages that are not numbered.
     #[prost(uint64, optional, tag = "3")]
     pub seq: Option<u64>,
 }
@@ -20,10 +20,10 @@ pub struct Payload {
 /// A named value.
 #[derive(Clone, PartialEq, Message)]
 pub struct Metric {
-    /// The name of the metric; missing if an alias stands for it.
+    /// The name of the metric; `None` if an alias stands for it.
     #[prost(string, optional, tag = "1")]
     pub name: Option<String>,
-    /// The alias that stands for the name since the last birth.
+    /// The alias that stands for the name since the last birth; `None` without aliases.
     #[prost(uint64, optional, tag = "2")]
     pub alias: Option<u64>,
     /// The time at which the value was read, in milliseconds since 1970 UTC.

@@ -209,7 +209,7 @@ impl Operator {
 pub struct Item {
     /// The kind of the item.
     pub kind: ItemKind,
-    /// The motion group, if one is named: 1 for `GP1`, and the first of `GP1,2`.
+    /// The motion group: 1 for `GP1`, and the first of `GP1,2`; `None` if it is not named.
     pub group: Option<u8>,
     /// The number of the item, or the item that contains it.
     pub index: Index,

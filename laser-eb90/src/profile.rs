@@ -141,10 +141,10 @@ impl Width {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[cfg_attr(feature = "arbitrary", derive(arbitrary::Arbitrary))]
 pub enum ByteOrder {
-    /// Low byte first.
+    /// The low byte of a value comes first.
     #[default]
     Little,
-    /// High byte first.
+    /// The high byte of a value comes first.
     Big,
 }
 

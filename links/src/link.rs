@@ -31,7 +31,7 @@ pub struct Link {
     /// Whether a mark shows the beginning of a frame: if not, a truncated frame takes the next one with it.
     pub marks_begin: bool,
     /// The two bytes that stop the line and restart it, at any position: a session removes them before its decoder gets the
-    /// bytes.
+    /// bytes. `None` without flow control.
     pub flow_control: Option<[u8; 2]>,
     /// The configurations of its crate.
     pub configs: &'static [Config],

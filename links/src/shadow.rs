@@ -36,9 +36,9 @@ pub struct Setup<'a> {
     pub settings: &'a Map<String, Value>,
     /// The fields of the ends' configurations that are not the defaults, by end, as stories have them.
     pub configs: &'a Map<String, Value>,
-    /// The rate of a serial line.
+    /// The rate of a serial line, in baud; `None` if it is not known.
     pub baud: Option<u32>,
-    /// Nothing but a line is between the ends.
+    /// Whether nothing but a line is between the ends.
     pub is_serial: bool,
 }
 

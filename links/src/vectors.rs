@@ -18,7 +18,7 @@ pub struct Vector {
     pub id: u32,
     /// A description of the vector.
     pub comment: String,
-    /// The side that sends these bytes, if the link's sides differ.
+    /// The side that sends these bytes; `None` for the link's first side.
     pub from: Option<String>,
     /// Settings of the codec other than the link's defaults, such as `{"framing":"rtu"}`.
     #[serde(default)]
@@ -28,11 +28,11 @@ pub struct Vector {
     pub bytes: Vec<u8>,
     /// The result of a decoder for the bytes.
     pub result: Outcome,
-    /// The decoded object, for `valid` and `acceptable`.
+    /// The decoded object, for `valid` and `acceptable`; otherwise `None`.
     pub message: Option<Value>,
-    /// For `invalid`, the first error's object: its `kind`, and further pinned fields.
+    /// For `invalid`, the first error's object: its `kind`, and further pinned fields; otherwise `None`.
     pub error: Option<Value>,
-    /// The result is given only at the end of the stream: the bytes are incomplete.
+    /// Whether the result is given only at the end of the stream: the bytes are incomplete.
     #[serde(default)]
     pub end: bool,
     /// Whether the error is all that the bytes give.

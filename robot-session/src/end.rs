@@ -26,7 +26,7 @@ pub struct Core<M: Machine, D, Q, S> {
     pub statistics: S,
     /// Whether reading has stopped; frames may then wait in the decoder.
     held: bool,
-    /// A record of the machine's inputs, if enabled: time, state and input.
+    /// A record of the machine's inputs: time, state and input; `None` if it is not enabled.
     #[cfg(feature = "model")]
     pub moves: Option<std::vec::Vec<(Duration, M, M::Input)>>,
 }

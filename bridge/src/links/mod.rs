@@ -31,7 +31,7 @@ use cellwire_links::settings::{self, Configure, Refused, Setting};
 pub struct Client {
     /// The metrics of the link's own.
     metrics: &'static [Definition],
-    /// The changes by which the metrics are reported.
+    /// The changes by which the metrics are reported; `None`: every value is reported.
     pub bands: Option<Bands>,
     run: Box<dyn FnOnce(End, Inbox) -> Running + Send>,
 }

@@ -32,7 +32,7 @@ pub struct Site {
     /// The limits of commands from the broker.
     #[serde(default)]
     pub commands: Commands,
-    /// The bridges that have cells in common.
+    /// The bridges that have cells in common; `None` without.
     pub share: Option<ShareSettings>,
     /// The cells, by their names.
     #[serde(default)]
@@ -119,7 +119,7 @@ pub struct StoreSettings {
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Health {
-    /// The address of `/metrics` and `/health`; a port alone is one of this computer's loopback address.
+    /// The address of `/metrics` and `/health`; a port alone is one of this computer's loopback address. `None`: no server.
     pub listen: Option<String>,
 }
 
@@ -144,9 +144,9 @@ pub struct Commands {
 pub struct Cell {
     /// The name of the crate of the cell's link.
     pub link: String,
-    /// The address of the cell's device: HOST:PORT, or the path of a serial port.
+    /// The address of the cell's device: HOST:PORT, or the path of a serial port; `None` if the device connects.
     pub address: Option<String>,
-    /// The address that the cell's device connects to.
+    /// The address that the cell's device connects to; `None` if the bridge connects.
     pub listen: Option<String>,
     /// The pause between each new connection to `address`, or the opened serial port, and the first byte sent.
     #[serde(default, deserialize_with = "time")]
@@ -160,7 +160,7 @@ pub struct Cell {
     /// The settings of the link, as `--set` takes them.
     #[serde(default)]
     pub settings: Map<String, Value>,
-    /// Report by exception: the change by which a metric, or those of a folder, are reported.
+    /// Report by exception: the change by which a metric, or those of a folder, are reported; `None`: every value is.
     pub dead_band: Option<BTreeMap<String, f64>>,
 }
 

@@ -232,16 +232,17 @@ pub enum Input {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
     /// The index of a job: if the source does not have it, the order is done, and the answer is [`at_end`](Self::at_end).
+    /// `None`: the order does not end with this answer.
     pub last: Option<u32>,
     /// The order; 0 for none.
     pub order: u16,
-    /// The status: the last job sent as the queued one, and the last one known to be executed.
+    /// The status: the last job sent as the queued one, and the last one known to be executed; `None` if it is not due.
     pub status: Option<Status>,
-    /// The order's request to the robot.
+    /// The order's request to the robot; `None` if it is not due.
     pub request: Option<FromPc>,
     /// The number of waiting commands.
     pub commands: u8,
-    /// The first job index and the end of the range; as many of these jobs as exist.
+    /// The first job index and the end of the range, of which as many jobs are sent as exist; `None` without jobs.
     pub jobs: Option<(u32, u32)>,
 }
 

@@ -26,7 +26,7 @@ pub struct RobotConfig {
     pub max_number: u16,
     /// The way in which executed jobs are acknowledged, as configured at the PC too. Every job by default.
     pub acks: Acks,
-    /// After the queue was full, jobs are requested when at most this many remain in it; half the queue by default.
+    /// After the queue was full, jobs are requested when at most this many remain in it. `None`, the default: half the queue.
     pub low_water: Option<usize>,
     /// The number of times that each step of the recovery is taken; 3 resends, 3 pauses and 1 clear by default.
     pub recovery: RecoveryLimits,

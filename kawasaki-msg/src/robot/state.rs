@@ -24,7 +24,7 @@ pub struct Machine {
     pub acked: u32,
     /// The jobs after `acked` that are acknowledged.
     pub acked_ahead: Ahead,
-    /// The order that ended last.
+    /// The order that ended last; `None` since the robot's start.
     pub ended: Option<Ended>,
     /// The messages that the next packet must contain.
     pub replies: Replies,
@@ -262,15 +262,15 @@ pub enum Input {
 pub struct Due {
     /// Executed jobs are acknowledged even if they are not a k-th one.
     pub all_acks: bool,
-    /// The answer to a start.
+    /// The answer to a start; `None` if it is not due.
     pub start: Option<FromRobot>,
-    /// The end of an order. It waits until all jobs are acknowledged, if each job is.
+    /// The end of an order; `None` if it is not due. It waits until all jobs are acknowledged, if each job is.
     pub end: Option<FromRobot>,
-    /// The status. It waits in the same way as the end.
+    /// The status; `None` if it is not due. It waits in the same way as the end.
     pub status: Option<FromRobot>,
-    /// The pause: no jobs are to come for now.
+    /// The pause: no jobs are to come for now; `None` if it is not due.
     pub pause: Option<FromRobot>,
-    /// The request for jobs, from the next one to queue.
+    /// The request for jobs, from the next one to queue; `None` if it is not due.
     pub request: Option<FromRobot>,
 }
 

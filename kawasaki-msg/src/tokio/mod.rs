@@ -132,7 +132,7 @@ pub struct Over {
     pub executed: u32,
     /// Whether all jobs were executed.
     pub complete: bool,
-    /// The job that could not be sent, counted from 0, and the reason.
+    /// The job that could not be sent, counted from 0, and the reason; `None` without such a job.
     pub unfit: Option<(u32, FieldError)>,
 }
 

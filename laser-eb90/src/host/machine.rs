@@ -18,7 +18,7 @@ use crate::words::{Class, Refusal};
 pub struct HostMachine {
     /// The frame that was sent last.
     pub link: HostLink,
-    /// The frame that is being filled; the first instruction begins it.
+    /// The frame that is being filled; `None` before its first instruction.
     pub next: Option<Batch>,
 }
 

@@ -32,7 +32,7 @@ pub struct Field {
     pub name: String,
     /// The type and range of the value.
     pub holds: Holds,
-    /// The value of the field if none is given.
+    /// The value of the field if a job does not give one; `None`: every job must give one.
     pub default: Option<AnyValue>,
 }
 

@@ -129,7 +129,7 @@ pub enum Input<P> {
 pub enum Action<P> {
     /// The session has nothing to do.
     Nothing,
-    /// The connection begins.
+    /// The connection begins: the caller gets an event.
     Connected {
         /// The event to report about the previous connection; `None` if there is nothing to report.
         before: Option<Event<P>>,

@@ -28,7 +28,7 @@ pub struct ControllerConfig {
     pub attempts: u8,
     /// The meaning of a value that a reply does not transmit. Default: [`Unselected::ByMode`].
     pub unselected: Unselected,
-    /// A silence of more than this inside a frame ends the frame. Default: 4 ms.
+    /// The silence inside a frame that ends the frame; `None`: no silence does. Default: 4 ms.
     pub gap: Option<Duration>,
     /// The rules of its machine that are in force.
     #[cfg(feature = "model")]

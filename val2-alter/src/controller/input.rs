@@ -57,11 +57,12 @@ pub enum Action {
     Begin,
     /// The message that was due is recorded as sent.
     Sent(Outgoing),
-    /// A reply was accepted; it may have an exception.
+    /// A reply was accepted; with an exception, its treatment.
     Take(Taken, Option<Handling>),
     /// Reports the outcome of the start.
     Start(StartOutcome),
-    /// The answer to a start message could not be read, or did not come: it is sent again, or that was the last one.
+    /// The answer to a start message could not be read, or did not come. `None`: the start message is sent again; otherwise the
+    /// outcome.
     BadStart(ErrorCode, Option<StartOutcome>),
     /// A reply could not be read: the arm is at rest.
     BadReply(ErrorCode),

@@ -208,7 +208,7 @@ pub struct Motion {
     pub segment: u16,
     /// The part of the segment that is done; 16384 (40000 octal) is all of it. See [`Motion::fraction`].
     pub percent: u16,
-    /// The position and orientation of the tool, if mode bit 2 requests it.
+    /// The position and orientation of the tool; `None` unless mode bit 2 requests it.
     pub transform: Option<Transform>,
 }
 

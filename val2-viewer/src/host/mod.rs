@@ -73,7 +73,7 @@ robot_session::counters! {
     pub struct HostStatistics {
         /// Requests that have or had a packet of their own.
         pub asked: u64,
-        /// Packets sent.
+        /// Packets that were sent, each for one request or more.
         pub sent: u64,
         /// Requests that have no packet of their own.
         pub ignored: u64,

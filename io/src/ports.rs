@@ -10,15 +10,15 @@ use serialport::{SerialPortInfo, SerialPortType};
 pub struct Port {
     /// The name of the port: `/dev/ttyUSB0`, `COM5`.
     pub port: String,
-    /// `usb`, `bluetooth`, or `built_in` for ports of the computer.
+    /// The kind of the port: `usb`, `bluetooth`, or `built_in` for ports of the computer.
     pub kind: &'static str,
-    /// The name that the adapter reports.
+    /// The name that the adapter reports; `None` without one.
     pub adapter: Option<String>,
-    /// The manufacturer of the adapter.
+    /// The manufacturer that the adapter reports; `None` without one.
     pub maker: Option<String>,
-    /// The serial number of the adapter: two adapters of one kind differ in it alone.
+    /// The serial number of the adapter: two adapters of one kind differ in it alone; `None` without one.
     pub serial_number: Option<String>,
-    /// The USB numbers of maker and product, such as `0403:6001`.
+    /// The USB numbers of maker and product, such as `0403:6001`; `None` if the port is not of USB.
     pub usb: Option<String>,
     /// The time for which the adapter's chip collects bytes, in milliseconds; `None` if the system does not report it.
     pub latency_timer_ms: Option<u32>,

@@ -37,7 +37,7 @@ pub struct Nearest {
     pub begin: usize,
     /// The number of these messages that are whole.
     pub whole: usize,
-    /// The kind of the most frequent error in the others.
+    /// The kind of the most frequent error in the others; `None` without errors.
     pub wrong: Option<String>,
 }
 

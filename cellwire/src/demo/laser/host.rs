@@ -57,7 +57,7 @@ pub struct Plan<'a> {
     queued: Vec<usize>,
     /// When the last frame was sent.
     sent: Rc<Cell<Duration>>,
-    /// The known outcome of each instruction.
+    /// The outcome of each instruction; `None` if it is not known.
     pub known: Vec<Option<Reported>>,
     /// The instructions that the robot confirmed, and may have forgotten when it restarted.
     pub doubted: Vec<usize>,

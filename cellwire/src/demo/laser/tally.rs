@@ -21,7 +21,7 @@ pub struct Known<'a> {
 pub struct Record<'a> {
     /// The executed instructions, in their order; `None`: it is not an instruction of a path.
     pub executed: &'a [Option<Cut>],
-    /// The instructions that the robot held when it was killed.
+    /// The instructions that the robot held when it was killed; `None`: it is not an instruction of a path.
     pub forgotten: &'a [Option<Cut>],
 }
 

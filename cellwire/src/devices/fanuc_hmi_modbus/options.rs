@@ -30,17 +30,20 @@ pub struct FanucSettings {
     pub echo: bool,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
-    /// Implausible telemetry, with times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults).
+    /// The faults of the telemetry, with their times: see [`TelemetryFaults`](cellwire_sim::fanuc::TelemetryFaults). `None`
+    /// without faults.
     pub faults: Option<String>,
-    /// The objects of its device identification: see [`Identification`](cellwire_sim::fanuc::Identification).
+    /// The objects of its device identification: see [`Identification`](cellwire_sim::fanuc::Identification). `None`: it has no
+    /// identification.
     pub identification: Option<String>,
     /// The eight outputs that function 7 reads; `None`: it refuses that.
     pub exception_status: Option<u8>,
-    /// The files of functions 20 and 21: see [`Lists`](cellwire_sim::fanuc::Lists).
+    /// The files of functions 20 and 21: see [`Lists`](cellwire_sim::fanuc::Lists). `None`: it refuses these.
     pub files: Option<String>,
-    /// The queues of function 24: see [`Lists`](cellwire_sim::fanuc::Lists).
+    /// The queues of function 24: see [`Lists`](cellwire_sim::fanuc::Lists). `None`: it refuses that.
     pub queues: Option<String>,
-    /// The accesses that the roles of clients permit: see [`Roles`](cellwire_sim::fanuc::Roles).
+    /// The accesses that the roles of clients permit: see [`Roles`](cellwire_sim::fanuc::Roles). `None`: every client may do
+    /// everything.
     pub roles: Option<String>,
     /// The program that the robot runs.
     pub program: ProgramSettings,
@@ -51,13 +54,13 @@ pub struct FanucSettings {
 pub struct ProgramSettings {
     /// The LS file; programs that it calls are in the same folder. `None`: the robot goes around a circle.
     pub program: Option<String>,
-    /// The file with a listing of `$SNPX_ASG`; `None` without.
+    /// The file with a listing of `$SNPX_ASG`; `None`: the telemetry block, then R\[n\] in 16 bits.
     pub assignments: Option<String>,
-    /// The robot's description, as `ls make` takes it.
+    /// The file with the robot's description, as `ls make` takes it; `None`: an LR Mate 200iD.
     pub robot: Option<String>,
     /// J1 to J6 at the start, in degrees.
     pub joints: [f64; 6],
-    /// The signals that come from outside, as [`Inputs`](super::inputs::Inputs) reads them; `None` without.
+    /// The signals that come from outside, as [`Inputs`](super::inputs::Inputs) reads them; `None`: all are off.
     pub inputs: Option<String>,
     /// Whether the program begins again when it has ended.
     pub repeat: bool,

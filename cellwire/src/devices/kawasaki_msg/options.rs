@@ -21,9 +21,9 @@ pub struct RobotSettings {
     pub speed: u32,
     /// The time of a job that is not a line.
     pub job_time: Duration,
-    /// The path of the drawn picture.
+    /// The path of the drawn picture; `None` without.
     pub out: Option<String>,
-    /// The path of the executed jobs.
+    /// The path of the executed jobs; `None` without.
     pub record: Option<String>,
 }
 

@@ -15,8 +15,8 @@ use cellwire_io::tcp;
 /// The address of the telemetry, and the interval at which it is read.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// The address of the server, `HOST:PORT`.
-    pub server: String,
+    /// The port over which the controller is reached.
+    pub port: Port,
     /// The Modbus unit, 0 to 255.
     pub unit: u8,
     /// The PDU address of the block's first register.

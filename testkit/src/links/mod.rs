@@ -26,7 +26,6 @@ pub const PAIRS: &[Pair] = &[
     kawasaki_msg::UDP,
     kawasaki_msg::ANY_PC,
     kawasaki_msg::ANY_ROBOT,
-    laser_eb90::PAIR,
     laser_eb90::ANY_CONTROLLER,
     laser_eb90::ANY_HOST,
     mmacell_proto::ANY_DEVICE,

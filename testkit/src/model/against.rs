@@ -45,6 +45,11 @@ pub trait Peer {
     /// Returns the actor of a step.
     fn by(&self, word: Self::Word) -> By;
 
+    /// Returns whether the end takes bytes now; otherwise they wait in the transport. By default, while it reads.
+    fn takes(&self, end: &Self::End) -> bool {
+        end.reads()
+    }
+
     /// Applies a step; returns the end's input, if there is one.
     fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
 
@@ -98,7 +103,7 @@ pub trait Peer {
 /// The actor of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum By {
-    /// The line brings bytes. They wait in the transport while the end does not read.
+    /// The line brings bytes. They wait in the transport until the end [takes](Peer::takes) them.
     Line,
     /// The end's user calls it.
     User,
@@ -231,7 +236,7 @@ impl<P: Peer> Against<P> {
 
     fn say(&self, scene: &mut SceneOf<P>, word: P::Word, edges: &mut Option<&mut Vec<Edge>>) {
         match self.peer.by(word) {
-            By::Line if !scene.end.reads() => return,
+            By::Line if !self.peer.takes(&scene.end) => return,
             By::Line => {
                 self.expire(scene, &[Expiry::First, Expiry::BeforeInput, Expiry::BeforeBytes], edges);
             }

@@ -123,7 +123,11 @@ impl<P: Wired> Walk<'_, P> {
         matches!(act, Act::Word(word) if self.against.peer.by(word) == By::Line)
     }
 
-    /// Returns the possible acts in a scene. After a part of a word, no other word is received before the rest.
+    fn takes(&self, scene: &SceneOf<P>) -> bool {
+        self.against.peer.takes(&scene.end)
+    }
+
+    /// The possible acts in a scene. No other word is heard before the rest of one.
     fn acts(&self, scene: &SceneOf<P>) -> Vec<Act<P::Word>> {
         let mut acts = Vec::new();
         self.against.acts(scene, &mut acts);
@@ -165,7 +169,7 @@ impl<P: Wired> Walk<'_, P> {
         };
         match act {
             Act::Word(word) if self.is_heard(act) => {
-                if self.scene.end.reads() {
+                if self.takes(&self.scene) {
                     self.say(word, bytes);
                 }
             }
@@ -218,7 +222,7 @@ impl<P: Wired> Walk<'_, P> {
         let act = Act::Word(word);
         let is_said =
             self.acts(&self.scene).contains(&act) && self.follower.speak(&self.scene.known, word) == bytes;
-        if is_said && self.scene.end.reads() {
+        if is_said && self.takes(&self.scene) {
             let rest = bytes.get(arrived..).unwrap_or_default();
             self.log.line(self.follower.now, format_args!("{act:?}, its last {} bytes", rest.len()));
             if !self.hear([rest]) {
@@ -248,7 +252,7 @@ impl<P: Wired> Walk<'_, P> {
             return;
         }
         self.tally.once += 2;
-        let heard = if between.end.reads() {
+        let heard = if self.takes(&between) {
             self.against.step(&between, Act::Word(next), None)
         } else {
             self.held = Some(next);
@@ -260,7 +264,7 @@ impl<P: Wired> Walk<'_, P> {
     /// Checks that the session is in the state of the model. A step whose bytes are buffered is applied when the
     /// session reads again.
     fn follow(&mut self, act: Act<P::Word>, mut next: SceneOf<P>) {
-        if next.end.reads()
+        if self.takes(&next)
             && let Some(held) = self.held.take()
         {
             self.log.line(self.follower.now, format_args!("  {held:?} was held"));

@@ -16,7 +16,7 @@ pub const WRITTEN: &str = "messages are encoded as the source says";
 /// A peer whose words are bytes, or calls of the end's session.
 pub trait Wired: Peer {
     /// The end's session.
-    type Session: End<Machine = <Self as Peer>::End> + Clone;
+    type Session: End<Machine = <Self as Peer>::End>;
 
     /// The faults of the line in a random walk. The times of a walk are those of the model.
     const FAULTS: Faults;
@@ -99,7 +99,7 @@ impl<'a, P: Wired> Follower<'a, P> {
             Act::Restart => *self = Self { now, ..Self::new(self.peer) },
             Act::Tick => self.now += P::TICK,
             // The bytes wait in the transport.
-            Act::Word(word) if self.peer.by(word) == By::Line && !scene.end.reads() => {}
+            Act::Word(word) if self.peer.by(word) == By::Line && !self.peer.takes(&scene.end) => {}
             Act::Word(word) => bytes = self.speak(&scene.known, word),
         }
         self.check_reports().map(|()| bytes)
@@ -150,8 +150,8 @@ impl<'a, P: Wired> Follower<'a, P> {
         if decided == reported { Ok(()) } else { Err(format!("{reported:?} is reported, not {decided:?}")) }
     }
 
-    /// Returns the difference between the session and the end of a scene.
-    pub fn differs(&self, scene: &SceneOf<P>) -> Option<String> {
+    /// The difference between the session and the end of a scene.
+    pub fn differs(&mut self, scene: &SceneOf<P>) -> Option<String> {
         let mut machine = self.session.machine().clone();
         age(&mut machine, self.now);
         self.peer.forget(&mut machine);
@@ -162,7 +162,7 @@ impl<'a, P: Wired> Follower<'a, P> {
         let is_silent = scene.end.transmit(Duration::ZERO, self.peer.config()).is_none();
         let mut out = vec![0; <P::Session as End>::MAX_TRANSMIT];
         (is_silent && !scene.end.expires(Duration::ZERO))
-            .then(|| self.session.clone().poll_transmit(self.now, &mut out))
+            .then(|| self.session.poll_transmit(self.now, &mut out))
             .flatten()
             .map(|length| format!("{length} bytes are sent unasked"))
     }

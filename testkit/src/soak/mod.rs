@@ -10,7 +10,6 @@ mod cell;
 mod fanuc_hmi_modbus;
 mod handles;
 mod kawasaki_msg;
-mod laser_eb90;
 mod log;
 mod tally;
 mod walks;
@@ -22,7 +21,6 @@ use crate::link::End;
 
 pub use fanuc_hmi_modbus::SABOTAGED;
 pub use handles::ROWS as HANDLES;
-pub use laser_eb90::{Article, Fault, frame};
 pub use log::{Log, Mark};
 pub use tally::{Ledger, Reported, Span, Tally};
 pub use wire::{Check, Unseen, Wire};
@@ -52,9 +50,9 @@ pub struct Row {
     session: fn(u64, Log) -> Tally,
 }
 
-/// The sessions of the workspace: both of the project's ends of the links that have a model of the pair, then each end
-/// against one of another maker. Both ends of every link are also in [`HANDLES`].
-pub const ROWS: [Row; 36] = [
+/// The sessions of the workspace: both of our ends of the links that have a model of the pair, then each end against one that is not ours. Both of our
+/// ends of every link are also in [`HANDLES`].
+pub const ROWS: [Row; 35] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::AS,
@@ -73,11 +71,10 @@ pub const ROWS: [Row; 36] = [
     fanuc_hmi_modbus::ANY_CLIENT,
     fanuc_hmi_modbus::HOSTILE_SERVER,
     fanuc_hmi_modbus::HOSTILE_CLIENT,
-    laser_eb90::SERIAL,
-    laser_eb90::ANY_CONTROLLER,
-    laser_eb90::ANY_HOST,
-    laser_eb90::HOSTILE_CONTROLLER,
-    laser_eb90::HOSTILE_HOST,
+    walks::ANY_CONTROLLER_OF_LASER,
+    walks::HOSTILE_CONTROLLER_OF_LASER,
+    walks::ANY_HOST_OF_LASER,
+    walks::HOSTILE_HOST_OF_LASER,
     walks::ANY_WORKSTATION,
     walks::HOSTILE_WORKSTATION,
     walks::ANY_HOST_OF_VIEWER,

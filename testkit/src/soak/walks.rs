@@ -1,7 +1,7 @@
 //! The ends whose peers the model describes: each is walked at random over bytes. A job is a message, received or lost.
 
 use super::Row;
-use crate::links::{isra_ball, mmacell_proto, val2_alter, val2_viewer};
+use crate::links::{isra_ball, laser_eb90, mmacell_proto, val2_alter, val2_viewer};
 use crate::model::walk;
 
 /// One row: the link, the transport and the peer, of how many random messages the check passes one, and the system.
@@ -23,6 +23,10 @@ rows! {
     HOSTILE_CONTROLLER: "val2-alter", "serial, hostile controller", None, val2_alter::any_controller(false);
     ANY_HOST_OF_ALTER: "val2-alter", "serial, any host", None, val2_alter::any_host(true);
     HOSTILE_HOST_OF_ALTER: "val2-alter", "serial, hostile host", None, val2_alter::any_host(false);
+    ANY_CONTROLLER_OF_LASER: "laser-eb90", "serial, any controller", Some(256), laser_eb90::any_controller(true, false);
+    HOSTILE_CONTROLLER_OF_LASER: "laser-eb90", "serial, hostile controller", Some(256), laser_eb90::any_controller(false, false);
+    ANY_HOST_OF_LASER: "laser-eb90", "serial, any host", None, laser_eb90::any_host(true);
+    HOSTILE_HOST_OF_LASER: "laser-eb90", "serial, hostile host", None, laser_eb90::any_host(false);
     ANY_WORKSTATION: "val2-viewer", "serial, any workstation", None, val2_viewer::any_workstation(true);
     HOSTILE_WORKSTATION: "val2-viewer", "serial, hostile workstation", None, val2_viewer::any_workstation(false);
     ANY_HOST_OF_VIEWER: "val2-viewer", "serial, any host", Some(256), val2_viewer::any_host(true);

@@ -258,29 +258,6 @@ impl Carrier for Wire {
     }
 }
 
-/// A wire that may be unplugged: nothing that is on it arrives, and neither end learns of it.
-pub(super) struct Cable<'a> {
-    pub(super) wire: &'a mut Wire,
-    pub(super) is_cut: bool,
-}
-
-impl Carrier for Cable<'_> {
-    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
-        if !self.is_cut {
-            self.wire.send(from, now, bytes);
-        }
-    }
-
-    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
-        loop {
-            let delivery = self.wire.receive_part(at, now, most)?;
-            if !self.is_cut {
-                return Some(delivery);
-            }
-        }
-    }
-}
-
 fn index(end: End) -> usize {
     match end {
         End::A => 0,

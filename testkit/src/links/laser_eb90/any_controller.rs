@@ -5,9 +5,8 @@ use core::time::Duration;
 use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome};
 use laser_eb90::{Class, HostConfig, Refusal};
 
-use super::pair::{DONE, DONE_ONCE, ECHOED, ONCE, ONE_OUTCOME, REFUSED};
-use super::world::{CUT, SWITCH};
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms};
+use super::{CUT, SWITCH};
+use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms, WRITTEN};
 
 const TICK: Duration = Duration::from_millis(50);
 /// In ticks: a frame on the line, its pauses, the longest execution, how late an answer comes, and how late an error code.
@@ -17,12 +16,19 @@ const EXECUTION: u8 = 1;
 const SETTLE: u8 = 2;
 const REPLY: u8 = 1;
 
+pub(super) const DONE: &str = "done: executed";
+const DONE_ONCE: &str = "done: executed once";
+pub(super) const REFUSED: &str = "refused: not executed";
+pub(super) const ONCE: &str = "executed once at most";
+pub(super) const ECHOED: &str = "echoed in time: done";
+const ONE_OUTCOME: &str = "one outcome for each frame, and one frame at a time";
 pub(super) const CLAIMED: &str = "done: its word has come since it was sent";
 
+const SHOWS: &[(&str, &str)] = &[("LE-45", ONE_OUTCOME), ("LE-67", WRITTEN)];
 pub(super) const RULES: Terms = Terms {
-    keeps: "LE-5, LE-25, LE-72, LE-102, LE-103",
+    keeps: "LE-5, LE-25, LE-102, LE-103, times of LE-72",
     free: "when it takes a frame, what it refuses, whether it keeps a first half and answers each, what the line loses",
-    shows: &[],
+    shows: SHOWS,
     properties: &[DONE, REFUSED, ONCE, ECHOED, ONE_OUTCOME, EXPECTED],
 };
 /// The same of a host that sends a frame again if no answer comes.
@@ -31,7 +37,7 @@ pub(super) const INSISTS: Terms =
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any answer at any time",
-    shows: &[],
+    shows: SHOWS,
     properties: &[CLAIMED, ECHOED, ONE_OUTCOME, EXPECTED],
 };
 
@@ -44,6 +50,8 @@ pub struct AnyController {
     pub keeps_rules: bool,
     /// It drops the bytes that it holds of a frame when it answers an error code.
     pub drops: bool,
+    /// The driver reports when a frame has left, before it passes on the bytes that came since.
+    pub reports: bool,
     /// The real times of the controller and the line.
     pub real: Times,
 }
@@ -74,6 +82,8 @@ pub struct Known {
     pub(super) answers: Vec<(Answer, u8)>,
     /// The frame in flight.
     job: Option<Job>,
+    /// The ticks until its last byte has left at the latest, if its driver reports that.
+    leaves: Option<u8>,
     before: Before,
     wrong: Option<&'static str>,
 }
@@ -137,6 +147,8 @@ pub enum Word {
     Submit(Class),
     /// The caller continues.
     Resume,
+    /// The driver reports that the frame has left.
+    Transmitted,
     /// The frame is taken: queued and answered, or executed.
     Take(usize),
     /// The frame is executed, or that fails.
@@ -183,7 +195,7 @@ impl AnyController {
             resends: 1,
             ..HostConfig::default()
         };
-        Self { config, keeps_rules, drops, real: Times::ASSUMED }
+        Self { config, keeps_rules, drops, reports: false, real: Times::ASSUMED }
     }
 
     fn hear(&self, known: &mut Known, answer: Answer) -> Input {
@@ -237,7 +249,14 @@ impl Peer for AnyController {
     }
 
     fn known(&self) -> Known {
-        Known { frames: Vec::new(), answers: Vec::new(), job: None, before: Before::default(), wrong: None }
+        Known {
+            frames: Vec::new(),
+            answers: Vec::new(),
+            job: None,
+            leaves: None,
+            before: Before::default(),
+            wrong: None,
+        }
     }
 
     fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
@@ -245,7 +264,8 @@ impl Peer for AnyController {
             words.push(Word::Resume);
         }
         let is_connected = !matches!(end.link, HostLink::Disconnected { .. });
-        if is_connected && !known.answers.is_empty() {
+        words.extend(known.leaves.map(|_| Word::Transmitted));
+        if is_connected && !known.answers.is_empty() && known.leaves.is_none() {
             words.extend([Word::Read { corrupt: false }, Word::Read { corrupt: true }]);
         }
         if !known.answers.is_empty() {
@@ -274,7 +294,7 @@ impl Peer for AnyController {
 
     fn by(&self, word: Word) -> By {
         match word {
-            Word::Submit(_) | Word::Resume => By::User,
+            Word::Submit(_) | Word::Resume | Word::Transmitted => By::User,
             Word::Read { .. } | Word::Say(_) => By::Line,
             Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => By::Others,
         }
@@ -284,6 +304,12 @@ impl Peer for AnyController {
         match said {
             Word::Submit(class) => return Some(Input::Submit { ticket: 0, word: word(class), class }),
             Word::Resume => return Some(Input::Resume),
+            Word::Transmitted => {
+                known.leaves = None;
+                let is_coming = |frame: &&mut Frame| !frame.is_old && frame.stage != Stage::Executing;
+                known.frames.iter_mut().filter(is_coming).for_each(|frame| frame.left = 0);
+                return Some(Input::Transmitted);
+            }
             Word::Read { corrupt } => {
                 let (answer, _) = known.answers.remove(0);
                 return Some(self.hear(known, if corrupt { Answer::Corrupt } else { answer }));
@@ -329,9 +355,13 @@ impl Peer for AnyController {
     fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
         if let (Cause::Sent(due), HostLink::Awaiting(sent)) = (cause, end.link) {
             if due == Due::Next {
+                if known.job.is_some() {
+                    known.wrong = Some(ONE_OUTCOME);
+                }
                 known.job = Some(Job { class: sent.batch.class, executed: 0, has_come: false });
             }
             if self.keeps_rules {
+                known.leaves = self.reports.then_some(LINE + self.real.pause);
                 let class = sent.batch.class;
                 known.frames.push(Frame {
                     class,
@@ -349,9 +379,11 @@ impl Peer for AnyController {
     /// Drops frames and answers that have not arrived in time.
     fn tick(&self, known: &mut Known) {
         known.frames.retain(|frame| frame.left > 0);
-        known.answers.retain(|(_, left)| *left > 1);
+        // An answer waits in the port until its frame is reported as sent.
+        known.answers.retain(|(_, left)| *left > 1 || known.leaves.is_some());
         known.frames.iter_mut().for_each(|frame| frame.left -= 1);
-        known.answers.iter_mut().for_each(|(_, left)| *left -= 1);
+        known.answers.iter_mut().for_each(|(_, left)| *left = (*left - 1).max(1));
+        known.leaves.iter_mut().for_each(|left| *left -= 1);
     }
 
     fn restarted(&self, known: &mut Known) {
@@ -369,13 +401,18 @@ impl Peer for AnyController {
         broken.extend(known.wrong);
     }
 
-    /// Returns whether each frame has an outcome, which must happen whatever the controller does.
+    fn is_urgent(&self, _: &HostMachine, known: &Known) -> bool {
+        known.leaves == Some(0)
+    }
+
+    /// Each frame has an outcome in the end, whatever the controller does.
     fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
         known.job.is_none() && end.next.is_none()
     }
 
-    fn benign(&self, end: &HostMachine, _: &Known) -> Option<Word> {
-        matches!(end.link, HostLink::Held { .. }).then_some(Word::Resume)
+    fn benign(&self, end: &HostMachine, known: &Known) -> Option<Word> {
+        let resume = matches!(end.link, HostLink::Held { .. }).then_some(Word::Resume);
+        resume.or(known.leaves.map(|_| Word::Transmitted))
     }
 }
 

@@ -6,25 +6,24 @@ use laser_eb90::controller::machine::{Action, Answer, ControllerMachine, Input, 
 use laser_eb90::{ControllerConfig, Refusal};
 use robot_session::end::Machine as _;
 
-use super::world::CUT;
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms};
-
-/// As many bytes as the shortest frame has and more, and fewer.
-const MANY: u8 = 20;
-const FEW: u8 = 4;
+use super::pieces::Piece::{Bad, Begun, FalseHead, Inner, Middle, Noise, Rest, Whole};
+use super::pieces::{EMPTY_HEAD, Held, INNER_FRAME, PIECES, Piece, SHAPES, Verdict, spell};
+use super::{CUT, SWITCH};
+use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms, WRITTEN};
 
 pub(super) const ONE_ANSWER: &str = "one answer at most to each transmission";
 pub(super) const ONCE: &str = "executed once, however often it is sent";
 pub(super) const HEARD: &str = "a frame whose head has come is answered";
 pub(super) const DONE: &str = "echoed: executed";
+pub(super) const WHOLE: &str = "echoed: all of it is executed";
 pub(super) const INNER: &str = "nothing is executed out of the middle of corrupt bytes";
 const ASKED: &str = "nothing is sent before bytes have come";
 
 pub(super) const RULES: Terms = Terms {
     keeps: "LE-45, LE-67; it sends a frame again for each error code",
     free: "when it sends and reads, where its port pauses and for how long, one fault of the line in each transmission",
-    shows: &[],
-    properties: &[ONE_ANSWER, ONCE, HEARD, DONE, INNER, EXPECTED],
+    shows: &[("LE-5", ONE_ANSWER), ("LE-25", WRITTEN), ("LE-102", DONE), ("LE-103", WRITTEN)],
+    properties: &[ONE_ANSWER, ONCE, HEARD, DONE, WHOLE, INNER, EXPECTED],
 };
 pub(super) const ANYTHING: Terms =
     Terms { keeps: "", free: "any bytes at any time", shows: &[], properties: &[INNER, ASKED, EXPECTED] };
@@ -36,13 +35,15 @@ pub struct AnyHost {
     pub config: ControllerConfig,
     /// It sends a frame, and the next one after its echo. For each error code it sends the frame again, as the article has it.
     pub keeps_rules: bool,
+    /// The controller refuses an immediate instruction that has others after it in its frame.
+    pub refuses_mixed: bool,
 }
 
 /// The model's knowledge of the host, its line and its frame.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     /// The contents of the controller's decoder.
-    held: Held,
+    pub(super) held: Held,
     /// The decoder's results that the controller has not read.
     found: Vec<Found>,
     /// The controller reads.
@@ -50,12 +51,14 @@ pub struct Known {
     /// Bytes have come, and nothing was sent since.
     has_come: bool,
     /// The bytes that the host's port has not sent.
-    port: Vec<Piece>,
+    pub(super) port: Vec<Piece>,
     host: Host,
     /// An answer that the host has not read.
     answer: Option<Answer>,
     /// The number of times that the frame was executed, or queued.
     executed: u8,
+    /// A part of it was not.
+    swallowed: bool,
     wrong: Option<&'static str>,
 }
 
@@ -70,120 +73,16 @@ enum Host {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Held {
-    Nothing,
-    Headless { many: bool },
-    Begun { many: bool },
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum Found {
     Frame(Verdict),
     /// A frame out of the middle of another one.
     Inner,
     Corrupt {
         refusal: Refusal,
-        many: bool,
+        bytes: u8,
         begun: bool,
     },
 }
-
-/// The controller's decision about a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Verdict {
-    /// The controller queues it.
-    Queued,
-    /// The controller's queue is full.
-    Full,
-    /// The controller executes it.
-    Immediate,
-}
-
-/// Bytes without a pause between them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Piece {
-    /// A good frame.
-    Whole(Verdict),
-    /// A frame whose check is wrong.
-    Bad,
-    /// A frame that has lost a byte, so that one is found in its middle; its head may be corrupt, too.
-    Inner {
-        /// Whether the head is corrupt.
-        headless: bool,
-    },
-    /// The beginning of a frame.
-    Begun {
-        /// As much as the shortest frame.
-        many: bool,
-    },
-    /// More of it.
-    More,
-    /// The rest of it.
-    Rest {
-        /// As much as the shortest frame.
-        many: bool,
-        /// Whether it ends in EB 90 82: data and tail.
-        false_head: bool,
-    },
-    /// Bytes without a head.
-    Headless {
-        /// As many as the shortest frame has.
-        many: bool,
-    },
-}
-
-use Piece::{Bad, Begun, Headless, Inner, More, Rest, Whole};
-
-const REST: Piece = Rest { many: true, false_head: false };
-const TAIL: Piece = Rest { many: false, false_head: false };
-const FALSE: Piece = Rest { many: true, false_head: true };
-
-/// A transmission: pieces between which the port may pause, and whether its head comes.
-const SHAPES: &[(&[Piece], bool)] = &[
-    (&[Whole(Verdict::Queued)], true),
-    (&[Whole(Verdict::Full)], true),
-    (&[Whole(Verdict::Immediate)], true),
-    (&[Bad], true),
-    (&[Inner { headless: false }], true),
-    (&[Begun { many: true }, REST], true),
-    (&[Begun { many: true }, TAIL], true),
-    (&[Begun { many: true }, FALSE], true),
-    (&[Begun { many: true }, More, REST], true),
-    (&[Begun { many: true }, More, TAIL], true),
-    (&[Begun { many: false }, REST], true),
-    (&[Begun { many: false }, More, REST], true),
-    (&[Begun { many: false }, FALSE], true),
-    // It is cut.
-    (&[Begun { many: true }], true),
-    // A byte of its middle reads as the tail.
-    (&[Bad, Headless { many: true }], true),
-    // A little noise.
-    (&[Headless { many: false }, Whole(Verdict::Queued)], true),
-    // Its head is corrupt.
-    (&[Headless { many: true }], false),
-    (&[Headless { many: true }, Headless { many: true }], false),
-    (&[Headless { many: true }, Headless { many: false }], false),
-    (&[Headless { many: false }, Headless { many: true }], false),
-    (&[Inner { headless: true }], false),
-    // It is lost.
-    (&[], false),
-];
-
-const PIECES: &[Piece] = &[
-    Whole(Verdict::Queued),
-    Whole(Verdict::Full),
-    Whole(Verdict::Immediate),
-    Bad,
-    Inner { headless: false },
-    Inner { headless: true },
-    Begun { many: true },
-    Begun { many: false },
-    More,
-    REST,
-    FALSE,
-    Headless { many: true },
-    Headless { many: false },
-];
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -227,6 +126,7 @@ impl Peer for AnyHost {
             host: Host::Fresh,
             answer: None,
             executed: 0,
+            swallowed: false,
             wrong: None,
         }
     }
@@ -240,7 +140,8 @@ impl Peer for AnyHost {
                 words.push(Word::Executed(false));
             }
             if end.is_connected() && known.found.len() < 2 {
-                words.extend(PIECES.iter().copied().map(Word::Piece));
+                let fits = |piece: &Piece| known.held.goes_on_with(*piece);
+                words.extend(PIECES.iter().copied().filter(fits).map(Word::Piece));
             }
             return;
         }
@@ -257,12 +158,17 @@ impl Peer for AnyHost {
         }
     }
 
-    /// Returns the actor of a word: bytes are read even while an instruction is executed.
     fn by(&self, word: Word) -> By {
         match word {
-            Word::Arrive | Word::Piece(_) | Word::Executed(_) => By::User,
+            Word::Arrive | Word::Piece(_) => By::Line,
+            Word::Executed(_) => By::User,
             Word::Transmit(_) | Word::Read | Word::GiveUp => By::Others,
         }
+    }
+
+    /// Bytes are taken even while an instruction is executed.
+    fn takes(&self, _: &ControllerMachine) -> bool {
+        true
     }
 
     fn hear(&self, _: &ControllerMachine, known: &mut Known, word: Word) -> Option<Input> {
@@ -285,13 +191,16 @@ impl Peer for AnyHost {
                         if known.executed == 0 {
                             known.wrong = Some(DONE);
                         }
-                        (known.host, known.executed) = (Host::Fresh, 0);
+                        if known.swallowed {
+                            known.wrong = Some(WHOLE);
+                        }
+                        known.begin();
                     }
                 }
                 None
             }
             Word::GiveUp => {
-                (known.host, known.executed) = (Host::Fresh, 0);
+                known.begin();
                 None
             }
             Word::Executed(good) => {
@@ -302,24 +211,25 @@ impl Peer for AnyHost {
     }
 
     fn cut(&self, known: &mut Known) {
-        known.flush();
+        let begun = matches!(known.held, Held::Begun(_));
+        known.give_up(Refusal::BadFrame, begun);
     }
 
     fn next(&self, end: &ControllerMachine, known: &mut Known) -> Option<Input> {
         if !known.found.is_empty() && end.reads() {
             return Some(match known.found.remove(0) {
-                Found::Corrupt { refusal, many, begun } => {
-                    Input::Corrupt { refusal, bytes: if many { MANY } else { FEW }, begun }
-                }
+                Found::Corrupt { refusal, bytes, begun } => Input::Corrupt { refusal, bytes, begun },
                 Found::Frame(_) | Found::Inner if !end.trusts(&self.config) => Input::Untrusted,
                 Found::Frame(Verdict::Full) => Input::Refused(Refusal::QueueFull),
+                Found::Frame(Verdict::Mixed) if self.refuses_mixed => Input::Refused(Refusal::BadBatch),
                 Found::Frame(Verdict::Queued) => {
                     known.execute();
                     Input::Queued { word: CUT }
                 }
-                Found::Frame(Verdict::Immediate) => {
+                Found::Frame(verdict @ (Verdict::Immediate | Verdict::Mixed)) => {
                     known.execute();
-                    Input::Immediate { word: CUT }
+                    known.swallowed |= verdict == Verdict::Mixed;
+                    Input::Immediate { word: SWITCH }
                 }
                 Found::Inner => {
                     known.wrong = Some(INNER);
@@ -386,57 +296,79 @@ impl Known {
     /// Called when bytes come; returns the input.
     fn hear(&mut self, piece: Piece) -> Input {
         (self.reading, self.has_come) = (true, true);
-        let has_begun = matches!(self.held, Held::Begun { .. });
+        let bytes = spell(piece, self.held).len() as u8;
+        let held = self.held;
         match piece {
             Whole(verdict) => {
-                self.flush();
+                self.meet();
                 self.found.push(Found::Frame(verdict));
             }
             Bad => {
-                self.flush();
-                self.found.push(Found::Corrupt { refusal: Refusal::BadChecksum, many: true, begun: true });
+                self.meet();
+                self.corrupt(Refusal::BadChecksum, bytes, true);
             }
             Inner { headless } => {
-                self.flush();
-                let refusal = if headless { Refusal::BadFrame } else { Refusal::BadChecksum };
-                self.found.push(Found::Corrupt { refusal, many: true, begun: !headless });
+                if !headless {
+                    self.meet();
+                }
+                let begun = !headless || matches!(held, Held::Begun(_));
+                let refusal = if begun { Refusal::BadChecksum } else { Refusal::BadFrame };
+                let before = core::mem::replace(&mut self.held, Held::Nothing).bytes();
+                self.corrupt(refusal, before + bytes - INNER_FRAME, begun);
                 self.found.push(Found::Inner);
             }
-            Begun { many } => {
-                self.flush();
-                self.held = Held::Begun { many };
+            Begun(_) => {
+                self.meet();
+                self.held = Held::Begun(bytes);
             }
-            More if has_begun => self.held = Held::Begun { many: true },
-            Rest { .. } if has_begun => {
+            Rest { .. } | FalseHead if matches!(held, Held::Begun(_)) => {
                 self.held = Held::Nothing;
                 self.found.push(Found::Frame(Verdict::Queued));
             }
-            More | Rest { many: true, .. } | Headless { many: true } => {
-                if !has_begun {
-                    self.held = Held::Headless { many: true };
-                }
-                if matches!(piece, Rest { false_head: true, .. }) {
-                    self.flush();
-                    self.held = Held::Begun { many: false };
-                }
+            FalseHead => {
+                self.corrupt(Refusal::BadFrame, held.bytes() + bytes - EMPTY_HEAD, false);
+                self.held = Held::Begun(EMPTY_HEAD);
             }
-            Rest { many: false, .. } | Headless { many: false } => {
-                if self.held == Held::Nothing {
-                    self.held = Held::Headless { many: false };
+            // Its first byte is not a tag.
+            Noise { .. } if matches!(held, Held::Begun(_)) => {
+                self.corrupt(Refusal::BadFrame, held.bytes() + 1, false);
+                self.held = Held::Headless(bytes - 1);
+            }
+            Middle { .. } | Noise { .. } | Rest { .. } => {
+                self.held = match held {
+                    Held::Begun(begun) => Held::Begun(begun + bytes),
+                    Held::Nothing | Held::Headless(_) => Held::Headless(held.bytes() + bytes),
                 }
             }
         }
         Input::Bytes
     }
 
+    /// A head comes after the held bytes: it is a tail and a check of a frame that has begun, or no tag of it.
+    fn meet(&mut self) {
+        match self.held {
+            Held::Nothing | Held::Headless(_) | Held::Begun(EMPTY_HEAD) => {
+                self.give_up(Refusal::BadFrame, false)
+            }
+            Held::Begun(_) => self.give_up(Refusal::BadChecksum, true),
+        }
+    }
+
     /// Reports the decoder's bytes as corrupt.
-    fn flush(&mut self) {
-        let corrupt = |many, begun| Found::Corrupt { refusal: Refusal::BadFrame, many, begun };
-        self.found.extend(match core::mem::replace(&mut self.held, Held::Nothing) {
-            Held::Nothing => None,
-            Held::Headless { many } => Some(corrupt(many, false)),
-            Held::Begun { many } => Some(corrupt(many, true)),
-        });
+    fn give_up(&mut self, refusal: Refusal, begun: bool) {
+        let held = core::mem::replace(&mut self.held, Held::Nothing);
+        if held != Held::Nothing {
+            self.corrupt(refusal, held.bytes(), begun);
+        }
+    }
+
+    fn corrupt(&mut self, refusal: Refusal, bytes: u8, begun: bool) {
+        self.found.push(Found::Corrupt { refusal, bytes, begun });
+    }
+
+    /// The host has another frame.
+    fn begin(&mut self) {
+        (self.host, self.executed, self.swallowed) = (Host::Fresh, 0, false);
     }
 
     fn execute(&mut self) {

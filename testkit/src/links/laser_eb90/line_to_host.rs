@@ -2,19 +2,19 @@
 
 use core::time::Duration;
 
-use laser_eb90::host::machine::{Action, Due, HostLink, HostMachine, Outcome};
-use laser_eb90::robot_session::Encode as _;
+use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Outcome};
+use laser_eb90::robot_session::{Encode as _, Session as _};
 use laser_eb90::{Frame as Message, Host, HostEvent, Payload, Profile};
 
+use super::CUT;
 use super::any_controller::{Answer, AnyController, Known, Word, word};
-use super::world::CUT;
 use crate::faults::Faults;
 use crate::model::{SceneOf, Wired};
 
 /// The values of an instruction, so that its frame takes [`LINE`] ticks.
 const VALUES: [u8; 37] = [7; 37];
 
-fn answer(payload: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
+fn message(payload: impl FnOnce(&mut Payload<'_>)) -> Vec<u8> {
     let (mut buffer, mut out) = ([0; 64], [0; Message::MAX_LEN]);
     let mut written = Payload::new(&mut buffer, &Profile::default());
     payload(&mut written);
@@ -31,7 +31,7 @@ impl Wired for AnyController {
         Host::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, said: Word, session: &mut Host, _: Duration) -> Vec<u8> {
+    fn speak(&self, known: &Known, said: Word, session: &mut Host, now: Duration) -> Vec<u8> {
         let answered = match said {
             Word::Submit(class) => {
                 session.submit(word(class), |payload| payload.u8(&VALUES).map(drop)).expect("it has room");
@@ -39,6 +39,10 @@ impl Wired for AnyController {
             }
             Word::Resume => {
                 session.resume();
+                return Vec::new();
+            }
+            Word::Transmitted => {
+                session.handle_transmitted(now);
                 return Vec::new();
             }
             Word::Read { corrupt: false } => {
@@ -55,7 +59,7 @@ impl Wired for AnyController {
             Answer::Error(refusal) => self.config.words.errors().code(refusal),
             Answer::Corrupt => CUT,
         };
-        let mut bytes = answer(|payload| _ = payload.word(code));
+        let mut bytes = message(|payload| _ = payload.word(code));
         if answered == Answer::Corrupt {
             bytes[6] ^= 0x04;
         }
@@ -67,9 +71,15 @@ impl Wired for AnyController {
         false
     }
 
-    fn is_written(&self, _: &SceneOf<Self>, _: &Due, bytes: &[u8]) -> bool {
-        bytes.len() == self.config.longest_frame
-            && Message::decode(bytes, &mut [0; Message::MAX_LEN], &self.config.profile).is_ok()
+    fn is_written(&self, scene: &SceneOf<Self>, due: &Due, bytes: &[u8]) -> bool {
+        let batch = match (due, scene.end.link) {
+            (Due::Next, _) => scene.end.next,
+            (Due::Again, HostLink::Resending { batch, .. }) => Some(batch),
+            (Due::Again, _) => None,
+        };
+        let frame =
+            |batch: Batch| message(|payload| _ = payload.word(batch.word).and_then(|it| it.u8(&VALUES)));
+        bytes.len() == self.config.longest_frame && batch.map(frame).is_some_and(|frame| frame == bytes)
     }
 
     fn reports(&self, action: &Action, reports: &mut Vec<String>) {
@@ -98,7 +108,7 @@ impl Wired for AnyController {
     fn lost(&self, _: &Known, said: Word) -> Vec<Vec<Word>> {
         match said {
             Word::Read { .. } => vec![vec![Word::Read { corrupt: true }], vec![Word::Lose]],
-            _ => vec![vec![Word::Say(Answer::Corrupt)]],
+            _ => vec![vec![Word::Say(Answer::Corrupt)], Vec::new()],
         }
     }
 

@@ -3,11 +3,12 @@
 
 use core::time::Duration;
 
-use laser_eb90::{Controller, ControllerConfig, Frame, Instruction, Payload, Profile};
+use laser_eb90::{Controller, ControllerConfig, Frame, Payload, Profile};
 use robot_session::{Encode as _, Session as _};
 
+use super::CUT;
 use super::any_controller::{self, Times};
-use super::world::CUT;
+use super::line_to_controller::Any;
 use crate::model::{Margin, Peer as _, Setting, Step};
 
 /// One of them.
@@ -45,18 +46,7 @@ pub fn margins() -> Vec<Margin> {
         .collect()
 }
 
-/// Any instruction.
-struct Any;
-
-impl TryFrom<Instruction<'_>> for Any {
-    type Error = ();
-
-    fn try_from(_: Instruction<'_>) -> Result<Self, ()> {
-        Ok(Self)
-    }
-}
-
-/// Returns the property that breaks for a frame whose halves are this far apart.
+/// A frame whose halves are so far apart.
 fn is_taken(apart: Duration) -> Option<&'static str> {
     let mut line = [0; Frame::MAX_LEN];
     let mut payload = [0; 64];

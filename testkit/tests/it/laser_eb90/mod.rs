@@ -5,6 +5,5 @@ mod bad_line;
 mod cell;
 #[path = "../../../../laser-eb90/tests/it/common/mod.rs"]
 mod common;
-mod refine;
 mod session;
 mod vectors;

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use laser_eb90::controller::machine::{Action, Answer, ControllerMachine, Input, Receiving, Work};
+use laser_eb90::controller::machine::{Action, Answer, ControllerMachine, Fault, Input, Receiving, Work};
 use laser_eb90::{ControllerConfig, Refusal};
 use robot_session::end::Machine as _;
 
@@ -20,7 +20,7 @@ pub(super) const INNER: &str = "nothing is executed out of the middle of corrupt
 const ASKED: &str = "nothing is sent before bytes have come";
 
 pub(super) const RULES: Terms = Terms {
-    keeps: "LE-45, LE-67; it sends a frame again for each error code",
+    keeps: "LE-45, LE-67, a frame again for each error code",
     free: "when it sends and reads, where its port pauses and for how long, one fault of the line in each transmission",
     shows: &[("LE-5", ONE_ANSWER), ("LE-25", WRITTEN), ("LE-102", DONE), ("LE-103", WRITTEN)],
     properties: &[ONE_ANSWER, ONCE, HEARD, DONE, WHOLE, INNER, EXPECTED],
@@ -334,12 +334,7 @@ impl Known {
                 self.corrupt(Refusal::BadFrame, held.bytes() + 1, false);
                 self.held = Held::Headless(bytes - 1);
             }
-            Middle { .. } | Noise { .. } | Rest { .. } => {
-                self.held = match held {
-                    Held::Begun(begun) => Held::Begun(begun + bytes),
-                    Held::Nothing | Held::Headless(_) => Held::Headless(held.bytes() + bytes),
-                }
-            }
+            Middle { .. } | Noise { .. } | Rest { .. } => self.held = held.and(bytes),
         }
         Input::Bytes
     }
@@ -363,6 +358,7 @@ impl Known {
     }
 
     fn corrupt(&mut self, refusal: Refusal, bytes: u8, begun: bool) {
+        let bytes = bytes.min(Fault::ENOUGH);
         self.found.push(Found::Corrupt { refusal, bytes, begun });
     }
 

@@ -42,7 +42,7 @@ pub const ANY_HOST: Pair = Pair {
         let mut mixed = any_host(true);
         mixed.peer.refuses_mixed = false;
         vec![
-            MustFail::new("a mixed frame is refused", any_host::WHOLE, at(true), mixed),
+            MustFail::walked("a mixed frame is refused", any_host::WHOLE, at(true), mixed),
             without("IgnoreRest", any_host::ONE_ANSWER, true, ControllerRule::IgnoreRest),
             without("IgnoreShort", any_host::ONE_ANSWER, true, ControllerRule::IgnoreShort),
             without("TrustSilence", any_host::INNER, true, ControllerRule::TrustSilence),

@@ -1,5 +1,7 @@
 //! The bytes that a host sends without a pause between them, and those that the controller's decoder then holds.
 
+use laser_eb90::controller::machine::Fault;
+
 use super::{CUT, SWITCH};
 
 /// The number of bytes of a head with its flag, and no tag after it.
@@ -18,8 +20,8 @@ const END: [u8; 3] = [0x90, 0x82, 0xF4];
 /// Instructions in the longest frame: the queue has one place less.
 pub(super) const BATCH: usize = 7;
 
-/// The most bytes after which more bytes without a head come; the longest payload is much longer.
-const LONGEST: u8 = 16;
+/// As many bytes are not followed by more without a head; the longest payload is much longer.
+const LONGEST: u8 = 2 * Fault::ENOUGH;
 
 /// The controller's decision about a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -138,7 +140,7 @@ pub(super) const PIECES: &[Piece] = &[
     FalseHead,
 ];
 
-/// The bytes that the decoder holds, and their number.
+/// The bytes that the decoder holds, and their number: exact up to the length of the shortest frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Held {
     Nothing,
@@ -151,6 +153,17 @@ impl Held {
         match self {
             Self::Nothing => 0,
             Self::Headless(bytes) | Self::Begun(bytes) => bytes,
+        }
+    }
+
+    /// More bytes. When there are enough for a frame, each piece counts as so many.
+    pub(super) fn and(self, bytes: u8) -> Self {
+        let held = self.bytes();
+        let more =
+            if held < Fault::ENOUGH { (held + bytes).min(Fault::ENOUGH) } else { held + Fault::ENOUGH };
+        match self {
+            Self::Begun(_) => Self::Begun(more),
+            Self::Nothing | Self::Headless(_) => Self::Headless(more),
         }
     }
 

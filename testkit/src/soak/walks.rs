@@ -17,7 +17,8 @@ macro_rules! rows {
     )*};
 }
 
-// A poll of the ball and a request of the viewer are one byte without a check; TCP corrupts nothing.
+// A poll of the ball and a request of the viewer are one byte without a check; TCP corrupts nothing; the line's faults are among the
+// messages of the laser's host.
 rows! {
     ANY_CONTROLLER: "val2-alter", "serial, any controller", None, val2_alter::any_controller(true);
     HOSTILE_CONTROLLER: "val2-alter", "serial, hostile controller", None, val2_alter::any_controller(false);

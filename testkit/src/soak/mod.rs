@@ -50,8 +50,8 @@ pub struct Row {
     session: fn(u64, Log) -> Tally,
 }
 
-/// The sessions of the workspace: both of our ends of the links that have a model of the pair, then each end against one that is not ours. Both of our
-/// ends of every link are also in [`HANDLES`].
+/// The sessions of the workspace: both of the project's ends of the links that have a model of the pair, then each end
+/// against one of another maker. Both ends of every link are also in [`HANDLES`].
 pub const ROWS: [Row; 35] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,

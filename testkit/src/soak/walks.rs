@@ -17,8 +17,8 @@ macro_rules! rows {
     )*};
 }
 
-// A poll of the ball and a request of the viewer are one byte without a check; TCP corrupts nothing; the line's faults are among the
-// messages of the laser's host.
+// A poll of the ball and a request of the viewer are one byte without a check; TCP corrupts nothing; the messages of
+// the laser's host include the line's faults.
 rows! {
     ANY_CONTROLLER: "val2-alter", "serial, any controller", None, val2_alter::any_controller(true);
     HOSTILE_CONTROLLER: "val2-alter", "serial, hostile controller", None, val2_alter::any_controller(false);

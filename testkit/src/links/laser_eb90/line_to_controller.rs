@@ -1,4 +1,4 @@
-//! The line between a controller and a host that is not ours: words as bytes, and the controller's answers.
+//! The line between a controller and a host of another maker: words as bytes, and the controller's answers.
 
 use core::time::Duration;
 use std::cell::RefCell;

@@ -167,7 +167,7 @@ impl Held {
         }
     }
 
-    /// Whether a host that does anything may send a piece after these bytes.
+    /// Returns whether a host that does anything may send a piece after these bytes.
     pub(super) fn goes_on_with(self, piece: Piece) -> bool {
         match piece {
             Whole(_) | Bad | Inner { .. } | Begun(_) => true,

@@ -82,8 +82,8 @@ impl Article {
         }
     }
 
-    /// Sends seven cuts until they are confirmed; each transmission meets the next faults, and none when there are no more. Whether
-    /// they were.
+    /// Sends seven cuts until they are confirmed; returns whether they were. Each transmission has the next faults, or
+    /// no faults after the last.
     fn exchange(&mut self, first: u32, faults: &[&[Fault]]) -> bool {
         let frame = frame(first..first + BATCH);
         let limit = self.now + LIMIT;

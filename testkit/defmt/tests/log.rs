@@ -157,7 +157,8 @@ fn the_workstation() {
 
 #[test]
 fn alter() {
-    use val2_alter::{Controller, ControllerConfig, Host, HostConfig};
+    use val2_alter::{Controller, ControllerConfig, Host, HostConfig, List};
+    check(&List::new(&[1, -2]).unwrap());
     let mut host = Host::new(HostConfig::default()).unwrap();
     let mut controller = Controller::new(ControllerConfig::default()).unwrap();
     talk(&mut host, &mut controller, |host, controller, now| {

@@ -12,6 +12,19 @@ use val2_alter::{
 };
 
 #[test]
+fn a_decoder_takes_less_than_half_a_kilobyte() {
+    let size = size_of::<Decoder<RobotMessage>>();
+    assert!(size < 512, "{size} bytes");
+}
+
+#[test]
+fn a_reply_is_discarded_when_the_controller_has_ended_its_alter() {
+    let config = HostConfig { silence_cycles: 5, ..HostConfig::default() };
+    let host = Host::new(config).unwrap();
+    assert_eq!(Session::discards_after(&host), Some(timing::CYCLE * 5));
+}
+
+#[test]
 fn json_without_a_field_names_it() {
     let motion =
         r#"{"kind":"motion","phase":"running","error":0,"segment_status":2,"segment":1,"percent":8192}"#;

@@ -15,9 +15,6 @@ use crate::model::{Margin, Pair, Table};
 /// Every pair of ends, each in a line.
 pub const PAIRS: &[Pair] = &[
     latch::PAIR,
-    fanuc_hmi_modbus::RTU,
-    fanuc_hmi_modbus::RTU_OVER_TCP,
-    fanuc_hmi_modbus::TCP,
     fanuc_hmi_modbus::ANY_CLIENT,
     fanuc_hmi_modbus::ANY_SERVER,
     isra_ball::ANY_BALL,

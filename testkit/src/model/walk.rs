@@ -174,8 +174,12 @@ impl<P: Wired> Walk<'_, P> {
                 }
             }
             act => {
-                if !bytes.is_empty() && !self.hear([bytes.as_slice()]) {
-                    return;
+                if !bytes.is_empty() {
+                    self.tally.once += 1;
+                    let (pieces, _) = self.carry(&bytes);
+                    if !self.hear(pieces.iter().map(Vec::as_slice)) {
+                        return;
+                    }
                 }
                 // A connection begins with no bytes of the previous one.
                 self.is_clean |= matches!(act, Act::Connect | Act::Restart);
@@ -303,18 +307,23 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// Delivers a word over the bad line: it is received or lost.
-    fn deliver(&mut self, word: P::Word, bytes: &[u8]) {
+    /// Returns the pieces in which bytes arrive over the bad line, and whether it has changed them.
+    fn carry(&mut self, bytes: &[u8]) -> (Vec<Vec<u8>>, bool) {
         let before = self.link.counts();
         self.link.send(End::A, Duration::ZERO, bytes);
         let delivered = core::iter::from_fn(|| self.link.receive(End::B, Duration::MAX));
-        let pieces: Vec<Vec<u8>> = delivered
+        let pieces = delivered
             .filter_map(|part| if let Delivery::Bytes(bytes) = part { Some(bytes) } else { None })
             .collect();
+        (pieces, self.link.counts().corruption() > before.corruption())
+    }
+
+    /// Delivers a word over the bad line: it is received or lost.
+    fn deliver(&mut self, word: P::Word, bytes: &[u8]) {
+        let (pieces, is_hurt) = self.carry(bytes);
         if !self.hear(pieces.iter().map(Vec::as_slice)) {
             return;
         }
-        let is_hurt = self.link.counts().corruption() > before.corruption();
         self.tally.corrupt += u64::from(is_hurt);
         self.is_clean &= !is_hurt;
         let heard = self.against.step(&self.scene, Act::Word(word), None);

@@ -21,6 +21,9 @@ pub trait Wired: Peer {
     /// The faults of the line in a random walk. The times of a walk are those of the model.
     const FAULTS: Faults;
 
+    /// The word with which the user polls the next outcome; `None` if the user polls every event at once.
+    const POLL: Option<Self::Word> = None;
+
     /// Returns the session at the start of its process.
     fn session(&self) -> Self::Session;
 
@@ -72,6 +75,8 @@ pub trait Wired: Peer {
 pub struct Follower<'a, P: Wired> {
     peer: &'a P,
     session: P::Session,
+    /// The reports of the events that are not polled yet.
+    unpolled: Vec<String>,
     /// The session's time.
     pub now: Duration,
 }
@@ -81,7 +86,7 @@ impl<'a, P: Wired> Follower<'a, P> {
     pub fn new(peer: &'a P) -> Self {
         let mut session = peer.session();
         session.core_mut().moves = Some(Vec::new());
-        Self { peer, session, now: Duration::from_secs(1) }
+        Self { peer, session, unpolled: Vec::new(), now: Duration::from_secs(1) }
     }
 
     /// Applies an act to the session. Returns the bytes of a word, for [`hear`](Self::hear).
@@ -98,6 +103,7 @@ impl<'a, P: Wired> Follower<'a, P> {
             Act::Send => self.send(scene)?,
             Act::Restart => *self = Self { now, ..Self::new(self.peer) },
             Act::Tick => self.now += P::TICK,
+            Act::Word(word) if Some(word) == P::POLL => self.poll()?,
             // The bytes wait in the transport.
             Act::Word(word) if self.peer.by(word) == By::Line && !self.peer.takes(&scene.end) => {}
             Act::Word(word) => bytes = self.speak(&scene.known, word),
@@ -133,18 +139,37 @@ impl<'a, P: Wired> Follower<'a, P> {
         }
     }
 
-    /// Checks that the events are those of the machine's actions.
+    /// Polls the next event that is reported.
+    fn poll(&mut self) -> Result<(), String> {
+        let peer = self.peer;
+        let polled =
+            core::iter::from_fn(|| self.session.poll_event()).find_map(|event| peer.reported(&event));
+        let at = polled.as_ref().and_then(|report| self.unpolled.iter().position(|one| one == report));
+        match (polled, at) {
+            (Some(_), Some(at)) => drop(self.unpolled.remove(at)),
+            (Some(report), None) => {
+                return Err(format!("the session reports {report}, not {:?}", self.unpolled));
+            }
+            (None, _) if self.unpolled.is_empty() => {}
+            (None, _) => return Err(format!("the session does not report {:?}", self.unpolled)),
+        }
+        Ok(())
+    }
+
+    /// Checks that the events are those of the machine's actions. Those that wait for [`Wired::POLL`] are checked by [`poll`](Self::poll).
     fn check_reports(&mut self) -> Result<(), String> {
         let moves = self.session.core_mut().moves.replace(Vec::new()).unwrap_or_default();
-        let (mut decided, mut reported) = (Vec::new(), Vec::new());
         for (at, mut machine, input) in moves {
             if let Ok(action) = machine.on(at, input, self.peer.config()) {
-                self.peer.reports(&action, &mut decided);
+                self.peer.reports(&action, &mut self.unpolled);
             }
         }
-        while let Some(event) = self.session.poll_event() {
-            reported.extend(self.peer.reported(&event));
+        if P::POLL.is_some() {
+            return Ok(());
         }
+        let events = core::iter::from_fn(|| self.session.poll_event());
+        let mut reported: Vec<String> = events.filter_map(|event| self.peer.reported(&event)).collect();
+        let mut decided = core::mem::take(&mut self.unpolled);
         decided.sort();
         reported.sort();
         if decided == reported { Ok(()) } else { Err(format!("{reported:?} is reported, not {decided:?}")) }

@@ -7,7 +7,6 @@
 //! the bytes sent.
 
 mod cell;
-mod fanuc_hmi_modbus;
 mod handles;
 mod kawasaki_msg;
 mod log;
@@ -19,8 +18,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::link::End;
 
-pub use fanuc_hmi_modbus::SABOTAGED;
-pub use handles::ROWS as HANDLES;
+pub use handles::{ROWS as HANDLES, SABOTAGED};
 pub use log::{Log, Mark};
 pub use tally::{Ledger, Reported, Span, Tally};
 pub use wire::{Check, Unseen, Wire};
@@ -52,7 +50,7 @@ pub struct Row {
 
 /// The sessions of the workspace: both of the project's ends of the links that have a model of the pair, then each end
 /// against one of another maker. Both ends of every link are also in [`HANDLES`].
-pub const ROWS: [Row; 35] = [
+pub const ROWS: [Row; 40] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::AS,
@@ -64,13 +62,18 @@ pub const ROWS: [Row; 35] = [
     walks::HOSTILE_CONTROLLER,
     walks::ANY_HOST_OF_ALTER,
     walks::HOSTILE_HOST_OF_ALTER,
-    fanuc_hmi_modbus::TCP,
-    fanuc_hmi_modbus::RTU,
-    fanuc_hmi_modbus::RTU_OVER_TCP,
-    fanuc_hmi_modbus::ANY_SERVER,
-    fanuc_hmi_modbus::ANY_CLIENT,
-    fanuc_hmi_modbus::HOSTILE_SERVER,
-    fanuc_hmi_modbus::HOSTILE_CLIENT,
+    walks::ANY_CLIENT,
+    walks::HOSTILE_CLIENT,
+    walks::ANY_CLIENT_RTU,
+    walks::HOSTILE_CLIENT_RTU,
+    walks::ANY_CLIENT_THROUGH,
+    walks::HOSTILE_CLIENT_THROUGH,
+    walks::ANY_SERVER,
+    walks::HOSTILE_SERVER,
+    walks::ANY_SERVER_RTU,
+    walks::HOSTILE_SERVER_RTU,
+    walks::ANY_SERVER_THROUGH,
+    walks::HOSTILE_SERVER_THROUGH,
     walks::ANY_CONTROLLER_OF_LASER,
     walks::HOSTILE_CONTROLLER_OF_LASER,
     walks::ANY_HOST_OF_LASER,

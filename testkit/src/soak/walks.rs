@@ -1,6 +1,9 @@
 //! The ends whose peers the model describes: each is walked at random over bytes. A job is a message, received or lost.
 
+use fanuc_hmi_modbus::Framing::Tcp;
+
 use super::Row;
+use crate::links::fanuc_hmi_modbus::{self as modbus, RTU, RTU_OVER_TCP};
 use crate::links::{isra_ball, laser_eb90, mmacell_proto, val2_alter, val2_viewer};
 use crate::model::walk;
 
@@ -28,6 +31,18 @@ rows! {
     HOSTILE_CONTROLLER_OF_LASER: "laser-eb90", "serial, hostile controller", Some(256), laser_eb90::any_controller(false, false);
     ANY_HOST_OF_LASER: "laser-eb90", "serial, any host", None, laser_eb90::any_host(true);
     HOSTILE_HOST_OF_LASER: "laser-eb90", "serial, hostile host", None, laser_eb90::any_host(false);
+    ANY_CLIENT: "fanuc-hmi-modbus", "tcp, any client", None, modbus::any_client(Tcp, true);
+    HOSTILE_CLIENT: "fanuc-hmi-modbus", "tcp, hostile client", None, modbus::any_client(Tcp, false);
+    ANY_CLIENT_RTU: "fanuc-hmi-modbus", "rtu, any client", None, modbus::any_client(RTU, true);
+    HOSTILE_CLIENT_RTU: "fanuc-hmi-modbus", "rtu, hostile client", None, modbus::any_client(RTU, false);
+    ANY_CLIENT_THROUGH: "fanuc-hmi-modbus", "rtu over tcp, any client", None, modbus::any_client(RTU_OVER_TCP, true);
+    HOSTILE_CLIENT_THROUGH: "fanuc-hmi-modbus", "rtu over tcp, hostile client", None, modbus::any_client(RTU_OVER_TCP, false);
+    ANY_SERVER: "fanuc-hmi-modbus", "tcp, any server", None, modbus::any_server(Tcp, true);
+    HOSTILE_SERVER: "fanuc-hmi-modbus", "tcp, hostile server", None, modbus::any_server(Tcp, false);
+    ANY_SERVER_RTU: "fanuc-hmi-modbus", "rtu, any server", None, modbus::any_server(RTU, true);
+    HOSTILE_SERVER_RTU: "fanuc-hmi-modbus", "rtu, hostile server", None, modbus::any_server(RTU, false);
+    ANY_SERVER_THROUGH: "fanuc-hmi-modbus", "rtu over tcp, any server", None, modbus::any_server(RTU_OVER_TCP, true);
+    HOSTILE_SERVER_THROUGH: "fanuc-hmi-modbus", "rtu over tcp, hostile server", None, modbus::any_server(RTU_OVER_TCP, false);
     ANY_WORKSTATION: "val2-viewer", "serial, any workstation", None, val2_viewer::any_workstation(true);
     HOSTILE_WORKSTATION: "val2-viewer", "serial, hostile workstation", None, val2_viewer::any_workstation(false);
     ANY_HOST_OF_VIEWER: "val2-viewer", "serial, any host", Some(256), val2_viewer::any_host(true);

@@ -484,7 +484,9 @@ mod pairs {
     /// together.
     #[test]
     fn what_a_peer_keeps_the_other_end_is_shown_to_keep() {
-        for link in ["isra-ball", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"] {
+        for link in
+            ["fanuc-hmi-modbus", "isra-ball", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
+        {
             let pairs = PAIRS.iter().filter(|pair| pair.name.starts_with(link));
             let terms: Vec<(&str, Terms)> = pairs
                 .flat_map(|pair| {

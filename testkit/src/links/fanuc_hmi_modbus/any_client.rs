@@ -9,24 +9,25 @@ use fanuc_hmi_modbus::{
 use robot_session::Encode as _;
 use robot_session::end::Machine as _;
 
-use super::world::{COLLISION, GIVEN_UP, OTHER_UNIT, TICK, UNIT};
+use super::world::{COLLISION, TICK, UNIT};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, Wired};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
 
 pub(super) const ANSWERED: &str = "each request that was carried out has one reply, on its connection";
 pub(super) const UNANSWERED: &str = "a broadcast is not answered";
 pub(super) const REST: &str = "the rest of a request is waited for";
+pub(super) const OTHER_UNIT: &str = "only the unit that was asked carries a request out";
+pub(super) const GIVEN_UP: &str = "on a serial line a request that another frame follows is not answered";
 pub(super) const TAKEN: &str = "through TCP every request is carried out";
 
 const PROPERTIES: &[&str] = &[ANSWERED, UNANSWERED, TAKEN, REST, GIVEN_UP, OTHER_UNIT, COLLISION, EXPECTED];
 pub(super) const RULES: Terms = Terms {
     keeps: "FM-2, FM-4, FM-10, FM-43",
     free: "what it asks, when it gives up, whether it waits through TCP, what other units send, what the line damages, in which pieces it arrives",
-    shows: &[],
+    shows: &[("FM-61", OTHER_UNIT), ("FM-64", ANSWERED), ("FM-64", WRITTEN)],
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any bytes at any time", shows: &[], properties: PROPERTIES };
+pub(super) const ANYTHING: Terms = Terms { keeps: "", free: "any bytes at any time", ..RULES };
 
 /// A client, and the other units of its line, of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -246,8 +247,8 @@ impl Peer for AnyClient {
 impl Wired for AnyClient {
     type Session = Server<Bank, 2>;
 
-    // Damaged bytes, and those in pieces, are words.
-    const FAULTS: Faults = Faults::NONE;
+    // Damaged bytes are words.
+    const FAULTS: Faults = Faults { split: 0.3, ..Faults::NONE };
 
     fn session(&self) -> Server<Bank, 2> {
         Server::new(self.config, Bank).expect("a configuration that works")

@@ -1,48 +1,61 @@
-//! A client against servers of other makers.
+//! A client against servers that are not ours.
 
 use core::time::Duration;
 
 use fanuc_hmi_modbus::client::machine::{
-    Action, ClientLink, ClientMachine, Due, Fit, Held, Input, Line, Places, Stage,
+    Action, ClientLink, ClientMachine, Due, Fit, Held as Request, Input, Line, Stage,
 };
 use fanuc_hmi_modbus::{ClientConfig, Framing};
 
-use super::world::{COLLISION, ENDED_TWICE, ENDS, FOREIGN_REPLY, STALE, TICK};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use super::line_to_client::{DATA, Found, Frame, Held, LINE, MOST, NOBODY, PROBE, Piece, Shape};
+use super::requests::{ENDED_TWICE, Job, Kind, Known, SENT, Stale};
+use super::world::{COLLISION, TICK, TURNAROUND};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN};
 
+pub(super) const FOREIGN_REPLY: &str = "a reply is never taken for that of another request";
+pub(super) const STALE: &str = "what waited when the connection was lost is not sent";
+pub(super) const ENDS: &str = "a lost connection ends every request in flight";
 pub(super) const FITS: &str = "a reply that does not fit is not taken";
-pub(super) const DATA: &str = "data of a damaged reply is not taken for an exception";
+pub(super) const DATA_IS_NONE: &str = "data of a damaged reply is not taken for an exception";
 pub(super) const REST: &str = "the rest of a reply is waited for until the timeout";
+pub(super) const CUT: &str = "bytes after a silence do not continue those before it";
+pub(super) const HEARD: &str = "on a serial line a request after a broadcast is heard";
 pub(super) const PROVEN: &str =
     "a request that can equal its reply is not sent before another reply has come, or was waited for";
 pub(super) const RETURNED: &str =
     "a frame that equals its request is no reply before another reply has come on the connection";
-pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
 
+const PROPERTIES: &[&str] = &[
+    FOREIGN_REPLY,
+    FITS,
+    DATA_IS_NONE,
+    REST,
+    CUT,
+    HEARD,
+    PROVEN,
+    RETURNED,
+    ENDED_TWICE,
+    SENT,
+    STALE,
+    ENDS,
+    COLLISION,
+    EXPECTED,
+];
 pub(super) const RULES: Terms = Terms {
-    keeps: "FM-44, FM-57",
+    keeps: "FM-61, FM-64, replies no later than settle (FM-57)",
     free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, what the line returns, and damaged replies whose data looks like an exception",
-    shows: &[],
-    properties: &[
-        FOREIGN_REPLY,
-        FITS,
-        DATA,
-        REST,
-        PROVEN,
-        RETURNED,
-        ENDED_TWICE,
-        SENT,
-        STALE,
-        ENDS,
-        COLLISION,
-        EXPECTED,
-    ],
+    shows: &[("FM-2", WRITTEN), ("FM-4", COLLISION), ("FM-10", WRITTEN), ("FM-43", HEARD)],
+    properties: PROPERTIES,
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
     free: "any frame at any time",
-    shows: &[],
-    properties: &[FITS, DATA, REST, PROVEN, RETURNED, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+    // A server that does anything may answer other requests.
+    properties: match PROPERTIES {
+        [_, rest @ ..] => rest,
+        [] => PROPERTIES,
+    },
+    ..RULES
 };
 
 /// A server of which only this is known.
@@ -57,98 +70,81 @@ pub struct AnyServer {
     pub memory: u8,
 }
 
-/// The model's knowledge of the requests.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
-    /// In each place.
-    jobs: [Option<Job>; 2],
-    /// Replies that may still come, oldest first.
-    outstanding: Vec<Outstanding>,
-    is_up: bool,
-    /// Bytes have come since the last tick.
-    is_arriving: bool,
-    /// The last of the bytes were not a frame.
-    is_damaged: bool,
-    /// Whether they are the beginning of a reply.
-    is_partial: bool,
-    /// The place of the request before which a read is in flight.
-    probing: Option<u8>,
-    /// A reply has come on this connection that the line cannot have returned.
-    is_proven: bool,
-    wrong: Option<&'static str>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Job {
-    id: u8,
-    is_mirrored: bool,
-    was_sent: bool,
-    /// The read before it has ended.
-    was_probed: bool,
-    /// Whether it waited when a connection was lost.
-    is_stale: bool,
-    has_ended: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Outstanding {
-    id: u8,
-    transaction: u16,
-    left: u8,
-}
-
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Word {
     /// The caller makes a request.
-    Request {
-        /// To every unit.
-        broadcast: bool,
-        /// Whether its reply can equal it.
-        mirrored: bool,
-    },
-    /// The caller takes the outcome of the request in this place.
-    Take(u8),
-    /// Bytes come.
-    Bytes,
-    /// The bytes are a reply, to this request if the server keeps the rules.
-    Reply {
-        /// The request.
-        id: u8,
-        /// The transaction of the request.
-        transaction: u16,
-        /// Whether it fits.
-        fit: Fit,
-    },
-    /// The bytes are the beginning of a reply to the request in flight.
-    Partial,
-    /// The bytes are those that were sent, and so may be a reply.
-    Returned,
-    /// The bytes are not a frame: noise, or a damaged reply.
-    Corrupt,
-    /// Within the damaged reply, data that looks like an exception; more comes, or has come already.
-    Data(Fit),
+    Request(Kind),
+    /// The caller polls the oldest outcome.
+    Poll,
+    /// A frame comes whole.
+    Frame(Frame),
+    /// The beginning of a reply to the request in flight comes.
+    Part(Frame),
+    /// The rest of it comes.
+    Rest,
+    /// Bytes come that are not a frame.
+    Noise,
+    /// The beginning of a long frame comes.
+    Long,
+    /// A damaged reply comes whose data looks like an exception.
+    Damaged(Shape),
 }
-
-/// Of no request: before the client, another may have asked.
-const NOBODY: u8 = u8::MAX;
 
 impl AnyServer {
     fn is_serial(&self) -> bool {
         matches!(self.config.framing, Framing::Rtu { .. })
     }
 
-    fn is_tcp(&self) -> bool {
+    pub(super) fn is_tcp(&self) -> bool {
         self.config.framing == Framing::Tcp
     }
 
-    /// Called when the connection is replaced: nothing of it reaches the next one; on a serial line no end notices the
-    /// change.
+    /// Nothing of a connection reaches the next; on a serial line nobody notices.
     fn reconnected(&self, known: &mut Known) {
-        known.is_partial = false;
+        (known.held, known.awaits, known.judged) = (Held::default(), false, None);
+        known.arriving.clear();
         if !self.is_serial() {
-            known.outstanding.clear();
+            known.stale.clear();
         }
+    }
+
+    /// The request that a frame with this transaction seems to answer.
+    fn asked(&self, end: &ClientMachine<2>, known: &Known, transaction: u16) -> Option<Kind> {
+        let Request { place, stage } = end.expects(transaction, &self.config)?;
+        if matches!(stage, Stage::Probing { .. }) { Some(Kind::Read) } else { known.kind_of(*place) }
+    }
+
+    /// The frames that may come.
+    fn frames(&self, known: &Known) -> Vec<Frame> {
+        if !self.keeps_rules {
+            let shapes = [Shape::Read, Shape::ReadRefused, Shape::Write, Shape::WriteRefused, Shape::Foreign];
+            let shapes = if self.is_tcp() {
+                vec![Shape::Read, Shape::ReadRefused, Shape::Foreign]
+            } else {
+                shapes.into()
+            };
+            let transactions = 0..if self.is_tcp() { 4 } else { 1 };
+            let each = |transaction| {
+                shapes.clone().into_iter().map(move |shape| Frame { id: NOBODY, transaction, shape })
+            };
+            return transactions.flat_map(each).collect();
+        }
+        let replies = known.jobs.iter().zip(0..).filter_map(|(job, place)| {
+            let Job { kind, transaction, .. } = job.filter(|job| job.reply.is_some())?;
+            Some((place, Some(kind), transaction))
+        });
+        let probe = known.probing.filter(|(_, reply)| reply.is_some());
+        let replies = replies.chain(probe.map(|_| (PROBE, Some(Kind::Read), 0)));
+        let stale = known.stale.iter().map(|stale| (NOBODY, stale.kind, stale.transaction));
+        let each = |(id, kind, transaction): (u8, Option<Kind>, u16)| {
+            let reads = [Shape::Read, Shape::ReadRefused].map(|shape| (Kind::Read, shape));
+            let writes = [Shape::Write, Shape::WriteRefused].map(|shape| (Kind::Write, shape));
+            let may_be = move |(found, _): &(Kind, Shape)| kind.is_none_or(|kind| kind == *found);
+            let shapes = reads.into_iter().chain(writes).filter(may_be);
+            shapes.map(move |(_, shape)| Frame { id, transaction, shape })
+        };
+        replies.chain(stale).flat_map(each).collect()
     }
 }
 
@@ -168,125 +164,128 @@ impl Peer for AnyServer {
     }
 
     fn known(&self) -> Known {
-        let before = Outstanding { id: NOBODY, transaction: 0, left: self.memory };
-        let outstanding = if self.is_serial() { vec![before] } else { Vec::new() };
+        let before = Stale { kind: None, transaction: 0, left: self.memory };
+        let stale = if self.is_serial() { vec![before] } else { Vec::new() };
         Known {
             jobs: [None; 2],
-            outstanding,
+            outcomes: Vec::new(),
+            stale,
             is_up: false,
             is_arriving: false,
-            is_damaged: false,
-            is_partial: false,
+            arriving: Vec::new(),
+            ends: false,
+            is_first: false,
+            held: Held::default(),
+            awaits: false,
+            judged: None,
             probing: None,
             is_proven: false,
+            deaf: 0,
             wrong: None,
         }
     }
 
     fn words(&self, end: &ClientMachine<2>, known: &Known, words: &mut Vec<Word>) {
         if end.free_place().is_some() {
-            words.push(Word::Request { broadcast: false, mirrored: false });
-            if !self.is_tcp() {
-                words.push(Word::Request { broadcast: false, mirrored: true });
-                words.push(Word::Request { broadcast: true, mirrored: false });
-            }
+            let kinds = [Kind::Read, Kind::Write, Kind::Broadcast];
+            words.extend(kinds.into_iter().take(if self.is_tcp() { 1 } else { 3 }).map(Word::Request));
         }
-        let ended = |place: &u8| known.jobs[usize::from(*place)].is_some_and(|job| job.has_ended);
-        words.extend((0..2).filter(ended).map(Word::Take));
+        if !known.outcomes.is_empty() {
+            words.push(Word::Poll);
+        }
         if end.link == ClientLink::Down {
             return;
         }
-        if !self.is_tcp() {
-            words.push(Word::Bytes);
-            // The rest of a reply comes in later bytes than its beginning.
-            if !known.is_arriving || known.is_partial {
-                return;
-            }
-            words.push(Word::Corrupt);
-            if end.in_flight() > 0 && matches!(end.link, ClientLink::Up { line: Line::Busy { .. }, .. }) {
-                words.push(Word::Partial);
-            }
-            if known.is_damaged {
-                words.extend([Fit::Exception, Fit::OpenException].map(Word::Data));
-            }
-            // A line that returns the sent bytes is detected by the probe, if that comes back whole: from then on the echo
-            // is known.
-            if known.awaits_mirror(end) && !known.is_proven {
-                words.push(Word::Returned);
-            }
+        let absorbs = known.held.absorbs() && (known.is_arriving || self.is_tcp());
+        if !absorbs && !(self.is_tcp() && self.keeps_rules) {
+            words.push(Word::Noise);
         }
-        let equal = known.awaits_mirror(end).then_some(Fit::Equal);
-        if self.keeps_rules {
-            let reply = |outstanding: &Outstanding| {
-                let Outstanding { id, transaction, .. } = *outstanding;
-                let fits = [Fit::Whole, Fit::Exception, Fit::OpenException].into_iter().chain(equal);
-                fits.map(move |fit| Word::Reply { id, transaction, fit })
-            };
-            words.extend(known.outstanding.iter().flat_map(reply));
-        } else {
-            for transaction in 0..if self.is_tcp() { 4 } else { 1 } {
-                let fits = [Fit::Whole, Fit::Exception, Fit::OpenException, Fit::Misfit];
-                words.extend(fits.into_iter().chain(equal).map(|fit| Word::Reply {
-                    id: NOBODY,
-                    transaction,
-                    fit,
-                }));
-            }
+        if known.part().is_some() {
+            words.push(Word::Rest);
+        }
+        if known.held.len() >= MOST {
+            return;
+        }
+        let frames = self.frames(known);
+        words.extend(frames.iter().copied().map(Word::Frame));
+        if self.is_tcp() {
+            return;
+        }
+        // Through TCP, which loses nothing, a server does not begin what it does not end.
+        if !absorbs && (self.is_serial() || !self.keeps_rules) {
+            words.push(Word::Long);
+        }
+        let Some(asked) = self.asked(end, known, 0) else { return };
+        words.push(Word::Damaged(if asked == Kind::Read { Shape::ReadRefused } else { Shape::WriteRefused }));
+        let whole = if asked == Kind::Read { Shape::Read } else { Shape::Write };
+        words.extend(frames.into_iter().filter(|frame| frame.shape == whole).map(Word::Part));
+        // A line that returns what is sent is found by the probe, if that comes back whole: then it does so no more.
+        if end.awaited().is_some() && asked == Kind::Write && !known.is_proven {
+            words.push(Word::Frame(Frame { id: LINE, transaction: 0, shape: Shape::Write }));
         }
     }
 
     fn by(&self, word: Word) -> By {
-        match word {
-            Word::Request { .. } | Word::Take(_) => By::User,
-            Word::Bytes
-            | Word::Partial
-            | Word::Reply { .. }
-            | Word::Returned
-            | Word::Corrupt
-            | Word::Data(_) => By::Line,
-        }
+        if matches!(word, Word::Request(_) | Word::Poll) { By::User } else { By::Line }
     }
 
     fn hear(&self, end: &ClientMachine<2>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        Some(match word {
-            Word::Request { broadcast, mirrored } => Input::Request { broadcast, mirrored },
-            Word::Take(place) => Input::Taken { place },
-            Word::Bytes => {
-                known.is_arriving = true;
-                known.is_partial = false;
-                Input::Received
+        known.arriving = match word {
+            Word::Request(kind) => {
+                let (broadcast, mirrored) = (kind == Kind::Broadcast, kind != Kind::Read);
+                return Some(Input::Request { broadcast, mirrored });
             }
-            Word::Partial => {
-                known.is_partial = true;
-                Input::Partial
+            Word::Poll => {
+                let place = known.outcomes.remove(0);
+                known.jobs[usize::from(place)] = None;
+                return Some(Input::Taken { place });
             }
-            Word::Corrupt => {
-                (known.is_damaged, known.is_partial) = (true, false);
-                Input::Corrupt
+            Word::Frame(frame) => vec![Piece::Frame(frame)],
+            Word::Part(frame) => vec![Piece::Part(frame)],
+            Word::Rest => vec![Piece::Rest],
+            Word::Noise => vec![Piece::Noise],
+            Word::Long => vec![Piece::Long],
+            Word::Damaged(shape) => {
+                vec![Piece::Noise, Piece::Frame(Frame { id: DATA, transaction: 0, shape }), Piece::Noise]
             }
-            Word::Data(fit) => Input::Reply { transaction: 0, fit },
-            Word::Returned => {
-                (known.is_damaged, known.is_partial) = (false, false);
-                Input::Reply { transaction: 0, fit: Fit::Equal }
+        };
+        match word {
+            Word::Frame(frame) => known.answer(frame),
+            Word::Rest => known.part().into_iter().for_each(|frame| known.answer(frame)),
+            _ => {}
+        }
+        let waits = matches!(end.link, ClientLink::Up { line: Line::Partial { .. }, .. });
+        known.is_first = !self.is_tcp() && !known.is_arriving && !waits;
+        (known.is_arriving, known.ends) = (true, true);
+        Some(Input::Received)
+    }
+
+    fn next(&self, end: &ClientMachine<2>, known: &mut Known) -> Option<InputOf<Self>> {
+        loop {
+            let is_new = !known.held.has_ended() && !known.arriving.is_empty();
+            if is_new {
+                core::mem::take(&mut known.arriving).into_iter().for_each(|piece| known.held.push(piece));
             }
-            Word::Reply { id, transaction, fit } => {
-                (known.is_damaged, known.is_partial) = (false, false);
-                let is_doubtful = |held: &Held| match held.stage {
-                    Stage::Probing { doubtful, .. } | Stage::InFlight { doubtful, .. } => doubtful,
-                    _ => false,
-                };
-                // Otherwise it stays in the decoder, and is read again.
-                if fit != Fit::OpenException || !end.held().any(is_doubtful) {
-                    let is_it = |outstanding: &Outstanding| {
-                        (outstanding.id, outstanding.transaction) == (id, transaction)
-                    };
-                    known.outstanding.retain(|outstanding| !is_it(outstanding));
+            match known.held.next() {
+                Some(Found::Corrupt) => return Some(Input::Corrupt),
+                Some(Found::Frame(frame, follows)) => {
+                    let Frame { transaction, shape, .. } = frame;
+                    let fit = shape.fit(self.asked(end, known, transaction), follows);
+                    known.judged = Some((frame, fit));
+                    return Some(Input::Reply { transaction, fit });
                 }
-                // A fitting frame is compared with the request to which it seems to belong.
-                let is_expected = end.expects(transaction, &self.config).is_some();
-                Input::Reply { transaction, fit: if is_expected { fit } else { Fit::Whole } }
+                None if known.arriving.is_empty() => break,
+                None => {}
             }
-        })
+        }
+        if !core::mem::take(&mut known.ends) {
+            return None;
+        }
+        if core::mem::take(&mut known.is_first) && known.held.len() > 1 {
+            known.wrong = Some(CUT);
+        }
+        known.awaits = known.part().is_some() && self.asked(end, known, 0).is_some();
+        known.awaits.then_some(Input::Partial)
     }
 
     fn sent(&self, due: &Due) -> InputOf<Self> {
@@ -294,52 +293,38 @@ impl Peer for AnyServer {
     }
 
     fn acted(&self, end: &ClientMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
-        if let Cause::Sent(due) = cause {
-            self.was_sent(known, due, action);
+        let judged = known.judged.take();
+        match cause {
+            Cause::Sent(due) => self.was_sent(known, due, action),
+            Cause::Due if !self.is_tcp() => known.read(),
+            _ => {}
         }
-        if let Some(place) = known.probing
+        if let Some((place, reply)) = known.probing
             && !end.held().any(|held| matches!(held.stage, Stage::Probing { .. }))
         {
             known.probing = None;
-            known.is_proven |= matches!(cause, Cause::Word(Word::Reply { .. }));
+            known.is_proven |= judged.is_some();
+            known.grow_stale(Some(Kind::Read), 0, reply);
             known.jobs[usize::from(place)].iter_mut().for_each(|job| job.was_probed = true);
         }
         match action {
             Action::Keep { place } => {
-                let id = (0..).find(|id| !known.has(*id)).unwrap_or(NOBODY);
-                let is_mirrored = matches!(cause, Cause::Word(Word::Request { mirrored: true, .. }));
+                let Cause::Word(Word::Request(kind)) = cause else { return };
                 known.jobs[usize::from(place)] = Some(Job {
-                    id,
-                    is_mirrored,
+                    kind,
+                    transaction: 0,
                     was_sent: false,
+                    reply: None,
                     was_probed: false,
                     is_stale: false,
                     has_ended: false,
                 });
             }
-            Action::Replied { place } => {
-                if let Cause::Word(Word::Returned | Word::Reply { fit: Fit::Equal, .. }) = cause {
-                    if !known.is_proven {
-                        known.wrong = Some(RETURNED);
-                    }
-                } else {
-                    known.is_proven = true;
-                }
-                let job = known.end(place, true);
-                if let (Cause::Word(Word::Reply { id, fit, .. }), Some(job)) = (cause, job) {
-                    if self.keeps_rules && job.id != id {
-                        known.wrong = Some(FOREIGN_REPLY);
-                    }
-                    if fit == Fit::Misfit {
-                        known.wrong = Some(FITS);
-                    }
-                }
-                if matches!(cause, Cause::Word(Word::Data(_))) {
-                    known.wrong = Some(DATA);
-                }
-            }
-            Action::Refused { place } | Action::Announced { place } => {
+            Action::Replied { place } => self.replied(known, place, judged),
+            Action::Refused { place } => drop(known.end(place, true)),
+            Action::Announced { place } => {
                 known.end(place, true);
+                known.deaf = if self.is_serial() { TURNAROUND } else { 0 };
             }
             Action::TimedOut { silent, returned } => {
                 known.end_all(silent, true);
@@ -351,44 +336,48 @@ impl Peer for AnyServer {
             }
             Action::Cut => {
                 // Time is counted from now: a deadline at zero has come.
-                let waits = |held: &Held| match held.stage {
+                let waits = |held: &Request| match held.stage {
                     Stage::Probing { deadline, .. } | Stage::InFlight { deadline, .. } => !deadline.is_zero(),
                     _ => false,
                 };
-                if known.is_partial && end.held().any(waits) {
+                if core::mem::take(&mut known.awaits) && end.held().any(waits) {
                     known.wrong = Some(REST);
                 }
-                known.is_partial = false;
+                known.held.end();
             }
-            Action::Nothing | Action::Sent | Action::Stray { .. } | Action::Hold => {}
+            Action::Hold => judged.into_iter().for_each(|(frame, _)| known.held.put_back(frame)),
+            Action::Nothing | Action::Sent | Action::Stray { .. } => {}
         }
-        match cause {
-            Cause::Word(Word::Take(place)) => known.jobs[usize::from(place)] = None,
-            Cause::Connected | Cause::Disconnected => {
-                for job in known.jobs.iter_mut().flatten().filter(|job| !job.has_ended && known.is_up) {
-                    job.is_stale = true;
-                    if job.was_sent {
-                        known.wrong = Some(ENDS);
-                    }
+        if matches!(cause, Cause::Connected | Cause::Disconnected) {
+            for job in known.jobs.iter_mut().flatten().filter(|job| !job.has_ended && known.is_up) {
+                job.is_stale = true;
+                if job.was_sent {
+                    known.wrong = Some(ENDS);
                 }
-                known.is_up = cause == Cause::Connected;
-                (known.probing, known.is_proven) = (None, self.is_tcp());
-                self.reconnected(known);
             }
-            _ => {}
+            known.is_up = cause == Cause::Connected;
+            (known.probing, known.is_proven) = (None, self.is_tcp());
+            self.reconnected(known);
         }
     }
 
     fn tick(&self, known: &mut Known) {
-        (known.is_arriving, known.is_damaged) = (false, false);
+        known.is_arriving = false;
+        known.deaf = known.deaf.saturating_sub(1);
         if !self.is_tcp() {
             known.age();
         }
     }
 
     fn restarted(&self, known: &mut Known) {
-        (known.jobs, known.is_up) = ([None; 2], false);
-        (known.probing, known.is_proven) = (None, false);
+        for place in [0, 1] {
+            known.forget(place);
+            known.jobs[usize::from(place)] = None;
+        }
+        let probe = known.probing.take();
+        known.grow_stale(Some(Kind::Read), 0, probe.and_then(|(_, reply)| reply));
+        known.outcomes.clear();
+        (known.is_up, known.is_proven) = (false, false);
         self.reconnected(known);
     }
 
@@ -396,32 +385,44 @@ impl Peer for AnyServer {
         broken.extend(known.wrong);
     }
 
-    /// Returns whether each request has an outcome, which must happen whatever the server does.
+    /// Each request has an outcome in the end, whatever the server does.
     fn is_over(&self, _: &ClientMachine<2>, known: &Known) -> bool {
         known.jobs.iter().flatten().all(|job| job.has_ended)
     }
 }
 
 impl AnyServer {
+    fn replied(&self, known: &mut Known, place: u8, judged: Option<(Frame, Fit)>) {
+        let job = known.end(place, true);
+        let (Some((Frame { id, .. }, fit)), true) = (judged, job) else { return };
+        match fit {
+            Fit::Equal if !known.is_proven => known.wrong = Some(RETURNED),
+            Fit::Misfit => known.wrong = Some(FITS),
+            _ if id == DATA => known.wrong = Some(DATA_IS_NONE),
+            _ if self.keeps_rules && id != LINE && id != place => known.wrong = Some(FOREIGN_REPLY),
+            _ => {}
+        }
+        known.is_proven |= fit != Fit::Equal;
+    }
+
     fn was_sent(&self, known: &mut Known, due: Due, action: Action) {
         if self.is_serial() && known.is_arriving {
             known.wrong = Some(COLLISION);
         }
-        known.is_damaged = false;
+        if known.deaf > 0 {
+            known.wrong = Some(HEARD);
+        }
         if self.is_tcp() {
             known.age();
+            known.read();
         }
+        let reply = Some(self.memory).filter(|_| self.keeps_rules);
         if due.probe {
-            known.probing = Some(due.place);
-            if self.keeps_rules {
-                // Of several of these reads the last is answered last.
-                known.outstanding.retain(|outstanding| outstanding.id != NOBODY);
-                known.outstanding.push(Outstanding { id: NOBODY, transaction: 0, left: self.memory });
-            }
+            known.probing = Some((due.place, reply));
             return;
         }
         let Some(job) = &mut known.jobs[usize::from(due.place)] else { return };
-        if job.is_mirrored && !known.is_proven && !job.was_probed {
+        if job.kind == Kind::Write && !known.is_proven && !job.was_probed {
             known.wrong = Some(PROVEN);
         }
         if job.is_stale {
@@ -430,52 +431,8 @@ impl AnyServer {
         if core::mem::replace(&mut job.was_sent, true) || job.has_ended {
             known.wrong = Some(SENT);
         }
-        if action == Action::Sent && self.keeps_rules {
-            known.outstanding.push(Outstanding {
-                id: job.id,
-                transaction: due.transaction,
-                left: self.memory,
-            });
+        if action == Action::Sent {
+            (job.transaction, job.reply) = (due.transaction, reply);
         }
-    }
-}
-
-impl Known {
-    /// Returns whether a request is in flight whose reply can equal it.
-    fn awaits_mirror(&self, end: &ClientMachine<2>) -> bool {
-        end.held().any(|held| {
-            let job = self.jobs[usize::from(held.place)];
-            matches!(held.stage, Stage::InFlight { .. }) && job.is_some_and(|job| job.is_mirrored)
-        })
-    }
-
-    fn has(&self, id: u8) -> bool {
-        self.jobs.iter().flatten().any(|job| job.id == id)
-            || self.outstanding.iter().any(|outstanding| outstanding.id == id)
-    }
-
-    /// Removes a request with an outcome; `was_sent` is whether the request was sent.
-    fn end(&mut self, place: u8, was_sent: bool) -> Option<Job> {
-        let job = self.jobs[usize::from(place)].as_mut().filter(|job| !job.has_ended);
-        let Some(job) = job else {
-            self.wrong = Some(ENDED_TWICE);
-            return None;
-        };
-        if job.was_sent != was_sent {
-            self.wrong = Some(SENT);
-        }
-        job.has_ended = true;
-        Some(*job)
-    }
-
-    fn end_all(&mut self, places: Places, was_sent: bool) {
-        for place in places.iter() {
-            self.end(place, was_sent);
-        }
-    }
-
-    fn age(&mut self) {
-        self.outstanding.iter_mut().for_each(|outstanding| outstanding.left -= 1);
-        self.outstanding.retain(|outstanding| outstanding.left > 0);
     }
 }

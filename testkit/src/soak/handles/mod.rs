@@ -18,7 +18,7 @@ use robot_session::now;
 use robot_session::tokio::{Reports, Service, spawn};
 use tokio::time::timeout;
 
-pub use self::rows::ROWS;
+pub use self::rows::{ROWS, SABOTAGED};
 use self::wire::{Plug, Wire};
 use super::{Check, Ledger, Log, Reported, Tally};
 use crate::link::{End, Faults};
@@ -41,6 +41,8 @@ trait Handled: Sized {
     const ONE_IN: Option<u32> = None;
     /// The most bytes of a message.
     const LONGEST: usize = 0;
+    /// The share of executed jobs that the device drops.
+    const FORGETS: f64 = 0.0;
     /// A restart of the device loses no work that was reported as done.
     const RESTARTS: bool = true;
 
@@ -193,6 +195,9 @@ where
     }
     let unseen = wire.settle(&mut tally, L::LONGEST, L::check);
     for done in executed.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+        if rng.chance(L::FORGETS) {
+            continue;
+        }
         let is_named = !L::NAMES_JOBS || L::job(&done.work).is_some_and(|job| ledger.execute(job));
         if !is_named && unseen.iter().all(|unseen| unseen.from != End::A) {
             log_line(format_args!("!!! nobody sent {:?}", done.work));

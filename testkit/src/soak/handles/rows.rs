@@ -1,12 +1,13 @@
 //! The requests that each handle makes, and the meaning of the answers.
 
+use core::marker::PhantomData;
 use core::ops::Range;
 
 use cellwire_sim::fanuc::Write;
 use cellwire_sim::laser::Job;
 use cellwire_sim::mma::{Mma, MmaRobot, Motion};
 use cellwire_sim::{Fanuc, KawasakiRobot, Laser, Peer, Puma, TeachBall};
-use fanuc_hmi_modbus::{ClientConfig, Failure, tokio as fanuc};
+use fanuc_hmi_modbus::{ClientConfig, DecodeError, Failure, Frame, ServerConfig, Side, tokio as fanuc};
 use isra_ball::tokio as ball;
 use kawasaki_msg::{JobKind, Line, PcConfig, Point, tokio as kawasaki};
 use laser_eb90::{ControllerConfig, HostConfig, tokio as laser};
@@ -24,14 +25,21 @@ use crate::soak::{Check, Reported, Row};
 use Reported::{Done, NotDone, Unknown};
 
 /// One row a link.
-pub const ROWS: [Row; 7] = [
+pub const ROWS: [Row; 8] = [
     row::<kawasaki::Pc<Line, ()>>("kawasaki-msg", "jobs"),
     row::<alter::Arm>("val2-alter", "motions"),
     row::<viewer::Arm>("val2-viewer", "poses"),
     row::<ball::Ball>("isra-ball", "values"),
-    row::<fanuc::Client>("fanuc-hmi-modbus", "writes"),
+    row::<Modbus<Tcp>>("fanuc-hmi-modbus", "writes"),
+    Row { transport: "handle, rtu", ..row::<Modbus<Rtu>>("fanuc-hmi-modbus", "writes") },
     row::<laser::Laser>("laser-eb90", "instructions"),
     row::<mma::Device<RobotPose>>("mmacell-proto", "motions"),
+];
+
+/// Rows whose server drops an acknowledged write, and whose network repeats bytes: the soak must detect both.
+pub const SABOTAGED: [Row; 2] = [
+    row::<Modbus<Forgetful>>("fanuc-hmi-modbus", "writes"),
+    row::<Modbus<Repeating>>("fanuc-hmi-modbus", "writes"),
 ];
 
 const fn row<L: Handled>(link: &'static str, job: &'static str) -> Row
@@ -249,25 +257,65 @@ impl Handled for ball::Ball {
 /// The register that is written.
 const REGISTER: u16 = 201;
 
-impl Handled for fanuc::Client {
-    type Device = Fanuc;
+/// A client on a line.
+struct Modbus<L>(fanuc::Client, PhantomData<L>);
+
+/// The transport of a client and a server, and what is wrong with it.
+trait Transport {
+    const FAULTS: Faults;
+    const FORGETS: f64 = 0.0;
+    const IS_RTU: bool = false;
+}
+
+enum Tcp {}
+enum Rtu {}
+enum Forgetful {}
+enum Repeating {}
+
+impl Transport for Tcp {
     const FAULTS: Faults = Faults::TCP;
+}
+
+impl Transport for Rtu {
+    const FAULTS: Faults = SERIAL.at_baud(BAUD);
+    const IS_RTU: bool = true;
+}
+
+impl Transport for Forgetful {
+    const FAULTS: Faults = Faults::TCP;
+    const FORGETS: f64 = 0.05;
+}
+
+impl Transport for Repeating {
+    const FAULTS: Faults = Faults { datagrams: true, repeat: 0.2, split: 0.0, merge: 0.0, ..Faults::TCP };
+}
+
+const BAUD: u32 = 19_200;
+
+impl<L: Transport> Handled for Modbus<L> {
+    type Device = Fanuc;
+    const FAULTS: Faults = L::FAULTS;
+    const FORGETS: f64 = L::FORGETS;
+    const ONE_IN: Option<u32> = if L::IS_RTU { Some(65_536) } else { None };
+    const LONGEST: usize = Frame::MAX_RTU_LEN;
 
     fn device() -> Fanuc {
-        Fanuc::default()
+        let config = if L::IS_RTU { ServerConfig::rtu(1, BAUD) } else { Fanuc::default().config };
+        Fanuc { config, ..Fanuc::default() }
     }
 
     fn spawn(plug: Plug) -> Self {
-        let (client, task) = fanuc::client(ClientConfig::tcp(), plug).unwrap();
+        let config = if L::IS_RTU { ClientConfig::rtu(BAUD) } else { ClientConfig::tcp() };
+        let (client, task) = fanuc::client(config, plug).unwrap();
         tokio::spawn(task.run());
-        client
+        Self(client, PhantomData)
     }
 
     /// Submits all jobs at once.
     async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
         let mut calls = JoinSet::new();
         for job in jobs {
-            let client = self.clone();
+            let client = self.0.clone();
             calls.spawn(async move { (job, client.write_register(REGISTER, word(job)).await) });
         }
         let mut outcomes = calls.join_all().await;
@@ -279,6 +327,17 @@ impl Handled for fanuc::Client {
             Err(_) => NotDone,
         });
         reported.collect()
+    }
+
+    fn check(from: End, bytes: &[u8]) -> Check {
+        if !L::IS_RTU {
+            return Check::Nothing;
+        }
+        match Frame::decode_rtu(bytes, if from == End::A { Side::Client } else { Side::Server }) {
+            Ok(Some((_, length))) => Check::Good(length),
+            Err(DecodeError::Crc { .. }) => Check::Refused,
+            Ok(None) | Err(_) => Check::Nothing,
+        }
     }
 
     fn job(work: &Work<Self>) -> Option<usize> {

@@ -156,7 +156,7 @@ impl<'a, P: Wired> Follower<'a, P> {
         Ok(())
     }
 
-    /// Checks that the events are those of the machine's actions. Those that wait for [`Wired::POLL`] are checked by [`poll`](Self::poll).
+    /// Checks that the events are those of the machine's actions, unless [`poll`](Self::poll) does.
     fn check_reports(&mut self) -> Result<(), String> {
         let moves = self.session.core_mut().moves.replace(Vec::new()).unwrap_or_default();
         for (at, mut machine, input) in moves {

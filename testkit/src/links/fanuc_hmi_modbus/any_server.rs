@@ -1,4 +1,4 @@
-//! A client against servers that are not ours.
+//! A client against servers of other makers.
 
 use core::time::Duration;
 

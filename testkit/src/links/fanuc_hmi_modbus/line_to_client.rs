@@ -1,4 +1,4 @@
-//! The line between a server that is not ours and the client: words as bytes, the client's decoder, and its outcomes.
+//! The line between a server of another maker and the client: words as bytes, the client's decoder, and its outcomes.
 
 use core::time::Duration;
 
@@ -101,7 +101,7 @@ impl Held {
         self.pieces.len()
     }
 
-    /// Whether more noise has no effect.
+    /// Returns whether more noise has no effect.
     pub(super) fn absorbs(&self) -> bool {
         self.last() == Some(Piece::Noise) || self.pieces == [Piece::Long]
     }
@@ -122,7 +122,7 @@ impl Held {
         self.has_ended = !self.pieces.is_empty();
     }
 
-    /// Whether the bytes before an end are still to be decoded.
+    /// Returns whether the bytes before an end are still to be decoded.
     pub(super) fn has_ended(&self) -> bool {
         self.has_ended
     }
@@ -183,7 +183,7 @@ impl Held {
 }
 
 impl Shape {
-    /// Whether a frame can be the reply to the request in flight, if there is one.
+    /// Returns whether a frame can be the reply to the request in flight, if there is one.
     pub(super) fn fit(self, asked: Option<Kind>, follows: Follows) -> Fit {
         match (self, asked) {
             (_, None) | (Self::Read, Some(Kind::Read)) => Fit::Whole,

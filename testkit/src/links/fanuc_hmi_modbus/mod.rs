@@ -1,4 +1,5 @@
-//! Modbus: a client with any server, and a server with any client, over TCP and on a serial line. Each keeps what the other one relies on.
+//! Modbus: a client with any server, and a server with any client, over TCP and on a serial line. Each follows the clauses that
+//! the other one relies on.
 
 mod any_client;
 mod any_server;
@@ -34,7 +35,7 @@ pub const TABLES: &[Table] = &[
     Table::of::<rows::Server<rows::RtuOverTcp>>("fanuc-hmi-modbus", 32),
 ];
 
-/// A server, and clients and units that are not ours.
+/// A server, and clients and units of other makers.
 pub const ANY_CLIENT: Pair = Pair {
     name: "fanuc-hmi-modbus server × any client",
     settings: |_| settings(any_client, any_client::RULES, any_client::ANYTHING),
@@ -65,7 +66,7 @@ pub const ANY_CLIENT: Pair = Pair {
     },
 };
 
-/// A client, and servers that are not ours.
+/// A client, and servers of other makers.
 pub const ANY_SERVER: Pair = Pair {
     name: "fanuc-hmi-modbus client × any server",
     settings: |_| settings(any_server, any_server::RULES, any_server::ANYTHING),

@@ -41,8 +41,8 @@ pub(super) struct Job {
     pub(super) kind: Kind,
     pub(super) transaction: u16,
     pub(super) was_sent: bool,
-    /// The time left for its reply; `None` if there is none to come. Off TCP a reply whose time is over has arrived: a driver reads it before
-    /// it handles a timeout.
+    /// The time left for its reply; `None` if none can come. Off TCP a reply whose time is over has arrived: a driver reads
+    /// it before it handles a timeout.
     pub(super) reply: Option<u8>,
     /// The read before it has ended.
     pub(super) was_probed: bool,

@@ -64,7 +64,7 @@ pub struct Budget {
 
 /// A row as it was counted, in the table and in the file of results.
 #[derive(Clone, Copy, Serialize)]
-struct Counted {
+struct CountedRow {
     link: &'static str,
     what: &'static str,
     each: &'static str,
@@ -83,13 +83,13 @@ impl Link {
         self.counts.iter().chain(self.streams.iter().flatten())
     }
 
-    fn count(&self) -> Vec<Counted> {
+    fn count(&self) -> Vec<CountedRow> {
         let rows: Vec<(&Count, f64)> =
             self.rows().enumerate().map(|(row, count)| (count, measure(self.name, row, count))).collect();
         let counted = |(count, measured): &(&Count, f64)| {
             let goals =
                 self.ratios.iter().filter(|ratio| ratio.what == count.what).map(|ratio| ratio.goal(&rows));
-            Counted {
+            CountedRow {
                 link: self.name,
                 what: count.what,
                 each: count.each,
@@ -151,7 +151,7 @@ pub fn main(program: &str, links: &[Link]) -> ExitCode {
         Command::new("valgrind").arg("--version").stdout(Stdio::null()).status().is_ok_and(|s| s.success());
     let mut missed = Vec::new();
     if valgrind {
-        let rows: Vec<Counted> = chosen.iter().flat_map(|link| link.count()).collect();
+        let rows: Vec<CountedRow> = chosen.iter().flat_map(|link| link.count()).collect();
         println!("{}", count_table(&rows, &mut missed));
         if write {
             std::fs::write(format!("{RESULTS}/{program}.json"), results(&rows))
@@ -173,18 +173,18 @@ pub fn main(program: &str, links: &[Link]) -> ExitCode {
 }
 
 /// Returns the file of results: one row per line, its numbers to a hundredth.
-fn results(rows: &[Counted]) -> String {
+fn results(rows: &[CountedRow]) -> String {
     let hundredths = |x: f64| (x * 100.0).round() / 100.0;
-    let line = |row: &Counted| {
+    let line = |row: &CountedRow| {
         let (measured, goal) = (hundredths(row.measured), row.goal.map(hundredths));
-        serde_json::to_string(&Counted { measured, goal, ..*row }).expect("plain values")
+        serde_json::to_string(&CountedRow { measured, goal, ..*row }).expect("plain values")
     };
     format!("[\n{}\n]\n", rows.iter().map(line).collect::<Vec<_>>().join(",\n"))
 }
 
-fn count_table(rows: &[Counted], missed: &mut Vec<String>) -> Table {
+fn count_table(rows: &[CountedRow], missed: &mut Vec<String>) -> Table {
     let mut table = table(["link", "instructions", "for each", "measured", "goal", ""]);
-    for Counted { link, what, each, measured, goal } in rows {
+    for CountedRow { link, what, each, measured, goal } in rows {
         let (goal, verdict) = match goal {
             Some(goal) if measured > goal => {
                 missed.push(format!("{link}: {what}"));

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use anyhow::{Result, ensure};
 
-use crate::metric::{COMMON, Definition, Named};
+use crate::metric::{COMMON, Definition, NamedValue};
 use crate::payload::{Kind, Value};
 
 /// The dead bands of a cell's metrics.
@@ -39,7 +39,7 @@ impl Bands {
     }
 
     /// Removes the metrics that are not to be reported: `last` returns the value of a metric that was reported last.
-    pub fn filter<'a>(&self, named: &mut Vec<Named>, last: impl Fn(&str) -> Option<&'a Value>) {
+    pub fn filter<'a>(&self, named: &mut Vec<NamedValue>, last: impl Fn(&str) -> Option<&'a Value>) {
         named.retain(|(name, value)| match (self.0.get(name), last(name)) {
             (Some(band), Some(last)) => is_exception(last, value, *band),
             // For a metric without a value, a value that is not finite is not news.
@@ -95,7 +95,7 @@ mod tests {
             ("Phase", text("run")),
             (NUMBER, whole(1)),
         ];
-        let left = |mut named: Vec<Named>| {
+        let left = |mut named: Vec<NamedValue>| {
             bands.filter(&mut named, |name| last.iter().find(|(it, _)| *it == name).map(|(_, value)| value));
             named.into_iter().map(|(name, _)| name).collect::<Vec<_>>()
         };

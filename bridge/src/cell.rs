@@ -57,12 +57,12 @@ pub struct Cell {
     /// The task of the cell; `None` before it begins and after it has ended.
     pub task: Option<JoinHandle<()>>,
     /// The next state, after a change of the site file or of the lease: another cell is begun when the task has ended.
-    pub next: Next,
+    pub next: CellUpdate,
 }
 
 /// The next state of a cell.
 #[derive(Debug, Default)]
-pub enum Next {
+pub enum CellUpdate {
     /// The cell continues as before.
     #[default]
     Same,
@@ -86,12 +86,12 @@ pub fn in_order(last: u64, at: u64) -> u64 {
 impl Cell {
     /// Returns whether the cell is not in the site file any more.
     pub fn is_gone(&self) -> bool {
-        matches!(self.next, Next::Gone)
+        matches!(self.next, CellUpdate::Gone)
     }
 
     /// Returns whether the cell is this bridge's, and is to stay so.
     pub fn is_here(&self) -> bool {
-        !self.is_shared || matches!(self.next, Next::Same) && self.task.is_some()
+        !self.is_shared || matches!(self.next, CellUpdate::Same) && self.task.is_some()
     }
 
     /// Returns whether the cell's task has ended.
@@ -103,9 +103,9 @@ impl Cell {
     pub fn is_over(&self) -> bool {
         match self.next {
             // Without a lease a task ends on its own.
-            Next::Same => self.is_shared && self.has_ended(),
-            Next::Gone | Next::Away => self.task.is_some() && self.has_ended(),
-            Next::Another(_) => self.has_ended(),
+            CellUpdate::Same => self.is_shared && self.has_ended(),
+            CellUpdate::Gone | CellUpdate::Away => self.task.is_some() && self.has_ended(),
+            CellUpdate::Another(_) => self.has_ended(),
         }
     }
 

@@ -10,7 +10,7 @@ use anyhow::Result;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 use serde_json::json;
 
-use crate::compact::Words;
+use crate::compact::NameNumbers;
 use crate::site::StoreSettings;
 use crate::store::{self, Busy, Store};
 use crate::{Health, Hub, Site, http, hub, links, signals};
@@ -39,7 +39,7 @@ struct Args {
 }
 
 /// The links get five seconds, the broker two, and the rest is the disk's.
-const LONGEST_END: Duration = Duration::from_secs(10);
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(10);
 
 const EXAMPLES: &str = "\
 Examples:
@@ -66,7 +66,7 @@ pub fn main() -> ExitCode {
         Err(error) if output::is_closed(&error) => ExitCode::from(4),
         Err(error) => {
             remark(&format!("error: {error:#}"));
-            ExitCode::from(if error.is::<output::Unwritten>() { 4 } else { 2 })
+            ExitCode::from(if error.is::<output::OutputFailed>() { 4 } else { 2 })
         }
     };
     output::finish();
@@ -86,7 +86,7 @@ fn run(file: &Path, check: bool) -> Result<()> {
     interrupt::account(
         "commands without an outcome are reported as unknown at the next start; the store is kept".into(),
     );
-    let reload = signals::handle(LONGEST_END, "the bridge did not end within 10 s and was terminated")?;
+    let reload = signals::handle(SHUTDOWN_TIMEOUT, "the bridge did not end within 10 s and was terminated")?;
     let health = Arc::new(Health::default());
     let place = match &site.health.listen {
         Some(address) => {
@@ -120,7 +120,7 @@ fn check_store(site: &Site) -> Result<()> {
         Err(error) => return Err(error),
     };
     store.belong_to(&format!("{}/{}", site.broker.group, site.broker.node))?;
-    let words = Words::open(&store)?;
+    let words = NameNumbers::open(&store)?;
     hub::check(&mut store, &words)?;
     let (mut orphans, count, mut next) = (BTreeMap::<String, u64>::new(), store.len(), 0);
     let mut see = |cell: String| {

@@ -16,15 +16,15 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::bucket::{Bucket, Rate};
+use super::history::{self, CommandHistory, Entry, Names, time_of};
 use super::ledger::Ledger;
-use super::metric::{COMMAND, DETAIL, Named, OUTCOME, REQUEST, text};
+use super::metric::{COMMAND, DETAIL, NamedValue, OUTCOME, REQUEST, text};
 use super::payload::{Payload, Value};
-use super::remembered::{self, Entry, Names, Remembered, time_of};
 use super::report::{Command, Order, Outcome};
 use crate::store::Batch;
 
 /// The longest id, in bytes.
-const LONGEST_ID: usize = 64;
+const MAX_ID_LEN: usize = 64;
 
 /// The known commands of each cell.
 #[derive(Debug)]
@@ -34,14 +34,14 @@ pub struct Commands {
     rate: Rate,
     /// The time of the latest command that was not refused.
     latest: u64,
-    known: HashMap<String, Remembered>,
+    known: HashMap<String, CommandHistory>,
     ledger: Ledger,
     buckets: HashMap<String, Bucket>,
 }
 
 /// A command and its outcome, as bridges report it to one another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Told {
+pub struct CommandReport {
     /// The name of the cell.
     pub cell: String,
     /// The id of the command.
@@ -52,11 +52,11 @@ pub struct Told {
 
 /// A command that had no outcome when the bridge ended.
 #[derive(Debug, PartialEq)]
-pub struct Interrupted {
+pub struct InterruptedCommand {
     /// The name of the cell.
     pub cell: String,
     /// The metrics that report the command's outcome.
-    pub report: Vec<Named>,
+    pub report: Vec<NamedValue>,
 }
 
 /// A message that writes metrics of a cell.
@@ -81,13 +81,13 @@ pub struct Write<'a> {
 #[derive(Debug, PartialEq)]
 pub enum Decision {
     /// The command is in the batch: once that is written, give it to the cell, and report this.
-    Give(Command, Vec<Named>),
+    Give(Command, Vec<NamedValue>),
     /// The id of the command is known: report its outcome.
-    Report(Vec<Named>),
+    Report(Vec<NamedValue>),
     /// The command is refused, for a reason that has this name in the metrics: report this.
-    Refuse(&'static str, Vec<Named>),
+    Refuse(&'static str, Vec<NamedValue>),
     /// The message is not a command that could be reported by an id; the reason.
-    Strange(String),
+    Malformed(String),
 }
 
 impl Commands {
@@ -101,18 +101,18 @@ impl Commands {
         max_age: Duration,
         rate: Rate,
         batch: &mut Batch,
-    ) -> Result<(Self, Vec<Interrupted>)> {
-        let (mut known, mut unknown) = (Remembered::open(names)?, Vec::new());
+    ) -> Result<(Self, Vec<InterruptedCommand>)> {
+        let (mut known, mut unknown) = (CommandHistory::open(names)?, Vec::new());
         for (cell, remembered) in &mut known {
             for (id, entry) in remembered.unfinished(true) {
                 entry.outcome = Outcome::Unknown;
                 entry.detail = "the bridge ended before the outcome".into();
-                remembered::put(batch, cell, id, Some(entry));
-                unknown.push(Interrupted { cell: cell.clone(), report: entry.named(id) });
+                history::put(batch, cell, id, Some(entry));
+                unknown.push(InterruptedCommand { cell: cell.clone(), report: entry.named(id) });
             }
         }
         let max_age = u64::try_from(max_age.as_millis()).unwrap_or(u64::MAX);
-        let latest = known.values().map(Remembered::latest).max().unwrap_or_default();
+        let latest = known.values().map(CommandHistory::latest).max().unwrap_or_default();
         let mut ledger = Ledger::default();
         for (cell, remembered) in &known {
             let own = remembered.iter().filter(|(_, entry)| entry.is_in_ledger());
@@ -126,8 +126,8 @@ impl Commands {
         let (cell, max_age) = (write.cell, self.max_age);
         let (mut command, at) = match (read(write.payload), write.unfit) {
             (Ok(read), _) => read,
-            (Err(_), Some(why)) => return Decision::Strange(why.into()),
-            (Err(why), None) => return Decision::Strange(why),
+            (Err(_), Some(why)) => return Decision::Malformed(why.into()),
+            (Err(why), None) => return Decision::Malformed(why),
         };
         if let Some(entry) = self.known.get(cell).and_then(|known| known.get(&command.id)) {
             return Decision::Report(entry.named(&command.id));
@@ -206,7 +206,7 @@ impl Commands {
         }
         let known = self.known.entry(write.cell.to_owned()).or_default();
         if !has_time && known.is_full(write.cell, now, batch) {
-            let most = remembered::MOST_EXECUTED;
+            let most = history::MAX_EXECUTED;
             return Err((
                 "full",
                 format!("this cell has executed {most} commands within a day: use UUIDs of version 7 as ids"),
@@ -228,7 +228,7 @@ impl Commands {
         outcome: Outcome,
         detail: String,
         batch: &mut Batch,
-    ) -> Vec<Named> {
+    ) -> Vec<NamedValue> {
         let known = self.known.entry(cell.to_owned()).or_default();
         let (at, sent, number) =
             known.get(id).map_or((0, 0, 0), |entry| (entry.at, entry.sent, entry.number));
@@ -240,11 +240,11 @@ impl Commands {
 
     /// Ends the commands of a cell whose thread has ended: those without an outcome are unknown from now on. Returns the report
     /// of each.
-    pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<Named>> {
+    pub fn interrupt(&mut self, cell: &str, why: &str, batch: &mut Batch) -> Vec<Vec<NamedValue>> {
         let unfinished = self.known.get_mut(cell).into_iter().flat_map(|known| known.unfinished(true));
         let over = |(id, entry): (&String, &mut Entry)| {
             (entry.outcome, entry.detail) = (Outcome::Unknown, why.into());
-            remembered::put(batch, cell, id, Some(entry));
+            history::put(batch, cell, id, Some(entry));
             entry.named(id)
         };
         unfinished.map(over).collect()
@@ -261,10 +261,10 @@ impl Commands {
     }
 
     /// Returns the commands on a page of the ledger that are remembered.
-    pub fn page(&self, page: u64) -> Vec<Told> {
+    pub fn page(&self, page: u64) -> Vec<CommandReport> {
         let told = |(cell, id): &(String, String)| {
             let entry = self.entry(cell, id).filter(|entry| entry.is_in_ledger())?.clone();
-            Some(Told { cell: cell.clone(), id: id.clone(), entry })
+            Some(CommandReport { cell: cell.clone(), id: id.clone(), entry })
         };
         self.ledger.page(page).filter_map(told).collect()
     }
@@ -276,7 +276,7 @@ impl Commands {
 
     /// Records another bridge's report of a command. If this bridge has given the command to its cell, its own outcome stands; a
     /// refusal is replaced by any other outcome, since only one bridge gives a command to the cell.
-    pub fn hear(&mut self, cell: &str, id: &str, entry: Entry, now: u64, batch: &mut Batch) {
+    pub fn merge_report(&mut self, cell: &str, id: &str, entry: Entry, now: u64, batch: &mut Batch) {
         let known = self.known.entry(cell.to_owned()).or_default();
         let is_news = known.get(id).is_none_or(|before| match (before.outcome, entry.outcome) {
             (Outcome::Refused, outcome) => outcome != Outcome::Refused,
@@ -295,14 +295,14 @@ impl Commands {
 
     /// Takes over a cell. Commands that others were given for it until this time may be unknown here. Returns the report of each
     /// of their commands that have no outcome.
-    pub fn take(&mut self, cell: &str, until: u64, batch: &mut Batch) -> Vec<Vec<Named>> {
+    pub fn take(&mut self, cell: &str, until: u64, batch: &mut Batch) -> Vec<Vec<NamedValue>> {
         let known = self.known.entry(cell.to_owned()).or_default();
         known.bar(cell, until, batch);
         let over = |(id, entry): (&String, &mut Entry)| {
             let by = &entry.by;
             (entry.outcome, entry.detail) =
                 (Outcome::Unknown, format!("{by} lost the cell before the outcome"));
-            remembered::put(batch, cell, id, Some(entry));
+            history::put(batch, cell, id, Some(entry));
             entry.named(id)
         };
         known.unfinished(false).map(over).collect()
@@ -326,7 +326,7 @@ impl Entry {
         self.number > 0 && self.by.is_empty()
     }
 
-    fn named(&self, id: &str) -> Vec<Named> {
+    fn named(&self, id: &str) -> Vec<NamedValue> {
         let detail = text(self.detail.as_str());
         vec![(COMMAND, text(id)), (OUTCOME, text(self.outcome.name())), (DETAIL, detail)]
     }
@@ -345,11 +345,11 @@ fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
     let Order(mut order) =
         serde_json::from_str(text).map_err(|error| format!("{REQUEST} is not a JSON object: {error}"))?;
     let id = match order.remove("id") {
-        Some(Json::String(id)) if (1..=LONGEST_ID).contains(&id.len()) && !id.contains(char::is_control) => {
+        Some(Json::String(id)) if (1..=MAX_ID_LEN).contains(&id.len()) && !id.contains(char::is_control) => {
             id
         }
         _ => {
-            return Err(format!("{REQUEST} has no \"id\": give a unique string of 1 to {LONGEST_ID} bytes"));
+            return Err(format!("{REQUEST} has no \"id\": give a unique string of 1 to {MAX_ID_LEN} bytes"));
         }
     };
     Ok((Command { id, order, until: 0 }, metric.timestamp.or(payload.timestamp)))

@@ -16,7 +16,7 @@ const CELL: u32 = 0;
 
 /// The numbers of names, which are kept in the store. A word is never given another number.
 #[derive(Debug, Default)]
-pub struct Words {
+pub struct NameNumbers {
     numbers: HashMap<(u32, String), u32>,
     words: Vec<(u32, String)>,
 }
@@ -51,7 +51,7 @@ struct Item {
     value: Option<Value>,
 }
 
-impl Words {
+impl NameNumbers {
     /// Reads the words of the store.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ mod tests {
         let definitions =
             [define("a/b", Kind::Int64), define("a/b", Kind::Float), define("c d", Kind::String)];
         let mut batch = Batch::default();
-        let mut words = Words::default();
+        let mut words = NameNumbers::default();
         words.learn("x", &definitions[..1], &mut batch);
         words.learn("y", &definitions, &mut batch);
         store.write(&batch, &|_| Vec::new()).unwrap();
@@ -144,7 +144,7 @@ mod tests {
         ];
         let bytes = words.pack("y", 7, &metrics);
         assert!(bytes.len() < 60, "{}", bytes.len());
-        let again = Words::open(&store).unwrap();
+        let again = NameNumbers::open(&store).unwrap();
         assert_eq!(again.unpack(&bytes), Some(Record { cell: "y".into(), metrics }));
         let mut batch = Batch::default();
         let mut again = again;

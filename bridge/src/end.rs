@@ -13,12 +13,12 @@ use tokio::sync::{mpsc, watch};
 use tokio::{select, time};
 
 use super::lease::Lease;
-use super::metric::{self, CONNECTED, EVENT, Named};
+use super::metric::{self, CONNECTED, EVENT, NamedValue};
 use super::payload::Value;
-use super::report::{Command, Input, Outcome, Report, What};
+use super::report::{Command, Input, Outcome, Report, ReportBody};
 
 /// The time that a command that has begun may take when the bridge ends.
-pub const LAST: Duration = Duration::from_secs(5);
+pub const COMMAND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The reason to refuse a command that was not begun when the bridge ended.
 pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
@@ -27,7 +27,7 @@ pub const ENDS: &str = "not begun: the bridge ends, or the cell is changed";
 const REASONS: usize = 20;
 /// The interval at which a report that does not fit is tried again, and at which a task that is to end checks for its
 /// command's outcome.
-const AGAIN: Duration = Duration::from_millis(10);
+const RETRY_INTERVAL: Duration = Duration::from_millis(10);
 
 /// The condition on which a cell's task ends.
 #[derive(Debug, Clone)]
@@ -165,7 +165,7 @@ impl End {
         self.stop.is_due()
     }
 
-    /// Returns whether the task is to end now: it is stopped, and its command has an outcome, or has had [`LAST`] to get one. A
+    /// Returns whether the task is to end now: it is stopped, and its command has an outcome, or has had [`COMMAND_TIMEOUT`] to get one. A
     /// cell that another bridge may have is given up at once.
     pub fn is_over(&self) -> bool {
         if !self.is_stopped() {
@@ -173,27 +173,27 @@ impl End {
         }
         let mut state = self.state();
         let since = *state.stopped_at.get_or_insert_with(Instant::now);
-        state.current.is_none() || self.stop.is_lost() || since.elapsed() >= LAST
+        state.current.is_none() || self.stop.is_lost() || since.elapsed() >= COMMAND_TIMEOUT
     }
 
     /// Waits until [it is over](Self::is_over).
     pub async fn over(&self) {
         self.stop.due().await;
         while !self.is_over() {
-            time::sleep(AGAIN).await;
+            time::sleep(RETRY_INTERVAL).await;
         }
     }
 
     /// Reports values of a device that answers. The link never waits: reports without room are dropped and counted.
-    pub fn values(&self, values: Vec<Named>) {
+    pub fn values(&self, values: Vec<NamedValue>) {
         let state = self.state();
         if state.is_alive {
             self.report(&state, values);
         }
     }
 
-    fn report(&self, state: &State, values: Vec<Named>) {
-        let report = Report { at: metric::now(), what: What::Values(values) };
+    fn report(&self, state: &State, values: Vec<NamedValue>) {
+        let report = Report { at: metric::now(), body: ReportBody::Values(values) };
         let has_room = state.unsent.is_empty();
         let sent = has_room.then(|| self.hub.try_send(Input::Cell(self.cell, report)));
         if matches!(sent, None | Some(Err(TrySendError::Full(_)))) {
@@ -213,7 +213,7 @@ impl End {
         if state.is_alive {
             self.report(&state, vec![(EVENT, Value::String(text))]);
         } else if self.is_news(&mut state, &text) {
-            self.send(&mut state, What::Failed(text));
+            self.send(&mut state, ReportBody::Failed(text));
         }
     }
 
@@ -227,8 +227,8 @@ impl End {
     /// Reports the device's values as implausible, with the reason as an event. Its metrics have no values until it reports
     /// others.
     pub fn bad(&self, event: &Json) {
-        let what = What::Bad(vec![(EVENT, Value::String(event.to_string()))]);
-        self.send(&mut self.state(), what);
+        let body = ReportBody::Bad(vec![(EVENT, Value::String(event.to_string()))]);
+        self.send(&mut self.state(), body);
     }
 
     /// Reports a connection. It shows nothing of the device.
@@ -282,7 +282,7 @@ impl End {
             let event = serde_json::json!({"event": "disconnected", "why": why});
             match core::mem::replace(&mut state.is_recorded, true) {
                 false => self.link(state, false, &event),
-                true => self.send(state, What::Failed(event.to_string())),
+                true => self.send(state, ReportBody::Failed(event.to_string())),
             }
         }
     }
@@ -290,7 +290,7 @@ impl End {
     fn link(&self, state: &mut State, is_connected: bool, event: &Json) {
         let values =
             vec![(CONNECTED, Value::Boolean(is_connected)), (EVENT, Value::String(event.to_string()))];
-        self.send(state, What::Values(values));
+        self.send(state, ReportBody::Values(values));
     }
 
     /// Returns the reason why a command cannot be given to the device now. One that [is asked](crate::links) must have
@@ -326,13 +326,13 @@ impl End {
     pub fn finish(&self, outcome: Outcome, detail: impl Into<String>) {
         let mut state = self.state();
         if let Some(id) = state.current.take() {
-            self.send(&mut state, What::Outcome { id, outcome, detail: detail.into() });
+            self.send(&mut state, ReportBody::Outcome { id, outcome, detail: detail.into() });
         }
     }
 
     /// Waits for room at the hub for reports that must not be lost.
-    fn send(&self, state: &mut State, what: What) {
-        state.unsent.push_back(Input::Cell(self.cell, Report { at: metric::now(), what }));
+    fn send(&self, state: &mut State, body: ReportBody) {
+        state.unsent.push_back(Input::Cell(self.cell, Report { at: metric::now(), body }));
         self.try_flush(state);
     }
 
@@ -350,7 +350,7 @@ impl End {
     /// Waits until the hub has every report that must not be lost.
     pub async fn flush(&self) {
         while !self.try_flush(&mut self.state()) {
-            time::sleep(AGAIN).await;
+            time::sleep(RETRY_INTERVAL).await;
         }
     }
 }
@@ -381,7 +381,7 @@ mod tests {
         assert_eq!(inbox.try_next(&end).map(|command| command.id), Some("next".into()));
         end.finish(Outcome::Done, "");
         let outcomes = reports.try_iter().map(|input| match input {
-            Input::Cell(3, Report { what: What::Outcome { id, outcome, detail }, .. }) => {
+            Input::Cell(3, Report { body: ReportBody::Outcome { id, outcome, detail }, .. }) => {
                 (id, outcome, detail)
             }
             other => panic!("{other:?}"),
@@ -442,7 +442,7 @@ mod tests {
         assert!(end.is_over());
         inbox.refuse(&end, "");
         let details = reports.try_iter().filter_map(|input| match input {
-            Input::Cell(3, Report { what: What::Outcome { detail, .. }, .. }) => Some(detail),
+            Input::Cell(3, Report { body: ReportBody::Outcome { detail, .. }, .. }) => Some(detail),
             _ => None,
         });
         assert_eq!(details.collect::<Vec<_>>(), ["", ENDS]);

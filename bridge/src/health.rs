@@ -7,8 +7,8 @@ use std::sync::{Mutex, PoisonError};
 use serde::Serialize;
 use serde_json::json;
 
-use super::latest::Latest;
 use super::metric;
+use super::recent::RecentCommand;
 use super::uplink::Counts;
 use crate::http::Reply;
 
@@ -46,7 +46,7 @@ pub struct Figures {
     /// The numbers of commands by outcome.
     pub commands: BTreeMap<&'static str, u64>,
     /// The latest commands, the latest first.
-    pub latest: Vec<Latest>,
+    pub latest: Vec<RecentCommand>,
     /// The state of each cell.
     pub cells: Vec<CellHealth>,
     /// The numbers of shared cells; `None` if this bridge does not share cells.

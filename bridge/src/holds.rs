@@ -22,7 +22,7 @@ struct Hold {
 
 /// The meaning of a refused record.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Refused {
+pub enum RefusedRecord {
     /// The record's cell is held from now on.
     Begins,
     /// The record was the trial.
@@ -33,15 +33,15 @@ pub enum Refused {
 
 impl Holds {
     /// Records that a cell's record was refused because of its topic.
-    pub fn refuse(&mut self, place: usize, key: u64, now: Instant) -> Refused {
-        let mut refused = Refused::Another;
+    pub fn refuse(&mut self, place: usize, key: u64, now: Instant) -> RefusedRecord {
+        let mut refused = RefusedRecord::Another;
         let hold = self.0.entry(place).or_insert_with(|| {
-            refused = Refused::Begins;
+            refused = RefusedRecord::Begins;
             Hold { keys: BTreeSet::new(), trial: None, try_at: now + INTERVAL }
         });
         if hold.trial.take_if(|trial| *trial == key).is_some() {
             hold.try_at = now + INTERVAL;
-            refused = Refused::Trial;
+            refused = RefusedRecord::Trial;
         } else {
             hold.keys.insert(key);
         }
@@ -119,8 +119,8 @@ mod tests {
     fn the_oldest_is_tried_each_minute_until_it_is_taken() {
         let (mut holds, start) = (Holds::default(), Instant::now());
         assert!(!holds.keep(3, 6) && !holds.is_held(3));
-        assert_eq!(holds.refuse(3, 7, start), Refused::Begins);
-        assert_eq!(holds.refuse(3, 9, start), Refused::Another);
+        assert_eq!(holds.refuse(3, 7, start), RefusedRecord::Begins);
+        assert_eq!(holds.refuse(3, 9, start), RefusedRecord::Another);
         assert!(holds.keep(3, 20) && holds.keep(3, 20) && !holds.keep(4, 21));
         assert_eq!((holds.count(3), holds.count(4)), (3, 0));
         assert_eq!(holds.due(start + INTERVAL - Duration::from_millis(1)), None);
@@ -130,13 +130,13 @@ mod tests {
         assert_eq!(holds.due(first + INTERVAL), None, "one at a time");
         // A record that was on its way when the first was refused, and was taken, shows nothing about those before it.
         assert_eq!(holds.take(3, 8), None);
-        assert_eq!(holds.refuse(3, 7, first), Refused::Trial);
+        assert_eq!(holds.refuse(3, 7, first), RefusedRecord::Trial);
         assert_eq!(holds.due(first + INTERVAL - Duration::from_millis(1)), None);
         holds.tried(3, 7);
         assert_eq!(holds.take(3, 7), Some(BTreeSet::from([9, 20])));
         assert!(!holds.is_held(3));
         assert_eq!(holds.take(3, 7), None);
-        assert_eq!(holds.refuse(3, 22, first), Refused::Begins);
+        assert_eq!(holds.refuse(3, 22, first), RefusedRecord::Begins);
     }
 
     #[test]

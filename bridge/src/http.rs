@@ -22,12 +22,12 @@ use tokio::task::JoinHandle;
 use tokio::time::{Interval, interval, sleep};
 
 /// The maximum number of connections; another one takes the place of the oldest.
-const MOST: usize = 16;
+const MAX_CONNECTIONS: usize = 16;
 /// The longest head of a request, in bytes.
 const HEAD: usize = 8 * 1024;
 /// The longest time of a connection: one request and its answer.
-const LONGEST: Duration = Duration::from_secs(5);
-/// The interval at which live data is sent, until the client goes; a client that has not read anything for [`LONGEST`] is
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(5);
+/// The interval at which live data is sent, until the client goes; a client that has not read anything for [`CONNECTION_TIMEOUT`] is
 /// dropped.
 const EVERY: Duration = Duration::from_secs(1);
 /// The bytes that the system buffers for a client that does not read.
@@ -93,7 +93,7 @@ async fn accept(listener: TcpListener, reply: Arc<impl Fn(&str) -> Reply + Send 
             continue;
         };
         open.retain(|connection| !connection.is_finished());
-        if open.len() >= MOST
+        if open.len() >= MAX_CONNECTIONS
             && let Some(oldest) = open.pop_front()
         {
             oldest.abort();
@@ -112,7 +112,7 @@ async fn accept(listener: TcpListener, reply: Arc<impl Fn(&str) -> Reply + Send 
                 .serve_connection(TokioIo::new(stream), service);
             let silent = async {
                 loop {
-                    let left = LONGEST.saturating_sub(lock(&taken).elapsed());
+                    let left = CONNECTION_TIMEOUT.saturating_sub(lock(&taken).elapsed());
                     if left.is_zero() {
                         break;
                     }
@@ -139,7 +139,7 @@ fn answer<R: Fn(&str) -> Reply>(
     } else {
         plain(405, "only GET\n")
     };
-    let live = is_live.then(|| Live {
+    let live = is_live.then(|| LiveBody {
         every: interval(EVERY),
         path: path.to_owned(),
         reply: Arc::clone(reply),
@@ -155,11 +155,11 @@ fn answer<R: Fn(&str) -> Reply>(
 /// The content of an answer.
 struct Content<R> {
     first: Option<Bytes>,
-    live: Option<Live<R>>,
+    live: Option<LiveBody<R>>,
 }
 
 /// A body that is rendered again at each interval, after the previous content was written.
-struct Live<R> {
+struct LiveBody<R> {
     every: Interval,
     path: String,
     reply: Arc<R>,

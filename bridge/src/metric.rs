@@ -14,7 +14,7 @@ pub struct Definition {
 }
 
 /// A value of a metric, by its name.
-pub type Named = (&'static str, Value);
+pub type NamedValue = (&'static str, Value);
 
 /// The number of a record: each record of a cell has one more than the previous one, even after a restart.
 pub const NUMBER: &str = "Record/Number";

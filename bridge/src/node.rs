@@ -8,7 +8,7 @@ use super::payload::{Kind, Metric, Payload, Value};
 /// The first level of every topic of Sparkplug B.
 const NAMESPACE: &str = "spBv1.0";
 /// The longest message that is taken as a command, in bytes.
-const LONGEST: usize = 256 * 1024;
+const MAX_COMMAND_LEN: usize = 256 * 1024;
 /// The metric that requests all births again when written.
 const REBIRTH: &str = "Node Control/Rebirth";
 /// The metric that ties a death to its birth.
@@ -36,7 +36,7 @@ pub struct Publication {
 
 /// The meaning of a message from the broker.
 #[derive(Debug, PartialEq)]
-pub enum Received {
+pub enum NodeMessage {
     /// All births are requested again.
     Rebirth,
     /// Metrics of a device are to be written.
@@ -58,7 +58,7 @@ pub enum Received {
         timestamp: u64,
     },
     /// The node does not understand the message; the reason.
-    Strange(String),
+    Malformed(String),
     /// A retained message was cleared.
     Nothing,
 }
@@ -146,14 +146,14 @@ impl Node {
     }
 
     /// Parses a message; `is_retained` is whether the broker was to store it.
-    pub fn receive(&self, topic: &str, payload: &[u8], is_retained: bool) -> Received {
+    pub fn receive(&self, topic: &str, payload: &[u8], is_retained: bool) -> NodeMessage {
         if let Some(host) = topic.strip_prefix(NAMESPACE).and_then(|rest| rest.strip_prefix("/STATE/")) {
             return state(host, payload);
         }
         if payload.is_empty() {
-            return Received::Nothing;
+            return NodeMessage::Nothing;
         }
-        let strange = |why: &str| Received::Strange(format!("{topic}: {why}"));
+        let strange = |why: &str| NodeMessage::Malformed(format!("{topic}: {why}"));
         let length = payload.len();
         let Ok(payload) = Payload::decode(payload) else {
             return strange(match payload.first() {
@@ -169,7 +169,7 @@ impl Node {
                 _ if is_retained => {
                     strange("a retained command is ignored: publish it without the retain flag")
                 }
-                true => Received::Rebirth,
+                true => NodeMessage::Rebirth,
                 false => strange("the only command to the node is Node Control/Rebirth = true"),
             };
         }
@@ -177,27 +177,27 @@ impl Node {
             Some(device) => {
                 let unfit = if is_retained {
                     Some("the command is retained: publish it without the retain flag".into())
-                } else if length > LONGEST {
-                    Some(format!("the command has {length} bytes, the maximum is {LONGEST}"))
+                } else if length > MAX_COMMAND_LEN {
+                    Some(format!("the command has {length} bytes, the maximum is {MAX_COMMAND_LEN}"))
                 } else {
                     None
                 };
-                Received::Write { device: device.into(), payload, unfit }
+                NodeMessage::Write { device: device.into(), payload, unfit }
             }
             None => strange("not a topic of this node"),
         }
     }
 }
 
-fn state(host: &str, payload: &[u8]) -> Received {
+fn state(host: &str, payload: &[u8]) -> NodeMessage {
     #[derive(serde::Deserialize)]
     struct State {
         online: bool,
         timestamp: u64,
     }
     match serde_json::from_slice(payload) {
-        Ok(State { online, timestamp }) => Received::State { host: host.into(), online, timestamp },
-        Err(error) => Received::Strange(format!("the STATE of {host}: {error}")),
+        Ok(State { online, timestamp }) => NodeMessage::State { host: host.into(), online, timestamp },
+        Err(error) => NodeMessage::Malformed(format!("the STATE of {host}: {error}")),
     }
 }
 
@@ -257,18 +257,18 @@ mod tests {
             let metric = Metric::new("Node Control/Rebirth", Kind::Boolean, 1, Some(Value::Boolean(value)));
             Payload { timestamp: Some(1), metrics: vec![metric], seq: None }.encode_to_vec()
         };
-        assert_eq!(node.receive("spBv1.0/g/NCMD/n", &rebirth(true), false), Received::Rebirth);
+        assert_eq!(node.receive("spBv1.0/g/NCMD/n", &rebirth(true), false), NodeMessage::Rebirth);
         let strange = |topic: &str, payload: &[u8], is_retained| {
-            matches!(node.receive(topic, payload, is_retained), Received::Strange(_))
+            matches!(node.receive(topic, payload, is_retained), NodeMessage::Malformed(_))
         };
         assert!(strange("spBv1.0/g/NCMD/n", &rebirth(false), false));
         assert!(strange("spBv1.0/g/NCMD/n", &rebirth(true), true));
         assert!(strange("spBv1.0/g/NCMD/n", b"\xff", false));
-        assert_eq!(node.receive("spBv1.0/g/NCMD/n", b"", true), Received::Nothing);
+        assert_eq!(node.receive("spBv1.0/g/NCMD/n", b"", true), NodeMessage::Nothing);
         assert!(strange("spBv1.0/x/DCMD/n/d", &rebirth(true), false));
         let write =
             |payload: &[u8], is_retained| match node.receive("spBv1.0/g/DCMD/n/d", payload, is_retained) {
-                Received::Write { device, unfit, .. } => (device, unfit.unwrap_or_default()),
+                NodeMessage::Write { device, unfit, .. } => (device, unfit.unwrap_or_default()),
                 other => panic!("{other:?}"),
             };
         let retained = "the command is retained: publish it without the retain flag";
@@ -277,11 +277,11 @@ mod tests {
         let metric = |length| Metric::new("m", Kind::String, 1, Some(text("x".repeat(length))));
         let payload =
             |length| Payload { timestamp: None, metrics: vec![metric(length)], seq: None }.encode_to_vec();
-        let around = payload(LONGEST).len() - LONGEST;
-        assert_eq!(write(&payload(LONGEST - around), false).1, "");
+        let around = payload(MAX_COMMAND_LEN).len() - MAX_COMMAND_LEN;
+        assert_eq!(write(&payload(MAX_COMMAND_LEN - around), false).1, "");
         let long = "the command has 262145 bytes, the maximum is 262144";
-        assert_eq!(write(&payload(LONGEST - around + 1), false).1, long);
-        let state = Received::State { host: "h".into(), online: true, timestamp: 9 };
+        assert_eq!(write(&payload(MAX_COMMAND_LEN - around + 1), false).1, long);
+        let state = NodeMessage::State { host: "h".into(), online: true, timestamp: 9 };
         assert_eq!(node.receive("spBv1.0/STATE/h", br#"{"online":true,"timestamp":9}"#, true), state);
         assert!(strange("spBv1.0/STATE/h", b"ONLINE", true));
         assert_eq!(node.subscriptions(), ["spBv1.0/g/NCMD/n", "spBv1.0/g/DCMD/n/+"]);

@@ -15,27 +15,27 @@ pub struct Outages {
     /// Whether there is a connection, and the time since which that is so.
     since: Option<(bool, Instant)>,
     /// Whether the last line of the log states that there is a connection.
-    says_connected: bool,
+    logged_connected: bool,
 }
 
 impl Outages {
     /// Records that the connection is up; returns whether to log it.
     pub fn over(&mut self, now: Instant) -> bool {
         self.since = Some((true, now));
-        !core::mem::replace(&mut self.says_connected, true)
+        !core::mem::replace(&mut self.logged_connected, true)
     }
 
     /// Records that the connection is down; returns whether to log the reason.
     pub fn is_news(&mut self, why: &str, now: Instant) -> bool {
         let lasted = self.since.filter(|(_, since)| now.saturating_duration_since(*since) >= LASTING);
-        if lasted.is_some_and(|(was_connected, _)| was_connected || self.says_connected) {
+        if lasted.is_some_and(|(was_connected, _)| was_connected || self.logged_connected) {
             self.logged.clear();
         }
         if self.since.is_none_or(|(was_connected, _)| was_connected) {
             self.since = Some((false, now));
         }
         let is_news = self.logged.insert(why.to_owned());
-        self.says_connected &= !is_news;
+        self.logged_connected &= !is_news;
         is_news
     }
 }

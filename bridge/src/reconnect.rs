@@ -5,11 +5,11 @@ use std::time::{Duration, Instant};
 /// The wait before the first attempt to connect again; each further attempt waits twice as long as the previous one, up to the
 /// longest. Together with the time of an attempt, a wait is less than 30 s.
 const FIRST_WAIT: Duration = Duration::from_millis(500);
-const LONGEST_WAIT: Duration = Duration::from_secs(10);
+const MAX_DELAY: Duration = Duration::from_secs(10);
 /// The first time for which a bridge leaves its name to another client that has it; each further time is twice as long, up to the
 /// longest.
 const FIRST_YIELD: Duration = Duration::from_secs(60);
-const LONGEST_YIELD: Duration = Duration::from_secs(3600);
+const MAX_NAME_DELAY: Duration = Duration::from_secs(3600);
 
 /// The waits.
 #[derive(Debug)]
@@ -19,12 +19,12 @@ pub struct Reconnect {
     /// The time at which the broker accepted the connection.
     since: Option<Instant>,
     /// Whether another client has this name.
-    is_doubled: bool,
+    name_taken: bool,
 }
 
 impl Default for Reconnect {
     fn default() -> Self {
-        Self { wait: FIRST_WAIT, yield_for: FIRST_YIELD, since: None, is_doubled: false }
+        Self { wait: FIRST_WAIT, yield_for: FIRST_YIELD, since: None, name_taken: false }
     }
 }
 
@@ -41,22 +41,22 @@ impl Reconnect {
         if self.since.is_some_and(|since| now.saturating_duration_since(since) >= self.yield_for * 4) {
             self.yield_for = FIRST_YIELD;
         }
-        self.is_doubled = true;
+        self.name_taken = true;
         self.yield_for
     }
 
     /// Called when the connection or the attempt is over. Returns the wait before the next attempt.
     pub fn next(&mut self, now: Instant) -> Duration {
         if let Some(since) = self.since.take()
-            && now.saturating_duration_since(since) > LONGEST_WAIT
+            && now.saturating_duration_since(since) > MAX_DELAY
         {
             self.wait = FIRST_WAIT;
         }
         // The bridges of a site do not connect all at once.
-        let (next, longest, jitter) = if core::mem::take(&mut self.is_doubled) {
-            (&mut self.yield_for, LONGEST_YIELD, 0.5 + fastrand::f64())
+        let (next, longest, jitter) = if core::mem::take(&mut self.name_taken) {
+            (&mut self.yield_for, MAX_NAME_DELAY, 0.5 + fastrand::f64())
         } else {
-            (&mut self.wait, LONGEST_WAIT, 0.5 + fastrand::f64() / 2.0)
+            (&mut self.wait, MAX_DELAY, 0.5 + fastrand::f64() / 2.0)
         };
         let wait = next.mul_f64(jitter);
         *next = (*next * 2).min(longest);
@@ -83,9 +83,9 @@ mod tests {
         for doubled in 1..=5 {
             assert_eq!(taken_after(90 * SECOND).0, FIRST_YIELD * (1 << doubled));
         }
-        assert_eq!(taken_after(SECOND).0, LONGEST_YIELD);
+        assert_eq!(taken_after(SECOND).0, MAX_NAME_DELAY);
         // The other one had gone.
-        assert_eq!(taken_after(5 * LONGEST_YIELD).0, FIRST_YIELD);
+        assert_eq!(taken_after(5 * MAX_NAME_DELAY).0, FIRST_YIELD);
     }
 
     #[test]
@@ -98,8 +98,8 @@ mod tests {
             waited.push(waits.next(now));
         }
         assert!(waited[0] <= SECOND / 2 && waited.iter().all(|wait| *wait <= 10 * SECOND), "{waited:?}");
-        assert!(waited.iter().skip(6).all(|wait| *wait >= LONGEST_WAIT / 2), "{waited:?}");
+        assert!(waited.iter().skip(6).all(|wait| *wait >= MAX_DELAY / 2), "{waited:?}");
         waits.accepted(now);
-        assert!(waits.next(now + 2 * LONGEST_WAIT) <= SECOND / 2);
+        assert!(waits.next(now + 2 * MAX_DELAY) <= SECOND / 2);
     }
 }

@@ -6,8 +6,8 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value as Json};
 
-use super::metric::Named;
-use crate::broker::Happened;
+use super::metric::NamedValue;
+use crate::broker::BrokerEvent;
 
 /// An input of the hub.
 #[derive(Debug)]
@@ -15,7 +15,7 @@ pub enum Input {
     /// A report of the cell of this number.
     Cell(usize, Report),
     /// An event of the connection of this number.
-    Broker(u64, Happened),
+    Broker(u64, BrokerEvent),
 }
 
 /// A report of a cell.
@@ -24,18 +24,18 @@ pub struct Report {
     /// The time of the report, in milliseconds since 1970 UTC.
     pub at: u64,
     /// The contents of the report.
-    pub what: What,
+    pub body: ReportBody,
 }
 
 /// The contents of a report.
 #[derive(Debug, PartialEq)]
-pub enum What {
+pub enum ReportBody {
     /// Values of the cell's metrics.
-    Values(Vec<Named>),
+    Values(Vec<NamedValue>),
     /// The event of a device that does not answer, as an object of JSON: it is not a record.
     Failed(String),
     /// The device reports implausible values: the cell's own metrics have no values.
-    Bad(Vec<Named>),
+    Bad(Vec<NamedValue>),
     /// The outcome of a command.
     Outcome {
         /// The id of the command.

@@ -20,8 +20,8 @@ const MAGIC: [u8; 4] = *b"cwR1";
 const HEAD: usize = 12;
 /// Frames begin at multiples of this.
 const ALIGN: u64 = 8;
-/// The most records of a frame: the bits of [`Place::alive`].
-const MOST: usize = 64;
+/// The most records of a frame: the bits of [`Extent::alive`].
+const CAPACITY: usize = 64;
 /// The file is read in pieces of this size when it is opened.
 const PIECE: usize = 1 << 20;
 /// The time after which a written frame is on the disk.
@@ -31,7 +31,7 @@ pub const SYNC: Duration = Duration::from_millis(200);
 #[derive(Debug)]
 pub struct Ring {
     file: File,
-    known: Known,
+    known: RingState,
     /// The most bytes of the file.
     most: u64,
     /// The offset of the next frame in the file.
@@ -41,9 +41,9 @@ pub struct Ring {
     /// Frames below this one are on the disk.
     synced: u64,
     unsynced_since: Option<Instant>,
-    /// The frames from the first that is needed on; a frame without remaining records is listed only if a [`Known`] still names
+    /// The frames from the first that is needed on; a frame without remaining records is listed only if a [`RingState`] still names
     /// it.
-    places: VecDeque<Place>,
+    places: VecDeque<Extent>,
     /// The key of the next record.
     next: u64,
     length: u64,
@@ -51,7 +51,7 @@ pub struct Ring {
 
 /// The state of a ring, as it is kept elsewhere.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Known {
+pub struct RingState {
     /// A number of this ring alone.
     pub seed: u64,
     /// The number of the first frame that is needed.
@@ -67,7 +67,7 @@ pub struct Known {
 
 /// The position of a frame in the file.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct Extent {
     number: u64,
     /// The key of the frame's first record.
     first: u64,
@@ -105,7 +105,7 @@ impl Ring {
     ///
     /// # Errors
     /// If the file cannot be read, or differs from `known` ([`io::ErrorKind::InvalidData`]).
-    pub fn open(file: File, known: Known, most: u64, cut: Option<u64>) -> io::Result<Self> {
+    pub fn open(file: File, known: RingState, most: u64, cut: Option<u64>) -> io::Result<Self> {
         let mut ring = Self {
             file,
             known,
@@ -159,10 +159,10 @@ impl Ring {
                 }
                 let bytes = piece.get(to_usize(at - start)..).unwrap_or_default();
                 match (parse(self.known.seed, bytes), at + wanted as u64 <= length) {
-                    (Parsed::More(more), true) if more > wanted && at + more as u64 <= length => {
+                    (ScanResult::More(more), true) if more > wanted && at + more as u64 <= length => {
                         wanted = more
                     }
-                    (Parsed::Frame(frame, length), _) => break Some((frame, length)),
+                    (ScanResult::Frame(frame, length), _) => break Some((frame, length)),
                     _ => break None,
                 }
             };
@@ -189,7 +189,7 @@ impl Ring {
         }
         let count = frame.records.len();
         let alive = bits(count);
-        self.places.push_back(Place { number: frame.number, first: frame.first, offset, length, alive });
+        self.places.push_back(Extent { number: frame.number, first: frame.first, offset, length, alive });
         self.number = frame.number + 1;
         self.next = self.next.max(frame.first + count as u64);
         self.length += count as u64;
@@ -197,10 +197,10 @@ impl Ring {
     }
 
     /// Returns the state to keep elsewhere. Once it is kept, frames before the first needed one may be overwritten.
-    pub fn known(&self) -> Known {
+    pub fn known(&self) -> RingState {
         let first =
             self.places.iter().find(|place| place.alive != 0).map_or(self.number, |place| place.number);
-        Known { first, end: self.number, next: self.next, commits: self.known.commits + 1, ..self.known }
+        RingState { first, end: self.number, next: self.next, commits: self.known.commits + 1, ..self.known }
     }
 
     /// Writes, if there is free space, a frame that has only the number of times that the state was kept, so that an earlier
@@ -216,7 +216,7 @@ impl Ring {
     }
 
     /// Notes that this state is kept.
-    pub fn set_known(&mut self, known: Known) {
+    pub fn set_known(&mut self, known: RingState) {
         self.known = known;
         while self.places.front().is_some_and(|place| place.number < known.first) {
             self.places.pop_front();
@@ -267,7 +267,7 @@ impl Ring {
     pub fn remove(&mut self, key: u64) -> bool {
         let at = self.of(key);
         let Some(place) = self.places.get_mut(at) else { return false };
-        let bit = key.checked_sub(place.first).filter(|bit| *bit < MOST as u64).map_or(0, |bit| 1 << bit);
+        let bit = key.checked_sub(place.first).filter(|bit| *bit < CAPACITY as u64).map_or(0, |bit| 1 << bit);
         let is_there = place.alive & bit != 0;
         place.alive &= !bit;
         self.length -= u64::from(is_there);
@@ -284,7 +284,7 @@ impl Ring {
             }
         }
         let (mut frames, mut first) = (Vec::new(), self.next);
-        let mut chunks = records.chunks(MOST);
+        let mut chunks = records.chunks(CAPACITY);
         let mut next = chunks.next();
         while next.is_some() || !runs.is_empty() {
             let records = next.unwrap_or_default().to_vec();
@@ -352,11 +352,11 @@ impl Ring {
         self.unsynced_since.get_or_insert_with(Instant::now);
         let mut left = records;
         for frame in frames {
-            let count = left.min(MOST);
+            let count = left.min(CAPACITY);
             left -= count;
             let (length, offset) = (frame.len() as u64, self.at);
             let alive = bits(count);
-            self.places.push_back(Place { number: self.number, first: self.next, offset, length, alive });
+            self.places.push_back(Extent { number: self.number, first: self.next, offset, length, alive });
             self.number += 1;
             self.next += count as u64;
             self.length += count as u64;
@@ -390,8 +390,8 @@ impl Ring {
         let mut found = Vec::new();
         for at in self.of(from)..self.places.len() {
             let has_some =
-                |place: &Place| place.first + u64::from(u64::BITS - place.alive.leading_zeros()) > from;
-            let is_read = |place: &Place| place.alive != 0 && has_some(place);
+                |place: &Extent| place.first + u64::from(u64::BITS - place.alive.leading_zeros()) > from;
+            let is_read = |place: &Extent| place.alive != 0 && has_some(place);
             let Some(place) = self.places.get(at).copied().filter(is_read) else { continue };
             let keyed = (place.first..).zip(self.frame(place)?.records);
             found.extend(
@@ -423,10 +423,10 @@ impl Ring {
         pack(self.known.seed, &frame)
     }
 
-    fn frame(&mut self, place: Place) -> io::Result<Frame> {
+    fn frame(&mut self, place: Extent) -> io::Result<Frame> {
         let bytes = self.read(place.offset, to_usize(place.length))?;
         match parse(self.known.seed, &bytes) {
-            Parsed::Frame(frame, _) if frame.number == place.number => Ok(frame),
+            ScanResult::Frame(frame, _) if frame.number == place.number => Ok(frame),
             _ => Err(missing(place.number)),
         }
     }
@@ -446,27 +446,27 @@ impl Ring {
     }
 }
 
-enum Parsed {
+enum ScanResult {
     Frame(Frame, u64),
     /// The number of bytes that are needed.
     More(usize),
     Nothing,
 }
 
-fn parse(seed: u64, bytes: &[u8]) -> Parsed {
-    let Some((head, rest)) = bytes.split_first_chunk::<HEAD>() else { return Parsed::More(HEAD) };
+fn parse(seed: u64, bytes: &[u8]) -> ScanResult {
+    let Some((head, rest)) = bytes.split_first_chunk::<HEAD>() else { return ScanResult::More(HEAD) };
     let [m0, m1, m2, m3, l0, l1, l2, l3, c0, c1, c2, c3] = *head;
     if [m0, m1, m2, m3] != MAGIC {
-        return Parsed::Nothing;
+        return ScanResult::Nothing;
     }
     let length = u32::from_le_bytes([l0, l1, l2, l3]) as usize;
-    let Some(message) = rest.get(..length) else { return Parsed::More(HEAD.saturating_add(length)) };
+    let Some(message) = rest.get(..length) else { return ScanResult::More(HEAD.saturating_add(length)) };
     if u32::from_le_bytes([c0, c1, c2, c3]) != checksum(seed, message) {
-        return Parsed::Nothing;
+        return ScanResult::Nothing;
     }
     let whole = (HEAD + length) as u64;
     Frame::decode(message)
-        .map_or(Parsed::Nothing, |frame| Parsed::Frame(frame, whole.next_multiple_of(ALIGN)))
+        .map_or(ScanResult::Nothing, |frame| ScanResult::Frame(frame, whole.next_multiple_of(ALIGN)))
 }
 
 fn pack(seed: u64, frame: &Frame) -> Vec<u8> {
@@ -488,7 +488,7 @@ fn checksum(seed: u64, message: &[u8]) -> u32 {
 
 /// Returns a bit for each of this many records.
 fn bits(count: usize) -> u64 {
-    (0..count.min(MOST)).fold(0, |bits, bit| bits | 1 << bit)
+    (0..count.min(CAPACITY)).fold(0, |bits, bit| bits | 1 << bit)
 }
 
 fn missing(number: u64) -> io::Error {

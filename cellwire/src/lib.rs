@@ -22,9 +22,9 @@ use self::command::{
     capture, decode, encode, extcap, fanuc, identify, ls, modbus, ports, replay, settings, simulate, tap,
     vectors,
 };
-use self::io::journal::Unwritten;
+use self::io::journal::JournalWriteError;
 use self::telemetry::Implausible;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::output::{self, remark};
 use cellwire_io::{files, manual};
 
@@ -153,11 +153,11 @@ pub fn main() -> ExitCode {
             remark(&format!("error: {error:#}"));
             ExitCode::from(match () {
                 () if error.is::<modbus::Unknown>() => 8,
-                () if error.is::<Lost>() => 3,
+                () if error.is::<ConnectionLost>() => 3,
                 () if output::is_unwritten(&error) => 4,
                 () if error.is::<Implausible>() => 5,
-                () if error.is::<modbus::Refused>() => 6,
-                () if error.is::<Unwritten>() || error.is::<files::Unwritten>() => 7,
+                () if error.is::<modbus::RefusedRequest>() => 6,
+                () if error.is::<JournalWriteError>() || error.is::<files::FileWriteError>() => 7,
                 () => 2,
             })
         }

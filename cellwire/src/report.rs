@@ -22,12 +22,12 @@ pub struct Report {
     failures: Vec<String>,
     link: String,
     moves: &'static str,
-    done: Done,
+    done: ExecutedWork,
 }
 
 /// The jobs or messages of a run that were executed.
 #[derive(Debug, Clone, Copy)]
-pub enum Done {
+pub enum ExecutedWork {
     /// Jobs, each of them once; of those that were executed once, this many had other values than were sent.
     Jobs(Counts, u64),
     /// The messages of a stream, in order.
@@ -41,7 +41,7 @@ pub enum Done {
     },
 }
 
-impl Default for Done {
+impl Default for ExecutedWork {
     fn default() -> Self {
         Self::Jobs(Counts::default(), 0)
     }
@@ -100,20 +100,20 @@ impl Report {
     }
 
     /// Returns the link, the moving device, and the executed work.
-    pub fn summary(&self) -> (&str, &'static str, Done) {
+    pub fn summary(&self) -> (&str, &'static str, ExecutedWork) {
         (&self.link, self.moves, self.done)
     }
 
     /// Adds the messages of a stream.
     pub fn stream(&mut self, done: u64, lost: u64, may_lose: bool) {
-        self.done = Done::Stream { done, lost, may_lose };
+        self.done = ExecutedWork::Stream { done, lost, may_lose };
     }
 
     /// Adds the jobs of the run, and the number of those that were executed once with other values than were sent. Jobs that
     /// were lost, repeated, or executed although they were reported as not executed, are failures; jobs that the link
     /// reported as unknown are not.
     pub fn jobs(&mut self, jobs: Counts, altered: u64) {
-        self.done = Done::Jobs(jobs, altered);
+        self.done = ExecutedWork::Jobs(jobs, altered);
         self.fact("sent", "jobs sent", jobs.sent);
         self.fact("executed_once", "executed once", jobs.executed_once);
         self.fact("lost", "lost", jobs.lost);

@@ -226,7 +226,7 @@ struct Scientific(f32);
 
 impl fmt::Display for Scientific {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut short = Short::default();
+        let mut short = ShortText::default();
         fmt::Write::write_fmt(&mut short, format_args!("{:.6e}", self.0))?;
         let (mantissa, exponent) = short.text().split_once('e').ok_or(fmt::Error)?;
         let (sign, digits) = exponent.strip_prefix('-').map_or(('+', exponent), |digits| ('-', digits));
@@ -236,18 +236,18 @@ impl fmt::Display for Scientific {
 
 /// A few characters: `-1.000000e-38` is the longest.
 #[derive(Default)]
-struct Short {
+struct ShortText {
     bytes: [u8; 16],
     len: usize,
 }
 
-impl Short {
+impl ShortText {
     fn text(&self) -> &str {
         self.bytes.get(..self.len).and_then(|bytes| core::str::from_utf8(bytes).ok()).unwrap_or_default()
     }
 }
 
-impl fmt::Write for Short {
+impl fmt::Write for ShortText {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let end = self.len + text.len();
         self.bytes.get_mut(self.len..end).ok_or(fmt::Error)?.copy_from_slice(text.as_bytes());

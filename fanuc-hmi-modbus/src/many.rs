@@ -19,12 +19,12 @@ pub struct Block {
 
 /// A request for holding registers, and the ranges that are in it, by their indices in the caller's list.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Joined {
+pub(crate) struct JoinedRequest {
     pub(crate) addresses: Range<u32>,
     pub(crate) ranges: Vec<usize>,
 }
 
-impl Joined {
+impl JoinedRequest {
     /// Returns the registers of `range` that this request has read.
     pub(crate) fn part_of<'a>(&self, range: &Range<u32>, read: &'a [u16]) -> &'a [u16] {
         let begin = range.start.saturating_sub(self.addresses.start);
@@ -37,13 +37,13 @@ impl Joined {
 /// Returns the requests for these ranges, by address: a range of up to 125 registers is in one request, together with others
 /// that overlap it or are at most `gap` registers away, as far as they fit. A longer range needs several requests, an empty
 /// one no request.
-pub(crate) fn join(ranges: &[Range<u32>], gap: u16) -> Vec<Joined> {
+pub(crate) fn join(ranges: &[Range<u32>], gap: u16) -> Vec<JoinedRequest> {
     let most = u32::from(limit::READ_REGISTERS);
     let mut order: Vec<usize> = (0..ranges.len()).collect();
     order.sort_by_key(|at| ranges.get(*at).map(|range| range.start));
-    let mut requests: Vec<Joined> = Vec::new();
+    let mut requests: Vec<JoinedRequest> = Vec::new();
     for (at, range) in order.into_iter().filter_map(|at| Some((at, ranges.get(at)?))) {
-        let has_room = |Joined { addresses, .. }: &&mut Joined| {
+        let has_room = |JoinedRequest { addresses, .. }: &&mut JoinedRequest| {
             addresses.start <= range.start
                 && range.start <= addresses.end.saturating_add(gap.into())
                 && range.end.max(addresses.end) - addresses.start <= most
@@ -59,7 +59,7 @@ pub(crate) fn join(ranges: &[Range<u32>], gap: u16) -> Vec<Joined> {
         let mut start = range.start;
         while start < range.end {
             let end = range.end.min(start + most);
-            requests.push(Joined { addresses: start..end, ranges: vec![at] });
+            requests.push(JoinedRequest { addresses: start..end, ranges: vec![at] });
             start = end;
         }
     }

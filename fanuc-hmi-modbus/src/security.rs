@@ -2,7 +2,7 @@
 //! has its role.
 //!
 //! Port [`PORT`], TLS 1.2 or later: [`robot_session::tls`] and, for handles, `robot_session::tokio::tls`. A server gives
-//! each connection registers that are [`Guarded`] by the [`role`] of its peer.
+//! each connection registers that are [`GuardedRegisters`] by the [`role`] of its peer.
 
 use core::str;
 
@@ -120,25 +120,25 @@ pub struct Access {
 ///
 /// ```
 /// use fanuc_hmi_modbus::Registers;
-/// use fanuc_hmi_modbus::security::{Access, Guarded, role};
+/// use fanuc_hmi_modbus::security::{Access, GuardedRegisters, role};
 ///
 /// /// An operator reads; an engineer also writes from address 100 on.
 /// fn guard<R: Registers>(registers: R, certificate: &[u8]) -> impl Registers + use<R> {
 ///     let is_engineer = role(certificate) == Ok(Some("engineer"));
 ///     let is_known = is_engineer || role(certificate) == Ok(Some("operator"));
-///     Guarded::new(registers, move |access: Access| match access.function {
+///     GuardedRegisters::new(registers, move |access: Access| match access.function {
 ///         1..=4 => is_known,
 ///         _ => is_engineer && access.address >= 100,
 ///     })
 /// }
 /// ```
 #[derive(Debug, Clone)]
-pub struct Guarded<R, A> {
+pub struct GuardedRegisters<R, A> {
     registers: R,
     allows: A,
 }
 
-impl<R: Registers, A: FnMut(Access) -> bool> Guarded<R, A> {
+impl<R: Registers, A: FnMut(Access) -> bool> GuardedRegisters<R, A> {
     /// Guards these registers.
     pub const fn new(registers: R, allows: A) -> Self {
         Self { registers, allows }
@@ -163,7 +163,7 @@ macro_rules! guarded {
     };
 }
 
-impl<R: Registers, A: FnMut(Access) -> bool> Registers for Guarded<R, A> {
+impl<R: Registers, A: FnMut(Access) -> bool> Registers for GuardedRegisters<R, A> {
     guarded! {
         read_coils(address: u16, out: &mut BitsMut<'_>) -> (): function::READ_COILS, address, out.len();
         read_discrete_inputs(address: u16, out: &mut BitsMut<'_>) -> (): function::READ_DISCRETE_INPUTS, address, out.len();

@@ -2,7 +2,7 @@
 
 use core::mem::discriminant;
 
-use robot_session::spec::{ANY_TIME, Configure, Fields, SOME_TIME};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor, SOME_TIME};
 
 use crate::client::ClientConfig;
 use crate::framing::Framing;
@@ -10,7 +10,7 @@ use crate::server::ServerConfig;
 use crate::timing;
 
 /// Visits the field `framing`, and the time of a framing that has one.
-fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
+fn framing_of(fields: &mut impl FieldVisitor, framing: &mut Framing) {
     // A framing that is chosen already keeps its time.
     let before = *framing;
     let or_before = |it: Framing| if discriminant(&it) == discriminant(&before) { before } else { it };
@@ -33,7 +33,7 @@ fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
 }
 
 impl Configure for ClientConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             framing,
             timeout,
@@ -66,7 +66,7 @@ impl Configure for ClientConfig {
 }
 
 impl Configure for ServerConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             framing,
             unit,

@@ -2,7 +2,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 use crate::error::{EncodeError, Reason};
-use crate::text::{Read, expect, fail, is_letter};
+use crate::text::{ParseResult, expect, fail, is_letter};
 
 /// One entry of `/ATTR`, as in the text: `OWNER = MNEDITOR;`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -43,7 +43,7 @@ impl Attribute {
         matches!(self.name.as_str(), "LINE_COUNT" | "ZEILEN")
     }
 
-    pub(crate) fn decode(input: &str) -> Read<'_, Self> {
+    pub(crate) fn decode(input: &str) -> ParseResult<'_, Self> {
         let (rest, name) = decode_name(input, Reason::Attribute)?;
         let (rest, value) = if let Some(rest) = rest.strip_prefix(':') {
             let (rest, list) = decode_list(rest)?;
@@ -123,7 +123,7 @@ impl Attribute {
 }
 
 /// Reads the text before the next `=` or `:`.
-fn decode_name(input: &str, reason: Reason) -> Read<'_, &str> {
+fn decode_name(input: &str, reason: Reason) -> ParseResult<'_, &str> {
     let length = input.find(['=', ':', ';', ',', '\r', '\n']).unwrap_or(input.len());
     let name = input.get(..length).unwrap_or(input).trim_end();
     if name.is_empty() || name.contains([' ', '\t', '"']) {
@@ -132,7 +132,7 @@ fn decode_name(input: &str, reason: Reason) -> Read<'_, &str> {
     Ok((input.get(length..).unwrap_or(""), name))
 }
 
-fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
+fn decode_list(input: &str) -> ParseResult<'_, Vec<(String, String)>> {
     let mut items = Vec::new();
     let mut rest = input;
     loop {
@@ -148,7 +148,7 @@ fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
 }
 
 /// Decodes the text before one of `ends`, which may be between quotes; a line end in it becomes a space.
-fn decode_value<'a>(input: &'a str, ends: &[char]) -> Read<'a, String> {
+fn decode_value<'a>(input: &'a str, ends: &[char]) -> ParseResult<'a, String> {
     let (mut quoted, mut line_start) = (false, 0);
     let mut end = None;
     for (at, c) in input.char_indices() {

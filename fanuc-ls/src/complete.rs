@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use core::ops::Range;
 
 use crate::expression::{Function, ItemKind};
-use crate::grammar::{OPTIONS, Place, ROWS};
+use crate::grammar::{Context, OPTIONS, ROWS};
 use crate::operation::Operation;
 use crate::parts::{Parts, at, offset};
 use crate::statement::Statement;
@@ -45,7 +45,7 @@ pub(crate) fn find(text: &str, parts: &Parts, byte: usize) -> Vec<Completion> {
         let is_first = head.trim().is_empty();
         let is_action = head.trim_end().ends_with(',');
         if is_first || is_action {
-            let rows = ROWS.iter().filter(|row| is_first || row.place == Place::Anywhere);
+            let rows = ROWS.iter().filter(|row| is_first || row.place == Context::Anywhere);
             found.extend(rows.filter_map(|row| row.words.first()).map(ToString::to_string));
         }
         found.extend(ItemKind::names().map(|name| format!("{name}[")));

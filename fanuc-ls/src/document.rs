@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use crate::attribute::Attribute;
-use crate::check::Surroundings;
+use crate::check::CheckContext;
 use crate::complete::{self, Completion};
 use crate::entry::{self, Entry};
 use crate::error::DecodeError;
@@ -107,12 +107,12 @@ impl Document {
     /// Returns the findings, each once, in the sequence of the text: text that a controller would not take, and text that it
     /// takes but that the author probably did not mean. [`Problem::level`](crate::Problem::level) is the severity of each.
     pub fn findings(&self, rules: &Rules) -> Vec<Finding> {
-        self.findings_among(rules, &Surroundings::default())
+        self.findings_among(rules, &CheckContext::default())
     }
 
     /// Returns the findings if other programs, macros, instructions or the file's name are known: a call of a missing
     /// program and a different file name are findings; the name of a macro or an instruction is not.
-    pub fn findings_among(&self, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
+    pub fn findings_among(&self, rules: &Rules, around: &CheckContext) -> Vec<Finding> {
         inspect::find(&self.text, &self.parts, rules, around)
     }
 

@@ -202,7 +202,7 @@ impl Document {
 /// with other words than `before`. With `in_columns`, a number ends in the column in which it ended.
 fn merge(old: &str, before: &str, after: &str, in_columns: bool) -> Option<String> {
     let places = words(old);
-    let (before, after) = (Spelled::new(before), Spelled::new(after));
+    let (before, after) = (SpelledText::new(before), SpelledText::new(after));
     if places.len() != before.words.len() {
         return None;
     }
@@ -235,12 +235,12 @@ fn merge(old: &str, before: &str, after: &str, in_columns: bool) -> Option<Strin
 }
 
 /// A text and the places of its words.
-struct Spelled<'a> {
+struct SpelledText<'a> {
     text: &'a str,
     words: Vec<Range<usize>>,
 }
 
-impl<'a> Spelled<'a> {
+impl<'a> SpelledText<'a> {
     fn new(text: &'a str) -> Self {
         Self { text, words: words(text) }
     }

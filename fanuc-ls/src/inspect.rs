@@ -4,7 +4,7 @@ use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 
 use crate::attribute::AttributeValue;
-use crate::check::{self, Surroundings};
+use crate::check::{self, CheckContext};
 use crate::error::{Reason, Warning};
 use crate::finding::{Finding, Problem, placed};
 use crate::instruction::Instruction;
@@ -15,7 +15,7 @@ use crate::statement::Statement;
 use crate::text::{is_letter_or_digit, line_number};
 
 /// Returns all findings in a text, in sequence.
-pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &Surroundings) -> Vec<Finding> {
+pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules, around: &CheckContext) -> Vec<Finding> {
     let is_template =
         !parts.positions(text).any(|position| position.is_ok_and(|position| position.is_taught()));
     let is_copy = at(text, &parts.name).starts_with('-') && at(text, &parts.name).ends_with('-');
@@ -49,7 +49,7 @@ fn reading(text: &str, parts: &Parts, rules: &Rules) -> Vec<(usize, Problem)> {
     let mut check = Check { text, parts, found: Vec::new() };
     check.name(rules);
     let line_count = check.attributes();
-    let mut used = Used::default();
+    let mut used = UsedPositions::default();
     check.statements(&mut used, line_count);
     check.positions(&used);
     check.found.sort_by_key(|(offset, _)| *offset);
@@ -64,7 +64,7 @@ struct Check<'a> {
 
 /// The positions that instructions name.
 #[derive(Default)]
-struct Used<'a> {
+struct UsedPositions<'a> {
     numbers: BTreeSet<u32>,
     /// One is chosen when the program runs, `P[R[1]]`: it may be any.
     any: bool,
@@ -113,7 +113,7 @@ impl<'a> Check<'a> {
         line_count
     }
 
-    fn statements(&mut self, used: &mut Used<'a>, line_count: Option<(usize, usize)>) {
+    fn statements(&mut self, used: &mut UsedPositions<'a>, line_count: Option<(usize, usize)>) {
         let (mut last, mut count, mut numbered, mut is_off) = (0usize, 0, true, false);
         let before = self.found.len();
         for statement in self.parts.statements(self.text) {
@@ -151,7 +151,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    fn motion(&mut self, motion: &Motion, statement: Statement<'a>, used: &mut Used<'a>) {
+    fn motion(&mut self, motion: &Motion, statement: Statement<'a>, used: &mut UsedPositions<'a>) {
         let place = statement.body();
         if motion.speed.unit().is_some_and(|unit| !unit.fits(motion.kind)) {
             self.warn(offset(self.text, place), Warning::SpeedUnit);
@@ -165,7 +165,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    fn positions(&mut self, used: &Used<'a>) {
+    fn positions(&mut self, used: &UsedPositions<'a>) {
         let mut defined = BTreeMap::new();
         for (position, block) in self.parts.positions(self.text).zip(&self.parts.blocks) {
             let position = match position {
@@ -202,7 +202,7 @@ impl<'a> Check<'a> {
     }
 }
 
-impl Used<'_> {
+impl UsedPositions<'_> {
     /// Notes every `P[n]` in an instruction's text: `PR[1]=P[3]` uses it as well.
     fn note(&mut self, text: &str) {
         for (at, _) in text.match_indices("P[") {

@@ -43,7 +43,7 @@ mod view;
 
 pub use attribute::{Attribute, AttributeValue};
 pub use builder::Builder;
-pub use check::Surroundings;
+pub use check::CheckContext;
 pub use complete::Completion;
 pub use document::{Document, Encoding};
 pub use entry::{Content, Entry};

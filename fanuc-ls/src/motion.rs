@@ -4,8 +4,8 @@ use core::fmt;
 
 use crate::error::{EncodeError, Reason};
 use crate::text::{
-    Read, Reference, decimal, fail, is_letter_or_digit, is_plain, join_lines, joint, or_fail, plain_number,
-    push_number, push_shortest, reference, unsigned,
+    ParseResult, Reference, decimal, fail, is_letter_or_digit, is_plain, join_lines, joint, or_fail,
+    plain_number, push_number, push_shortest, reference, unsigned,
 };
 
 /// A motion instruction, such as `S P[2] 10mm/sec CNT100`.
@@ -37,7 +37,7 @@ impl Motion {
     }
 
     /// Decodes the text between the line's `:` and `;`.
-    pub(crate) fn decode(input: &str) -> Read<'_, Self> {
+    pub(crate) fn decode(input: &str) -> ParseResult<'_, Self> {
         let (rest, mut motion) = Self::head(input)?;
         motion.options = join_lines(rest);
         Ok(("", motion))
@@ -49,7 +49,7 @@ impl Motion {
     }
 
     /// Decodes all of a motion except the options, which follow.
-    fn head(input: &str) -> Read<'_, Self> {
+    fn head(input: &str) -> ParseResult<'_, Self> {
         let mut letters = input.chars();
         let Some(kind) = letters.next().and_then(MotionKind::from_letter) else {
             return fail(input, Reason::Target);
@@ -206,7 +206,7 @@ impl Target {
         Self::Register { number, name: None }
     }
 
-    fn decode(input: &str) -> Read<'_, Self> {
+    fn decode(input: &str) -> ParseResult<'_, Self> {
         let (rest, Reference { letters, inside, .. }) = reference(input, Reason::Target)?;
         let (number, name) = match plain_number(inside) {
             Some(number) => (Some(number), None),
@@ -288,7 +288,7 @@ impl Speed {
         }
     }
 
-    fn decode(input: &str) -> Read<'_, Self> {
+    fn decode(input: &str) -> ParseResult<'_, Self> {
         // A template's placeholder counts as a register.
         if let Some(rest) = input.strip_prefix("...")
             && let Ok((rest, unit)) = SpeedUnit::decode(rest)
@@ -377,7 +377,7 @@ impl SpeedUnit {
         }
     }
 
-    fn decode(input: &str) -> Read<'_, Self> {
+    fn decode(input: &str) -> ParseResult<'_, Self> {
         // Controllers set to German print `sek`.
         let (unit, length) = match input.as_bytes() {
             [b'%', ..] => (Self::Percent, 1),
@@ -432,7 +432,7 @@ pub enum Termination {
 
 impl Termination {
     /// Decodes a termination; `None` if other text follows, which is then an option.
-    fn decode(input: &str) -> Read<'_, Option<Self>> {
+    fn decode(input: &str) -> ParseResult<'_, Option<Self>> {
         let ends = |rest: &str| !rest.starts_with(|c| is_letter_or_digit(c) || c == '_');
         if let Some(rest) = input.strip_prefix("FINE").filter(|rest| ends(rest)) {
             return Ok((rest, Some(Self::Fine)));

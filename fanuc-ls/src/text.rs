@@ -11,7 +11,7 @@ use nom::{IResult, Parser};
 use crate::error::Reason;
 
 /// The unread text, and the result.
-pub(crate) type Read<'a, T> = IResult<&'a str, T, Fault<'a>>;
+pub(crate) type ParseResult<'a, T> = IResult<&'a str, T, Fault<'a>>;
 
 /// The offset and the reason of a failure. Becomes a [`DecodeError`](crate::DecodeError) once the whole text is available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,7 +42,7 @@ impl<'a> ParseError<&'a str> for Fault<'a> {
 }
 
 /// Returns the failure at `at`.
-pub(crate) fn fail<T>(at: &str, reason: Reason) -> Read<'_, T> {
+pub(crate) fn fail<T>(at: &str, reason: Reason) -> ParseResult<'_, T> {
     Err(nom::Err::Failure(Fault { at, reason }))
 }
 
@@ -51,7 +51,7 @@ pub(crate) fn or_fail<'a, T>(
     input: &'a str,
     reason: Reason,
     mut parser: impl Parser<&'a str, Output = T, Error = Fault<'a>>,
-) -> Read<'a, T> {
+) -> ParseResult<'a, T> {
     match parser.parse(input) {
         Err(nom::Err::Error(_)) => fail(input, reason),
         other => other,
@@ -117,7 +117,7 @@ pub(crate) fn is_letter_or_digit(c: char) -> bool {
 }
 
 /// Reads a word of letters, digits and `_`.
-pub(crate) fn word(input: &str) -> Read<'_, &str> {
+pub(crate) fn word(input: &str) -> ParseResult<'_, &str> {
     take_while1(|c: char| is_letter_or_digit(c) || c == '_').parse(input)
 }
 
@@ -129,7 +129,7 @@ pub(crate) fn digits(input: &str) -> usize {
 
 /// Reads a whole number without a sign.
 #[inline]
-pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
+pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> ParseResult<'_, N> {
     let number = input.split_at_checked(digits(input));
     match number.and_then(|(digits, rest)| Some((rest, digits.parse().ok()?))) {
         Some(read) => Ok(read),
@@ -150,7 +150,7 @@ pub(crate) fn line_number(digits: &str) -> Option<usize> {
 }
 
 /// Reads a decimal number; the zero before the point may be missing, and the point too.
-pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
+pub(crate) fn decimal(input: &str) -> ParseResult<'_, f64> {
     let number = decimal_prefix(input.as_bytes());
     match number.and_then(|(value, length)| Some((input.get(length..)?, value))) {
         Some(read) => Ok(read),
@@ -269,7 +269,7 @@ pub(crate) struct Reference<'a> {
 }
 
 /// Reads a reference, or fails for this reason.
-pub(crate) fn reference(input: &str, reason: Reason) -> Read<'_, Reference<'_>> {
+pub(crate) fn reference(input: &str, reason: Reason) -> ParseResult<'_, Reference<'_>> {
     let (behind, letters) = or_fail(input, reason, take_while1(|c: char| c.is_ascii_alphabetic()))?;
     let inner = expect(behind, "[", reason)?;
     let mut depth = 0usize;

@@ -4,8 +4,8 @@ use core::iter;
 
 use arbitrary::{Arbitrary, Unstructured};
 use bytes::{Buf, BytesMut};
-use cellwire_links::codec::{self, Found};
-use cellwire_links::link::{Accepted, Link};
+use cellwire_links::codec::{self, StreamItem};
+use cellwire_links::link::{AcceptedMessage, Link};
 use cellwire_links::settings::insert;
 use cellwire_links::vectors::{Outcome, Vector, vectors};
 use robot_session::contract::Rng;
@@ -33,11 +33,11 @@ struct Stream {
 struct Message {
     /// The position at which the bytes of the message are cut, modulo their number.
     cut: u8,
-    source: Source,
+    source: InputSource,
 }
 
 #[derive(Debug, Arbitrary)]
-enum Source {
+enum InputSource {
     /// A message of the vectors, with changes.
     Vector {
         vector: u16,
@@ -82,7 +82,7 @@ struct Codecs {
 }
 
 /// A side of the link, and the settings of its codec.
-struct Way {
+struct CodecSide {
     link: &'static Link,
     side: &'static str,
     settings: Map<String, Value>,
@@ -115,7 +115,7 @@ impl Codecs {
     }
 
     /// Returns a side with its settings.
-    fn way(&self, Settings { place, others }: Settings) -> Way {
+    fn way(&self, Settings { place, others }: Settings) -> CodecSide {
         let (side, mut settings) = self.known[usize::from(place) % self.known.len()].clone();
         let mut others = usize::from(others);
         for (name, values) in &self.settings {
@@ -124,7 +124,7 @@ impl Codecs {
             }
             others /= values.len() + 1;
         }
-        Way { link: self.link, side, settings }
+        CodecSide { link: self.link, side, settings }
     }
 
     /// Returns the streams of the vectors, alone and all of one direction, as bytes of a [`Stream`].
@@ -176,7 +176,7 @@ impl Codecs {
     }
 
     /// Returns the bytes of a message that a side sends.
-    fn good(&self, way: &Way, place: usize) -> Option<Vec<u8>> {
+    fn good(&self, way: &CodecSide, place: usize) -> Option<Vec<u8>> {
         let is_its = |(at, vector): &&(usize, Vector)| {
             *at == place % self.known.len() && vector.result == Outcome::Valid && !vector.end
         };
@@ -189,8 +189,8 @@ impl Codecs {
     /// refused.
     fn message(&self, Message { cut, source }: &Message) {
         let (way, message) = match source {
-            Source::Vector { vector, others, changes } => self.changed(*vector, *others, changes),
-            Source::Typed { settings, bytes: Bytes(bytes) } => {
+            InputSource::Vector { vector, others, changes } => self.changed(*vector, *others, changes),
+            InputSource::Typed { settings, bytes: Bytes(bytes) } => {
                 let way = self.way(*settings);
                 let made = |codec: Box<dyn codec::Codec>| codec.arbitrary(&mut Unstructured::new(bytes)).ok();
                 let message = way.codec().and_then(made);
@@ -203,7 +203,7 @@ impl Codecs {
     }
 
     /// Returns a message of the vectors with changes, if the settings have the message.
-    fn changed(&self, vector: u16, others: u8, changes: &[Change]) -> (Way, Option<Value>) {
+    fn changed(&self, vector: u16, others: u8, changes: &[Change]) -> (CodecSide, Option<Value>) {
         let (place, vector) = &self.vectors[usize::from(vector) % self.vectors.len()];
         let way = self.way(Settings { place: *place as u8, others });
         if way.codec().is_none() {
@@ -219,7 +219,7 @@ impl Codecs {
     }
 }
 
-impl Way {
+impl CodecSide {
     /// Checks that a message that can be written is read again as it was, also three of them after one another, and that a
     /// part of it is not a message.
     fn check_message(&self, message: &Value, cut: usize) {
@@ -251,7 +251,7 @@ impl Way {
     }
 
     /// Returns the items of a stream, and of the one message after its end.
-    fn items(&self, pieces: &[&[u8]], next: &[u8]) -> Vec<Found> {
+    fn items(&self, pieces: &[&[u8]], next: &[u8]) -> Vec<StreamItem> {
         let mut items = codec::items(self.codec().unwrap(), &[pieces.to_vec(), vec![next]]).unwrap();
         if !next.is_empty() {
             let last = items.pop().unwrap();
@@ -268,12 +268,18 @@ impl Way {
         let message = parsed(json);
         let written = self.codec().unwrap().encode(message.clone());
         let written = written.ok();
-        let accepted =
-            Accepted { settings: &self.settings, message: &message, bytes, written: written.as_deref() };
+        let accepted = AcceptedMessage {
+            settings: &self.settings,
+            message: &message,
+            bytes,
+            written: written.as_deref(),
+        };
         assert!(self.link.accepts(&accepted), "{accepted:02X?}");
         if let Some(written) = written.filter(|written| written != bytes) {
             let again = self.items(&[&written], &[]);
-            let [Found { content: Ok(again), .. }] = &again[..] else { panic!("{again:?}, of {message}") };
+            let [StreamItem { content: Ok(again), .. }] = &again[..] else {
+                panic!("{again:?}, of {message}")
+            };
             assert!(same(&parsed(again), &message), "{again}, of {message}");
         }
     }
@@ -297,7 +303,7 @@ impl Way {
 }
 
 /// Returns the position, the length and the content of an item.
-fn placed(item: &Found) -> (usize, usize, &Result<String, String>) {
+fn placed(item: &StreamItem) -> (usize, usize, &Result<String, String>) {
     (item.offset as usize, item.length as usize, &item.content)
 }
 

@@ -11,7 +11,7 @@ use crate::Bytes;
 /// A table of joint positions, and the way to resample it.
 #[derive(Debug, Arbitrary)]
 pub(crate) struct Table {
-    sampling: By,
+    sampling: Unit,
     is_speed_in_tenths: bool,
     /// The step, in sixteenths of a mm, degree or second, less one.
     step: u8,
@@ -19,7 +19,7 @@ pub(crate) struct Table {
 }
 
 #[derive(Debug, Arbitrary)]
-enum By {
+enum Unit {
     Distance,
     Angle,
     Time,
@@ -85,12 +85,12 @@ pub(crate) fn trajectory(Table { sampling, is_speed_in_tenths, step, csv: Bytes(
     let step = (f64::from(step) + 1.0) / 16.0;
     let dynamic = |range, by| Sampling::Dynamic { min: step, max: step + f64::from(range) / 8.0, by };
     let mut resampling = Resampling::new(match sampling {
-        By::Distance => Sampling::Distance(step),
-        By::Angle => Sampling::Angle(step),
-        By::Time => Sampling::Time(step),
-        By::Translation(range) => dynamic(range, Acceleration::Translation),
-        By::Rotation(range) => dynamic(range, Acceleration::Rotation),
-        By::Either(range) => dynamic(range, Acceleration::Either),
+        Unit::Distance => Sampling::Distance(step),
+        Unit::Angle => Sampling::Angle(step),
+        Unit::Time => Sampling::Time(step),
+        Unit::Translation(range) => dynamic(range, Acceleration::Translation),
+        Unit::Rotation(range) => dynamic(range, Acceleration::Rotation),
+        Unit::Either(range) => dynamic(range, Acceleration::Either),
     });
     resampling.speed = if is_speed_in_tenths { SpeedStep::Tenth } else { SpeedStep::Whole };
     let made = resampling.program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());

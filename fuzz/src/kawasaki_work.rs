@@ -6,14 +6,14 @@ use std::sync::LazyLock;
 use arbitrary::Arbitrary;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Charset, Dialect, Fields, Job, JobKind, LargeRobot, Message, RobotConfig, Role, Text, Unfit, Work,
+    Charset, Dialect, FieldVisitor, Job, JobKind, LargeRobot, Message, RobotConfig, Role, Text, Unfit, Work,
 };
 
 use crate::Bytes;
 
 /// The fields of a job as they are written, and where the message is cut.
 #[derive(Debug, Arbitrary)]
-pub(crate) struct Written {
+pub(crate) struct WrittenFields {
     cut: u8,
     fields: Bytes,
 }
@@ -33,7 +33,7 @@ fn wordy() -> Dialect {
 
 /// A job with a field of every kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Mixed {
+struct MixedJob {
     kind: JobKind,
     whole: i32,
     few: i32,
@@ -42,10 +42,10 @@ struct Mixed {
     long: Text<20>,
 }
 
-impl Work for Mixed {
+impl Work for MixedJob {
     type Ranges = ();
 
-    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
         fields.whole("whole", &mut self.whole, i32::MIN..=i32::MAX)?;
         fields.decimal("few", &mut self.few, 1, -999..=9_999)?;
@@ -57,13 +57,13 @@ impl Work for Mixed {
 
 /// Asserts that any fields of a job, read on the fast and on the general path, whole and split in two, are the same job or
 /// none, and that a queued job is written and read again unchanged.
-pub(crate) fn work(Written { cut, fields: Bytes(fields) }: Written) {
+pub(crate) fn work(WrittenFields { cut, fields: Bytes(fields) }: WrittenFields) {
     let message = |name: &str| {
         let data = [b"50$1$", fields.as_slice()].concat();
         [format!("<{name}${}#", data.len()).as_bytes(), &data, b"#>"].concat()
     };
     let queue = |dialect: Dialect, wire: &[u8], cut: usize| {
-        let (writer, reader) = robot_work_queue::boxed::<Job<Mixed>>(4, 9999).unwrap();
+        let (writer, reader) = robot_work_queue::boxed::<Job<MixedJob>>(4, 9999).unwrap();
         let mut robot =
             LargeRobot::with_ranges(RobotConfig { dialect, ..RobotConfig::tcp() }, writer, ()).unwrap();
         robot.handle_timeout(Duration::ZERO);
@@ -82,7 +82,7 @@ pub(crate) fn work(Written { cut, fields: Bytes(fields) }: Written) {
         let mut out = [0; 4096];
         let length = Dialect::DEFAULT.write_job(job, &(), &mut out).unwrap();
         let (again, _) = Message::decode(&out[..length], Charset::Ascii).unwrap().unwrap();
-        assert_eq!(Dialect::DEFAULT.read_job::<Mixed>(&again, &()), Ok(*job));
+        assert_eq!(Dialect::DEFAULT.read_job::<MixedJob>(&again, &()), Ok(*job));
         assert_eq!(queue(Dialect::DEFAULT, &out[..length], usize::MAX), queued);
     }
 }

@@ -23,12 +23,12 @@ use cellwire_links::LINKS;
 use cellwire_links::end::EndRow;
 use cellwire_links::link::Link;
 use robot_session::contract::{Rng, Script, scripted};
-use testkit::contract::{Call, Held, Piece};
+use testkit::contract::{Call, Piece, TestedEnd};
 
 type Body = dyn Fn(&[u8]);
 
 /// A target that belongs to no link: its name, and how it is made.
-type Other = (&'static str, fn() -> Target);
+type OtherTarget = (&'static str, fn() -> Target);
 
 /// A target.
 pub struct Target {
@@ -69,7 +69,7 @@ pub type Make = Box<dyn Fn() -> Target>;
 
 /// Returns every target by its name.
 pub fn targets() -> impl Iterator<Item = (String, Make)> {
-    let others: [Other; 5] = [
+    let others: [OtherTarget; 5] = [
         ("fanuc_hmi_modbus_assignment", || Target::new(Vec::new(), fanuc_hmi::assignment)),
         ("fanuc_hmi_modbus_motion", || Target::new(Vec::new(), fanuc_hmi::motion)),
         ("fanuc_ls_program", || Target::new(Vec::new(), fanuc_ls::program)),
@@ -99,7 +99,7 @@ pub fn target(name: &str) -> Target {
 
 /// Returns a target for an end, which must meet the contract of sessions.
 fn end(link: &Link, row: &EndRow) -> Target {
-    let held = Held::of(link, row);
+    let held = TestedEnd::of(link, row);
     let seeds = (0..64).map(|seed| Rng::new(seed).bytes(500)).collect();
     Target::new(seeds, move |script: Script<Piece, Call>| scripted(&held, &script))
 }

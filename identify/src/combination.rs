@@ -50,7 +50,7 @@ pub(super) struct Piece {
 
 /// A message among some bytes.
 #[derive(Debug, Default)]
-pub(super) struct Within {
+pub(super) struct MessageWithin {
     /// The weight of all messages.
     pub(super) weight: u64,
     pub(super) level: Level,
@@ -184,9 +184,9 @@ impl Combination {
     }
 
     /// Finds the message in some bytes that is explained best, if there is one.
-    pub(super) fn within(&mut self, side: &str, bytes: &[u8]) -> Within {
+    pub(super) fn within(&mut self, side: &str, bytes: &[u8]) -> MessageWithin {
         let mut found = Vec::new();
-        let Some(codec) = self.codec(side) else { return Within::default() };
+        let Some(codec) = self.codec(side) else { return MessageWithin::default() };
         let (begin, mut rest, mut ended) = (codec.position(), bytes, false);
         while !ended {
             ended = rest.is_empty();
@@ -206,7 +206,7 @@ impl Combination {
             }
         }
         codec.clear();
-        let mut best = Within::default();
+        let mut best = MessageWithin::default();
         for (from, to, json) in found {
             let place = |at: u64| usize::try_from(at).unwrap_or(usize::MAX);
             let bytes = bytes.get(place(from)..place(to)).unwrap_or_default();
@@ -228,7 +228,7 @@ impl Combination {
         let common = usize::try_from(other.end().checked_sub(piece.begin)?).ok()?;
         let is_last = taken.get(at + 1).is_none_or(|next| piece.end() <= next.begin);
         let rest = piece.bytes.get(common..).filter(|_| is_last && other.begin < piece.begin)?;
-        let Within { level, len, message, .. } = self.within(piece.side, rest);
+        let MessageWithin { level, len, message, .. } = self.within(piece.side, rest);
         if len < rest.len() || rest.is_empty() {
             return None;
         }

@@ -7,7 +7,7 @@ use crate::Stream;
 /// The minimum number of pieces that have come back, of ten that were sent.
 const OF_TEN: usize = 9;
 /// The number of pieces that show an echo.
-const ENOUGH: usize = 2;
+const MIN_ECHOES: usize = 2;
 
 /// Returns the streams without the echo, if the line returns the bytes that one of two ends sends.
 ///
@@ -41,7 +41,7 @@ fn returned(sent: &Stream, received: &Stream) -> Option<Vec<Range<usize>>> {
         }
     }
     answered += usize::from(is_open && from < bytes.len());
-    let is_echo = found.len() >= ENOUGH && found.len() * 10 >= sent.arrivals.len() * OF_TEN;
+    let is_echo = found.len() >= MIN_ECHOES && found.len() * 10 >= sent.arrivals.len() * OF_TEN;
     (is_echo && answered * 2 >= found.len()).then_some(found)
 }
 

@@ -8,12 +8,12 @@ use serde_json::Value;
 use super::combination::{Combination, Level, Piece, Reading};
 
 /// Evidence of this many bits rules a combination out.
-pub(super) const ENOUGH: f64 = 10.0;
+pub(super) const RULED_OUT_BITS: f64 = 10.0;
 /// If nothing else is corrupt, bytes that are unlikely to be a message by chance are not corrupt either.
 const CLEAN: f64 = 5.0;
 const UNLIKELY: f64 = 1.0 / 32.0;
 /// A corrupt value does not come again by chance.
-const AGAIN: f64 = 12.0;
+const REPEATED_BITS: f64 = 12.0;
 /// The number of corrupt messages that are tried: a few, and if they do not decide, many.
 const TRIALS: [u32; 2] = [64, 8192];
 /// The number of messages that are examined.
@@ -22,7 +22,7 @@ const MESSAGES: usize = 200;
 /// Returns whether the evidence for `a` rules `b` out, less that against it.
 pub(super) fn rules_out(a: &mut Combination, of_a: &Reading, b: &mut Combination, of_b: &Reading) -> bool {
     let bits = evidence(a, of_a, b, of_b);
-    bits >= ENOUGH && bits - evidence(b, of_b, a, of_a) >= ENOUGH
+    bits >= RULED_OUT_BITS && bits - evidence(b, of_b, a, of_a) >= RULED_OUT_BITS
 }
 
 /// Returns the evidence for `a` against `b`, in bits, from the bytes that `a` explains better.
@@ -38,14 +38,14 @@ pub(super) fn evidence(a: &mut Combination, of_a: &Reading, b: &mut Combination,
         return 0.0;
     }
     let count = only.len();
-    let again = repeated(&only, b) * AGAIN;
+    let again = repeated(&only, b) * REPEATED_BITS;
     let base = base(of_a, b);
     let mut bits = 0.0;
     for trials in TRIALS {
         let chance = chance(a, b, &base, trials);
         let clean = if of_a.corrupt == 0 && chance < UNLIKELY { CLEAN } else { 0.0 };
         bits = tail(count, count + of_a.corrupt, chance) + clean + again;
-        if bits >= ENOUGH {
+        if bits >= RULED_OUT_BITS {
             break;
         }
     }

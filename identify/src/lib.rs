@@ -77,7 +77,7 @@ pub struct Finding {
     /// The settings, those that are undecided at the value that is likelier or the default.
     pub settings: Map<String, Value>,
     /// The settings that the source leaves open, one by one.
-    pub options: Vec<Open>,
+    pub options: Vec<OpenSetting>,
     /// The number of messages that were read, and the number of them that are written as they were read.
     pub messages: [usize; 2],
     /// The bytes in messages, and all of them.
@@ -116,18 +116,18 @@ impl Finding {
 
 /// A setting that the source leaves open.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Open {
+pub struct OpenSetting {
     /// The name of the setting.
     pub name: String,
     /// The value that explains the bytes.
     pub value: Value,
     /// The evidence for the value.
-    pub decided: Decided,
+    pub decided: DecidedBy,
 }
 
 /// The evidence for the value of a setting.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Decided {
+pub enum DecidedBy {
     /// Every other value leaves messages unexplained.
     ByBytes,
     /// Other values give numbers or texts that make no sense.
@@ -135,7 +135,7 @@ pub enum Decided {
     /// The bytes do not decide the setting.
     Not {
         /// The other values that are not ruled out; empty if any value explains the same.
-        others: Vec<Other>,
+        others: Vec<OtherValue>,
         /// A message that would decide it; `None` if the setting makes no difference beside the others.
         message: Option<String>,
     },
@@ -143,7 +143,7 @@ pub enum Decided {
 
 /// A value of a setting that is not ruled out.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Other {
+pub struct OtherValue {
     /// The value that is not ruled out.
     pub value: Value,
     /// The number of bytes that the value leaves unexplained, and the chosen value explains.

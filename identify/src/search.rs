@@ -5,25 +5,25 @@ use serde_json::{Map, Value};
 
 use super::combination::{Combination, Level, Reading};
 use super::echo::without_echo;
-use super::evidence::{ENOUGH, Random, evidence, rules_out};
+use super::evidence::{RULED_OUT_BITS, Random, evidence, rules_out};
 use super::plausible::plausible;
-use super::{Decided, Finding, Open, Other, Stream};
+use super::{DecidedBy, Finding, OpenSetting, OtherValue, Stream};
 use cellwire_links::link::{Guess, Link};
 use cellwire_links::settings::Setting;
 
 /// The number of bytes of each stream that are read with every combination.
 const SAMPLE: usize = 16 * 1024;
 /// The number of combinations that are read exactly.
-const KEPT: usize = 128;
+const MAX_EXACT: usize = 128;
 /// The number of combinations that are read on all bytes.
-const WHOLE: usize = 24;
+const MAX_WHOLE: usize = 24;
 /// Numbers that make no sense rule a combination out with this many bits.
 const SENSE: f64 = 20.0;
 /// The sense by which one message decides.
 const SENSE_OF_ONE: f64 = 5.0;
 /// The number of bytes that are shuffled to determine the readings by chance.
 const SHUFFLED: usize = 64 * 1024;
-const MOST_SHUFFLES: usize = 1024;
+const MAX_SHUFFLES: usize = 1024;
 
 /// Finds the settings of a link that explain most of the bytes of a conversation; among them `echo`, if the line returns the
 /// bytes of one end, and the link has that setting.
@@ -35,7 +35,11 @@ pub fn identify(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     let mut finding = read(link, cleaned.as_deref().unwrap_or(streams))?;
     if cleaned.is_some() && !finding.read.is_empty() {
         finding.settings.insert(ECHO.into(), true.into());
-        finding.options.push(Open { name: ECHO.into(), value: true.into(), decided: Decided::ByBytes });
+        finding.options.push(OpenSetting {
+            name: ECHO.into(),
+            value: true.into(),
+            decided: DecidedBy::ByBytes,
+        });
     }
     Ok(finding)
 }
@@ -59,7 +63,7 @@ fn read(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     kept.sort_by_key(|(weight, it)| (core::cmp::Reverse(*weight), changes(it)));
     let most = kept.first().map_or(0, |(weight, _)| *weight);
     kept.retain(|(weight, _)| weight * 2 >= most);
-    kept.truncate(if most == 0 { 1 } else { KEPT });
+    kept.truncate(if most == 0 { 1 } else { MAX_EXACT });
     let mut read = Vec::new();
     for (_, mut combination) in kept {
         let reading = combination.read(&sample, true)?;
@@ -71,10 +75,10 @@ fn read(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
     sort(&mut likely);
     if sample.iter().map(Stream::size).ne(streams.iter().map(Stream::size)) {
         confirm(&mut likely, streams)?;
-        for it in likely.iter_mut().take(WHOLE) {
+        for it in likely.iter_mut().take(MAX_WHOLE) {
             it.reading = it.combination.read(streams, true)?;
         }
-        likely.truncate(WHOLE);
+        likely.truncate(MAX_WHOLE);
         sort(&mut likely);
     }
     let first = likely.first().map(|it| it.combination.settings.clone()).unwrap_or_default();
@@ -98,7 +102,7 @@ fn read(link: &'static Link, streams: &[Stream]) -> Result<Finding> {
 }
 
 /// A combination that the bytes do not rule out.
-struct Likely {
+struct Candidate {
     combination: Combination,
     reading: Reading,
     /// Neither do its numbers.
@@ -106,7 +110,7 @@ struct Likely {
 }
 
 /// Puts the combination first that explains most; of equals, the nearest to the defaults.
-fn sort(likely: &mut [Likely]) {
+fn sort(likely: &mut [Candidate]) {
     use core::cmp::Reverse;
     likely
         .sort_by_key(|it| (Reverse(it.makes_sense), Reverse(it.reading.weight()), changes(&it.combination)));
@@ -182,7 +186,7 @@ fn changes(combination: &Combination) -> usize {
 }
 
 /// Returns the combination that no other one rules out, followed by those that it does not rule out.
-fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Likely> {
+fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Candidate> {
     let key = |(combination, reading): &(Combination, Reading)| {
         (core::cmp::Reverse(reading.weight()), changes(combination))
     };
@@ -201,13 +205,13 @@ fn group(mut read: Vec<(Combination, Reading)>) -> Vec<Likely> {
     let mut best = read.remove(best);
     read.retain_mut(|other| !rules_out(&mut best.0, &best.1, &mut other.0, &other.1));
     read.insert(0, best);
-    let likely = |(combination, reading)| Likely { combination, reading, makes_sense: true };
+    let likely = |(combination, reading)| Candidate { combination, reading, makes_sense: true };
     read.into_iter().map(likely).collect()
 }
 
 /// Marks those whose numbers and texts make no sense beside another's.
-fn sensible(likely: &mut [Likely]) {
-    let makes_less = |it: &Likely, other: &Likely| {
+fn sensible(likely: &mut [Candidate]) {
+    let makes_less = |it: &Candidate, other: &Candidate| {
         // Only over the bytes that both read: more messages are more significant.
         let same =
             it.reading.pieces.iter().filter_map(|piece| Some(other.reading.same(piece)?.sense - piece.sense));
@@ -219,7 +223,7 @@ fn sensible(likely: &mut [Likely]) {
 }
 
 /// Rules out settings by other bytes than those of the sample, one setting at a time.
-fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
+fn confirm(likely: &mut Vec<Candidate>, streams: &[Stream]) -> Result<()> {
     let Some(first) = likely.first() else { return Ok(()) };
     let (link, mut settings) = (first.combination.link, first.combination.settings.clone());
     let mut first = Combination::new(link, settings.clone())?;
@@ -232,7 +236,7 @@ fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
             others.push(other);
         }
     }
-    others.truncate(WHOLE);
+    others.truncate(MAX_WHOLE);
     for (name, value) in others {
         let mut given = settings.clone();
         given.insert(name.clone(), value.clone());
@@ -249,14 +253,14 @@ fn confirm(likely: &mut Vec<Likely>, streams: &[Stream]) -> Result<()> {
 }
 
 /// Returns the certainty that these are messages: the same bytes in another order hold as many once in 2 to the power of this.
-fn surely(best: Option<&mut Likely>, sample: &[Stream]) -> Result<f64> {
+fn surely(best: Option<&mut Candidate>, sample: &[Stream]) -> Result<f64> {
     let Some(best) = best else { return Ok(0.0) };
     let found = best.reading.pieces.len();
     if found == 0 {
         return Ok(0.0);
     }
     let bytes: usize = sample.iter().map(Stream::size).sum();
-    let times = (SHUFFLED / bytes).clamp(2, MOST_SHUFFLES);
+    let times = (SHUFFLED / bytes).clamp(2, MAX_SHUFFLES);
     let (mut random, mut by_chance) = (Random(2), 0);
     for _ in 0..times {
         let mut shuffled = sample.to_vec();
@@ -276,7 +280,7 @@ fn surely(best: Option<&mut Likely>, sample: &[Stream]) -> Result<f64> {
 }
 
 /// Returns the open settings one by one, and those in a table by themselves.
-fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) -> Result<Vec<Open>> {
+fn options(first: &mut Combination, likely: &mut [Candidate], sample: &[Stream]) -> Result<Vec<OpenSetting>> {
     let link = first.link;
     let mut options = Vec::new();
     for setting in link.open.settings {
@@ -289,9 +293,9 @@ fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) ->
             let mut found = option(first, likely, setting, Some(name))?;
             if let Some(undecided) = any(first, setting, name, sample)? {
                 found.decided = undecided;
-            } else if let Decided::Not { others, .. } = &mut found.decided {
+            } else if let DecidedBy::Not { others, .. } = &mut found.decided {
                 // Where another combination has it at a value that explains nothing, any would do there.
-                let of = |it: &Likely| it.combination.settings.get(*setting)?.get(name).cloned();
+                let of = |it: &Candidate| it.combination.settings.get(*setting)?.get(name).cloned();
                 for it in likely.iter_mut().filter(|it| {
                     it.makes_sense && of(it).is_some_and(|it| others.iter().any(|other| other.value == it))
                 }) {
@@ -308,14 +312,19 @@ fn options(first: &mut Combination, likely: &mut [Likely], sample: &[Stream]) ->
 }
 
 /// Returns an open setting, or an open value of its table.
-fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Option<&str>) -> Result<Open> {
+fn option(
+    first: &mut Combination,
+    likely: &[Candidate],
+    setting: &str,
+    inner: Option<&str>,
+) -> Result<OpenSetting> {
     let of = |settings: &Map<String, Value>| {
         let value = settings.get(setting)?;
         inner.map_or(Some(value), |inner| value.get(inner)).cloned()
     };
     let value = of(&first.settings).unwrap_or_default();
     let chosen = likely.iter().find(|it| it.combination.settings == first.settings).map(|it| &it.reading);
-    let mut others: Vec<Other> = Vec::new();
+    let mut others: Vec<OtherValue> = Vec::new();
     for it in likely.iter().filter(|it| it.makes_sense) {
         let Some(other) = of(&it.combination.settings).filter(|other| *other != value) else { continue };
         let less =
@@ -324,14 +333,14 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
         let inexact = if fewer == 0 { less(Reading::weight) } else { 0 };
         // The combinations that explain most come first.
         if !others.iter().any(|known| known.value == other) {
-            others.push(Other { value: other, fewer, inexact });
+            others.push(OtherValue { value: other, fewer, inexact });
         }
     }
     let by_bytes = likely.iter().all(|it| of(&it.combination.settings).is_none_or(|other| other == value));
     let decided = match others.first() {
-        None if by_bytes => Decided::ByBytes,
-        None => Decided::ByValues,
-        Some(Other { value: other, .. }) => {
+        None if by_bytes => DecidedBy::ByBytes,
+        None => DecidedBy::ByValues,
+        Some(OtherValue { value: other, .. }) => {
             let settings = likely.iter().map(|it| &it.combination.settings);
             // The settings most similar to the first.
             let nearest = settings.filter(|it| of(it).as_ref() == Some(other)).min_by_key(|it| {
@@ -342,15 +351,15 @@ fn option(first: &mut Combination, likely: &[Likely], setting: &str, inner: Opti
                 None => None,
             };
             let message = message.or_else(|| reads_more(first.link, setting));
-            Decided::Not { others, message }
+            DecidedBy::Not { others, message }
         }
     };
     let name = inner.map_or_else(|| setting.to_owned(), |inner| format!("{setting}.{inner}"));
-    Ok(Open { name, value, decided })
+    Ok(OpenSetting { name, value, decided })
 }
 
 /// Returns a value of a table of bytes that has no effect: any other byte would do.
-fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) -> Result<Option<Decided>> {
+fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) -> Result<Option<DecidedBy>> {
     let Some(Value::Object(table)) = first.settings.get(setting).cloned() else { return Ok(None) };
     let Some(free) = (0..=u8::MAX).find(|byte| table.values().all(|used| used != byte)) else {
         return Ok(None);
@@ -361,10 +370,10 @@ fn any(first: &mut Combination, setting: &str, name: &str, sample: &[Stream]) ->
     settings.insert(setting.into(), other.into());
     let mut other = Combination::new(first.link, settings)?;
     let (reading, of_other) = (first.read(sample, true)?, other.read(sample, true)?);
-    if evidence(first, &reading, &mut other, &of_other) >= ENOUGH {
+    if evidence(first, &reading, &mut other, &of_other) >= RULED_OUT_BITS {
         return Ok(None);
     }
-    Ok(Some(Decided::Not { others: Vec::new(), message: deciding(first, &mut other) }))
+    Ok(Some(DecidedBy::Not { others: Vec::new(), message: deciding(first, &mut other) }))
 }
 
 /// Returns the bytes that are read with one value only, if every value writes the same.
@@ -409,7 +418,7 @@ mod tests {
             let codec = (link.codec)("robot", &given(stuffed)).unwrap();
             let bytes = messages.iter().flat_map(|it| codec.encode(it.clone()).unwrap()).collect();
             let stream = Stream { sender: Sender::Unknown, parts: vec![bytes], arrivals: Vec::new() };
-            let likely = |is: bool| Likely {
+            let likely = |is: bool| Candidate {
                 combination: Combination::new(link, given(is)).unwrap(),
                 reading: Reading::default(),
                 makes_sense: true,
@@ -437,7 +446,7 @@ mod tests {
         let combination = |tag: u8, checksum: &str| Combination::new(link, given(tag, checksum)).unwrap();
         let likely = |tag: u8, checksum: &str, makes_sense: bool| {
             let combination = combination(tag, checksum);
-            Likely { combination, reading: Reading::default(), makes_sense }
+            Candidate { combination, reading: Reading::default(), makes_sense }
         };
         for (makes_sense, expected) in [(false, vec![json!(7)]), (true, Vec::new())] {
             // With a checksum of 16 bits no frame is read, with any tags.
@@ -445,7 +454,7 @@ mod tests {
                 [likely(242, "u8", true), likely(7, "u8", true), likely(7, "u16_le", makes_sense)];
             let open = options(&mut combination(242, "u8"), &mut likely, core::slice::from_ref(&stream));
             let open = open.unwrap().into_iter().find(|it| it.name == "tags.u8").unwrap();
-            let Decided::Not { others, .. } = open.decided else { panic!("{open:?}") };
+            let DecidedBy::Not { others, .. } = open.decided else { panic!("{open:?}") };
             assert_eq!(others.into_iter().map(|it| it.value).collect::<Vec<_>>(), expected);
         }
     }

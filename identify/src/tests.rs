@@ -24,13 +24,13 @@ fn found(link: &str, streams: &[&[u8]]) -> Finding {
     identify(Link::by_name(link).unwrap(), &streams.iter().map(stream).collect::<Vec<_>>()).unwrap()
 }
 
-fn option<'a>(finding: &'a Finding, name: &str) -> &'a Open {
+fn option<'a>(finding: &'a Finding, name: &str) -> &'a OpenSetting {
     finding.options.iter().find(|option| option.name == name).unwrap_or_else(|| panic!("{finding:?}"))
 }
 
-fn undecided(others: &[Value], message: &str) -> Decided {
-    let equal = |value: &Value| Other { value: value.clone(), fewer: 0, inexact: 0 };
-    Decided::Not { others: others.iter().map(equal).collect(), message: Some(message.into()) }
+fn undecided(others: &[Value], message: &str) -> DecidedBy {
+    let equal = |value: &Value| OtherValue { value: value.clone(), fewer: 0, inexact: 0 };
+    DecidedBy::Not { others: others.iter().map(equal).collect(), message: Some(message.into()) }
 }
 
 fn motions(count: u16) -> Vec<Value> {
@@ -48,9 +48,9 @@ fn what_the_bytes_decide_is_named() {
     assert!(finding.is_sure(), "{finding:?}");
     assert_eq!((finding.messages, finding.senders.clone()), ([20, 20], vec![vec!["robot"]]));
     assert_eq!(option(&finding, "leading_dle").value, 1);
-    assert_eq!(option(&finding, "leading_dle").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "leading_dle").decided, DecidedBy::ByBytes);
     assert_eq!(option(&finding, "negated_sum").value, true);
-    assert_eq!(option(&finding, "negated_sum").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "negated_sum").decided, DecidedBy::ByBytes);
     let message = "a message whose checksum is 10h";
     assert_eq!(option(&finding, "stuffed_checksum").decided, undecided(&[json!(true)], message));
 }
@@ -63,7 +63,7 @@ fn one_message_decides_where_nothing_is_corrupt() {
     let given = json!({"stuffed_checksum": true});
     let finding = found("val2-alter", &[&sent("val2-alter", "robot", &given, &messages)]);
     assert_eq!(option(&finding, "stuffed_checksum").value, true);
-    assert_eq!(option(&finding, "stuffed_checksum").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "stuffed_checksum").decided, DecidedBy::ByBytes);
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn corrupt_bytes_and_a_cut_beginning_do_not_matter() {
     let finding = found("val2-alter", &[&bytes[5..]]);
     assert!(finding.is_sure() && finding.share() < 1.0, "{finding:?}");
     assert_eq!(option(&finding, "negated_sum").value, true);
-    assert_eq!(option(&finding, "negated_sum").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "negated_sum").decided, DecidedBy::ByBytes);
 }
 
 #[test]
@@ -85,11 +85,11 @@ fn tags_are_found_and_those_that_were_not_seen_are_not_made_up() {
     let moves = (0..20).map(|at| json!({"items": [{"i16": [257]}, {"f32": [at, 0.5, -250.25, 90, 0, 1]}]}));
     let finding = found("laser-eb90", &[&sent("laser-eb90", "host", &given, &moves.collect::<Vec<_>>())]);
     let value = |name| (option(&finding, name).value.clone(), option(&finding, name).decided.clone());
-    assert_eq!(value("tail"), (json!("etx"), Decided::ByBytes));
-    assert_eq!(value("tags.f32"), (json!(7), Decided::ByBytes));
-    assert_eq!(value("tags.i16"), (json!(200), Decided::ByBytes));
+    assert_eq!(value("tail"), (json!("etx"), DecidedBy::ByBytes));
+    assert_eq!(value("tags.f32"), (json!(7), DecidedBy::ByBytes));
+    assert_eq!(value("tags.i16"), (json!(200), DecidedBy::ByBytes));
     assert_eq!(value("tags.char").1, undecided(&[], "a frame with a text"));
-    assert_eq!(value("byte_order"), (json!("big"), Decided::ByValues));
+    assert_eq!(value("byte_order"), (json!("big"), DecidedBy::ByValues));
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn both_ends_may_be_on_one_line() {
     let finding = found("mmacell-proto", &[&bytes]);
     assert_eq!((finding.messages, finding.bytes[0]), ([40, 40], bytes.len() as u64));
     assert_eq!(option(&finding, "itr").value, true);
-    assert_eq!(option(&finding, "blank").decided, Decided::ByBytes);
+    assert_eq!(option(&finding, "blank").decided, DecidedBy::ByBytes);
     assert_eq!(option(&finding, "clos").decided, undecided(&[json!(true)], "a gripper that closes"));
 }
 
@@ -136,7 +136,7 @@ fn every_open_setting_is_shown_by_a_message() {
             for value in setting.choices.iter().filter(|value| **value != setting.default) {
                 let mut given = Map::from_iter([((*name).to_owned(), value.clone())]);
                 given.extend(link.open.beside.iter().map(|(name, value)| ((*name).into(), (*value).into())));
-                let written = |it: &cellwire_links::link::Deciding, given: &Map<String, Value>| {
+                let written = |it: &cellwire_links::link::DecidingMessage, given: &Map<String, Value>| {
                     let message = serde_json::from_str(it.message).unwrap();
                     (link.codec)(it.side, given).unwrap().encode(message).ok()
                 };
@@ -198,7 +198,7 @@ fn the_lines_of_rust_compile() {
         {"name": "tool", "kind": "text", "length": [1, 8]},
     ]);
     is_rust! { "kawasaki-msg", {"job": job}, Carrier::Unknown,
-        use kawasaki_msg::{Charset, Fields, Fit, Text, Work};
+        use kawasaki_msg::{Charset, FieldVisitor, VisitResult, Text, Work};
         pub fn charset() -> Charset {
             Charset::Ascii
         }
@@ -210,7 +210,7 @@ fn the_lines_of_rust_compile() {
         }
         impl Work for Job {
             type Ranges = ();
-            fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Fit {
+            fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> VisitResult {
                 fields.decimal("type", &mut self.type_, 0, 1..=3)?;
                 fields.decimal("X", &mut self.x, 2, -500..=1250)?;
                 fields.text("tool", &mut self.tool, 1..=8)
@@ -338,7 +338,7 @@ fn a_counter_decides_the_order_of_words() {
         let blocks: Vec<Value> = (0..20).map(|at| block(70_000 + 3 * at)).collect();
         let finding = found("fanuc-hmi-modbus", &[&sent("fanuc-hmi-modbus", "server", &given, &blocks)]);
         let found = option(&finding, "word_order");
-        assert_eq!((&found.value, &found.decided), (&json!(order), &Decided::ByValues), "{finding:?}");
+        assert_eq!((&found.value, &found.decided), (&json!(order), &DecidedBy::ByValues), "{finding:?}");
     }
 }
 
@@ -361,7 +361,7 @@ fn a_number_that_is_none_does_not_decide_the_order_of_words() {
     bytes[at..at + 2].copy_from_slice(&[0x7F, 0xC1]);
     let finding = found("fanuc-hmi-modbus", &[&bytes]);
     let found = option(&finding, "word_order");
-    assert_eq!((&found.value, &found.decided), (&json!("low_first"), &Decided::ByValues), "{finding:?}");
+    assert_eq!((&found.value, &found.decided), (&json!("low_first"), &DecidedBy::ByValues), "{finding:?}");
 }
 
 #[test]
@@ -396,7 +396,7 @@ fn one_move_decides_the_order_of_bytes() {
         let bytes = sent("laser-eb90", "host", &json!({"byte_order": order}), &messages);
         let finding = found("laser-eb90", &[&bytes]);
         let found = option(&finding, "byte_order");
-        assert_eq!((&found.value, &found.decided), (&json!(order), &Decided::ByValues), "{finding:?}");
+        assert_eq!((&found.value, &found.decided), (&json!(order), &DecidedBy::ByValues), "{finding:?}");
     }
 }
 
@@ -408,11 +408,11 @@ fn the_value_that_explains_more_is_chosen_and_the_others_say_how_much_less() {
     let messages: Vec<Value> = ["Job", "Job", "Job", "Job", "Job", "J\u{f6}b", "Job"].map(job).to_vec();
     let bytes = sent("kawasaki-msg", "pc", &json!({"charset": "latin1"}), &messages);
     let finding = found("kawasaki-msg", &[&bytes]);
-    let Open { value, decided, .. } = option(&finding, "charset");
+    let OpenSetting { value, decided, .. } = option(&finding, "charset");
     assert_eq!((value, finding.bytes), (&json!("latin1"), [bytes.len() as u64; 2]));
-    let Decided::Not { others, .. } = decided else { panic!("{decided:?}") };
+    let DecidedBy::Not { others, .. } = decided else { panic!("{decided:?}") };
     let less = u64::try_from(bytes.len() / 7).unwrap();
-    assert_eq!(*others, [Other { value: json!("ascii"), fewer: less, inexact: 0 }]);
+    assert_eq!(*others, [OtherValue { value: json!("ascii"), fewer: less, inexact: 0 }]);
     let text = draft(&finding, &[Stream { sender: Sender::Unknown, parts: vec![bytes], arrivals: vec![] }]);
     assert!(text.unwrap().contains("charset = \"latin1\" # ? "));
 }

@@ -4,10 +4,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// As `robot_session::tokio::Reconnect` has them.
-const FIRST: Duration = Duration::from_millis(100);
-const LONGEST: Duration = Duration::from_secs(5);
+const FIRST_DELAY: Duration = Duration::from_millis(100);
+const MAX_DELAY: Duration = Duration::from_secs(5);
 /// The longest time between two checks for the end of a pause.
-const TURN: Duration = Duration::from_millis(20);
+const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Pauses that double from one attempt to the next, half of each random, until the peer answers. A connection alone is not an
 /// answer, since a device may accept and close at once.
@@ -18,7 +18,7 @@ pub struct Backoff {
 
 impl Default for Backoff {
     fn default() -> Self {
-        Self { next: FIRST }
+        Self { next: FIRST_DELAY }
     }
 }
 
@@ -26,7 +26,7 @@ impl Backoff {
     /// Returns the pause before the next attempt.
     pub fn pause(&mut self) -> Duration {
         let pause = self.next.mul_f64(0.5 + fastrand::f64() / 2.0);
-        self.next = self.next.saturating_mul(2).min(LONGEST);
+        self.next = self.next.saturating_mul(2).min(MAX_DELAY);
         pause
     }
 
@@ -34,14 +34,14 @@ impl Backoff {
     pub fn wait(&mut self, goes_on: impl Fn() -> bool) -> bool {
         let end = Instant::now() + self.pause();
         while goes_on() && Instant::now() < end {
-            thread::sleep(end.saturating_duration_since(Instant::now()).min(TURN));
+            thread::sleep(end.saturating_duration_since(Instant::now()).min(CHECK_INTERVAL));
         }
         goes_on()
     }
 
     /// Called when the peer has answered: the next pause is the first again.
     pub fn answered(&mut self) {
-        self.next = FIRST;
+        self.next = FIRST_DELAY;
     }
 }
 

@@ -5,15 +5,15 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Driver, Ended, Received, Sent, Session, Transport, Wait};
+use robot_session::{Driver, EndReason, ReceiveOutcome, SendOutcome, Session, Transport, Wait};
 
 use crate::clock::Clock;
-use crate::trace::{Trace, Way};
+use crate::trace::{Trace, TraceDirection};
 
 /// A connection that was there is gone.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Lost(pub String);
+pub struct ConnectionLost(pub String);
 
 /// Runs [`Driver::turn`] until `handler` fails. Returns false if the peer has closed the connection, or the port is gone.
 ///
@@ -31,45 +31,49 @@ pub fn turn<S: Session, T: Transport>(
     })?;
     match turn {
         ControlFlow::Continue(()) => Ok(true),
-        ControlFlow::Break(Ended::ByPeer) => Ok(false),
-        ControlFlow::Break(Ended::Stalled) => Err(Lost("the peer does not read".into()).into()),
-        ControlFlow::Break(Ended::ByHandler(error)) => Err(error),
+        ControlFlow::Break(EndReason::ByPeer) => Ok(false),
+        ControlFlow::Break(EndReason::Stalled) => Err(ConnectionLost("the peer does not read".into()).into()),
+        ControlFlow::Break(EndReason::ByHandler(error)) => Err(error),
     }
 }
 
 /// A transport whose bytes are kept for a trace.
 #[derive(Debug)]
-pub struct Traced<'a, T> {
+pub struct TracedTransport<'a, T> {
     transport: T,
     trace: &'a Trace,
     clock: Clock,
 }
 
-impl<'a, T: Transport> Traced<'a, T> {
+impl<'a, T: Transport> TracedTransport<'a, T> {
     /// Creates a driver of `transport`, whose session and trace have the time of `clock`.
     pub fn new(transport: T, trace: &'a Trace, clock: Clock) -> Self {
         Self { transport, trace, clock }
     }
 }
 
-impl<T: Transport> Transport for Traced<'_, T> {
+impl<T: Transport> Transport for TracedTransport<'_, T> {
     fn now(&self) -> Duration {
         self.clock.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let received = self.transport.receive(buffer, wait)?;
-        if let Received::Bytes(length) = received {
-            self.trace.add(self.clock.now(), Way::Received, buffer.get(..length).unwrap_or_default());
+        if let ReceiveOutcome::Bytes(length) = received {
+            self.trace.add(
+                self.clock.now(),
+                TraceDirection::Received,
+                buffer.get(..length).unwrap_or_default(),
+            );
         }
         Ok(received)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         let begun = self.clock.now();
         let sent = self.transport.send(bytes)?;
-        let length = if let Sent::Part(length) = sent { length } else { bytes.len() };
-        self.trace.add(begun, Way::Sent, bytes.get(..length).unwrap_or_default());
+        let length = if let SendOutcome::Part(length) = sent { length } else { bytes.len() };
+        self.trace.add(begun, TraceDirection::Sent, bytes.get(..length).unwrap_or_default());
         Ok(sent)
     }
 

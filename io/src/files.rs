@@ -11,7 +11,7 @@ use anyhow::{Context, Result, ensure};
 /// A file could not be written: its name, or the state that remains.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Unwritten(pub Cow<'static, str>);
+pub struct FileWriteError(pub Cow<'static, str>);
 
 /// Writes a file through a temporary one beside it, which takes its name when it is whole: if that fails, the earlier file is
 /// unchanged. A target that is not a regular file, such as a pipe, is written directly.
@@ -19,7 +19,7 @@ pub struct Unwritten(pub Cow<'static, str>);
 /// # Errors
 /// If the disk is full, or the user may not write there.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    replace(path, bytes).with_context(|| Unwritten(format!("cannot write {}", path.display()).into()))
+    replace(path, bytes).with_context(|| FileWriteError(format!("cannot write {}", path.display()).into()))
 }
 
 fn replace(path: &Path, bytes: &[u8]) -> Result<()> {

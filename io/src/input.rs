@@ -117,7 +117,7 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
 
 /// A line or a signal of an operator.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Typed {
+pub enum OperatorInput {
     /// A line of standard input.
     Line(String),
     /// A stop is asked for: the first signal, or a terminal that was closed.
@@ -125,15 +125,15 @@ pub enum Typed {
 }
 
 /// A longer line is read as several.
-const LONGEST_LINE: u64 = 4096;
+const MAX_LINE_LEN: u64 = 4096;
 
 /// Reads the operator's input until the program ends; the bell is rung for each item. `None` is the end of standard input. A
-/// first signal is [`Typed::Stop`]. A second one ends the program, and so does a stop that has not ended the program after
+/// first signal is [`OperatorInput::Stop`]. A second one ends the program, and so does a stop that has not ended the program after
 /// `limit`.
 ///
 /// # Errors
 /// If the system has no room for a thread.
-pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> {
+pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<OperatorInput>>> {
     let (sender, typed) = mpsc::channel();
     // When the receiver is gone, the run is over.
     let put = move |what| {
@@ -144,7 +144,7 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> 
     let mut late = Policy::NoteWithin(limit, "the command did not stop in time, and was ended").handler();
     on_interrupt(Policy::Call(Box::new(move |count| {
         if count == 1 {
-            stop(Some(Typed::Stop));
+            stop(Some(OperatorInput::Stop));
         }
         late(count);
     })))?;
@@ -153,20 +153,20 @@ pub fn operator(bell: Bell, limit: Duration) -> Result<Receiver<Option<Typed>>> 
         let (mut input, mut line) = (io::stdin().lock().take(0), Vec::new());
         loop {
             line.clear();
-            input.set_limit(LONGEST_LINE);
+            input.set_limit(MAX_LINE_LEN);
             if !matches!(input.read_until(b'\n', &mut line), Ok(1..)) {
                 break;
             }
             // A line that is not valid UTF-8 counts as empty.
             let text = String::from_utf8(core::mem::take(&mut line)).unwrap_or_default();
-            put(Some(Typed::Line(text.trim_end_matches(['\n', '\r']).to_owned())));
+            put(Some(OperatorInput::Line(text.trim_end_matches(['\n', '\r']).to_owned())));
             // Nobody types faster. The pause prevents that a program's output fills the memory.
             thread::sleep(Duration::from_millis(5));
         }
         drop(input);
         // Without a session of its own the process gets no SIGHUP. After Ctrl-D the terminal is still there.
         if was_terminal && !io::stdin().is_terminal() {
-            put(Some(Typed::Stop));
+            put(Some(OperatorInput::Stop));
         }
         put(None);
     });

@@ -31,7 +31,7 @@ static FIRST: Mutex<Option<Instant>> = Mutex::new(None);
 pub const INTERRUPTED: i32 = 130;
 
 /// Signals so soon after the first belong to it: `timeout` sends its signal twice.
-const TOGETHER: Duration = Duration::from_millis(20);
+const REPEAT_WINDOW: Duration = Duration::from_millis(20);
 
 /// The longest wait for the reply to a request in flight.
 const REPLY_WITHIN: Duration = Duration::from_secs(5);
@@ -100,10 +100,10 @@ fn end_after_reply() {
     let (end, is_busy) = (Instant::now() + REPLY_WITHIN, || !lock(&ACCOUNT).is_empty());
     if is_busy() {
         while is_busy() && Instant::now() < end {
-            thread::sleep(TOGETHER);
+            thread::sleep(REPEAT_WINDOW);
         }
         // The program may end by itself, and report the requests that it has not sent.
-        thread::sleep(5 * TOGETHER);
+        thread::sleep(5 * REPEAT_WINDOW);
     }
     end_at_once("interrupted");
 }
@@ -117,7 +117,7 @@ pub fn requested() -> bool {
 /// earlier one.
 pub fn count(is_hangup: bool) -> Option<u32> {
     let mut first = lock(&FIRST);
-    if first.is_some_and(|first| is_hangup || first.elapsed() < TOGETHER) {
+    if first.is_some_and(|first| is_hangup || first.elapsed() < REPEAT_WINDOW) {
         return None;
     }
     first.get_or_insert_with(Instant::now);

@@ -13,7 +13,7 @@ pub mod latency;
 mod limiter;
 pub mod manual;
 #[cfg(unix)]
-pub mod marked;
+pub mod marked_port;
 mod outlet;
 pub mod output;
 pub mod plain;

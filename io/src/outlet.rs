@@ -8,10 +8,10 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 
 /// The number of bytes that may wait for a reader, beside those that the system buffers.
-const ROOM: usize = 1 << 20;
+const BUFFER_LEN: usize = 1 << 20;
 
 /// The time that a reader gets at the end of the program to take the buffered output.
-const PATIENCE: Duration = Duration::from_secs(1);
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// A thread that writes lines. When its buffer is full, lines are dropped and counted.
 #[derive(Debug)]
@@ -29,14 +29,14 @@ struct State {
     is_writing: bool,
     /// The number of lines that did not fit into the buffer, after those that wait.
     dropped: u64,
-    failed: Option<Failed>,
+    failed: Option<WriteFailed>,
 }
 
 /// The reason why nothing can be written any more.
 #[derive(Debug)]
-struct Failed(io::Error);
+struct WriteFailed(io::Error);
 
-impl Failed {
+impl WriteFailed {
     fn again(&self) -> io::Error {
         self.0.raw_os_error().map_or_else(|| self.0.kind().into(), io::Error::from_raw_os_error)
     }
@@ -65,7 +65,7 @@ impl Outlet {
             return Err(failed.again());
         }
         // Lines stay in sequence: after a dropped line, a shorter one is dropped too.
-        if state.dropped > 0 || state.waiting.len() + line.len() > ROOM {
+        if state.dropped > 0 || state.waiting.len() + line.len() > BUFFER_LEN {
             state.dropped += 1;
             return Ok(());
         }
@@ -80,7 +80,7 @@ impl Outlet {
     /// If a line could not be written.
     pub(super) fn finish(&self) -> io::Result<()> {
         let is_busy = |state: &mut State| state.is_writing || !state.waiting.is_empty();
-        let waited = self.0.changed.wait_timeout_while(self.0.lock(), PATIENCE, is_busy);
+        let waited = self.0.changed.wait_timeout_while(self.0.lock(), DRAIN_TIMEOUT, is_busy);
         let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         state.failed.as_ref().map_or(Ok(()), |failed| Err(failed.again()))
     }
@@ -107,7 +107,8 @@ impl Shared {
             drop(state);
             if let Err(error) = out.write_all(&lines).and_then(|()| out.flush()) {
                 let mut state = self.lock();
-                (state.failed, state.is_writing, state.waiting) = (Some(Failed(error)), false, Vec::new());
+                (state.failed, state.is_writing, state.waiting) =
+                    (Some(WriteFailed(error)), false, Vec::new());
                 self.changed.notify_all();
                 return;
             }
@@ -146,7 +147,7 @@ mod tests {
             thread::yield_now();
         }
         let line = [b'x'; 1024];
-        for _ in 0..ROOM / line.len() + 7 {
+        for _ in 0..BUFFER_LEN / line.len() + 7 {
             outlet.put(&line).unwrap();
         }
         outlet.put(b"short\n").unwrap();
@@ -154,7 +155,7 @@ mod tests {
         assert_eq!(written.recv().unwrap(), b"first\n");
         go.send(()).unwrap();
         let rest = written.recv().unwrap();
-        assert_eq!(rest.len(), ROOM + b"8 dropped\n".len());
+        assert_eq!(rest.len(), BUFFER_LEN + b"8 dropped\n".len());
         assert!(rest.ends_with(b"8 dropped\n"));
         outlet.put(b"last\n").unwrap();
         go.send(()).unwrap();

@@ -26,24 +26,24 @@ pub fn is_closed(error: &anyhow::Error) -> bool {
 /// Standard output does not accept the output: it is closed, or its disk is full.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write to standard output")]
-pub struct Unwritten;
+pub struct OutputFailed;
 
 /// An error of standard output, as one of [`stdout()`] has it.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write to standard output: {0}")]
-struct Refused(io::Error);
+struct StdoutError(io::Error);
 
 /// Returns whether standard output did not accept the output.
 pub fn is_unwritten(error: &anyhow::Error) -> bool {
-    let is_refused = |error: &io::Error| error.get_ref().is_some_and(|inner| inner.is::<Refused>());
-    error.is::<Unwritten>() || error.chain().any(|cause| cause.downcast_ref().is_some_and(is_refused))
+    let is_refused = |error: &io::Error| error.get_ref().is_some_and(|inner| inner.is::<StdoutError>());
+    error.is::<OutputFailed>() || error.chain().any(|cause| cause.downcast_ref().is_some_and(is_refused))
 }
 
 /// Returns standard output for a text or a table: its errors name standard output.
 pub fn stdout() -> impl Write {
-    struct Out(io::Stdout);
+    struct SharedStdout(io::Stdout);
 
-    impl Write for Out {
+    impl Write for SharedStdout {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.write(bytes).map_err(refused)
         }
@@ -54,10 +54,10 @@ pub fn stdout() -> impl Write {
     }
 
     fn refused(error: io::Error) -> io::Error {
-        io::Error::new(error.kind(), Refused(error))
+        io::Error::new(error.kind(), StdoutError(error))
     }
 
-    Out(io::stdout())
+    SharedStdout(io::stdout())
 }
 
 /// Standard output and error, once writes never wait.
@@ -219,10 +219,10 @@ fn put(line: &Value) -> Result<()> {
     }
     bytes.push(b'\n');
     if let Some([out, _]) = OUTLETS.get() {
-        return out.put(&bytes).context(Unwritten);
+        return out.put(&bytes).context(OutputFailed);
     }
     let mut out = io::stdout().lock();
-    beside_bar(|| out.write_all(&bytes).and_then(|()| out.flush())).context(Unwritten)
+    beside_bar(|| out.write_all(&bytes).and_then(|()| out.flush())).context(OutputFailed)
 }
 
 /// Prints the line that reports a device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
@@ -240,7 +240,7 @@ pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
 pub fn announce(line: &Value) -> Result<()> {
     put(line)?;
     match OUTLETS.get() {
-        Some([out, _]) => out.finish().context(Unwritten),
+        Some([out, _]) => out.finish().context(OutputFailed),
         None => Ok(()),
     }
 }

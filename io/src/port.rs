@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Serial, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Serial, Transport, Wait};
 
 use crate::serial::{self, Mode};
 use crate::stream::Stream;
@@ -74,14 +74,14 @@ impl AnyPort {
 }
 
 impl Transport for AnyPort {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         match self {
             Self::Serial(port) => port.receive(buffer, wait),
             Self::Tcp(stream) => stream.receive(buffer, wait),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         match self {
             Self::Serial(port) => port.send(bytes),
             Self::Tcp(stream) => stream.send(bytes),

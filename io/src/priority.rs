@@ -7,7 +7,7 @@
 
 /// The work of a thread, the lowest priority first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rank {
+pub enum ThreadRole {
     /// Polls a device in its own cycle.
     Poll,
     /// Answers a peer within its deadline.
@@ -18,15 +18,15 @@ pub enum Rank {
 
 /// Raises the current thread above all normal ones. False where the system does not allow it.
 #[cfg(unix)]
-pub fn raise(rank: Rank) -> bool {
+pub fn raise(rank: ThreadRole) -> bool {
     use thread_priority::{
         RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
         set_thread_priority_and_policy, thread_native_id,
     };
     let value = match rank {
-        Rank::Poll => 10,
-        Rank::Reply => 20,
-        Rank::Hardware => 30,
+        ThreadRole::Poll => 10,
+        ThreadRole::Reply => 20,
+        ThreadRole::Hardware => 30,
     };
     ThreadPriorityValue::try_from(value).is_ok_and(|value| {
         let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
@@ -37,9 +37,11 @@ pub fn raise(rank: Rank) -> bool {
 
 /// Raises the current thread above all normal ones. False where the system does not allow it.
 #[cfg(not(unix))]
-pub fn raise(rank: Rank) -> bool {
+pub fn raise(rank: ThreadRole) -> bool {
     use thread_priority::{ThreadPriority, set_current_thread_priority};
     match rank {
-        Rank::Poll | Rank::Reply | Rank::Hardware => set_current_thread_priority(ThreadPriority::Max).is_ok(),
+        ThreadRole::Poll | ThreadRole::Reply | ThreadRole::Hardware => {
+            set_current_thread_priority(ThreadPriority::Max).is_ok()
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport, Wait, is_silence};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, is_silence};
 
 /// The number of bytes that may wait for a peer that does not read, beside those that the system buffers.
 const UNSENT: usize = 64 * 1024;
@@ -55,27 +55,27 @@ impl Stream {
 }
 
 impl Transport for Stream {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         self.flush()?;
         let wait = if self.unsent.is_empty() { wait } else { wait.at_most(RETRY) };
         if !wait.readable(&self.stream)? {
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         }
         match self.stream.read(buffer) {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Ok(0) => Ok(ReceiveOutcome::Closed),
+            Ok(length) => Ok(ReceiveOutcome::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(ReceiveOutcome::Nothing),
             Err(error) => Err(error),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         if self.unsent.len() + bytes.len() > UNSENT {
             return Err(io::Error::new(ErrorKind::TimedOut, "the peer does not read"));
         }
         self.unsent.extend_from_slice(bytes);
         self.flush()?;
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {
@@ -112,7 +112,7 @@ mod tests {
             (peer, received)
         });
         while !stream.unsent.is_empty() {
-            assert_eq!(stream.receive(&mut [0; 9], Wait::limited(RETRY)).unwrap(), Received::Nothing);
+            assert_eq!(stream.receive(&mut [0; 9], Wait::limited(RETRY)).unwrap(), ReceiveOutcome::Nothing);
         }
         let (_peer, received) = reader.join().unwrap();
         assert!(received.chunks(packet.len()).all(|chunk| chunk == packet));

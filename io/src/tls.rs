@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use robot_session::tls::rustls::ClientConfig;
 pub use robot_session::tls::rustls::ServerConfig;
 use robot_session::tls::{Identity, Secure, client, server};
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
 use crate::tcp::{self, Dialing};
 
@@ -119,11 +119,11 @@ impl Carrier<TcpStream> {
 }
 
 impl<T: Transport> Transport for Carrier<T> {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         match self {
             Self::Plain(port) => {
                 let received = port.receive(buffer, wait)?;
-                if let Received::Bytes(length) = received
+                if let ReceiveOutcome::Bytes(length) = received
                     && is_alert(buffer.get(..length).unwrap_or_default())
                 {
                     let speaks = "the peer speaks TLS on this port: give --tls";
@@ -135,7 +135,7 @@ impl<T: Transport> Transport for Carrier<T> {
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         match self {
             Self::Plain(port) => port.send(bytes),
             Self::Secure(stream) => stream.send(bytes),

@@ -67,7 +67,7 @@ fn folder(path: &str) -> Result<PathBuf, String> {
 
 /// The direction of a byte, seen from the end that keeps the trace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Way {
+pub enum TraceDirection {
     /// The bytes that this end sent.
     Sent,
     /// The bytes that this end received.
@@ -82,11 +82,11 @@ pub struct Trace {
     name: String,
     dir: Option<PathBuf>,
     bytes: usize,
-    kept: Arc<Mutex<Kept>>,
+    kept: Arc<Mutex<RecentBytes>>,
 }
 
 #[derive(Debug, Default)]
-struct Kept {
+struct RecentBytes {
     sent: VecDeque<Byte>,
     received: VecDeque<Byte>,
     /// The number of times that bytes were added.
@@ -101,11 +101,11 @@ struct Byte {
     byte: u8,
 }
 
-impl Kept {
-    fn add(&mut self, now: Duration, way: Way, bytes: &[u8], most: usize) {
-        let ring = match way {
-            Way::Sent => &mut self.sent,
-            Way::Received => &mut self.received,
+impl RecentBytes {
+    fn add(&mut self, now: Duration, direction: TraceDirection, bytes: &[u8], most: usize) {
+        let ring = match direction {
+            TraceDirection::Sent => &mut self.sent,
+            TraceDirection::Received => &mut self.received,
         };
         let turn = self.turn;
         self.turn += 1;
@@ -123,14 +123,14 @@ impl Trace {
     }
 
     /// Adds bytes of one direction.
-    pub fn add(&self, now: Duration, way: Way, bytes: &[u8]) {
+    pub fn add(&self, now: Duration, direction: TraceDirection, bytes: &[u8]) {
         if self.bytes > 0 {
-            self.kept.lock().unwrap_or_else(PoisonError::into_inner).add(now, way, bytes, self.bytes);
+            self.kept.lock().unwrap_or_else(PoisonError::into_inner).add(now, direction, bytes, self.bytes);
         }
     }
 
     /// Adds bytes for a caller that cannot wait: returns false, and adds nothing, while the trace is being read.
-    pub fn try_add(&self, now: Duration, way: Way, bytes: &[u8]) -> bool {
+    pub fn try_add(&self, now: Duration, direction: TraceDirection, bytes: &[u8]) -> bool {
         if self.bytes == 0 {
             return true;
         }
@@ -139,7 +139,7 @@ impl Trace {
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => return false,
         };
-        kept.add(now, way, bytes, self.bytes);
+        kept.add(now, direction, bytes, self.bytes);
         true
     }
 
@@ -200,22 +200,23 @@ impl Trace {
 }
 
 fn write_lines(out: &mut impl Write, sent: &VecDeque<Byte>, received: &VecDeque<Byte>) -> io::Result<()> {
-    let sent = sent.iter().map(|byte| (Way::Sent, *byte));
-    let mut bytes: Vec<(Way, Byte)> =
-        sent.chain(received.iter().map(|byte| (Way::Received, *byte))).collect();
+    let sent = sent.iter().map(|byte| (TraceDirection::Sent, *byte));
+    let mut bytes: Vec<(TraceDirection, Byte)> =
+        sent.chain(received.iter().map(|byte| (TraceDirection::Received, *byte))).collect();
     bytes.sort_by_key(|(_, byte)| (byte.at, byte.turn));
-    let together = |a: &(Way, Byte), b: &(Way, Byte)| a.0 == b.0 && b.1.at - a.1.at < GAP;
+    let together =
+        |a: &(TraceDirection, Byte), b: &(TraceDirection, Byte)| a.0 == b.0 && b.1.at - a.1.at < GAP;
     for run in bytes.chunk_by(together) {
         for line in run.chunks(BYTES_A_LINE) {
             for (_, Byte { byte, .. }) in line {
                 write!(out, "{byte:02X} ")?;
             }
-            if let Some((way, Byte { at, .. })) = line.first() {
-                let way = match way {
-                    Way::Sent => "sent",
-                    Way::Received => "received",
+            if let Some((direction, Byte { at, .. })) = line.first() {
+                let direction = match direction {
+                    TraceDirection::Sent => "sent",
+                    TraceDirection::Received => "received",
                 };
-                writeln!(out, "# {:.6} s {way}", at.as_secs_f64())?;
+                writeln!(out, "# {:.6} s {direction}", at.as_secs_f64())?;
             }
         }
     }
@@ -228,17 +229,17 @@ pub fn parse_name(line: &str) -> Option<&str> {
 }
 
 /// Parses a line of a trace: the time of its first byte, its direction, and its bytes.
-pub fn parse_line(line: &str) -> Option<(f64, Way, Vec<u8>)> {
+pub fn parse_line(line: &str) -> Option<(f64, TraceDirection, Vec<u8>)> {
     let (hex, comment) = line.split_once('#')?;
-    let (at, way) = comment.trim().split_once(" s ")?;
-    let way = match way {
-        "sent" => Way::Sent,
-        "received" => Way::Received,
+    let (at, direction) = comment.trim().split_once(" s ")?;
+    let direction = match direction {
+        "sent" => TraceDirection::Sent,
+        "received" => TraceDirection::Received,
         _ => return None,
     };
     let byte = |digits: &str| u8::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 2);
     let bytes = hex.split_ascii_whitespace().map(byte).collect::<Option<Vec<u8>>>()?;
-    Some((at.parse().ok()?, way, bytes))
+    Some((at.parse().ok()?, direction, bytes))
 }
 
 #[cfg(test)]
@@ -250,8 +251,13 @@ mod tests {
     #[test]
     fn what_has_the_same_time_keeps_its_order() {
         let trace = Trace::new("server", 8, None);
-        for (way, byte) in [(Way::Received, 1), (Way::Sent, 2), (Way::Received, 3), (Way::Sent, 4)] {
-            trace.add(MS, way, &[byte]);
+        for (direction, byte) in [
+            (TraceDirection::Received, 1),
+            (TraceDirection::Sent, 2),
+            (TraceDirection::Received, 3),
+            (TraceDirection::Sent, 4),
+        ] {
+            trace.add(MS, direction, &[byte]);
         }
         let lines = trace.lines();
         let bytes: Vec<&str> = lines.iter().map(|line| &line[..2]).collect();
@@ -261,10 +267,10 @@ mod tests {
     #[test]
     fn the_last_bytes_of_each_direction_are_in_order() {
         let trace = Trace::new("x", 3, None);
-        trace.add(MS, Way::Sent, &[1, 2]);
-        trace.add(MS * 5, Way::Received, &[0xA0]);
-        trace.add(MS * 6, Way::Sent, &[3, 4]);
-        trace.add(MS * 20, Way::Received, &[0xA1]);
+        trace.add(MS, TraceDirection::Sent, &[1, 2]);
+        trace.add(MS * 5, TraceDirection::Received, &[0xA0]);
+        trace.add(MS * 6, TraceDirection::Sent, &[3, 4]);
+        trace.add(MS * 20, TraceDirection::Received, &[0xA1]);
         assert_eq!(
             trace.lines(),
             [
@@ -282,13 +288,13 @@ mod tests {
         std::fs::create_dir_all(&dir).unwrap();
         let trace = Trace::new("robot", DEFAULT_BYTES, Some(&dir));
         assert_eq!(trace.session_ended("nothing").unwrap(), None);
-        trace.add(MS, Way::Sent, &[0x10]);
+        trace.add(MS, TraceDirection::Sent, &[0x10]);
         trace.session_ended("a timeout").unwrap().unwrap();
-        trace.add(MS, Way::Received, &[0x11]);
+        trace.add(MS, TraceDirection::Received, &[0x11]);
         let second = trace.session_ended("the end").unwrap().unwrap();
         assert_eq!(second, dir.join("robot-2.trace"));
         let again = Trace::new("robot", DEFAULT_BYTES, Some(&dir));
-        again.add(MS, Way::Sent, &[0x12]);
+        again.add(MS, TraceDirection::Sent, &[0x12]);
         assert_eq!(again.session_ended("another run").unwrap().unwrap(), dir.join("robot-3.trace"));
         let text = std::fs::read_to_string(second).unwrap();
         assert_eq!(text, "# robot: the end\n11 # 0.001000 s received\n");
@@ -298,7 +304,7 @@ mod tests {
     #[test]
     fn a_trace_that_is_off_keeps_nothing() {
         let trace = TraceArgs::off().start("x");
-        trace.add(MS, Way::Sent, &[1]);
+        trace.add(MS, TraceDirection::Sent, &[1]);
         assert_eq!(trace.lines(), [""; 0]);
     }
 }

@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram, is_silence};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, is_lost_datagram, is_silence};
 
 use crate::tcp::{advise, warn_unless_loopback};
 
@@ -81,19 +81,19 @@ impl Datagrams {
 }
 
 impl Transport for Datagrams {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if let Some(first) = self.first.take() {
             let length = first.len().min(buffer.len());
             if let (Some(place), Some(bytes)) = (buffer.get_mut(..length), first.get(..length)) {
                 place.copy_from_slice(bytes);
             }
-            return Ok(Received::Bytes(length));
+            return Ok(ReceiveOutcome::Bytes(length));
         }
         let arrived = wait.readable(&self.socket)?.then(|| self.read(buffer)).transpose()?.flatten();
-        Ok(arrived.map_or(Received::Nothing, Received::Bytes))
+        Ok(arrived.map_or(ReceiveOutcome::Nothing, ReceiveOutcome::Bytes))
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         let sent = match self.peer {
             Some(peer) => self.socket.send_to(bytes, peer),
             None => self.socket.send(bytes),
@@ -101,7 +101,7 @@ impl Transport for Datagrams {
         match sent {
             // As good as lost on its way, apart from one that no socket sends.
             Err(error) if error.kind() == ErrorKind::InvalidInput => Err(error),
-            _ => Ok(Sent::Buffered),
+            _ => Ok(SendOutcome::Buffered),
         }
     }
 }
@@ -130,15 +130,15 @@ mod tests {
         for expected in [&b"first"[..], b"second"] {
             assert_eq!(
                 end.receive(&mut buffer, Wait::limited(WAIT)).unwrap(),
-                Received::Bytes(expected.len())
+                ReceiveOutcome::Bytes(expected.len())
             );
             assert_eq!(&buffer[..expected.len()], expected);
         }
-        assert_eq!(end.receive(&mut buffer, Wait::limited(Duration::ZERO)).unwrap(), Received::Nothing);
+        assert_eq!(end.receive(&mut buffer, Wait::limited(Duration::ZERO)).unwrap(), ReceiveOutcome::Nothing);
         // Nor does the peer receive from others.
         other.send_to(b"x", from).unwrap();
         end.send(b"answer").unwrap();
-        assert_eq!(peer.receive(&mut buffer, Wait::limited(WAIT)).unwrap(), Received::Bytes(6));
+        assert_eq!(peer.receive(&mut buffer, Wait::limited(WAIT)).unwrap(), ReceiveOutcome::Bytes(6));
     }
 
     #[test]
@@ -147,7 +147,10 @@ mod tests {
         let mut end = Datagrams::connected(connect(&place.to_string()).unwrap());
         for _ in 0..3 {
             end.send(b"hello?").unwrap();
-            assert_eq!(end.receive(&mut [0; 9], Wait::limited(Duration::ZERO)).unwrap(), Received::Nothing);
+            assert_eq!(
+                end.receive(&mut [0; 9], Wait::limited(Duration::ZERO)).unwrap(),
+                ReceiveOutcome::Nothing
+            );
         }
     }
 

@@ -1,12 +1,12 @@
 //! The configurations of both ends, field by field.
 
-use robot_session::spec::{ANY_TIME, Configure, Fields, LINE};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor, LINE};
 
 use crate::ball::BallConfig;
 use crate::host::HostConfig;
 
 impl Configure for BallConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             sensor_type,
             sensor,
@@ -21,7 +21,7 @@ impl Configure for BallConfig {
 }
 
 impl Configure for HostConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             baud,
             period,

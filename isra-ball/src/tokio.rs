@@ -24,7 +24,7 @@ use std::io;
 use std::sync::Arc;
 
 use robot_session::tokio::{
-    self as session, Connector, Handle, Latest, Reports, Service, Source, Task, latest,
+    self as session, Connector, Handle, Latest, LatestSender, Reports, Service, Task, latest,
 };
 
 use crate::error::ConfigError;
@@ -37,26 +37,29 @@ pub struct Ball {
     /// The values of the last new packet, until they are too old: the motion that they drive must stop then.
     pub values: Latest<Packet>,
     /// Every event, whether there is a connection, and the end.
-    pub handle: Handle<Polling>,
+    pub handle: Handle<PollService>,
 }
 
 /// Creates a ball, and the task that polls it.
 ///
 /// # Errors
 /// As [`Host::new`].
-pub fn host<C: Connector>(config: HostConfig, connector: C) -> Result<(Ball, Task<Polling, C>), ConfigError> {
+pub fn host<C: Connector>(
+    config: HostConfig,
+    connector: C,
+) -> Result<(Ball, Task<PollService, C>), ConfigError> {
     let (source, values) = latest();
-    let (handle, task) = session::spawn(Host::new(config)?, Polling { source }, connector);
+    let (handle, task) = session::spawn(Host::new(config)?, PollService { source }, connector);
     Ok((Ball { values, handle }, task))
 }
 
 /// The service of the task: turns packets into values.
 #[derive(Debug)]
-pub struct Polling {
-    source: Source<Packet>,
+pub struct PollService {
+    source: LatestSender<Packet>,
 }
 
-impl Service for Polling {
+impl Service for PollService {
     type Session = Host;
     type Call = Infallible;
     type Event = HostEvent;

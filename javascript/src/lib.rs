@@ -25,11 +25,11 @@ thread_local! {
 struct State {
     buffer: Vec<u8>,
     /// The decoders and sessions by number; `None` is a number to use again.
-    held: Vec<Option<Held>>,
+    held: Vec<Option<CallerObject>>,
 }
 
 /// A decoder or a session of the caller's.
-enum Held {
+enum CallerObject {
     Decoder(Stream),
     Session(Box<dyn End>),
 }
@@ -137,9 +137,9 @@ exports! {
 }
 
 /// The fields of a request. They are looked up, not derived: a module is loaded over a network.
-struct Fields<'a>(&'a Value);
+struct RequestFields<'a>(&'a Value);
 
-impl Fields<'_> {
+impl RequestFields<'_> {
     fn text(&self, name: &str) -> Result<&str> {
         self.0[name].as_str().with_context(|| format!("{name} is a text"))
     }
@@ -167,7 +167,7 @@ impl State {
             Value::Object(object) => object.iter().next().context("a request has one key")?,
             _ => return Ok(LINKS.iter().map(describe).collect()),
         };
-        let fields = Fields(fields);
+        let fields = RequestFields(fields);
         Ok(match name.as_str() {
             "explain" => {
                 let bytes = unhex(fields.text("hex")?)?;
@@ -179,10 +179,10 @@ impl State {
                 Ok(bytes) => json!({ "bytes": bytes }),
                 Err(error) => refused(&error)?,
             },
-            "decoder" => self.hold(Held::Decoder(Stream::new(fields.codec()?))),
+            "decoder" => self.hold(CallerObject::Decoder(Stream::new(fields.codec()?))),
             "session" => {
                 match (fields.link()?.end(fields.text("end")?)?.make)(&fields.object("config"), None) {
-                    Ok(session) => self.hold(Held::Session(session)),
+                    Ok(session) => self.hold(CallerObject::Session(session)),
                     Err(error) => json!({ "refused": { "kind": "config" }, "text": format!("{error:#}") }),
                 }
             }
@@ -200,12 +200,12 @@ impl State {
     }
 
     /// Returns the session that a request names.
-    fn asked(&mut self, fields: &Fields<'_>) -> Result<&mut Box<dyn End>> {
+    fn asked(&mut self, fields: &RequestFields<'_>) -> Result<&mut Box<dyn End>> {
         let number = fields.0["session"].as_u64().and_then(|number| usize::try_from(number).ok());
         number.and_then(|number| self.session(number)).context("there is no such session")
     }
 
-    fn hold(&mut self, held: Held) -> Value {
+    fn hold(&mut self, held: CallerObject) -> Value {
         let number = self.held.iter().position(Option::is_none).unwrap_or_else(|| {
             self.held.push(None);
             self.held.len() - 1
@@ -218,8 +218,8 @@ impl State {
 
     fn session(&mut self, number: usize) -> Option<&mut Box<dyn End>> {
         match self.held.get_mut(number)?.as_mut()? {
-            Held::Session(end) => Some(end),
-            Held::Decoder(_) => None,
+            CallerObject::Session(end) => Some(end),
+            CallerObject::Decoder(_) => None,
         }
     }
 
@@ -231,7 +231,7 @@ impl State {
         label: &str,
     ) -> usize {
         let mut out = vec![b'['];
-        if let Some(Some(Held::Decoder(stream))) = self.held.get_mut(number) {
+        if let Some(Some(CallerObject::Decoder(stream))) = self.held.get_mut(number) {
             // A decoder that makes no progress is a bug: its items so far are returned.
             let _ = run(stream, &mut |item| {
                 if out.len() > 1 {

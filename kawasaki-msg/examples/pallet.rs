@@ -3,7 +3,7 @@
 
 pub(crate) mod ends;
 
-use kawasaki_msg::{Fields, Text, Unfit, Work};
+use kawasaki_msg::{FieldVisitor, Text, Unfit, Work};
 
 /// Move to these joint values with this tool, at this speed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub(crate) struct PalletMove {
 impl Work for PalletMove {
     type Ranges = ();
 
-    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         for (joint, name) in self.joints.iter_mut().zip(["j1", "j2", "j3", "j4", "j5", "j6"]) {
             fields.decimal(name, joint, 3, -360_000..=360_000)?;
         }

@@ -9,7 +9,7 @@ use arbitrary::{Arbitrary, Error, Result, Unstructured};
 
 use crate::dialect::{Dialect, Entry};
 use crate::error::FieldError;
-use crate::job::{Fields, Fit, Job, Unfit, Work};
+use crate::job::{FieldVisitor, Job, Unfit, VisitResult, Work};
 use crate::marks::{SEPARATOR, is_mark};
 use crate::message::Message;
 use crate::params::Params;
@@ -81,8 +81,8 @@ impl<'a, W: Work> Arbitrary<'a> for Job<W> {
 /// Sets the fields of a job.
 struct Filler<'u, 'a>(&'u mut Unstructured<'a>);
 
-impl Fields for Filler<'_, '_> {
-    fn decimal(&mut self, _: &str, value: &mut i32, _: u8, range: RangeInclusive<i32>) -> Fit {
+impl FieldVisitor for Filler<'_, '_> {
+    fn decimal(&mut self, _: &str, value: &mut i32, _: u8, range: RangeInclusive<i32>) -> VisitResult {
         if range.is_empty() {
             return Err(Unfit(()));
         }
@@ -90,7 +90,12 @@ impl Fields for Filler<'_, '_> {
         Ok(())
     }
 
-    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        text: &mut Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> VisitResult {
         let (least, most) = (*length.start(), N.min(*length.end()));
         let of = |length| i32::try_from(length).map_err(|_| Unfit(()));
         let mut length = 0;

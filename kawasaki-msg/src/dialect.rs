@@ -6,7 +6,7 @@
 use crate::error::{ConfigError, EncodeError, MessageError};
 use crate::job::{self, Job, Work};
 use crate::message::Message;
-use crate::params::{Misfit, Params};
+use crate::params::{Params, ValueFault};
 use crate::role::{Field, Role};
 use crate::text::Name;
 use crate::value::{Charset, Value, Values};
@@ -235,7 +235,7 @@ impl Dialect {
                     let split = values
                         .split(fields.len())
                         .map(|(before, after)| (own, values) = (Some(before), after));
-                    split.ok_or(Misfit::Missing)
+                    split.ok_or(ValueFault::Missing)
                 }
                 field => params.read(field, &mut values),
             };
@@ -353,13 +353,13 @@ impl Entry {
         ranges: &W::Ranges,
         work: &mut W,
     ) -> Result<(), MessageError> {
-        let (found, limit) = (own.len() + "#>".len(), job::LONGEST);
+        let (found, limit) = (own.len() + "#>".len(), job::MAX_FIELDS_LEN);
         if found > limit {
             return Err(MessageError::JobTooLong { found, limit });
         }
         job::read(own, ranges, work).map_err(|unread| match unread {
-            job::Unread::Field(error) => MessageError::Field(error),
-            job::Unread::Count(count) => {
+            job::ReadError::Field(error) => MessageError::Field(error),
+            job::ReadError::Count(count) => {
                 let expected = self.fields.len() - 1 + count;
                 MessageError::FieldCount { expected, found: message.fields.count() }
             }
@@ -378,11 +378,11 @@ impl Entry {
     /// Returns the error of the field that is followed by `after` others, if it is an error.
     #[cold]
     #[inline(never)]
-    fn wrong(&self, message: &Message<'_>, after: usize, misfit: Misfit) -> Result<(), MessageError> {
+    fn wrong(&self, message: &Message<'_>, after: usize, misfit: ValueFault) -> Result<(), MessageError> {
         let (expected, found) = (self.fields.len(), message.fields.count());
         let is_job = self.fields.contains(&Field::Work);
         // Report first that a job has too few fields.
-        if misfit == Misfit::Missing || is_job && found + 1 < expected {
+        if misfit == ValueFault::Missing || is_job && found + 1 < expected {
             // A single empty value is the same on the wire as no value.
             let may_be_absent =
                 |field: &Field| *field == Field::Unused || field.row().is_some_and(|row| row.may_be_empty);
@@ -393,9 +393,9 @@ impl Entry {
         let is_after_own = self.fields.iter().take(index).any(|field| *field == Field::Work);
         let field = if is_after_own { found - after - 1 } else { index };
         Err(match misfit {
-            Misfit::Constant => MessageError::NotTheConstant { field },
-            Misfit::OutOfRange { found, min, max } => MessageError::OutOfRange { field, found, min, max },
-            Misfit::NotANumber | Misfit::Missing => MessageError::NotANumber { field },
+            ValueFault::Constant => MessageError::NotTheConstant { field },
+            ValueFault::OutOfRange { found, min, max } => MessageError::OutOfRange { field, found, min, max },
+            ValueFault::NotANumber | ValueFault::Missing => MessageError::NotANumber { field },
         })
     }
 

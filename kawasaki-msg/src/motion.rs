@@ -3,7 +3,7 @@
 use core::ops::Deref;
 
 use robot_work_queue::{
-    Claim, ConfigError, Ends as Both, Full, Iter, NoWake, Reader, Taken, Wake, WorkQueue, Writer,
+    Claim, ConfigError, Ends as Both, Full, Iter, NoWake, Reader, TakenJob, Wake, WorkQueue, Writer,
 };
 
 use crate::job::{Job, Work};
@@ -126,7 +126,7 @@ impl<'q, W, M: Wake> From<Writer<'q, Job<W>, M>> for Jobs<'q, W, M> {
 impl<W, M: Wake> Jobs<'_, W, M> {
     /// Removes and returns the number of the next executed job that the session has not recorded yet.
     pub(crate) fn next_executed(&mut self) -> Option<u16> {
-        self.executed.as_mut()?.take().map(Taken::complete)
+        self.executed.as_mut()?.take().map(TakenJob::complete)
     }
 }
 
@@ -143,13 +143,16 @@ pub struct Motion<'q, W, S: Wake = NoWake> {
 impl<W, S: Wake> Motion<'_, W, S> {
     /// Takes the oldest job, by reference; `None` if there is none yet.
     #[inline]
-    pub fn take(&mut self) -> Option<Executing<'_, W, S>> {
+    pub fn take(&mut self) -> Option<ExecutingJob<'_, W, S>> {
         executing(self.report.claim(), self.jobs.take())
     }
 
     /// Takes the oldest job for which `predicate` returns true: it overtakes those before it. For a robot whose configuration has
     /// [`Acks::Individual`](crate::Acks).
-    pub fn take_where(&mut self, mut predicate: impl FnMut(&Job<W>) -> bool) -> Option<Executing<'_, W, S>> {
+    pub fn take_where(
+        &mut self,
+        mut predicate: impl FnMut(&Job<W>) -> bool,
+    ) -> Option<ExecutingJob<'_, W, S>> {
         executing(self.report.claim(), self.jobs.take_where(|_, job| predicate(job)))
     }
 
@@ -181,22 +184,22 @@ impl<W, S: Wake> Motion<'_, W, S> {
 
 fn executing<'m, W, S: Wake>(
     report: Result<Claim<'m, u16>, Full>,
-    job: Option<Taken<'m, Job<W>, S>>,
-) -> Option<Executing<'m, W, S>> {
+    job: Option<TakenJob<'m, Job<W>, S>>,
+) -> Option<ExecutingJob<'m, W, S>> {
     let (Ok(report), Some(job)) = (report, job) else { return None };
-    Some(Executing { job, report })
+    Some(ExecutingJob { job, report })
 }
 
 /// A job that is being executed, in its slot: a reset does not remove it. Dropped without [`complete`](Self::complete), it
 /// waits again.
 #[derive(Debug)]
 #[must_use = "a job that is not completed waits again"]
-pub struct Executing<'m, W, S: Wake = NoWake> {
-    job: Taken<'m, Job<W>, S>,
+pub struct ExecutingJob<'m, W, S: Wake = NoWake> {
+    job: TakenJob<'m, Job<W>, S>,
     report: Claim<'m, u16>,
 }
 
-impl<W: Work, S: Wake> Executing<'_, W, S> {
+impl<W: Work, S: Wake> ExecutingJob<'_, W, S> {
     /// Reports the job as executed to the session, which never requests it again, and frees its slot.
     pub fn complete(self) -> Job<W> {
         // In this sequence: a session that finds the slot free has the report of the job.
@@ -205,7 +208,7 @@ impl<W: Work, S: Wake> Executing<'_, W, S> {
     }
 }
 
-impl<W, S: Wake> Deref for Executing<'_, W, S> {
+impl<W, S: Wake> Deref for ExecutingJob<'_, W, S> {
     type Target = Job<W>;
 
     fn deref(&self) -> &Job<W> {

@@ -43,14 +43,14 @@ impl Numbering {
 
 /// The jobs after a count that have overtaken others: those executed, or acknowledged, before all up to them are.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
-pub struct Ahead {
+pub struct AheadJobs {
     /// A bit for each job after the count, the next one first.
     bits: [u64; Self::MAX as usize / 64],
     /// The number of jobs in the set.
     len: u16,
 }
 
-impl Ahead {
+impl AheadJobs {
     /// The number of jobs after the count that can be distinguished: the longest queue in which jobs overtake one another.
     pub const MAX: u32 = 1024;
 
@@ -92,18 +92,18 @@ mod tests {
 
     #[test]
     fn jobs_ahead_follow_their_count() {
-        let mut ahead = Ahead::default();
+        let mut ahead = AheadJobs::default();
         let jobs = [0, 1, 63, 64, 500, 1023];
         for after in jobs {
             assert!(!ahead.contains(after) && ahead.insert(after) && !ahead.insert(after));
             assert!(ahead.contains(after) && !ahead.contains(after + 2));
         }
-        assert!(!ahead.insert(Ahead::MAX) && !ahead.contains(Ahead::MAX));
+        assert!(!ahead.insert(AheadJobs::MAX) && !ahead.contains(AheadJobs::MAX));
         for count in 0..=1024 {
             let left = jobs.iter().filter(|after| **after >= count);
             assert!((0..1024).filter(|after| ahead.contains(*after)).eq(left.map(|after| after - count)));
             ahead.pass();
         }
-        assert_eq!(ahead, Ahead::default());
+        assert_eq!(ahead, AheadJobs::default());
     }
 }

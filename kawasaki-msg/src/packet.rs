@@ -80,7 +80,7 @@ impl Default for Limits {
 /// Whether a message fitted into the packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use = "a message without room has to wait for the next cycle"]
-pub enum Room {
+pub enum AddResult {
     /// The message is in the packet.
     Added,
     /// The packet is full: try again in the next cycle (the source's `-100`).
@@ -96,11 +96,11 @@ pub enum Room {
 /// packets can reach 4334 of 4096 bytes (thesis, figure 3).
 ///
 /// ```
-/// use kawasaki_msg::{Dialect, Limits, Packet, Params, Role, Room};
+/// use kawasaki_msg::{Dialect, Limits, Packet, Params, Role, AddResult};
 ///
 /// let mut buffer = [0; 4096];
 /// let mut packet = Packet::new(&mut buffer, Limits::TCP, Dialect::DEFAULT);
-/// while packet.push(Role::Filler, &Params::default())? == Room::Added {}
+/// while packet.push(Role::Filler, &Params::default())? == AddResult::Added {}
 /// assert_eq!(packet.as_bytes().len(), 341 * "<Huuhaa$0##>".len());
 /// assert_eq!(packet.elements().map(<[u8]>::len).max(), Some(255));
 /// # Ok::<(), kawasaki_msg::EncodeError>(())
@@ -124,9 +124,9 @@ impl<'a> Packet<'a> {
     ///
     /// # Errors
     /// If no packet could ever hold the message; the packet is as it was.
-    pub fn push(&mut self, role: Role, params: &Params) -> Result<Room, EncodeError> {
+    pub fn push(&mut self, role: Role, params: &Params) -> Result<AddResult, EncodeError> {
         if self.dialect.entry(role).is_none() {
-            return Ok(Room::Added);
+            return Ok(AddResult::Added);
         }
         let free = self.buffer.get_mut(self.length..).unwrap_or_default();
         let written = self.dialect.write(role, params, free);
@@ -138,7 +138,7 @@ impl<'a> Packet<'a> {
     /// # Errors
     /// As [`push`](Self::push), and when a field of the job does not fit.
     #[inline]
-    pub fn push_job<W: Work>(&mut self, job: &Job<W>, ranges: &W::Ranges) -> Result<Room, EncodeError> {
+    pub fn push_job<W: Work>(&mut self, job: &Job<W>, ranges: &W::Ranges) -> Result<AddResult, EncodeError> {
         let free = self.buffer.get_mut(self.length..).unwrap_or_default();
         let written = self.dialect.write_job(job, ranges, free);
         self.append(written)
@@ -146,14 +146,14 @@ impl<'a> Packet<'a> {
 
     /// Adds the bytes that were written into the free part.
     #[inline]
-    fn append(&mut self, written: Result<usize, EncodeError>) -> Result<Room, EncodeError> {
+    fn append(&mut self, written: Result<usize, EncodeError>) -> Result<AddResult, EncodeError> {
         let limit = self.buffer.len();
         match written {
             Ok(length) => {
                 self.length += length;
-                Ok(Room::Added)
+                Ok(AddResult::Added)
             }
-            Err(EncodeError::BufferTooSmall { needed, .. }) if needed <= limit => Ok(Room::Full),
+            Err(EncodeError::BufferTooSmall { needed, .. }) if needed <= limit => Ok(AddResult::Full),
             Err(EncodeError::BufferTooSmall { needed, .. } | EncodeError::TooLong { length: needed, .. }) => {
                 Err(EncodeError::TooLong { length: needed, limit })
             }

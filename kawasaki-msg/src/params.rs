@@ -66,28 +66,28 @@ impl Params {
 
     /// Stores the next value as that of a field.
     #[inline(always)]
-    pub(crate) fn read(&mut self, field: &Field, values: &mut Values<'_>) -> Result<(), Misfit> {
+    pub(crate) fn read(&mut self, field: &Field, values: &mut Values<'_>) -> Result<(), ValueFault> {
         let Some(row) = field.row() else { return Self::skip(field, values) };
         if row.may_be_empty && values.skip_empty() {
             return Ok(());
         }
         let (min, max) = row.range;
         let found = values.number(0).map_err(|fault| match fault {
-            Fault::Missing => Misfit::Missing,
-            Fault::NotANumber | Fault::TooPrecise => Misfit::NotANumber,
+            Fault::Missing => ValueFault::Missing,
+            Fault::NotANumber | Fault::TooPrecise => ValueFault::NotANumber,
         })?;
         if found < min || max < found {
-            return Err(Misfit::OutOfRange { found, min, max });
+            return Err(ValueFault::OutOfRange { found, min, max });
         }
         self.store(row, found);
         Ok(())
     }
 
     /// Skips a value that the sessions do not use.
-    fn skip(field: &Field, values: &mut Values<'_>) -> Result<(), Misfit> {
-        let value = values.text().ok_or(Misfit::Missing)?;
+    fn skip(field: &Field, values: &mut Values<'_>) -> Result<(), ValueFault> {
+        let value = values.text().ok_or(ValueFault::Missing)?;
         match field {
-            Field::Constant(text) if value != *text => Err(Misfit::Constant),
+            Field::Constant(text) if value != *text => Err(ValueFault::Constant),
             _ => Ok(()),
         }
     }
@@ -105,7 +105,7 @@ impl Params {
 
 /// The reason that a value does not fit its field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Misfit {
+pub(crate) enum ValueFault {
     Missing,
     Constant,
     NotANumber,

@@ -2,7 +2,7 @@
 
 use core::num::NonZeroU16;
 
-use robot_session::spec::{ANY_TIME, Configure, Fields, SOME_TIME};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor, SOME_TIME};
 
 use crate::dialect::Dialect;
 use crate::job::Bounds;
@@ -12,7 +12,7 @@ use crate::pc::{PcConfig, Takeover};
 use crate::robot::{Acks, RecoveryLimits, RobotConfig};
 
 impl Configure for Limits {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { element, packet } = self;
         let range = 1..=Message::MAX_LEN;
         let about = "the longest string of the AS program";
@@ -23,7 +23,7 @@ impl Configure for Limits {
 }
 
 impl Configure for Bounds {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { min, max } = self;
         let widest = Self::WIDEST;
         let (x, y) = (widest.min.x..=widest.max.x, widest.min.y..=widest.max.y);
@@ -38,7 +38,7 @@ impl Configure for Bounds {
 }
 
 impl Configure for RecoveryLimits {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { resends, pauses, clears } = self;
         const NAMED: &str = "§6.3; this project's value";
         let all = 0..=u16::MAX;
@@ -51,7 +51,7 @@ impl Configure for RecoveryLimits {
 }
 
 /// Visits the fields `dialect`, `limits`, `datagrams` and `max_number`, on which both ends agree.
-fn agreed(fields: &mut impl Fields, limits: &mut Limits, datagrams: &mut bool, max_number: &mut u16) {
+fn agreed(fields: &mut impl FieldVisitor, limits: &mut Limits, datagrams: &mut bool, max_number: &mut u16) {
     let shape = "a table that `Dialect::new` takes (KM-27, KM-28)";
     fields.source("§10.1; ours").code("dialect", shape, "the table of messages", "the plant's messages");
     fields.source("§9.5").part("limits", "Limits", "the limits of a packet", limits);
@@ -62,7 +62,7 @@ fn agreed(fields: &mut impl Fields, limits: &mut Limits, datagrams: &mut bool, m
 }
 
 impl Configure for RobotConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             dialect: _,
             limits,
@@ -111,7 +111,7 @@ impl Configure for RobotConfig {
 
 /// The field `acks`.
 impl Configure for Acks {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let mut jobs = match self {
             Self::Cumulative { every } => Some(every.get()),
             Self::Individual => None,
@@ -127,7 +127,7 @@ impl Configure for Acks {
 }
 
 impl Configure for PcConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             dialect: _,
             limits,

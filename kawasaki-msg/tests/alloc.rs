@@ -11,7 +11,7 @@ use std::alloc::System;
 use kawasaki_msg::motion::boxed;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Bounds, Dialect, Job, JobKind, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig, Room,
+    AddResult, Bounds, Dialect, Job, JobKind, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig,
     Supply,
 };
 
@@ -68,7 +68,7 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
         for number in 1.. {
             let job = Job { order: 50, number, work: line(u32::from(number)) };
             match packet.push_job(&job, &Bounds::WIDEST) {
-                Ok(Room::Added) => queued += 1,
+                Ok(AddResult::Added) => queued += 1,
                 _ => break,
             }
         }

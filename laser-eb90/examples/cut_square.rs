@@ -3,7 +3,7 @@
 
 use core::ops::ControlFlow;
 
-use laser_eb90::robot_session::{Ended, Serial, drive, serialport};
+use laser_eb90::robot_session::{EndReason, Serial, drive, serialport};
 use laser_eb90::{Host, HostConfig, HostEvent, SessionError, timing};
 
 /// A straight cut to X, Y: interpreted, so it is queued.
@@ -29,9 +29,9 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
         other => ControlFlow::Break(Err(format!("look at the robot first: {other:?}"))),
     })?;
     match ended {
-        Ended::ByHandler(result) => Ok(result?),
-        Ended::ByPeer => Err("the port is gone".into()),
-        Ended::Stalled => Err("the port takes nothing".into()),
+        EndReason::ByHandler(result) => Ok(result?),
+        EndReason::ByPeer => Err("the port is gone".into()),
+        EndReason::Stalled => Err("the port takes nothing".into()),
     }
 }
 

@@ -3,7 +3,7 @@
 use robot_session::end::StreamBuffer;
 
 use crate::error::DecodeError;
-use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len};
+use crate::frame::{CorruptFrame, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len};
 use crate::items::Items;
 use crate::profile::Profile;
 
@@ -68,7 +68,7 @@ impl Decoder {
                     return Some(Ok(Frame::new(body.payload(&self.payload), &self.profile)));
                 }
                 // A false head can be followed by the right checksum, but hardly by whole items as well.
-                Err(error) => Corrupt { error, examined: body.used },
+                Err(error) => CorruptFrame { error, examined: body.used },
             },
             Err(corrupt) => corrupt,
         };

@@ -170,7 +170,7 @@ pub(crate) struct Body {
 
 /// The error of a frame, and the number of its bytes that were examined to find it.
 #[derive(Debug)]
-pub(crate) struct Corrupt {
+pub(crate) struct CorruptFrame {
     pub(crate) error: DecodeError,
     pub(crate) examined: usize,
 }
@@ -190,7 +190,7 @@ impl Scan {
         raw: &[u8],
         payload: &mut [u8],
         profile: &Profile,
-    ) -> Result<Option<Body>, Corrupt> {
+    ) -> Result<Option<Body>, CorruptFrame> {
         if self.is_new() {
             let Some(begin) = begin(raw, profile)? else { return Ok(None) };
             self.read = begin;
@@ -204,14 +204,17 @@ impl Scan {
                 [MARK, byte, ..] if profile.tail.ends_with(byte) => return self.end(raw, payload, profile),
                 [MARK, found, ..] => {
                     let error = DecodeError::Stuffing { offset: self.read + 1, found };
-                    return Err(Corrupt { error, examined: self.read + 2 });
+                    return Err(CorruptFrame { error, examined: self.read + 2 });
                 }
                 [byte, ..] => (byte, 1),
             };
             self.read += taken;
             let Some(slot) = payload.get_mut(self.len) else {
                 let (offset, limit) = (self.read - 1, payload.len());
-                return Err(Corrupt { error: DecodeError::TooLong { offset, limit }, examined: self.read });
+                return Err(CorruptFrame {
+                    error: DecodeError::TooLong { offset, limit },
+                    examined: self.read,
+                });
             };
             *slot = byte;
             self.len += 1;
@@ -247,7 +250,7 @@ impl Scan {
     }
 
     /// Checks the checksum after the tail.
-    fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Corrupt> {
+    fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, CorruptFrame> {
         let offset = self.read + 2;
         let Some(found) = check_word(raw.get(offset..).unwrap_or_default(), profile) else { return Ok(None) };
         let body = Body { len: self.len, used: offset + profile.checksum.len() };
@@ -256,7 +259,7 @@ impl Scan {
             Ok(Some(body))
         } else {
             let error = DecodeError::Checksum { offset, expected, found };
-            Err(Corrupt { error, examined: body.used })
+            Err(CorruptFrame { error, examined: body.used })
         }
     }
 }
@@ -276,7 +279,7 @@ pub(crate) fn prefix_len(profile: &Profile) -> usize {
 }
 
 /// Returns the length of everything before the payload, when these bytes and the first tag are complete and valid.
-fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Corrupt> {
+fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, CorruptFrame> {
     let len = prefix_len(profile);
     let (error, examined) = match *raw {
         [0xEB, 0x90, 0x82, flag, ..] if flag != FLAG && profile.flag == Flag::Separate => {
@@ -290,7 +293,7 @@ fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Corrupt> {
         [] | [0xEB] | [0xEB, 0x90] => return Ok(None),
         _ => (DecodeError::NoHead { skipped: raw.len() }, raw.len()),
     };
-    Err(Corrupt { error, examined })
+    Err(CorruptFrame { error, examined })
 }
 
 /// Returns the offset of the first head in `bytes`, whole or cut off by their end; their length if no head begins.

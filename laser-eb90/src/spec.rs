@@ -1,6 +1,6 @@
 //! The configurations of both ends, field by field.
 
-use robot_session::spec::{ANY_TIME, Configure, Fields, LINE};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor, LINE};
 
 use crate::controller::ControllerConfig;
 use crate::frame::Frame;
@@ -9,7 +9,7 @@ use crate::profile::{ByteOrder, Flag, Profile, Tail, Width};
 use crate::words::{ErrorCodes, Words};
 
 impl Configure for Profile {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { tail, flag, tags, checksum, checksum_negated, checksum_with_flag, byte_order } = self;
         let choices = [("printed", Tail::Printed), ("etx", Tail::Etx), ("either", Tail::Either)];
         let about = "the end mark: 90 82, 90 83, or both are read";
@@ -32,7 +32,7 @@ impl Configure for Profile {
 
 /// The codes are different, and none is a command word.
 impl Configure for ErrorCodes {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { bad_checksum, bad_frame, unknown_command, bad_batch, bad_parameters, queue_full } = self;
         const NAMED: &str = "§3(5); this project's value";
         let all = 0..=u16::MAX;
@@ -52,7 +52,7 @@ impl Configure for ErrorCodes {
 }
 
 /// Visits the fields `words` and `batch`, which both ends have.
-fn instructions(fields: &mut impl Fields, words: &mut Words, batch: &mut u8) {
+fn instructions(fields: &mut impl FieldVisitor, words: &mut Words, batch: &mut u8) {
     let shape = "{commands: [{first, last, class}], errors: {bad_checksum, …}}";
     let about = "command words by class in up to 32 ranges (by default 0100h to 01FFh interpreted, 0200h to 02FFh immediate, 0300h to 03FFh query), and error codes";
     fields.source("§2; this project's values").parsed("words", shape, about, words);
@@ -61,12 +61,12 @@ fn instructions(fields: &mut impl Fields, words: &mut Words, batch: &mut u8) {
 }
 
 /// Visits the field `profile`, which both ends have.
-fn profile_of(fields: &mut impl Fields, profile: &mut Profile) {
+fn profile_of(fields: &mut impl FieldVisitor, profile: &mut Profile) {
     fields.source("§3(2)").inline("profile", "Profile", "how frames are written", profile);
 }
 
 impl Configure for ControllerConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             profile,
             words,
@@ -88,7 +88,7 @@ impl Configure for ControllerConfig {
 }
 
 impl Configure for HostConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             profile,
             words,

@@ -142,7 +142,7 @@ impl Laser {
     /// # Errors
     /// See [`Error`].
     pub async fn query(&self, command: Command) -> Result<Answer, Error> {
-        self.handle.call(|reply| Call::Single(Single { command, reply })).await?
+        self.handle.call(|reply| Call::Single(PendingInstruction { command, reply })).await?
     }
 
     /// Returns the handle with the parts that all handles have: every event, the state of the connection, the end.
@@ -189,7 +189,7 @@ pub enum Call {
     /// Sends interpreted instructions, in as many frames as needed.
     Run(Run),
     /// Sends an instruction in a frame of its own, between two frames of a run.
-    Single(Single),
+    Single(PendingInstruction),
 }
 
 /// A run, and the channel of its outcome.
@@ -206,7 +206,7 @@ pub struct Run {
 
 /// An instruction in a frame of its own, and the channel of its reply.
 #[derive(Debug)]
-pub struct Single {
+pub struct PendingInstruction {
     command: Command,
     reply: Reply<Result<Answer, Error>>,
 }
@@ -214,11 +214,11 @@ pub struct Single {
 /// The service of the task: submits instructions, and returns outcomes to their callers.
 #[derive(Debug, Default)]
 pub struct Instructions {
-    singles: VecDeque<Single>,
+    singles: VecDeque<PendingInstruction>,
     /// The first one is being sent.
     runs: VecDeque<Run>,
     /// The submitted instructions without an outcome; `None` is an instruction of the run.
-    submitted: VecDeque<Option<Single>>,
+    submitted: VecDeque<Option<PendingInstruction>>,
 }
 
 impl Instructions {
@@ -285,7 +285,7 @@ impl Instructions {
     fn taken(&mut self, session: &mut Host, count: u8, answer: &[u8]) {
         for _ in 0..count {
             match self.submitted.pop_front().flatten() {
-                Some(Single { reply, .. }) => {
+                Some(PendingInstruction { reply, .. }) => {
                     let (bytes, profile) = (answer.to_vec(), session.config().profile);
                     let _ = reply.send(Ok(Answer { bytes, profile }));
                 }
@@ -311,7 +311,7 @@ impl Instructions {
         }
         let taken = self.runs.front().map_or(0, |run| if is_of_run { run.taken } else { 0 });
         let error = error(taken);
-        if let Some(Single { reply, .. }) = single {
+        if let Some(PendingInstruction { reply, .. }) = single {
             let _ = reply.send(Err(error));
         } else {
             for _ in 0..session.take_back() {
@@ -377,7 +377,7 @@ impl Service for Instructions {
         let error = Error::NotConnected(Arc::clone(why));
         match call {
             Call::Run(Run { reply, .. }) => drop(reply.send(Err(error))),
-            Call::Single(Single { reply, .. }) => drop(reply.send(Err(error))),
+            Call::Single(PendingInstruction { reply, .. }) => drop(reply.send(Err(error))),
         }
     }
 }

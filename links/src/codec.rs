@@ -263,7 +263,7 @@ impl Item<'_> {
 
 /// A stored item.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Found {
+pub struct StreamItem {
     /// The offset of the first byte, from the start of the stream.
     pub offset: u64,
     /// The number of bytes of the item.
@@ -274,7 +274,7 @@ pub struct Found {
     pub at_end: bool,
 }
 
-impl Found {
+impl StreamItem {
     /// Returns the object as a JSON value: of a message, or of an error.
     ///
     /// # Errors
@@ -291,13 +291,13 @@ impl Found {
 ///
 /// # Errors
 /// If the decoder makes no progress, or the items do not cover every byte.
-pub fn items(codec: Box<dyn Codec>, parts: &[Vec<&[u8]>]) -> Result<Vec<Found>> {
+pub fn items(codec: Box<dyn Codec>, parts: &[Vec<&[u8]>]) -> Result<Vec<StreamItem>> {
     let (mut stream, mut items) = (Stream::new(codec), Vec::new());
     for part in parts {
         let mut keep = |item: Item<'_>, at_end| {
             let json = String::from_utf8(item.json.to_vec())?;
             let content = if item.kind == Kind::Message { Ok(json) } else { Err(json) };
-            items.push(Found { offset: item.offset, length: item.length, content, at_end });
+            items.push(StreamItem { offset: item.offset, length: item.length, content, at_end });
             Ok(())
         };
         for piece in part {

@@ -11,7 +11,7 @@ use robot_session::end::{End as _, EventOf, Machine, Rule, Rules};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::given::Given;
+use crate::given::GivenFields;
 use crate::json;
 
 /// An end of a link in the table.
@@ -24,7 +24,7 @@ pub struct EndRow {
     /// Returns the names of the calls.
     pub calls: fn() -> Vec<&'static str>,
     /// The items that the end begins and ends, such as requests.
-    pub once: &'static [Once],
+    pub once: &'static [PairedItem],
     /// Makes it of the fields of a configuration that are not the defaults, as stories have them: times are nanoseconds. With the
     /// feature `model` the rule of a number is left out.
     pub make: Make,
@@ -32,18 +32,18 @@ pub struct EndRow {
 
 /// An item that ends once for each time that it begins, such as a request with its outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Once {
+pub struct PairedItem {
     /// The call, event or bytes that begin the item.
-    pub begins: By<'static>,
+    pub begins: Act<'static>,
     /// The events that end the item.
-    pub ends: &'static [By<'static>],
+    pub ends: &'static [Act<'static>],
     /// The number of items that may be pending.
-    pub room: Room,
+    pub room: PendingLimit,
 }
 
 /// An act of an end, or of its user, peer or connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum By<'a> {
+pub enum Act<'a> {
     /// A call that is not refused.
     Call(&'a str),
     /// An event; one with a `count` counts this often.
@@ -60,7 +60,7 @@ pub enum By<'a> {
 
 /// The number of items that may be pending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Room {
+pub enum PendingLimit {
     /// This number of items.
     Most(u64),
     /// One item, until whose end nothing is sent.
@@ -96,7 +96,7 @@ pub trait End {
     ///
     /// # Errors
     /// If there is no such call, or if it has another argument.
-    fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called;
+    fn call(&mut self, now: Duration, name: &str, argument: &Value) -> CallResult;
 
     /// Returns the name of the machine's state.
     fn state(&self) -> &'static str;
@@ -111,10 +111,10 @@ pub trait End {
 }
 
 /// The result of a call: nothing, or the reason for its refusal.
-pub type Called = Result<Result<(), String>>;
+pub type CallResult = Result<Result<(), String>>;
 
 /// A call by its name.
-pub(crate) type Call<O> = (&'static str, fn(&mut O, Duration, &Value) -> Called);
+pub(crate) type Call<O> = (&'static str, fn(&mut O, Duration, &Value) -> CallResult);
 
 /// A session with the other objects of its user, such as the other end of its queue.
 pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
@@ -131,10 +131,10 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     const CALLS: &'static [Call<Self>] = &[];
 
     /// The items that the end begins and ends.
-    const ONCE: &'static [Once] = &[];
+    const PAIRED: &'static [PairedItem] = &[];
 
     /// Creates the end with the given fields of a configuration, and the defaults of all others.
-    fn new(given: Given, rules: Rules<Self::Rule>) -> Result<Self>;
+    fn new(given: GivenFields, rules: Rules<Self::Rule>) -> Result<Self>;
 
     /// Returns a value of the session that a story shows beside an event: a key, and JSON.
     fn shows(&self, _event: &EventOf<Self::End>) -> Option<(&'static str, String)> {
@@ -157,7 +157,7 @@ impl EndRow {
             name: <O::End as Session>::END,
             rules: rules::<O>,
             calls: calls::<O>,
-            once: O::ONCE,
+            once: O::PAIRED,
             make: make::<O>,
         }
     }
@@ -172,7 +172,7 @@ fn calls<O: Owner>() -> Vec<&'static str> {
 }
 
 fn make<O: Owner>(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>> {
-    let owner = O::new(Given(config.clone()), kept(left_out)?)?;
+    let owner = O::new(GivenFields(config.clone()), kept(left_out)?)?;
     Ok(Box::new(Boxed(owner)))
 }
 
@@ -253,7 +253,7 @@ impl<O: Owner> End for Boxed<O> {
         json::text(&self.0.borrow().statistics())
     }
 
-    fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called {
+    fn call(&mut self, now: Duration, name: &str, argument: &Value) -> CallResult {
         let known = O::CALLS.iter().find(|(known, _)| *known == name);
         let (_, call) = known.with_context(|| format!("it has no call {name}"))?;
         let result = call(&mut self.0, now, argument);
@@ -277,12 +277,12 @@ impl<O: Owner> End for Boxed<O> {
 }
 
 /// Returns the result of a call that the session may refuse.
-pub(crate) fn called<T>(result: Result<T, impl Serialize>) -> Called {
+pub(crate) fn called<T>(result: Result<T, impl Serialize>) -> CallResult {
     Ok(result.map(drop).map_err(|refusal| json::text(&refusal)))
 }
 
 /// Returns the result of a call that is never refused.
-pub(crate) fn done<T>(_: T) -> Called {
+pub(crate) fn done<T>(_: T) -> CallResult {
     Ok(Ok(()))
 }
 

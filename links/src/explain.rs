@@ -7,11 +7,11 @@ use serde_json::{Map, Value};
 
 use crate::codec::items;
 use crate::link::Link;
-pub use crate::parts::{Part, Parts, Read, count};
+pub use crate::parts::{Part, Parts, ReadMessage, count};
 
 /// A message or an error in a stream, and the meaning of its bytes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Explained {
+pub struct Explanation {
     /// The offset of the first byte, from the start of the stream.
     pub offset: u64,
     /// The number of bytes of the item.
@@ -40,7 +40,7 @@ pub fn explain(
     side: &str,
     settings: &Map<String, Value>,
     stream: &[u8],
-) -> Result<Vec<Explained>> {
+) -> Result<Vec<Explanation>> {
     let side = link.side(Some(side))?;
     let found = items((link.codec)(side, settings)?, &[vec![stream]])?;
     found
@@ -54,12 +54,12 @@ pub fn explain(
             let bytes = begin.zip(end).and_then(|(begin, end)| stream.get(begin..end)).unwrap_or_default();
             let parts = message
                 .as_ref()
-                .map(|message| (link.parts)(&Read { side, message, bytes }))
+                .map(|message| (link.parts)(&ReadMessage { side, message, bytes }))
                 .unwrap_or_default();
             let kind = error.as_ref().and_then(|error| error["kind"].as_str());
             let clause = kind.and_then(|kind| link.clause(kind));
             let (offset, length, at_end) = (item.offset, item.length, item.at_end);
-            Ok(Explained { offset, length, message, error, clause, at_end, parts })
+            Ok(Explanation { offset, length, message, error, clause, at_end, parts })
         })
         .collect()
 }

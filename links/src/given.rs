@@ -7,9 +7,9 @@ use serde_json::{Map, Value};
 use crate::settings::{Configure, Form, read_as};
 
 /// The given fields of a configuration, and of the parts beside the end: those that differ from the defaults.
-pub(crate) struct Given(pub(crate) Map<String, Value>);
+pub(crate) struct GivenFields(pub(crate) Map<String, Value>);
 
-impl Given {
+impl GivenFields {
     /// Removes and returns a value that is not a field of the configuration, such as the length of a queue.
     pub(crate) fn take<T: DeserializeOwned>(&mut self, name: &str) -> Result<Option<T>> {
         Ok(self.0.remove(name).map(|value| T::deserialize(&value)).transpose()?)

@@ -6,8 +6,8 @@ use serde_json::{Map, Value};
 use crate::LINKS;
 use crate::codec::Codec;
 use crate::end::EndRow;
-use crate::parts::{Part, Read};
-use crate::settings::{Refused, Setting, did_you_mean};
+use crate::parts::{Part, ReadMessage};
+use crate::settings::{RefusedSetting, Setting, did_you_mean};
 #[cfg(feature = "captures")]
 use crate::shadow::MakeShadow;
 
@@ -42,14 +42,14 @@ pub struct Link {
     pub codec: MakeCodec,
     /// Whether its decoder may accept bytes that its encoder would write differently, or not at all; all other messages have
     /// one form.
-    pub tolerates: fn(&Accepted<'_>) -> bool,
+    pub tolerates: fn(&AcceptedMessage<'_>) -> bool,
     /// The kinds of its decoders' errors, and the clause of its specification that such bytes break.
     pub clauses: &'static [(&'static str, &'static str)],
     /// Returns the parts of a message: the bytes of each value, and the clause that describes it.
-    pub parts: fn(&Read<'_>) -> Vec<Part>,
+    pub parts: fn(&ReadMessage<'_>) -> Vec<Part>,
     /// The properties of the bytes that the source leaves open.
     #[cfg(feature = "captures")]
-    pub open: Open,
+    pub open: OpenSettings,
     /// Makes a shadow, which observes a conversation of both ends.
     #[cfg(feature = "captures")]
     pub shadow: MakeShadow,
@@ -58,7 +58,7 @@ pub struct Link {
 }
 
 /// The fields of a configuration, or why one that was given is refused.
-pub type Listed = Result<Vec<Setting>, Refused>;
+pub type ListResult = Result<Vec<Setting>, RefusedSetting>;
 
 /// A configuration.
 #[derive(Debug, Clone, Copy)]
@@ -66,25 +66,25 @@ pub struct Config {
     /// The name of its type.
     pub name: &'static str,
     /// The fields of the default, or of the default with these values, in the form of `reference/`.
-    pub fields: fn(given: &Map<String, Value>) -> Listed,
+    pub fields: fn(given: &Map<String, Value>) -> ListResult,
 }
 
 /// The properties of a link's bytes that its source leaves open, and that a capture may decide.
 #[derive(Debug, Clone, Copy)]
-pub struct Open {
+pub struct OpenSettings {
     /// The settings of the codec that bytes decide.
     pub settings: &'static [&'static str],
     /// Other settings that affect the view of the bytes, with their values: `view`, `telemetry`.
     pub beside: &'static [(&'static str, &'static str)],
     /// Other settings of the ends, which bytes show and a command may lack: their values in these messages, and the reason
     /// for each.
-    pub places: fn(messages: &[(&'static str, Value)]) -> Vec<Place>,
+    pub places: fn(messages: &[(&'static str, Value)]) -> Vec<ShownSetting>,
     /// The names of the settings of [`places`](Self::places).
     pub place_names: &'static [&'static str],
     /// The setting that has too many values to try all; `None` without one.
     pub guess: Option<Guess>,
     /// Messages whose bytes differ from setting to setting.
-    pub deciding: &'static [Deciding],
+    pub deciding: &'static [DecidingMessage],
     /// Values with which more is read, and the same is written: the setting, the value, and which bytes would decide.
     pub reads_more: &'static [(&'static str, &'static str, &'static str)],
     /// The settings of the codec as a function that returns the crate's configuration, with all necessary definitions.
@@ -96,7 +96,7 @@ pub struct Open {
 }
 
 /// A setting of an end that messages show: its name, its value, and the reason.
-pub type Place = (&'static str, u64, &'static str);
+pub type ShownSetting = (&'static str, u64, &'static str);
 
 /// The transport of a capture's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -123,7 +123,7 @@ pub struct Guess {
 
 /// A message that decides settings.
 #[derive(Debug, Clone, Copy)]
-pub struct Deciding {
+pub struct DecidingMessage {
     /// The side that sends it.
     pub side: &'static str,
     /// A description of the message.
@@ -132,7 +132,7 @@ pub struct Deciding {
     pub message: &'static str,
 }
 
-impl Open {
+impl OpenSettings {
     /// Nothing.
     pub const NOTHING: Self = Self {
         settings: &[],
@@ -150,7 +150,7 @@ impl Open {
 
 /// A message that was accepted, and is not written as it was read.
 #[derive(Debug, Clone, Copy)]
-pub struct Accepted<'a> {
+pub struct AcceptedMessage<'a> {
     /// The settings of the codec.
     pub settings: &'a Map<String, Value>,
     /// The message as its codec shows it.
@@ -226,7 +226,7 @@ impl Link {
     }
 
     /// Returns whether an accepted message is written by its codec as it was read, or is allowed to differ.
-    pub fn accepts(&self, accepted: &Accepted<'_>) -> bool {
+    pub fn accepts(&self, accepted: &AcceptedMessage<'_>) -> bool {
         accepted.written == Some(accepted.bytes) || (self.tolerates)(accepted)
     }
 

@@ -18,7 +18,7 @@ pub struct Part {
 
 /// A message that was read.
 #[derive(Debug, Clone, Copy)]
-pub struct Read<'a> {
+pub struct ReadMessage<'a> {
     /// The side that sent it.
     pub side: &'static str,
     /// The message as its codec shows it.

@@ -11,13 +11,13 @@ use anyhow::Result;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::given::Given;
+use crate::given::GivenFields;
 use crate::settings::Configure;
 
 /// An observer of one conversation of a link.
 pub trait Shadow {
     /// Handles an event. Never called with an earlier time than before.
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>);
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>);
 
     /// Called when time has passed without an event: reports messages that are missing by now.
     fn pass(&mut self, report: &mut Report<'_>);
@@ -44,7 +44,7 @@ pub struct Setup<'a> {
 
 /// An event between the ends.
 #[derive(Debug, Clone, Copy)]
-pub enum Seen<'a> {
+pub enum LineEvent<'a> {
     /// A connection is made. It has not carried any bytes.
     Opened,
     /// The connection is lost or closed.
@@ -156,7 +156,7 @@ impl Watcher {
     }
 
     /// Called when an event has happened; returns the complaints about it. A clock that goes back counts as stopped.
-    pub fn see(&mut self, at: Duration, seen: &Seen<'_>) -> Vec<Complaint> {
+    pub fn see(&mut self, at: Duration, seen: &LineEvent<'_>) -> Vec<Complaint> {
         self.now = self.now.max(at);
         let mut report = Report { now: self.now, complaints: &mut self.complaints };
         self.shadow.pass(&mut report);
@@ -180,14 +180,14 @@ impl Watcher {
 impl Setup<'_> {
     /// Returns the configuration of an end: `made` with the given fields, except for those of `beside`.
     pub(crate) fn config<C: Configure>(&self, end: &str, made: C, beside: &[&str]) -> Result<C> {
-        let Given(mut given) = self.given(end);
+        let GivenFields(mut given) = self.given(end);
         given.retain(|name, _| !beside.contains(&name.as_str()));
-        Given(given).configure(made)
+        GivenFields(given).configure(made)
     }
 
     /// Returns the fields given for an end.
-    pub(crate) fn given(&self, end: &str) -> Given {
-        Given(self.configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default())
+    pub(crate) fn given(&self, end: &str) -> GivenFields {
+        GivenFields(self.configs.get(end).and_then(Value::as_object).cloned().unwrap_or_default())
     }
 
     /// Returns whether a field of an end is given.

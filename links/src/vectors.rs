@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::codec::{self, Codec};
-use crate::link::{Accepted, Link};
+use crate::link::{AcceptedMessage, Link};
 
 /// A vector.
 #[derive(Debug, Clone, Deserialize)]
@@ -103,7 +103,8 @@ impl Vector {
                 let is_same = encoded.as_ref().is_ok_and(|bytes| *bytes == self.bytes);
                 ensure!(is_same == (self.result == Outcome::Valid), "encodes to {encoded:02X?}");
                 let written = encoded.as_deref().ok();
-                let accepted = Accepted { settings: &self.options, message, bytes: &self.bytes, written };
+                let accepted =
+                    AcceptedMessage { settings: &self.options, message, bytes: &self.bytes, written };
                 ensure!(link.accepts(&accepted), "the link's only encoding is {encoded:02X?}");
             }
             (None, Some(error)) if self.result == Outcome::Invalid => {

@@ -29,13 +29,13 @@ pub(crate) struct Document {
     is_too_long: bool,
     index: OnceCell<Index>,
     /// The findings, and the changes of the folder that they were found after.
-    found: RefCell<Option<(u64, Rc<[Found]>)>>,
+    found: RefCell<Option<(u64, Rc<[FoundProblem]>)>>,
     /// The edits that number the lines.
     numbering: OnceCell<Vec<TextEdit>>,
 }
 
 /// A problem, and its place in the text.
-pub(crate) type Found = (Problem, Range<usize>);
+pub(crate) type FoundProblem = (Problem, Range<usize>);
 
 impl Document {
     /// Creates the document with this text; `version` is `None` for a file that is not open.
@@ -158,13 +158,13 @@ impl Document {
     }
 
     /// Returns the findings; calls `find` if the text or the folder has changed since the last call.
-    pub(crate) fn found(&self, changes: u64, find: impl FnOnce() -> Vec<Found>) -> Rc<[Found]> {
+    pub(crate) fn found(&self, changes: u64, find: impl FnOnce() -> Vec<FoundProblem>) -> Rc<[FoundProblem]> {
         if let Some((of, found)) = &*self.found.borrow()
             && *of == changes
         {
             return Rc::clone(found);
         }
-        let found: Rc<[Found]> = find().into();
+        let found: Rc<[FoundProblem]> = find().into();
         self.found.replace(Some((changes, Rc::clone(&found))));
         found
     }

@@ -4,13 +4,13 @@ use core::str::FromStr;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use fanuc_ls::{Rules, Surroundings};
+use fanuc_ls::{CheckContext, Rules};
 use lsp_types::Uri;
 
 use crate::document::Document;
 use crate::files::{Walk, has_ending, stem};
 use crate::index::Item;
-use crate::listing::{self, Listed, Listing};
+use crate::listing::{self, ListedItem, Listing};
 use crate::position::Encoding;
 use crate::uri;
 
@@ -28,7 +28,7 @@ pub(crate) struct Folder {
     pub(crate) client: Client,
     pub(crate) rules: Rules,
     /// The macros and instructions that the user has named.
-    pub(crate) around: Surroundings,
+    pub(crate) around: CheckContext,
     roots: Vec<PathBuf>,
     /// The folders of controllers.
     controllers: Vec<PathBuf>,
@@ -52,7 +52,7 @@ pub(crate) struct Client {
 
 impl Folder {
     /// Creates a folder without documents.
-    pub(crate) fn new(rules: Rules, around: Surroundings) -> Self {
+    pub(crate) fn new(rules: Rules, around: CheckContext) -> Self {
         Self { rules, around, ..Self::default() }
     }
 
@@ -263,7 +263,7 @@ impl Folder {
     }
 
     /// Returns the known surroundings of a document, for its findings.
-    pub(crate) fn surroundings(&self, document: &Document) -> Surroundings {
+    pub(crate) fn surroundings(&self, document: &Document) -> CheckContext {
         let mut around = self.around.clone();
         around.file = document.path().and_then(stem);
         if document.controller.is_some() {
@@ -290,7 +290,7 @@ impl Folder {
     }
 
     /// Returns a backup's entry for an item, and the listing's file.
-    pub(crate) fn listed(&self, document: &Document, item: Item) -> Option<(&Listed, &str)> {
+    pub(crate) fn listed(&self, document: &Document, item: Item) -> Option<(&ListedItem, &str)> {
         self.listings_of(document)
             .find_map(|listing| Some((listing.items.get(&item)?, listing.file.as_str())))
     }

@@ -11,17 +11,17 @@ pub(crate) type Item = (ItemKind, u32);
 /// The items that a program refers to.
 #[derive(Debug, Default)]
 pub(crate) struct Index {
-    name: Place,
+    name: ByteRange,
     comment: Option<Box<str>>,
     references: Box<[Compact]>,
-    programs: Box<[Place]>,
+    programs: Box<[ByteRange]>,
     /// The first name that the program has for each item.
-    names: BTreeMap<Item, Place>,
+    names: BTreeMap<Item, ByteRange>,
 }
 
 /// A range of bytes. Texts are shorter than 4 GB.
 #[derive(Debug, Clone, Copy, Default)]
-struct Place {
+struct ByteRange {
     start: u32,
     end: u32,
 }
@@ -33,10 +33,10 @@ struct Compact {
     is_definition: bool,
     is_selection: bool,
     number: u32,
-    letters: Place,
-    digits: Place,
+    letters: ByteRange,
+    digits: ByteRange,
     /// Empty at 0 if there is no name.
-    name: Place,
+    name: ByteRange,
 }
 
 impl Index {
@@ -48,10 +48,10 @@ impl Index {
         }
         let comment = program.attributes().find_map(|attribute| attribute.comment().map(Box::from));
         Self {
-            name: Place::new(&program.place(program.name())),
+            name: ByteRange::new(&program.place(program.name())),
             comment: comment.filter(|comment| !str::is_empty(comment)),
             references,
-            programs: program.program_references().map(|place| Place::new(&place)).collect(),
+            programs: program.program_references().map(|place| ByteRange::new(&place)).collect(),
             names,
         }
     }
@@ -99,7 +99,7 @@ impl Index {
     }
 }
 
-impl Place {
+impl ByteRange {
     fn new(range: &Range<usize>) -> Self {
         let short = |at: usize| u32::try_from(at).unwrap_or(u32::MAX);
         Self { start: short(range.start), end: short(range.end) }
@@ -117,9 +117,9 @@ impl Compact {
             is_definition: found.is_definition,
             is_selection: found.is_selection,
             number: found.number,
-            letters: Place::new(&found.letters),
-            digits: Place::new(&found.digits),
-            name: found.name.as_ref().map(Place::new).unwrap_or_default(),
+            letters: ByteRange::new(&found.letters),
+            digits: ByteRange::new(&found.digits),
+            name: found.name.as_ref().map(ByteRange::new).unwrap_or_default(),
         }
     }
 

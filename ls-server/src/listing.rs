@@ -16,14 +16,14 @@ const MAX_LISTING: usize = 8 << 20;
 pub(crate) struct Listing {
     /// The file's name.
     pub(crate) file: String,
-    pub(crate) items: BTreeMap<Item, Listed>,
+    pub(crate) items: BTreeMap<Item, ListedItem>,
     /// Macros by their names in capitals, and the programs that they run.
     pub(crate) macros: BTreeMap<String, String>,
 }
 
 /// A register, an input or an output in a listing.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub(crate) struct Listed {
+pub(crate) struct ListedItem {
     /// The comment; empty if the item lacks one.
     pub(crate) name: String,
     /// The value as it stands; empty for one that was never set.
@@ -98,7 +98,7 @@ fn element(line: &str) -> Option<(u32, &str)> {
 }
 
 /// Returns the name and the value in the text after the number.
-fn listed(kind: ItemKind, rest: &str) -> Listed {
+fn listed(kind: ItemKind, rest: &str) -> ListedItem {
     let (before, name, after) = match rest.strip_suffix('\'').filter(|_| kind != ItemKind::PositionRegister) {
         // A string may have quotes of its own: the last ones are the name's.
         Some(inner) => inner.rsplit_once('\'').map_or(("", inner, ""), |(value, name)| (value, name, "")),
@@ -110,11 +110,11 @@ fn listed(kind: ItemKind, rest: &str) -> Listed {
     };
     let value = [before.trim(), after.trim()].into_iter().find(|value| !value.is_empty()).unwrap_or("");
     let is_set = !value.eq_ignore_ascii_case("Uninitialized") && value != "''";
-    Listed { name: name.trim().to_owned(), value: if is_set { value.to_owned() } else { String::new() } }
+    ListedItem { name: name.trim().to_owned(), value: if is_set { value.to_owned() } else { String::new() } }
 }
 
 /// Adds the inputs and outputs of a line such as `DIN[   1]  ON  Auto Mode`, which may have several.
-fn signals(line: &str, items: &mut BTreeMap<Item, Listed>) {
+fn signals(line: &str, items: &mut BTreeMap<Item, ListedItem>) {
     const KINDS: [(&str, ItemKind); 18] = [
         ("DIN", ItemKind::DigitalInput),
         ("DOUT", ItemKind::DigitalOutput),
@@ -168,7 +168,7 @@ mod tests {
 
     fn shown(name: &str, text: &str) -> Vec<String> {
         let listing = read(Path::new(name), text.as_bytes());
-        let item = |((kind, number), listed): (&Item, &Listed)| {
+        let item = |((kind, number), listed): (&Item, &ListedItem)| {
             format!("{kind}{number} {}={}", listed.name, listed.value)
         };
         listing

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
-use fanuc_ls::{Rules, Surroundings};
+use fanuc_ls::{CheckContext, Rules};
 use lsp_server::{ErrorCode, Message, Notification, Request, RequestId, Response, ResponseError};
 use lsp_types::notification::{
     Cancel, DidChangeTextDocument, DidChangeWatchedFiles, DidChangeWorkspaceFolders, DidCloseTextDocument,
@@ -44,7 +44,7 @@ pub struct Options {
     /// The rules of program names.
     pub rules: Rules,
     /// The macros and instructions that the user has named; programs and files are those of the workspace.
-    pub around: Surroundings,
+    pub around: CheckContext,
     /// The command `cellwire.ls.run`. None: it is refused.
     pub simulate: Option<Simulate>,
 }

@@ -7,7 +7,7 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 use std::net::TcpStream;
 
-use mmacell_proto::robot_session::{Ended, drive};
+use mmacell_proto::robot_session::{EndReason, drive};
 use mmacell_proto::{Central, CentralConfig, CentralEvent, Command, Mode, Progress, RobotPose};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -34,8 +34,8 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
         }
     })?;
     match ended {
-        Ended::ByHandler(result) => Ok(result?),
-        Ended::ByPeer => Err("the robot has closed the connection".into()),
-        Ended::Stalled => Err("the robot does not read".into()),
+        EndReason::ByHandler(result) => Ok(result?),
+        EndReason::ByPeer => Err("the robot has closed the connection".into()),
+        EndReason::Stalled => Err("the robot does not read".into()),
     }
 }

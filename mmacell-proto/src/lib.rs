@@ -27,7 +27,7 @@ pub mod tokio;
 mod units;
 
 pub use central::{
-    Central, CentralConfig, CentralEvent, CentralStatistics, Closing, Miss, Progress, Unfinished,
+    Central, CentralConfig, CentralEvent, CentralStatistics, CloseReason, MissReason, Progress, Unfinished,
 };
 pub use decoder::{Decoder, LineDecoder};
 pub use device::{Device, DeviceClosing, DeviceConfig, DeviceEvent, DeviceStatistics, Order, Rejection};

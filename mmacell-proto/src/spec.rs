@@ -1,6 +1,6 @@
 //! The configurations of both ends, field by field.
 
-use robot_session::spec::{ANY_TIME, Configure, Fields, SOME_TIME};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor, SOME_TIME};
 
 use crate::central::CentralConfig;
 use crate::device::DeviceConfig;
@@ -8,7 +8,7 @@ use crate::dialect::Dialect;
 use crate::message::ErrorCode;
 
 impl Configure for Dialect {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { itr, ovrd, clos, off, lone_lf, blank, wide_integers } = self;
         fields.source("§6 steps 17 and 20").flag("itr", "ITR in place of STP", itr);
         fields.source("§6 step 4").flag("ovrd", "OVRD in place of OVR", ovrd);
@@ -22,7 +22,7 @@ impl Configure for Dialect {
 }
 
 /// Visits the fields `accepts` and `writes`, which both ends have.
-fn dialects(fields: &mut impl Fields, accepts: &mut Dialect, writes: &mut Dialect) {
+fn dialects(fields: &mut impl FieldVisitor, accepts: &mut Dialect, writes: &mut Dialect) {
     fields.source("§4").part("accepts", "Dialect", "variants that are read beside the source's", accepts);
     fields.source("§4").part(
         "writes",
@@ -33,7 +33,7 @@ fn dialects(fields: &mut impl Fields, accepts: &mut Dialect, writes: &mut Dialec
 }
 
 impl Configure for DeviceConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             accepts,
             writes,
@@ -51,7 +51,7 @@ impl Configure for DeviceConfig {
 }
 
 impl Configure for CentralConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             accepts,
             writes,

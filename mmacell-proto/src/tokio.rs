@@ -22,7 +22,7 @@ use robot_session::tokio::{
     self as session, Closed, Connector, GIVE_UP_AFTER, Handle, Reply, Reports, Service, Task,
 };
 
-use crate::central::{Central, CentralConfig, CentralEvent, Closing, Miss, Progress, Unfinished};
+use crate::central::{Central, CentralConfig, CentralEvent, CloseReason, MissReason, Progress, Unfinished};
 use crate::error::{ConfigError, SessionError};
 use crate::message::{Command, ErrorCode, Mode, Status};
 use crate::pose::Pose;
@@ -71,13 +71,13 @@ pub enum Error {
     Refused(ErrorCode),
     /// The connection has ended before the command was sent.
     #[error("the connection ended before the command was sent: {0}")]
-    NotSent(Closing),
+    NotSent(CloseReason),
     /// The connection has ended before the reply.
     #[error("outcome of the command unknown: the connection ended: {0}")]
-    Unknown(Closing),
+    Unknown(CloseReason),
     /// The motion has ended elsewhere.
     #[error("the motion has not arrived: {0}")]
-    Missed(Miss),
+    Missed(MissReason),
     /// For [`GIVE_UP_AFTER`] the device has refused to report its status. Whether the motion has arrived is unknown.
     #[error("outcome of the motion unknown: the device does not report its status: {0}")]
     Unreported(ErrorCode),
@@ -95,7 +95,7 @@ impl<P: Pose + Send + 'static> Device<P> {
     /// # Errors
     /// See [`Error`].
     pub async fn command(&self, command: Command<P>) -> Result<(), Error> {
-        self.ask(command, Until::Reply).await.map(drop)
+        self.ask(command, WaitFor::Reply).await.map(drop)
     }
 
     /// Asks for the status.
@@ -103,7 +103,7 @@ impl<P: Pose + Send + 'static> Device<P> {
     /// # Errors
     /// See [`Error`].
     pub async fn status(&self) -> Result<(Status<P>, Progress), Error> {
-        self.ask(Command::Status, Until::Reply).await?.ok_or(Error::Stopped)
+        self.ask(Command::Status, WaitFor::Reply).await?.ok_or(Error::Stopped)
     }
 
     /// Moves to a pose, and waits until the device is there; returns the status then. The status is requested 20 times a
@@ -113,7 +113,7 @@ impl<P: Pose + Send + 'static> Device<P> {
     /// See [`Error`].
     pub async fn move_to(&self, pose: P) -> Result<Status<P>, Error> {
         let command = Command::Move { mode: Mode::Absolute, pose };
-        let arrived = self.ask(command, Until::Arrived).await?;
+        let arrived = self.ask(command, WaitFor::Arrived).await?;
         arrived.map(|(status, _)| status).ok_or(Error::Stopped)
     }
 
@@ -122,8 +122,8 @@ impl<P: Pose + Send + 'static> Device<P> {
         &self.handle
     }
 
-    async fn ask(&self, command: Command<P>, until: Until) -> Outcome<P> {
-        self.handle.call(|reply| Asked { command, until, reply }).await?
+    async fn ask(&self, command: Command<P>, until: WaitFor) -> Outcome<P> {
+        self.handle.call(|reply| PendingCommand { command, until, reply }).await?
     }
 }
 
@@ -138,16 +138,16 @@ type Outcome<P> = Result<Option<(Status<P>, Progress)>, Error>;
 
 /// The time for which a call waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Until {
+enum WaitFor {
     Reply,
     Arrived,
 }
 
 /// A command, and the channel of its outcome.
 #[derive(Debug)]
-pub struct Asked<P> {
+pub struct PendingCommand<P> {
     command: Command<P>,
-    until: Until,
+    until: WaitFor,
     reply: Reply<Outcome<P>>,
 }
 
@@ -165,7 +165,7 @@ struct Motion<P> {
 #[derive(Debug)]
 pub struct Commands<P> {
     /// The outstanding command; `None` if there is no such command.
-    asked: Option<Asked<P>>,
+    asked: Option<PendingCommand<P>>,
     motion: Option<Motion<P>>,
 }
 
@@ -186,7 +186,7 @@ impl<P: Pose> Commands<P> {
     /// Called when the command is executed, or has started.
     fn done(&mut self) {
         match self.asked.take() {
-            Some(Asked { until: Until::Arrived, reply, .. }) => {
+            Some(PendingCommand { until: WaitFor::Arrived, reply, .. }) => {
                 // Another motion takes the place of this one.
                 self.end_motion(Err(Error::Stopped));
                 let now = now();
@@ -222,14 +222,14 @@ impl<P: Pose> Commands<P> {
 
 impl<P: Pose + Send + 'static> Service for Commands<P> {
     type Session = Central<P>;
-    type Call = Asked<P>;
+    type Call = PendingCommand<P>;
     type Event = CentralEvent<P>;
 
     fn has_room(&self, session: &Central<P>) -> bool {
         session.is_idle()
     }
 
-    fn call(&mut self, session: &mut Central<P>, _now: Duration, call: Asked<P>) {
+    fn call(&mut self, session: &mut Central<P>, _now: Duration, call: PendingCommand<P>) {
         if call.reply.is_abandoned() {
             return;
         }
@@ -260,12 +260,12 @@ impl<P: Pose + Send + 'static> Service for Commands<P> {
             }
             CentralEvent::Closed { reason, unfinished } => {
                 self.end(match (reason, unfinished) {
-                    (Closing::Agreed, _) => Ok(None),
+                    (CloseReason::Agreed, _) => Ok(None),
                     (_, Unfinished::Unknown(_)) => Err(Error::Unknown(reason)),
                     (_, Unfinished::Nothing | Unfinished::NotSent(_)) => Err(Error::NotSent(reason)),
                 });
                 self.end_motion(Err(Error::Unknown(reason)));
-                if reason != Closing::Disconnected {
+                if reason != CloseReason::Disconnected {
                     reports.reconnect(io::Error::other(std::format!("the connection has ended: {reason}")));
                 }
             }
@@ -287,7 +287,7 @@ impl<P: Pose + Send + 'static> Service for Commands<P> {
         }
     }
 
-    fn refuse(&mut self, call: Asked<P>, why: &Arc<io::Error>) {
+    fn refuse(&mut self, call: PendingCommand<P>, why: &Arc<io::Error>) {
         // A caller that is gone does not need to know that nothing was sent.
         let _ = call.reply.send(Err(Error::NotConnected(Arc::clone(why))));
     }

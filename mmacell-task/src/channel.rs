@@ -1,6 +1,6 @@
 use core::time::Duration;
 
-use mmacell_proto::{Command, Miss, Progress};
+use mmacell_proto::{Command, MissReason, Progress};
 
 use crate::event::Failure;
 use crate::output::Output;
@@ -78,7 +78,7 @@ impl Channel {
             Progress::Starting | Progress::Moving | Progress::Stopping => self.at_rest = false,
             Progress::Arrived => (self.at_rest, self.travels) = (true, false),
             // The device is at rest, and it is unknown whether it should be there.
-            Progress::Still if self.travels => return Err(Failure::Missed(Miss::Elsewhere)),
+            Progress::Still if self.travels => return Err(Failure::Missed(MissReason::Elsewhere)),
             Progress::Still => self.at_rest = true,
             Progress::Missed(miss) => {
                 self.at_rest = true;

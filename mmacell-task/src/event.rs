@@ -1,6 +1,8 @@
 use core::fmt;
 
-use mmacell_proto::{CentralEvent, Closing, ErrorCode, Miss, PlatformPose, Pose, Progress, RobotPose};
+use mmacell_proto::{
+    CentralEvent, CloseReason, ErrorCode, MissReason, PlatformPose, Pose, Progress, RobotPose,
+};
 
 use crate::output::Device;
 use crate::step::Step;
@@ -71,7 +73,7 @@ pub enum Failure {
     /// The status of the device shows an error.
     Error(ErrorCode),
     /// The motion has ended, and the device has not arrived.
-    Missed(Miss),
+    Missed(MissReason),
     /// The order was aborted before it was sent.
     Aborted,
     /// The connection is gone; the device has to become ready again.
@@ -110,7 +112,7 @@ impl Event {
     pub fn from_central<P: Pose>(device: Device, event: &CentralEvent<P>) -> Option<Self> {
         let failed = |failure| Some(Self::Failed { device, failure });
         match *event {
-            CentralEvent::Done { .. } | CentralEvent::Closed { reason: Closing::Agreed, .. } => {
+            CentralEvent::Done { .. } | CentralEvent::Closed { reason: CloseReason::Agreed, .. } => {
                 Some(Self::Done(device))
             }
             CentralEvent::Refused { error, .. } => failed(Failure::Refused(error)),

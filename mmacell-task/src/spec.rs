@@ -1,11 +1,11 @@
 //! The task's configuration, field by field.
 
-use mmacell_proto::robot_session::spec::{ANY_TIME, Configure, Fields, SOME_TIME};
+use mmacell_proto::robot_session::spec::{ANY_TIME, Configure, FieldVisitor, SOME_TIME};
 
 use crate::config::TaskConfig;
 
 impl Configure for TaskConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         const ROBOT: &str = "[mm, mm, mm, rad]";
         let Self {
             robot_home,

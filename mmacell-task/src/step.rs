@@ -447,17 +447,17 @@ impl Trigger {
 /// The words of the name, such as `await pick`.
 impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(Words { out: f, is_first: true }, "{self:?}")
+        write!(WordWriter { out: f, is_first: true }, "{self:?}")
     }
 }
 
 /// Writes a name in camel case as words.
-struct Words<'a, 'f> {
+struct WordWriter<'a, 'f> {
     out: &'a mut fmt::Formatter<'f>,
     is_first: bool,
 }
 
-impl Write for Words<'_, '_> {
+impl Write for WordWriter<'_, '_> {
     fn write_str(&mut self, name: &str) -> fmt::Result {
         for character in name.chars() {
             if !self.is_first && !character.is_ascii_lowercase() {

@@ -23,7 +23,7 @@ pub use inverse::{Posture, Solution};
 pub use kinematics::{Arm, Kinematics, Pose};
 pub use limits::{Dimensions, JointLimits, LimitError, Limits, LimitsError};
 pub use orientation::Quaternion;
-pub use planner::{Goal, Move, MoveError, Pace, Planner, Way};
+pub use planner::{Goal, Move, MoveError, Pace, PathKind, Planner};
 pub use resample::{Acceleration, Report, ResampleError, Resampling, Sampling, SpeedStep};
 pub use tracker::{Counts, MotionSample, Observation, Tracker};
 pub use trajectory::{JointSample, Trajectory, TrajectoryError, TrajectoryReason};

@@ -8,7 +8,7 @@
 use super::inverse::Posture;
 use super::kinematics::{Arm, Kinematics, Pose};
 use super::limits::Limits;
-use super::spline::{Spline, Stretch};
+use super::spline::{SegmentTiming, Spline};
 
 /// The position of an arm, and the motions that bring it elsewhere.
 #[derive(Debug, Clone)]
@@ -41,7 +41,7 @@ pub enum Goal {
 
 /// The way there.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Way {
+pub enum PathKind {
     /// Every joint arrives at the same time.
     Joint,
     /// A straight line of the tool.
@@ -69,7 +69,7 @@ pub struct Move {
     /// The goal of the motion.
     pub goal: Goal,
     /// The path of the tool to the goal.
-    pub way: Way,
+    pub way: PathKind,
     /// The speed of the motion.
     pub pace: Pace,
     /// The length of the moving average, in s: the time in which the arm gets its speed.
@@ -198,10 +198,10 @@ impl Planner {
             None => self.joints_of(&motion.goal, motion.way, &from)?,
         };
         let path = match (motion.way, motion.goal) {
-            (Way::Joint, _) if self.anywhere.is_none() => Path::Joint,
-            (Way::Joint, goal) => Path::Linear { from: start, to: self.pose_of(&goal) },
-            (Way::Linear, goal) => Path::Linear { from: start, to: self.pose_of(&goal) },
-            (Way::Arc(via), goal) => arc(start, via, self.pose_of(&goal))?,
+            (PathKind::Joint, _) if self.anywhere.is_none() => Path::Joint,
+            (PathKind::Joint, goal) => Path::Linear { from: start, to: self.pose_of(&goal) },
+            (PathKind::Linear, goal) => Path::Linear { from: start, to: self.pose_of(&goal) },
+            (PathKind::Arc(via), goal) => arc(start, via, self.pose_of(&goal))?,
         };
         let mut segment = Segment { begin: now, cruise: 0.0, ramp: motion.ramp.max(1e-3), from, to, path };
         match &mut self.anywhere {
@@ -228,19 +228,19 @@ impl Planner {
     /// # Errors
     /// The arm cannot reach a goal; nothing has changed.
     pub fn add_spline(&mut self, now: f64, goals: &[(Goal, Pace)]) -> Result<Vec<f64>, MoveError> {
-        let (start, mut from, mut stretches) = (self.at(now), self.target, Vec::new());
+        let (start, mut from, mut segments) = (self.at(now), self.target, Vec::new());
         for (goal, pace) in goals {
-            let to = self.joints_of(goal, Way::Linear, &from)?;
+            let to = self.joints_of(goal, PathKind::Linear, &from)?;
             let path = Path::Linear { from: self.arm.forward(&from), to: self.pose_of(goal) };
             let line = Segment { begin: now, cruise: 0.0, ramp: 0.0, from, to, path };
-            let stretch = match pace {
-                Pace::Path(speed) => Stretch::Speed(speed.max(1e-3)),
-                pace => Stretch::Time(self.cruise(&line, *pace)),
+            let segment = match pace {
+                Pace::Path(speed) => SegmentTiming::Speed(speed.max(1e-3)),
+                pace => SegmentTiming::Time(self.cruise(&line, *pace)),
             };
-            stretches.push((to, stretch));
+            segments.push((to, segment));
             from = to;
         }
-        let spline = Spline::new(&self.arm, start, &stretches);
+        let spline = Spline::new(&self.arm, start, &segments);
         let times = spline.times().map(|time| now + time).collect();
         (self.base, self.target, self.spline) = (from, from, Some((now, spline)));
         Ok(times)
@@ -286,11 +286,11 @@ impl Planner {
     }
 
     /// Returns the joints of a goal, nearest to those from which the arm comes.
-    fn joints_of(&self, goal: &Goal, way: Way, from: &[f64; 6]) -> Result<[f64; 6], MoveError> {
+    fn joints_of(&self, goal: &Goal, way: PathKind, from: &[f64; 6]) -> Result<[f64; 6], MoveError> {
         let joints = match goal {
             Goal::Joints(joints) => *joints,
             Goal::Pose(pose, folded) => {
-                let folded = folded.filter(|_| way == Way::Joint);
+                let folded = folded.filter(|_| way == PathKind::Joint);
                 let found = match folded {
                     Some((posture, turns)) => self.folded(pose, from, posture, turns),
                     None => self.arm.nearest(pose, from, &self.limits),

@@ -22,7 +22,7 @@ struct Point {
 
 /// The duration of a stretch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Stretch {
+pub(crate) enum SegmentTiming {
     /// The speed of the tool, in mm/s.
     Speed(f64),
     /// The time, in s.
@@ -31,15 +31,15 @@ pub(crate) enum Stretch {
 
 impl Spline {
     /// Creates a spline from `start` through the joints of each stretch.
-    pub(crate) fn new(arm: &Arm, start: [f64; 6], stretches: &[([f64; 6], Stretch)]) -> Self {
-        let joints = stretches.iter().map(|(joints, _)| *joints);
+    pub(crate) fn new(arm: &Arm, start: [f64; 6], segments: &[([f64; 6], SegmentTiming)]) -> Self {
+        let joints = segments.iter().map(|(joints, _)| *joints);
         let points = core::iter::once(start).chain(joints);
         let points = points.map(|joints| Point { time: 0.0, joints, rate: [0.0; 6] }).collect();
         let mut spline = Self { points };
         // The lengths depend on the curve, the curve on the times, the times on the lengths: three rounds settle them.
-        spline.set_times(stretches, |a, b| arm.forward(&a.joints).distance(&arm.forward(&b.joints)));
+        spline.set_times(segments, |a, b| arm.forward(&a.joints).distance(&arm.forward(&b.joints)));
         for _ in 0..3 {
-            spline.set_times(stretches, |a, b| length(arm, a, b));
+            spline.set_times(segments, |a, b| length(arm, a, b));
         }
         spline
     }
@@ -59,13 +59,13 @@ impl Spline {
         }
     }
 
-    fn set_times(&mut self, stretches: &[([f64; 6], Stretch)], length: impl Fn(&Point, &Point) -> f64) {
+    fn set_times(&mut self, segments: &[([f64; 6], SegmentTiming)], length: impl Fn(&Point, &Point) -> f64) {
         let mut times = vec![0.0];
-        for (pair, (_, stretch)) in self.points.windows(2).zip(stretches) {
+        for (pair, (_, segment)) in self.points.windows(2).zip(segments) {
             if let ([a, b], Some(last)) = (pair, times.last()) {
-                let time = match stretch {
-                    Stretch::Speed(speed) => length(a, b) / speed,
-                    Stretch::Time(time) => *time,
+                let time = match segment {
+                    SegmentTiming::Speed(speed) => length(a, b) / speed,
+                    SegmentTiming::Time(time) => *time,
                 };
                 times.push(last + time.max(1e-3));
             }
@@ -120,8 +120,8 @@ mod tests {
     fn a_stretch_takes_its_length_by_its_speed_and_ends_at_its_point() {
         let turned = |degrees| [degrees, 0.0, 0.0, 0.0, -90.0, 0.0];
         let arm = Arm::LR_MATE_200ID;
-        let stretches = [10.0, 20.0, 30.0].map(|degrees| (turned(degrees), Stretch::Speed(50.0)));
-        let spline = Spline::new(&arm, turned(0.0), &stretches);
+        let segments = [10.0, 20.0, 30.0].map(|degrees| (turned(degrees), SegmentTiming::Speed(50.0)));
+        let spline = Spline::new(&arm, turned(0.0), &segments);
         let seconds = spline.times().last().unwrap_or(0.0);
         // 30° on a radius of 385 mm: the wrist's centre at 50 + 335, the flange straight below it.
         let length = 385.0 * 30f64.to_radians();

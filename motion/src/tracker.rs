@@ -29,12 +29,12 @@ pub struct Tracker {
     period: Duration,
     /// The runs from one block to the next when no read is missed.
     expected: u32,
-    last: Option<Last>,
+    last: Option<LastSample>,
     counts: Counts,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Last {
+struct LastSample {
     counter: u32,
     runs: u64,
     position: [f64; 3],
@@ -115,7 +115,7 @@ impl Tracker {
     pub fn push(&mut self, block: &TelemetryBlock) -> Observation {
         let position = block.position.map(f64::from);
         let orientation = Quaternion::normalised(block.quaternion.map(f64::from));
-        let first = Last { counter: block.life_counter, runs: 0, position, orientation };
+        let first = LastSample { counter: block.life_counter, runs: 0, position, orientation };
         let Some(last) = self.last else {
             self.last = Some(first);
             return Observation::First;
@@ -132,7 +132,7 @@ impl Tracker {
         }
         let orientation = orientation.near(last.orientation);
         let runs = last.runs + u64::from(step);
-        self.last = Some(Last { runs, orientation, ..first });
+        self.last = Some(LastSample { runs, orientation, ..first });
         self.counts.samples += 1;
         let is_gap = 2 * u64::from(step) > 3 * u64::from(self.expected);
         let missed = if is_gap { step - self.expected } else { 0 };

@@ -8,9 +8,9 @@ use core::time::Duration;
 
 use ::embedded_io::{Read, ReadReady, Write, WriteReady};
 
-use crate::left::Left;
-use crate::turn::{Clock, NoKeep, Outgoing, Passed, Turn};
-use crate::{Ended, Session};
+use crate::pending::PendingWork;
+use crate::turn::{Clock, NoHook, Outgoing, PortProgress, Turn};
+use crate::{EndReason, Session};
 
 /// The loop over a port, which [`poll`](Self::poll) runs as far as it can without waiting.
 ///
@@ -18,11 +18,11 @@ use crate::{Ended, Session};
 /// [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) or more: a shorter buffer does not compile.
 #[derive(Debug)]
 pub struct Driver<P, C, const INPUT: usize, const OUT: usize> {
-    port: Ready<P>,
-    now: Now<C>,
+    port: NonBlockingPort<P>,
+    now: ClockRef<C>,
     input: [u8; INPUT],
     out: [u8; OUT],
-    left: Left,
+    unsent: PendingWork,
 }
 
 impl<P, C, const INPUT: usize, const OUT: usize> Driver<P, C, INPUT, OUT>
@@ -33,13 +33,19 @@ where
     /// Creates a loop over `port`, with the time that `now` returns. The caller calls [`Session::handle_connected`] and
     /// [`Session::handle_disconnected`].
     pub const fn new(port: P, now: C) -> Self {
-        Self { port: Ready(port), now: Now(now), input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
+        Self {
+            port: NonBlockingPort(port),
+            now: ClockRef(now),
+            input: [0; INPUT],
+            out: [0; OUT],
+            unsent: PendingWork::NOTHING,
+        }
     }
 
     /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
-        Self { left: Left::with_stall(stall), ..self }
+        Self { unsent: PendingWork::with_stall(stall), ..self }
     }
 
     /// Returns the port.
@@ -61,31 +67,31 @@ where
         &mut self,
         session: &mut S,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>, Option<Duration>>, P::Error> {
+    ) -> Result<ControlFlow<EndReason<B>, Option<Duration>>, P::Error> {
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
         // Handle the changes of other inputs since the last call once, after the bytes.
         let mut changed = true;
         loop {
-            let Self { port, now, input, out, left } = self;
+            let Self { port, now, input, out, unsent } = self;
             let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
             let wake = ready_if(|| core::mem::take(&mut changed));
-            let turn = Turn { port, time: &*now, input, out, left };
-            let turn = turn.run(session, wake, None::<NoKeep<S, P::Error>>, &mut handler);
+            let turn = Turn { port, time: &*now, input, out, unsent };
+            let turn = turn.run(session, wake, None::<NoHook<S, P::Error>>, &mut handler);
             let polled = pin!(turn).poll(&mut Context::from_waker(Waker::noop()));
             match polled {
                 Poll::Ready(Ok(ControlFlow::Continue(()))) => {}
                 Poll::Ready(Ok(ControlFlow::Break(ended))) => return Ok(ControlFlow::Break(ended)),
                 Poll::Ready(Err(error)) => return Err(error),
-                Poll::Pending => return Ok(ControlFlow::Continue(left.due(session, now.0()))),
+                Poll::Pending => return Ok(ControlFlow::Continue(unsent.due(session, now.0()))),
             }
         }
     }
 }
 
 #[derive(Debug)]
-struct Now<C>(C);
+struct ClockRef<C>(C);
 
-impl<C: Fn() -> Duration> Clock for Now<C> {
+impl<C: Fn() -> Duration> Clock for ClockRef<C> {
     fn now(&self) -> Duration {
         (self.0)()
     }
@@ -97,12 +103,16 @@ impl<C: Fn() -> Duration> Clock for Now<C> {
 
 /// A port without waits.
 #[derive(Debug)]
-struct Ready<P>(P);
+struct NonBlockingPort<P>(P);
 
-impl<P: Read + ReadReady + Write + WriteReady> crate::turn::Port for Ready<P> {
+impl<P: Read + ReadReady + Write + WriteReady> crate::turn::Port for NonBlockingPort<P> {
     type Error = P::Error;
 
-    async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> Result<Passed, P::Error> {
+    async fn pass(
+        &mut self,
+        mut input: Option<&mut [u8]>,
+        out: Outgoing<'_>,
+    ) -> Result<PortProgress, P::Error> {
         let Self(port) = self;
         poll_fn(|_| {
             let read = match &mut input {
@@ -122,7 +132,7 @@ impl<P: Read + ReadReady + Write + WriteReady> crate::turn::Port for Ready<P> {
                 },
                 Outgoing::Flush => Poll::Ready(Ok(0)),
             };
-            Passed::both(read, written)
+            PortProgress::both(read, written)
         })
         .await
     }

@@ -7,10 +7,10 @@ use core::time::Duration;
 
 use ::embedded_io_async::{Read, Write};
 
-use crate::ended::{Connection, keep_first};
-use crate::left::Left;
-use crate::turn::{NoKeep, Outgoing, Passed, Turn};
-use crate::{Clock, Ended, Session};
+use crate::end_reason::{Connection, keep_first};
+use crate::pending::PendingWork;
+use crate::turn::{NoHook, Outgoing, PortProgress, Turn};
+use crate::{Clock, EndReason, Session};
 
 /// The loop over both halves of a port, one turn at a time.
 ///
@@ -25,7 +25,7 @@ pub struct Driver<R, W, C, const INPUT: usize, const OUT: usize> {
     clock: C,
     input: [u8; INPUT],
     out: [u8; OUT],
-    left: Left,
+    unsent: PendingWork,
 }
 
 impl<R, W, C, const INPUT: usize, const OUT: usize> Driver<R, W, C, INPUT, OUT>
@@ -37,13 +37,19 @@ where
     /// Creates a loop over a port that is split, so that both halves are waited for at once. The caller calls
     /// [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(reader: R, writer: W, clock: C) -> Self {
-        Self { port: Port(reader, writer), clock, input: [0; INPUT], out: [0; OUT], left: Left::NOTHING }
+        Self {
+            port: Port(reader, writer),
+            clock,
+            input: [0; INPUT],
+            out: [0; OUT],
+            unsent: PendingWork::NOTHING,
+        }
     }
 
     /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
-        Self { left: Left::with_stall(stall), ..self }
+        Self { unsent: PendingWork::with_stall(stall), ..self }
     }
 
     /// Returns the half that reads.
@@ -71,8 +77,8 @@ where
         session: &mut S,
         wake: impl Future<Output = ()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, R::Error> {
-        self.pass(session, wake, None::<NoKeep<S, R::Error>>, handler).await
+    ) -> Result<ControlFlow<EndReason<B>>, R::Error> {
+        self.pass(session, wake, None::<NoHook<S, R::Error>>, handler).await
     }
 
     /// As [`turn`](Self::turn), with a hook that is called before the session's bytes are sent: it stores the state that must
@@ -80,28 +86,28 @@ where
     /// this call is dropped, the hook is called again.
     ///
     /// # Errors
-    /// The errors of the port and of `keep`. After an error of `keep` nothing is sent, and the connection is over.
-    pub async fn turn_keeping<S: Session, B>(
+    /// The errors of the port and of `before_send`. After an error of `before_send` nothing is sent, and the connection is over.
+    pub async fn turn_with<S: Session, B>(
         &mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
-        keep: impl AsyncFnMut(&mut S) -> Result<(), R::Error>,
+        before_send: impl AsyncFnMut(&mut S) -> Result<(), R::Error>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, R::Error> {
-        self.pass(session, wake, Some(keep), handler).await
+    ) -> Result<ControlFlow<EndReason<B>>, R::Error> {
+        self.pass(session, wake, Some(before_send), handler).await
     }
 
     async fn pass<S: Session, B>(
         &mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
-        keep: Option<impl AsyncFnMut(&mut S) -> Result<(), R::Error>>,
+        before_send: Option<impl AsyncFnMut(&mut S) -> Result<(), R::Error>>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, R::Error> {
+    ) -> Result<ControlFlow<EndReason<B>>, R::Error> {
         const { assert!(INPUT > 0 && OUT >= S::MAX_TRANSMIT, "the session may send more at once") };
-        let Self { port, clock, input, out, left } = self;
+        let Self { port, clock, input, out, unsent } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
-        Turn { port, time: &*clock, input, out, left }.run(session, wake, keep, handler).await
+        Turn { port, time: &*clock, input, out, unsent }.run(session, wake, before_send, handler).await
     }
 
     /// Runs a session with no inputs but bytes and time until `handler` breaks or the peer closes the connection. The session
@@ -114,17 +120,18 @@ where
         &mut self,
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<Ended<B>, R::Error> {
+    ) -> Result<EndReason<B>, R::Error> {
         let mut value = None;
         let note = keep_first(&mut value, handler);
-        self.left.clear();
-        let Self { port, clock, input, out, left } = self;
+        self.unsent.clear();
+        let Self { port, clock, input, out, unsent } = self;
         let input = input.get_mut(..S::MAX_INPUT.min(INPUT)).unwrap_or_default();
         let mut connection = Connection::begin(session, || clock.now(), note);
         let ended = loop {
-            let turn = Turn { port, time: &*clock, input, out, left };
-            let keep = None::<NoKeep<S, R::Error>>;
-            let turned = turn.run(connection.session, pending(), keep, &mut connection.handler).await?;
+            let turn = Turn { port, time: &*clock, input, out, unsent };
+            let before_send = None::<NoHook<S, R::Error>>;
+            let turned =
+                turn.run(connection.session, pending(), before_send, &mut connection.handler).await?;
             if let ControlFlow::Break(ended) = turned {
                 break ended;
             }
@@ -141,7 +148,7 @@ struct Port<R, W>(R, W);
 impl<R: Read, W: Write<Error = R::Error>> crate::turn::Port for Port<R, W> {
     type Error = R::Error;
 
-    async fn pass(&mut self, input: Option<&mut [u8]>, out: Outgoing<'_>) -> Result<Passed, R::Error> {
+    async fn pass(&mut self, input: Option<&mut [u8]>, out: Outgoing<'_>) -> Result<PortProgress, R::Error> {
         let Self(reader, writer) = self;
         let mut read = pin!(async {
             match input {
@@ -156,6 +163,7 @@ impl<R: Read, W: Write<Error = R::Error>> crate::turn::Port for Port<R, W> {
                 Outgoing::Flush => writer.flush().await.map(|()| 0),
             }
         });
-        poll_fn(|context| Passed::both(read.as_mut().poll(context), written.as_mut().poll(context))).await
+        poll_fn(|context| PortProgress::both(read.as_mut().poll(context), written.as_mut().poll(context)))
+            .await
     }
 }

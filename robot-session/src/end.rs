@@ -33,7 +33,7 @@ pub struct Core<M: Machine, D, Q, S> {
 
 /// The free entries that each step needs in the event queue for its outcomes. Without them the step does not begin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Room {
+pub struct QueueSpace {
     /// Entries needed before a connection begins; without them the session stays without a connection.
     pub connect: usize,
     /// Entries needed before a frame is read; without them the frame waits in the decoder.
@@ -68,7 +68,7 @@ pub trait End: Sized {
     /// [`Session::MAX_TRANSMIT`].
     const MAX_TRANSMIT: usize;
     /// The free entries that each step needs in the event queue.
-    const ROOM: Room;
+    const QUEUE_SPACE: QueueSpace;
 
     /// Returns the parts of the end. [`core!`](crate::core) has both accessors, and [`unexpected`](Self::unexpected).
     fn core(&self) -> &CoreOf<Self>;
@@ -196,7 +196,7 @@ pub trait End: Sized {
     #[inline]
     fn reads(&self) -> bool {
         let core = self.core();
-        core.machine.reads() && core.events.has_room(Self::ROOM.read)
+        core.machine.reads() && core.events.has_room(Self::QUEUE_SPACE.read)
     }
 
     /// Reads every frame that the decoder has.
@@ -230,7 +230,7 @@ pub type TransmitOf<E> = <<E as End>::Machine as Machine>::Transmit;
 /// The [`Session::Event`] of an end.
 pub type EventOf<E> = <<E as End>::Events as Events>::Event;
 
-impl Room {
+impl QueueSpace {
     /// No outcomes: every event is a notice.
     pub const NONE: Self = Self { connect: 0, read: 0, transmit: 0 };
 }
@@ -291,7 +291,7 @@ impl<E: End> Session for E {
         self.reset_echo();
         let core = self.core_mut();
         core.decoder.clear();
-        let has_room = core.events.has_room(E::ROOM.connect);
+        let has_room = core.events.has_room(E::QUEUE_SPACE.connect);
         self.advance(now, if has_room { Input::CONNECTED } else { Input::DISCONNECTED }, None);
     }
 
@@ -362,7 +362,7 @@ impl<E: End> Session for E {
         read_held(self, now);
         let core = self.core();
         let what = core.machine.transmit(now, &core.config)?;
-        if !core.events.has_room(E::ROOM.transmit) {
+        if !core.events.has_room(E::QUEUE_SPACE.transmit) {
             return None;
         }
         let (length, sent) = self.write(now, what, out)?;

@@ -20,11 +20,11 @@ pub mod embedded_io_async;
 mod encode;
 pub mod end;
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
-mod ended;
+mod end_reason;
 mod event;
-#[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
-mod left;
 mod machine;
+#[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
+mod pending;
 mod rules;
 #[cfg(feature = "serialport")]
 mod serial;
@@ -53,7 +53,7 @@ pub use decoder::Decoder;
 pub use echo::EchoError;
 pub use encode::Encode;
 #[cfg(any(feature = "std", feature = "embedded-io", feature = "embedded-io-async"))]
-pub use ended::{Ended, STALL};
+pub use end_reason::{EndReason, STALL};
 #[cfg(feature = "serialport")]
 pub use serial::Serial;
 #[cfg(feature = "serialport")]
@@ -61,7 +61,8 @@ pub use serialport;
 pub use session::Session;
 #[cfg(feature = "std")]
 pub use std_driver::{
-    Driver, Received, Sent, Transport, discard_unacknowledged, drive, is_lost_datagram, is_silence, now,
+    Driver, ReceiveOutcome, SendOutcome, Transport, discard_unacknowledged, drive, is_lost_datagram,
+    is_silence, now,
 };
 pub use step::{Step, Steps};
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]

@@ -7,7 +7,7 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use serialport::SerialPort;
 
 use crate::std_driver::is_silence;
-use crate::{Received, Sent, Transport, Wait};
+use crate::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
 /// A serial port, as `serialport::new(path, baud).open()` gives it, as a [`Transport`].
 ///
@@ -34,31 +34,31 @@ impl Serial {
 }
 
 /// The longest single wait; a wait without a limit is split, since no system waits for [`Duration::MAX`].
-const LONGEST: Duration = Duration::from_secs(1);
+const MAX_WAIT: Duration = Duration::from_secs(1);
 /// The interval at which a line that takes no more bytes is tried again.
 const RETRY: Duration = Duration::from_millis(5);
 /// The shortest timeout of the port: 0 is an error at once on some systems.
-const SHORTEST: Duration = Duration::from_micros(100);
+const MIN_TIMEOUT: Duration = Duration::from_micros(100);
 
 impl Transport for Serial {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
-        let longest = if wait.room { RETRY } else { LONGEST };
-        self.0.set_timeout(wait.limit.unwrap_or(longest).clamp(SHORTEST, longest))?;
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
+        let longest = if wait.room { RETRY } else { MAX_WAIT };
+        self.0.set_timeout(wait.limit.unwrap_or(longest).clamp(MIN_TIMEOUT, longest))?;
         match self.read_some(buffer) {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Ok(0) => Ok(ReceiveOutcome::Closed),
+            Ok(length) => Ok(ReceiveOutcome::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(ReceiveOutcome::Nothing),
             Err(error) => Err(error),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.0.set_timeout(SHORTEST)?;
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
+        self.0.set_timeout(MIN_TIMEOUT)?;
         match self.0.write(bytes) {
-            Ok(length) if length == bytes.len() => Ok(Sent::Buffered),
+            Ok(length) if length == bytes.len() => Ok(SendOutcome::Buffered),
             Ok(0) => Err(ErrorKind::WriteZero.into()),
-            Ok(length) => Ok(Sent::Part(length)),
-            Err(error) if is_silence(&error) => Ok(Sent::Part(0)),
+            Ok(length) => Ok(SendOutcome::Part(length)),
+            Err(error) if is_silence(&error) => Ok(SendOutcome::Part(0)),
             Err(error) => Err(error),
         }
     }

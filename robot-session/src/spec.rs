@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use core::time::Duration;
-//! use robot_session::spec::{ANY_TIME, Configure, Fields};
+//! use robot_session::spec::{ANY_TIME, Configure, FieldVisitor};
 //!
 //! struct HostConfig {
 //!     resends: u8,
@@ -10,7 +10,7 @@
 //! }
 //!
 //! impl Configure for HostConfig {
-//!     fn configure(&mut self, fields: &mut impl Fields) {
+//!     fn configure(&mut self, fields: &mut impl FieldVisitor) {
 //!         // Without `..`: a field that has no line does not compile.
 //!         let Self { resends, timeout } = self;
 //!         fields.whole("resends", 0..=u8::MAX, "times", "how often a frame is sent again", resends);
@@ -41,18 +41,18 @@ pub const LINE: &str = "the rate of the serial line, 10 bits a byte";
 /// A configuration that names its fields.
 pub trait Configure {
     /// Visits every field, each by one call.
-    fn configure(&mut self, fields: &mut impl Fields);
+    fn configure(&mut self, fields: &mut impl FieldVisitor);
 }
 
 /// The configuration without fields.
 impl Configure for () {
-    fn configure(&mut self, _: &mut impl Fields) {}
+    fn configure(&mut self, _: &mut impl FieldVisitor) {}
 }
 
 /// A whole number of a field.
-pub trait Whole: TryFrom<i64> + PartialOrd + Display + Copy {}
+pub trait WholeNumber: TryFrom<i64> + PartialOrd + Display + Copy {}
 
-impl<T: TryFrom<i64> + PartialOrd + Display + Copy> Whole for T {}
+impl<T: TryFrom<i64> + PartialOrd + Display + Copy> WholeNumber for T {}
 
 /// A text of the program.
 pub type Str = &'static str;
@@ -60,16 +60,23 @@ pub type Str = &'static str;
 /// A visitor of a configuration's fields, which reads or changes them.
 ///
 /// `about` is one line: the purpose of the field, and its limits beside the range, such as other fields.
-pub trait Fields {
+pub trait FieldVisitor {
     /// Sets the section of the link's source that specifies the next field, such as `§3.4`. A field without a section is this
     /// project's own.
     fn source(&mut self, section: Str) -> &mut Self;
 
     /// Visits a whole number within a range.
-    fn whole<T: Whole>(&mut self, name: &str, range: RangeInclusive<T>, unit: Str, about: Str, field: &mut T);
+    fn whole<T: WholeNumber>(
+        &mut self,
+        name: &str,
+        range: RangeInclusive<T>,
+        unit: Str,
+        about: Str,
+        field: &mut T,
+    );
 
     /// Visits a whole number within a range, which need not be given; `otherwise` names the behaviour without it.
-    fn whole_or<T: Whole>(
+    fn whole_or<T: WholeNumber>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
@@ -80,7 +87,7 @@ pub trait Fields {
     );
 
     /// Visits whole numbers within a range, as many as there are fields.
-    fn wholes<T: Whole>(
+    fn wholes<T: WholeNumber>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,

@@ -8,8 +8,8 @@ use std::sync::OnceLock;
 use std::time::Instant;
 use std::vec::Vec;
 
-use crate::ended::{Ended, keep_first, report, report_all};
-use crate::left::Left;
+use crate::end_reason::{EndReason, keep_first, report, report_all};
+use crate::pending::PendingWork;
 use crate::session::Session;
 use crate::step::Step;
 use crate::trace::Span;
@@ -28,15 +28,15 @@ pub trait Transport {
     /// its driver handles the wake after that wait, and a caller that cannot wait this long limits the turn.
     ///
     /// # Errors
-    /// The errors of the transport. No bytes in time is not an error: [`Received::Nothing`].
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received>;
+    /// The errors of the transport. No bytes in time is not an error: [`ReceiveOutcome::Nothing`].
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome>;
 
     /// Sends as many of `bytes` as it can without a wait. A transport that always sends them all may wait for a line that
     /// takes every byte in its time, and not for a peer that may not read.
     ///
     /// # Errors
     /// The errors of the transport, such as a connection that is lost in the middle.
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome>;
 
     /// Sets the time after which bytes that the peer has not acknowledged are discarded, and the connection ends. Called once
     /// for each connection, with [`Session::discards_after`]. Only for a connection that buffers bytes for an unreachable
@@ -48,7 +48,7 @@ pub trait Transport {
         Ok(())
     }
 
-    /// Waits, without reading, until it takes bytes again after [a part](Sent::Part). Every transport with a socket can use
+    /// Waits, without reading, until it takes bytes again after [a part](SendOutcome::Part). Every transport with a socket can use
     /// [`Wait::writable`] for this wait; by default, the driver tries again after 5 ms.
     ///
     /// # Errors
@@ -60,7 +60,7 @@ pub trait Transport {
 
 /// The result of [`Transport::receive`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Received {
+pub enum ReceiveOutcome {
     /// This number of bytes was read.
     Bytes(usize),
     /// No byte has come before the wait ended.
@@ -71,7 +71,7 @@ pub enum Received {
 
 /// The location of the bytes when [`Transport::send`] returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Sent {
+pub enum SendOutcome {
     /// This number of the bytes, perhaps 0, is in a buffer of the system, which is full. The driver gives the others again.
     Part(usize),
     /// All bytes are in a buffer of the system.
@@ -110,7 +110,7 @@ pub fn drive<S: Session, B>(
     session: &mut S,
     transport: impl Transport,
     handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-) -> io::Result<Ended<B>> {
+) -> io::Result<EndReason<B>> {
     Span::of([S::LINK, S::END], None).within(|| run(session, transport, handler))
 }
 
@@ -118,7 +118,7 @@ fn run<S: Session, B>(
     session: &mut S,
     transport: impl Transport,
     handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-) -> io::Result<Ended<B>> {
+) -> io::Result<EndReason<B>> {
     let mut value = None;
     let mut note = keep_first(&mut value, handler);
     let mut driver = Driver::new(transport);
@@ -142,20 +142,20 @@ pub struct Driver<T> {
     transport: T,
     input: Vec<u8>,
     out: Vec<u8>,
-    left: Left,
+    unsent: PendingWork,
     waker: Option<Waker>,
 }
 
 impl<T: Transport> Driver<T> {
     /// Creates a loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: Vec::new(), out: Vec::new(), left: Left::NOTHING, waker: None }
+        Self { transport, input: Vec::new(), out: Vec::new(), unsent: PendingWork::NOTHING, waker: None }
     }
 
     /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
-        Self { left: Left::with_stall(stall), ..self }
+        Self { unsent: PendingWork::with_stall(stall), ..self }
     }
 
     /// Returns a waker that ends the wait of the current turn, or of the next.
@@ -182,8 +182,8 @@ impl<T: Transport> Driver<T> {
         session: &mut S,
         wait: Option<Duration>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<ControlFlow<Ended<B>>> {
-        self.turn_keeping(session, wait, |_| Ok(()), handler)
+    ) -> io::Result<ControlFlow<EndReason<B>>> {
+        self.turn_with(session, wait, |_| Ok(()), handler)
     }
 
     /// As [`turn`](Self::turn), with a hook that is called before the session's bytes are sent: it stores the state that must
@@ -191,72 +191,72 @@ impl<T: Transport> Driver<T> {
     /// was not stored.
     ///
     /// # Errors
-    /// The errors of the transport and of `keep`. After an error of `keep` nothing is sent, and the connection is over.
-    pub fn turn_keeping<S: Session, B>(
+    /// The errors of the transport and of `before_send`. After an error of `before_send` nothing is sent, and the connection is over.
+    pub fn turn_with<S: Session, B>(
         &mut self,
         session: &mut S,
         wait: Option<Duration>,
-        keep: impl FnMut(&mut S) -> io::Result<()>,
+        before_send: impl FnMut(&mut S) -> io::Result<()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<ControlFlow<Ended<B>>> {
-        if core::mem::take(&mut self.left.is_new)
+    ) -> io::Result<ControlFlow<EndReason<B>>> {
+        if core::mem::take(&mut self.unsent.is_new)
             && let Some(after) = session.discards_after()
         {
             self.transport.discard_after(after)?;
         }
-        let turned = self.pass(session, wait, keep, handler);
-        self.left.after(turned)
+        let turned = self.pass(session, wait, before_send, handler);
+        self.unsent.after(turned)
     }
 
     fn pass<S: Session, B>(
         &mut self,
         session: &mut S,
         wait: Option<Duration>,
-        mut keep: impl FnMut(&mut S) -> io::Result<()>,
+        mut before_send: impl FnMut(&mut S) -> io::Result<()>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<ControlFlow<Ended<B>>> {
-        if let ControlFlow::Break(value) = self.settle(session, &mut keep, &mut handler)? {
-            return Ok(ControlFlow::Break(Ended::ByHandler(value)));
+    ) -> io::Result<ControlFlow<EndReason<B>>> {
+        if let ControlFlow::Break(value) = self.settle(session, &mut before_send, &mut handler)? {
+            return Ok(ControlFlow::Break(EndReason::ByHandler(value)));
         }
-        let Self { transport, input, left, waker, .. } = self;
+        let Self { transport, input, unsent, waker, .. } = self;
         let now = transport.now();
-        let due = left.due(session, now).map(|at| at.saturating_sub(now));
-        let limit = if left.woken { due } else { due.into_iter().chain(wait).min() };
-        let wait = Wait::new(limit, waker.as_ref(), left.is_some());
+        let due = unsent.due(session, now).map(|at| at.saturating_sub(now));
+        let limit = if unsent.woken { due } else { due.into_iter().chain(wait).min() };
+        let wait = Wait::new(limit, waker.as_ref(), unsent.is_some());
         if session.wants_input() {
             input.resize(S::MAX_INPUT, 0);
             match transport.receive(input, wait)? {
-                Received::Bytes(length) => {
+                ReceiveOutcome::Bytes(length) => {
                     session.handle_input(transport.now(), input.get(..length).unwrap_or_default());
                 }
-                Received::Nothing => {}
-                Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
+                ReceiveOutcome::Nothing => {}
+                ReceiveOutcome::Closed => return Ok(ControlFlow::Break(EndReason::ByPeer)),
             }
-        } else if left.is_some() {
+        } else if unsent.is_some() {
             transport.wait_for_room(wait)?;
         } else {
             wait.pause()?;
         }
-        left.woken = waker.as_ref().is_some_and(Waker::take);
+        unsent.woken = waker.as_ref().is_some_and(Waker::take);
         let now = transport.now();
         session.handle_timeout(now);
-        if left.is_stalled(now) {
-            return Ok(ControlFlow::Break(Ended::Stalled));
+        if unsent.is_stalled(now) {
+            return Ok(ControlFlow::Break(EndReason::Stalled));
         }
-        Ok(report(session, &mut handler).map_break(Ended::ByHandler))
+        Ok(report(session, &mut handler).map_break(EndReason::ByHandler))
     }
 
     /// Handles events and sends bytes, until there is neither, or the transport takes no more.
     fn settle<S: Session, B>(
         &mut self,
         session: &mut S,
-        keep: &mut impl FnMut(&mut S) -> io::Result<()>,
+        before_send: &mut impl FnMut(&mut S) -> io::Result<()>,
         handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<B>> {
-        let Self { transport, out, left, .. } = self;
+        let Self { transport, out, unsent, .. } = self;
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
         loop {
-            match left.next(session, transport.now(), out) {
+            match unsent.next(session, transport.now(), out) {
                 Step::Event(event) => {
                     if let broken @ ControlFlow::Break(_) = handler(session, event) {
                         return Ok(broken);
@@ -266,18 +266,18 @@ impl<T: Transport> Driver<T> {
                 Step::Write(_) => {}
                 Step::Wait { .. } => return Ok(ControlFlow::Continue(())),
             }
-            if left.unannounced {
-                keep(session)?;
-                left.unannounced = false;
+            if unsent.hook_pending {
+                before_send(session)?;
+                unsent.hook_pending = false;
             }
-            let bytes = left.of(out);
+            let bytes = unsent.of(out);
             let sent = transport.send(bytes)?;
-            let taken = if let Sent::Part(length) = sent { length } else { bytes.len() };
-            left.take(taken, transport.now());
+            let taken = if let SendOutcome::Part(length) = sent { length } else { bytes.len() };
+            unsent.take(taken, transport.now());
             match sent {
-                Sent::Part(_) => return Ok(report(session, handler)),
-                Sent::Buffered => {}
-                Sent::Transmitted => session.handle_transmitted(transport.now()),
+                SendOutcome::Part(_) => return Ok(report(session, handler)),
+                SendOutcome::Buffered => {}
+                SendOutcome::Transmitted => session.handle_transmitted(transport.now()),
             }
         }
     }
@@ -294,11 +294,11 @@ impl<T: Transport + ?Sized> Transport for &mut T {
         (**self).now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         (**self).receive(buffer, wait)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         (**self).send(bytes)
     }
 
@@ -312,24 +312,24 @@ impl<T: Transport + ?Sized> Transport for &mut T {
 }
 
 impl Transport for TcpStream {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if !wait.readable(&*self)? {
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         }
         match receive_some(self, buffer) {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Ok(0) => Ok(ReceiveOutcome::Closed),
+            Ok(length) => Ok(ReceiveOutcome::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(ReceiveOutcome::Nothing),
             Err(error) => Err(error),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         match send_some(self, bytes) {
-            Ok(length) if length == bytes.len() => Ok(Sent::Buffered),
+            Ok(length) if length == bytes.len() => Ok(SendOutcome::Buffered),
             Ok(0) => Err(ErrorKind::WriteZero.into()),
-            Ok(length) => Ok(Sent::Part(length)),
-            Err(error) if is_silence(&error) => Ok(Sent::Part(0)),
+            Ok(length) => Ok(SendOutcome::Part(length)),
+            Err(error) if is_silence(&error) => Ok(SendOutcome::Part(0)),
             Err(error) => Err(error),
         }
     }
@@ -364,26 +364,26 @@ pub fn discard_unacknowledged<T>(_stream: T, _after: Duration) -> io::Result<()>
 
 /// Exchanges datagrams with the peer that the socket is connected to. A lost datagram and a missing peer are not errors.
 impl Transport for UdpSocket {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if !wait.readable(&*self)? {
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         }
         #[cfg(unix)]
         let received = receive_some(self, buffer);
         #[cfg(not(unix))]
         let received = self.recv(buffer);
         match received {
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) || is_lost_datagram(&error) => Ok(Received::Nothing),
+            Ok(length) => Ok(ReceiveOutcome::Bytes(length)),
+            Err(error) if is_silence(&error) || is_lost_datagram(&error) => Ok(ReceiveOutcome::Nothing),
             Err(error) => Err(error),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         match UdpSocket::send(self, bytes) {
             // The datagram is as good as lost on its way, unless no socket can send it.
             Err(error) if error.kind() == ErrorKind::InvalidInput => Err(error),
-            _ => Ok(Sent::Buffered),
+            _ => Ok(SendOutcome::Buffered),
         }
     }
 }

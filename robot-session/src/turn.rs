@@ -7,8 +7,8 @@ use core::pin::{Pin, pin};
 use core::task::Poll;
 use core::time::Duration;
 
-use crate::ended::{Ended, report};
-use crate::left::Left;
+use crate::end_reason::{EndReason, report};
+use crate::pending::PendingWork;
 use crate::session::Session;
 
 /// The transport of a driver.
@@ -21,7 +21,7 @@ pub(crate) trait Port {
         &mut self,
         input: Option<&mut [u8]>,
         out: Outgoing<'_>,
-    ) -> impl Future<Output = Result<Passed, Self::Error>>;
+    ) -> impl Future<Output = Result<PortProgress, Self::Error>>;
 }
 
 /// The output of a driver.
@@ -37,10 +37,10 @@ pub(crate) enum Outgoing<'a> {
 
 impl<'a> Outgoing<'a> {
     /// Returns the unsent bytes of the driver's buffer, or a flush if they are all written.
-    pub(crate) fn of(left: &Left, buffer: &'a [u8]) -> Self {
-        match left.of(buffer) {
+    pub(crate) fn of(unsent: &PendingWork, buffer: &'a [u8]) -> Self {
+        match unsent.of(buffer) {
             bytes @ [_, ..] => Self::Bytes(bytes),
-            [] if left.unflushed => Self::Flush,
+            [] if unsent.unflushed => Self::Flush,
             [] => Self::Nothing,
         }
     }
@@ -48,7 +48,7 @@ impl<'a> Outgoing<'a> {
 
 /// The progress of a port.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Passed {
+pub(crate) struct PortProgress {
     /// The number of bytes read; 0 at the end of the stream, `None` while the read is pending.
     pub(crate) read: Option<usize>,
     /// The number of bytes taken; 0 at the end of the stream and for a flush, `None` while the write is pending.
@@ -57,7 +57,7 @@ pub(crate) struct Passed {
     pub(crate) flushed: bool,
 }
 
-impl Passed {
+impl PortProgress {
     /// Combines the completed directions. Bytes that have come are handled before an error of writing, which occurs again.
     pub(crate) fn both<E>(
         read: Poll<Result<usize, E>>,
@@ -124,7 +124,7 @@ impl<C: Clock> Time for &C {
 }
 
 /// The type of a turn's hook that stores nothing.
-pub(crate) type NoKeep<S, E> = fn(&mut S) -> Ready<Result<(), E>>;
+pub(crate) type NoHook<S, E> = fn(&mut S) -> Ready<Result<(), E>>;
 
 /// The parts that a turn needs. `out` has at least [`MAX_TRANSMIT`](Session::MAX_TRANSMIT) bytes.
 pub(crate) struct Turn<'a, P, T> {
@@ -132,7 +132,7 @@ pub(crate) struct Turn<'a, P, T> {
     pub(crate) time: T,
     pub(crate) input: &'a mut [u8],
     pub(crate) out: &'a mut [u8],
-    pub(crate) left: &'a mut Left,
+    pub(crate) unsent: &'a mut PendingWork,
 }
 
 impl<P: Port, T: Time> Turn<'_, P, T> {
@@ -140,52 +140,52 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
     /// for `wake`, then handles the events of that. The bytes to be sent are written in that wait: a peer that does not read
     /// does not delay anything else.
     ///
-    /// `keep` is called when the session has written the bytes that are sent next, and again if its future was dropped.
+    /// `before_send` is called when the session has written the bytes that are sent next, and again if its future was dropped.
     pub(crate) async fn run<S: Session, B>(
         mut self,
         session: &mut S,
         wake: impl Future<Output = ()>,
-        keep: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
+        before_send: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
-        let turned = self.pass(session, pin!(wake), keep, handler).await;
-        self.left.after(turned)
+    ) -> Result<ControlFlow<EndReason<B>>, P::Error> {
+        let turned = self.pass(session, pin!(wake), before_send, handler).await;
+        self.unsent.after(turned)
     }
 
     async fn pass<S: Session, B>(
         &mut self,
         session: &mut S,
         mut wake: Pin<&mut impl Future<Output = ()>>,
-        mut keep: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
+        mut before_send: Option<impl AsyncFnMut(&mut S) -> Result<(), P::Error>>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> Result<ControlFlow<Ended<B>>, P::Error> {
+    ) -> Result<ControlFlow<EndReason<B>>, P::Error> {
         // The clock is read once for everything that happens without a wait.
         let mut now = self.time.now();
         loop {
-            let Self { out, left, .. } = &mut *self;
-            if let ControlFlow::Break(value) = left.prepare(session, out, now, &mut handler) {
-                return Ok(ControlFlow::Break(Ended::ByHandler(value)));
+            let Self { out, unsent, .. } = &mut *self;
+            if let ControlFlow::Break(value) = unsent.prepare(session, out, now, &mut handler) {
+                return Ok(ControlFlow::Break(EndReason::ByHandler(value)));
             }
-            if self.left.unannounced {
-                if let Some(keep) = &mut keep {
-                    keep(session).await?;
+            if self.unsent.hook_pending {
+                if let Some(before_send) = &mut before_send {
+                    before_send(session).await?;
                     now = self.time.now();
                 }
-                self.left.unannounced = false;
+                self.unsent.hook_pending = false;
             }
             // The session itself is not lent to the wait: a task that waits need not share it.
-            let due = self.left.due(session, now);
+            let due = self.unsent.due(session, now);
             let (has_waited, passed) = self.wait(session.wants_input(), due, wake.as_mut()).await;
             if has_waited {
                 now = self.time.now();
             }
-            let Self { input, left, .. } = &mut *self;
+            let Self { input, unsent, .. } = &mut *self;
             let passed = passed?;
-            if let ControlFlow::Break(ended) = take(session, left, input, passed, now) {
+            if let ControlFlow::Break(ended) = take(session, unsent, input, passed, now) {
                 return Ok(ControlFlow::Break(ended));
             }
             if passed.read.is_some() || passed.written.is_none() {
-                return Ok(report(session, &mut handler).map_break(Ended::ByHandler));
+                return Ok(report(session, &mut handler).map_break(EndReason::ByHandler));
             }
         }
     }
@@ -197,9 +197,9 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
         wants_input: bool,
         due: Option<Duration>,
         mut wake: Pin<&mut impl Future<Output = ()>>,
-    ) -> (bool, Result<Passed, P::Error>) {
-        let Self { port, time, input, out, left } = self;
-        let mut passed = pin!(port.pass(wants_input.then_some(input), Outgoing::of(left, out)));
+    ) -> (bool, Result<PortProgress, P::Error>) {
+        let Self { port, time, input, out, unsent } = self;
+        let mut passed = pin!(port.pass(wants_input.then_some(input), Outgoing::of(unsent, out)));
         let mut time = pin!(time.until(due));
         let mut has_waited = false;
         let (is_woken, passed) = poll_fn(|context| {
@@ -207,13 +207,13 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
                 return Poll::Ready((false, passed));
             }
             if wake.as_mut().poll(context).is_ready() {
-                return Poll::Ready((true, Ok(Passed::default())));
+                return Poll::Ready((true, Ok(PortProgress::default())));
             }
             has_waited = true;
-            time.as_mut().poll(context).map(|()| (false, Ok(Passed::default())))
+            time.as_mut().poll(context).map(|()| (false, Ok(PortProgress::default())))
         })
         .await;
-        left.woken = is_woken;
+        unsent.woken = is_woken;
         (has_waited, passed)
     }
 }
@@ -222,28 +222,28 @@ impl<P: Port, T: Time> Turn<'_, P, T> {
 #[inline]
 pub(crate) fn take<S: Session, B>(
     session: &mut S,
-    left: &mut Left,
+    unsent: &mut PendingWork,
     input: &[u8],
-    passed: Passed,
+    passed: PortProgress,
     now: Duration,
-) -> ControlFlow<Ended<B>> {
-    let Passed { read, written, flushed } = passed;
+) -> ControlFlow<EndReason<B>> {
+    let PortProgress { read, written, flushed } = passed;
     if read.is_some() || written.is_none() {
-        left.restart();
+        unsent.restart();
     }
     match written {
-        Some(0) if left.is_some() => return ControlFlow::Break(Ended::ByPeer),
-        Some(taken) => left.wrote(taken, flushed, now),
+        Some(0) if unsent.is_some() => return ControlFlow::Break(EndReason::ByPeer),
+        Some(taken) => unsent.wrote(taken, flushed, now),
         None => {}
     }
     match read {
-        Some(0) => return ControlFlow::Break(Ended::ByPeer),
+        Some(0) => return ControlFlow::Break(EndReason::ByPeer),
         Some(length) => session.handle_input(now, input.get(..length).unwrap_or_default()),
         None => {}
     }
     session.handle_timeout(now);
-    if left.is_stalled(now) {
-        return ControlFlow::Break(Ended::Stalled);
+    if unsent.is_stalled(now) {
+        return ControlFlow::Break(EndReason::Stalled);
     }
     ControlFlow::Continue(())
 }

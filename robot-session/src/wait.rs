@@ -68,7 +68,7 @@ impl<'a> Wait<'a> {
     #[cfg(windows)]
     fn poll(self, socket: impl AsFd, flags: PollFlags) -> io::Result<PollFlags> {
         const CLOCK: Duration = Duration::from_millis(16);
-        const LOOK: Duration = Duration::from_micros(500);
+        const RECHECK_INTERVAL: Duration = Duration::from_micros(500);
         let end = self.limit.and_then(|limit| std::time::Instant::now().checked_add(limit));
         let left =
             || end.map_or(Duration::MAX, |end| end.saturating_duration_since(std::time::Instant::now()));
@@ -81,7 +81,7 @@ impl<'a> Wait<'a> {
                 return Ok(ready);
             }
             if rest <= CLOCK {
-                thread::sleep(left().min(LOOK));
+                thread::sleep(left().min(RECHECK_INTERVAL));
             }
         }
     }

@@ -66,7 +66,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
 #[cfg(test)]
 mod tests {
     use cellwire_sim::puma::PumaEvent;
-    use cellwire_sim::{Fault, Puma, Script, Settings as _, Told};
+    use cellwire_sim::{Fault, Puma, Script, Settings as _, SimulatorReport};
 
     use super::*;
 
@@ -90,7 +90,9 @@ mod tests {
         }
         let told = sim.told();
         let count = |is: fn(&PumaEvent) -> bool| {
-            told.iter().filter(|(_, told)| matches!(told, Told::Device(event) if is(event))).count()
+            told.iter()
+                .filter(|(_, told)| matches!(told, SimulatorReport::Device(event) if is(event)))
+                .count()
         };
         assert!(count(|event| matches!(event, PumaEvent::Started(_))) >= 3);
         let done = sim.executed();

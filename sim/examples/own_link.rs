@@ -177,7 +177,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
 #[cfg(test)]
 mod tests {
     use cellwire_sim::{Fault, Peer, Script, Settings as _};
-    use robot_session::contract::{Happened, Subject};
+    use robot_session::contract::{Observed, Subject};
 
     use super::*;
 
@@ -252,12 +252,12 @@ mod tests {
             Some(format!("ask: {}", asker.ask()))
         }
 
-        fn watch(&self) -> impl FnMut(Happened<'_, Weighed>) {
+        fn watch(&self) -> impl FnMut(Observed<'_, Weighed>) {
             let mut open = 0;
             move |happened| {
                 match happened {
-                    Happened::Called("ask: true") => open += 1,
-                    Happened::Event(_) => open -= 1,
+                    Observed::Called("ask: true") => open += 1,
+                    Observed::Event(_) => open -= 1,
                     _ => {}
                 }
                 assert!((0..=1).contains(&open), "each question has one outcome");

@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 
 use robot_session::Session;
 
-use crate::device::{Device, Executed};
+use crate::device::{Device, ExecutedWork};
 use crate::faults::Faults;
-use crate::simulator::{Simulator, Told};
+use crate::simulator::{Simulator, SimulatorReport};
 
 /// The default time without a connection after one has ended.
 const RECONNECT: Duration = Duration::from_millis(100);
@@ -46,11 +46,11 @@ pub struct Bench<S: Session, D: Device> {
     link: Link,
     /// Whether the device has requested a connection.
     is_wanted: bool,
-    to_device: Way<Vec<u8>>,
-    to_session: Way<Arrival>,
+    to_device: DelayLine<Vec<u8>>,
+    to_session: DelayLine<Arrival>,
     events: VecDeque<S::Event>,
-    told: Vec<(Duration, Told<D::Event>)>,
-    executed: Vec<Executed<D::Work>>,
+    told: Vec<(Duration, SimulatorReport<D::Event>)>,
+    executed: Vec<ExecutedWork<D::Work>>,
     buffer: Vec<u8>,
 }
 
@@ -73,12 +73,12 @@ enum Arrival {
 
 /// Items in flight, with the times of their arrival.
 #[derive(Debug)]
-struct Way<T> {
+struct DelayLine<T> {
     queue: VecDeque<(Duration, T)>,
     free_at: Duration,
 }
 
-impl<T> Way<T> {
+impl<T> DelayLine<T> {
     const EMPTY: Self = Self { queue: VecDeque::new(), free_at: Duration::ZERO };
 
     fn put(&mut self, now: Duration, wire: &Wire, length: usize, item: T) {
@@ -107,8 +107,8 @@ impl<S: Session, D: Device> Bench<S, D> {
             now: Duration::ZERO,
             is_wanted: false,
             link: if D::IS_CLIENT { Link::Down } else { Link::At(Duration::ZERO) },
-            to_device: Way::EMPTY,
-            to_session: Way::EMPTY,
+            to_device: DelayLine::EMPTY,
+            to_session: DelayLine::EMPTY,
             events: VecDeque::new(),
             told: Vec::new(),
             executed: Vec::new(),
@@ -147,12 +147,12 @@ impl<S: Session, D: Device> Bench<S, D> {
     }
 
     /// Returns the executed work, in sequence.
-    pub fn executed(&self) -> &[Executed<D::Work>] {
+    pub fn executed(&self) -> &[ExecutedWork<D::Work>] {
         &self.executed
     }
 
     /// Returns the device's reports, with their times.
-    pub fn told(&self) -> &[(Duration, Told<D::Event>)] {
+    pub fn told(&self) -> &[(Duration, SimulatorReport<D::Event>)] {
         &self.told
     }
 
@@ -240,13 +240,13 @@ impl<S: Session, D: Device> Bench<S, D> {
             }
             while let Some(told) = self.simulator.poll_event() {
                 match told {
-                    Told::Close(_) => {
+                    SimulatorReport::Close(_) => {
                         self.simulator.handle_disconnected(self.now);
-                        self.to_device = Way::EMPTY;
+                        self.to_device = DelayLine::EMPTY;
                         self.to_session.put(self.now, &self.wire, 0, Arrival::End);
                         self.link = Link::Ending;
                     }
-                    Told::Connect => self.is_wanted = true,
+                    SimulatorReport::Connect => self.is_wanted = true,
                     _ => {}
                 }
                 self.told.push((self.now, told));
@@ -307,7 +307,7 @@ impl<S: Session, D: Device> Bench<S, D> {
     }
 
     fn down(&mut self) {
-        (self.to_device, self.to_session) = (Way::EMPTY, Way::EMPTY);
+        (self.to_device, self.to_session) = (DelayLine::EMPTY, DelayLine::EMPTY);
         self.link = if D::IS_CLIENT { Link::Down } else { Link::At(self.now + self.wire.reconnect) };
     }
 }

@@ -16,7 +16,7 @@ pub trait Device {
     type Event: Clone + Debug + Send + 'static;
     /// A unit of work that the device executes.
     type Work: Clone + Debug + Send + 'static;
-    /// Whether it connects to its peer, when it calls [`Notes::connect`]; otherwise its peer connects to it.
+    /// Whether it connects to its peer, when it calls [`DeviceRecord::connect`]; otherwise its peer connects to it.
     const IS_CLIENT: bool = false;
 
     /// Returns the session of the device's end.
@@ -30,11 +30,11 @@ pub trait Device {
         &mut self,
         now: Duration,
         event: <Self::Session as Session>::Event,
-        notes: &mut Notes<Self::Event, Self::Work>,
+        notes: &mut DeviceRecord<Self::Event, Self::Work>,
     );
 
     /// Moves on to this time.
-    fn advance(&mut self, now: Duration, notes: &mut Notes<Self::Event, Self::Work>);
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<Self::Event, Self::Work>);
 
     /// Returns the latest time of the next call of [`advance`](Self::advance).
     fn due(&self) -> Option<Duration>;
@@ -61,7 +61,7 @@ pub trait Device {
 
 /// A unit of executed work, with the time at which it ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Executed<W> {
+pub struct ExecutedWork<W> {
     /// The time since the device was first used.
     pub at: Duration,
     /// The job, instruction or motion that was executed.
@@ -70,20 +70,20 @@ pub struct Executed<W> {
 
 /// The record of a device's events and work.
 #[derive(Debug)]
-pub struct Notes<E, W> {
+pub struct DeviceRecord<E, W> {
     pub(crate) events: VecDeque<E>,
-    pub(crate) executed: VecDeque<Executed<W>>,
+    pub(crate) executed: VecDeque<ExecutedWork<W>>,
     pub(crate) close: Option<&'static str>,
     pub(crate) connect: bool,
 }
 
-impl<E, W> Default for Notes<E, W> {
+impl<E, W> Default for DeviceRecord<E, W> {
     fn default() -> Self {
         Self { events: VecDeque::new(), executed: VecDeque::new(), close: None, connect: false }
     }
 }
 
-impl<E, W> Notes<E, W> {
+impl<E, W> DeviceRecord<E, W> {
     /// Reports an event.
     pub fn event(&mut self, event: E) {
         self.events.push_back(event);
@@ -91,7 +91,7 @@ impl<E, W> Notes<E, W> {
 
     /// Reports that work was executed at this time.
     pub fn executed(&mut self, at: Duration, work: W) {
-        self.executed.push_back(Executed { at, work });
+        self.executed.push_back(ExecutedWork { at, work });
     }
 
     /// Requests that the connection be closed once everything is sent, for the reason `why`.

@@ -2,7 +2,7 @@
 
 /// The outcome of a job as it is reported to its sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Reported {
+pub enum ReportedOutcome {
     /// The job is executed, or queued for execution.
     Done,
     /// The job is not executed, and will not be.
@@ -25,7 +25,7 @@ pub struct Job<T = ()> {
     /// The note of the sender.
     pub note: T,
     /// The reported outcome; `None` before a report.
-    pub reported: Option<Reported>,
+    pub reported: Option<ReportedOutcome>,
     /// Whether an outcome was reported more than once.
     pub is_reported_again: bool,
     /// The number of times that the job was executed.
@@ -34,7 +34,7 @@ pub struct Job<T = ()> {
 
 /// The truth about a reported outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Fate {
+pub enum JobFate {
     /// The job was reported as done, and executed once.
     Once,
     /// The job was reported as not done, and not executed.
@@ -66,7 +66,7 @@ impl<T> Ledger<T> {
     }
 
     /// Sets the outcome of a job; returns the job, or `None` if no such job was sent.
-    pub fn report(&mut self, job: usize, reported: Reported) -> Option<&mut Job<T>> {
+    pub fn report(&mut self, job: usize, reported: ReportedOutcome) -> Option<&mut Job<T>> {
         let job = self.jobs.get_mut(job)?;
         job.is_reported_again |= job.reported.is_some();
         job.reported = Some(reported);
@@ -91,24 +91,29 @@ impl<T> Ledger<T> {
 
 impl<T> Job<T> {
     /// Returns the truth about the reported outcome.
-    pub fn fate(&self) -> Fate {
+    pub fn fate(&self) -> JobFate {
         match (self.reported, self.times) {
-            _ if self.is_reported_again => Fate::Repeated("its outcome was reported twice"),
-            (None, _) => Fate::Lost("its outcome was never reported"),
-            (Some(Reported::Done | Reported::AnyTimes(1..)), 0) => {
-                Fate::Lost("it was reported as done and not executed")
+            _ if self.is_reported_again => JobFate::Repeated("its outcome was reported twice"),
+            (None, _) => JobFate::Lost("its outcome was never reported"),
+            (Some(ReportedOutcome::Done | ReportedOutcome::AnyTimes(1..)), 0) => {
+                JobFate::Lost("it was reported as done and not executed")
             }
-            (Some(Reported::NotDone), 1..) => Fate::Repeated("it was reported as not done and executed"),
-            (Some(Reported::AnyTimes(_)), _) | (Some(Reported::Unknown), 0 | 1) => Fate::Unknown,
-            (Some(_), 2..) => Fate::Repeated("it was executed more than once"),
-            (Some(Reported::Done), 1) => Fate::Once,
-            (Some(Reported::NotDone), 0) => Fate::NotDone,
+            (Some(ReportedOutcome::NotDone), 1..) => {
+                JobFate::Repeated("it was reported as not done and executed")
+            }
+            (Some(ReportedOutcome::AnyTimes(_)), _) | (Some(ReportedOutcome::Unknown), 0 | 1) => {
+                JobFate::Unknown
+            }
+            (Some(_), 2..) => JobFate::Repeated("it was executed more than once"),
+            (Some(ReportedOutcome::Done), 1) => JobFate::Once,
+            (Some(ReportedOutcome::NotDone), 0) => JobFate::NotDone,
         }
     }
 
     fn count(&self) -> Counts {
-        let is_unknown = matches!(self.reported, Some(Reported::Unknown | Reported::AnyTimes(_)));
-        let is_denied = self.reported == Some(Reported::NotDone);
+        let is_unknown =
+            matches!(self.reported, Some(ReportedOutcome::Unknown | ReportedOutcome::AnyTimes(_)));
+        let is_denied = self.reported == Some(ReportedOutcome::NotDone);
         let is = |condition: bool| u64::from(condition);
         Counts {
             sent: 1,

@@ -31,7 +31,7 @@ pub mod viewer;
 #[cfg(feature = "ball")]
 pub use ball::TeachBall;
 pub use bench::{Bench, Wire};
-pub use device::{Device, Error, Executed, Notes};
+pub use device::{Device, DeviceRecord, Error, ExecutedWork};
 #[cfg(feature = "fanuc")]
 pub use fanuc::Fanuc;
 pub use faults::{ByteFaults, Fault, Faults, FaultyProxy, NetworkFaults, Script};
@@ -46,8 +46,8 @@ pub use peer::{End, Peer};
 #[cfg(feature = "puma")]
 pub use puma::Puma;
 pub use robot_session;
-pub use running::Running;
+pub use running::RunningDevice;
 pub use settings::Settings;
-pub use simulator::{Indexed, Remote, Simulator, Told};
+pub use simulator::{IndexedWork, Remote, Simulator, SimulatorReport};
 #[cfg(feature = "viewer")]
 pub use viewer::Viewer;

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use robot_session::Session;
 
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// Any session as a device: for a link of your own, or an end that is not among the devices. The session's events are
@@ -47,12 +47,12 @@ where
         &mut self.session
     }
 
-    fn take(&mut self, now: Duration, event: S::Event, notes: &mut Notes<S::Event, S::Event>) {
+    fn take(&mut self, now: Duration, event: S::Event, notes: &mut DeviceRecord<S::Event, S::Event>) {
         notes.executed(now, event.clone());
         notes.event(event);
     }
 
-    fn advance(&mut self, _: Duration, _: &mut Notes<S::Event, S::Event>) {}
+    fn advance(&mut self, _: Duration, _: &mut DeviceRecord<S::Event, S::Event>) {}
 
     fn due(&self) -> Option<Duration> {
         None

@@ -3,7 +3,7 @@
 use std::io;
 use std::os::fd::OwnedFd;
 
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
 use rustix::io::{Errno, FdFlags, fcntl_setfd, read, write};
@@ -60,24 +60,24 @@ fn program_end(path: &str) -> io::Result<OwnedFd> {
 }
 
 impl Transport for Pty {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if !wait.readable(&self.device)? {
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         }
         match read(&self.device, buffer) {
             // No program has the other end open.
-            Ok(0) | Err(Errno::IO) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(Errno::AGAIN | Errno::INTR) => Ok(Received::Nothing),
+            Ok(0) | Err(Errno::IO) => Ok(ReceiveOutcome::Closed),
+            Ok(length) => Ok(ReceiveOutcome::Bytes(length)),
+            Err(Errno::AGAIN | Errno::INTR) => Ok(ReceiveOutcome::Nothing),
             Err(error) => Err(error.into()),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         match write(&self.device, bytes) {
-            Ok(length) if length == bytes.len() => Ok(Sent::Buffered),
-            Ok(length) => Ok(Sent::Part(length)),
-            Err(Errno::AGAIN | Errno::INTR) => Ok(Sent::Part(0)),
+            Ok(length) if length == bytes.len() => Ok(SendOutcome::Buffered),
+            Ok(length) => Ok(SendOutcome::Part(length)),
+            Err(Errno::AGAIN | Errno::INTR) => Ok(SendOutcome::Part(0)),
             Err(error) => Err(error.into()),
         }
     }

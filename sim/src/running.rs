@@ -9,21 +9,21 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
-use crate::device::{Device, Error, Executed};
+use crate::device::{Device, Error, ExecutedWork};
 use crate::faults::Faults;
-use crate::host::{Change, Ending, Endpoint, Listener, Notice, Server, State, attend};
-use crate::simulator::{Remote, Simulator, Told};
+use crate::host::{Change, ConnectionEnd, Endpoint, Listener, Notice, Server, State, attend};
+use crate::simulator::{Remote, Simulator, SimulatorReport};
 
 /// The interval at which requested faults, new connections and the end are checked.
-const LOOK: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// The time for which an answer to a call is awaited.
 const CALL: Duration = Duration::from_secs(1);
 
 /// A device in a thread, which ends when this is dropped.
 #[derive(Debug)]
-pub struct Running<D: Device> {
+pub struct RunningDevice<D: Device> {
     address: SocketAddr,
     path: String,
     remote: Remote<D>,
@@ -36,20 +36,20 @@ type Shared<D> = Arc<Record<<D as Device>::Event, <D as Device>::Work>>;
 /// The record of a device's thread.
 #[derive(Debug)]
 struct Record<E, W> {
-    done: Mutex<Done<E, W>>,
+    done: Mutex<ThreadRecord<E, W>>,
     changed: Condvar,
     ends: AtomicBool,
     clock: Instant,
 }
 
 #[derive(Debug)]
-struct Done<E, W> {
-    executed: Vec<Executed<W>>,
-    told: Vec<(Duration, Told<E>)>,
+struct ThreadRecord<E, W> {
+    executed: Vec<ExecutedWork<W>>,
+    told: Vec<(Duration, SimulatorReport<E>)>,
 }
 
 impl<E, W> Record<E, W> {
-    fn lock(&self) -> MutexGuard<'_, Done<E, W>> {
+    fn lock(&self) -> MutexGuard<'_, ThreadRecord<E, W>> {
         self.done.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -61,7 +61,7 @@ impl<E, W> Record<E, W> {
     fn note<D: Device<Event = E, Work = W>>(
         &self,
         simulator: &mut Simulator<D>,
-        notice: Notice<'_, Told<E>>,
+        notice: Notice<'_, SimulatorReport<E>>,
     ) -> io::Result<()> {
         let told = match notice {
             Notice::Event(_, told) => Some(told),
@@ -81,7 +81,7 @@ impl<E, W> Record<E, W> {
     }
 }
 
-impl<D: Device + Send + 'static> Running<D> {
+impl<D: Device + Send + 'static> RunningDevice<D> {
     /// Runs the device at a TCP address. The newest client is served, unless the device serves
     /// [several](Simulator::another).
     ///
@@ -93,7 +93,7 @@ impl<D: Device + Send + 'static> Running<D> {
         let listener = Listener::new(listener)?;
         Self::start(simulator, address, String::new(), move |simulator, shared| {
             let clock = || shared.clock.elapsed();
-            let server = Server { look: Some(LOOK), ..Server::new(listener, clock) };
+            let server = Server { look: Some(POLL_INTERVAL), ..Server::new(listener, clock) };
             server.run(simulator, || !shared.ends(), |simulator, notice| shared.note(simulator, notice))
         })
     }
@@ -167,7 +167,7 @@ impl<D: Device + Send + 'static> Running<D> {
         Self::start(simulator, address, path, move |mut simulator, shared| {
             let wire = Wire { transport: None, idle, find, release, clock: shared.clock };
             let observe = |simulator: &mut _, notice: Notice<'_, _>| shared.note(simulator, notice);
-            attend(&mut simulator, wire, LOOK, || !shared.ends(), observe)
+            attend(&mut simulator, wire, POLL_INTERVAL, || !shared.ends(), observe)
         })
     }
 
@@ -178,7 +178,7 @@ impl<D: Device + Send + 'static> Running<D> {
         run: impl FnOnce(Simulator<D>, &Shared<D>) -> io::Result<()> + Send + 'static,
     ) -> Result<Self, Error> {
         let shared = Arc::new(Record {
-            done: Mutex::new(Done { executed: Vec::new(), told: Vec::new() }),
+            done: Mutex::new(ThreadRecord { executed: Vec::new(), told: Vec::new() }),
             changed: Condvar::new(),
             ends: AtomicBool::new(false),
             clock: Instant::now(),
@@ -194,7 +194,7 @@ impl<D: Device + Send + 'static> Running<D> {
 #[cfg(any(unix, feature = "serialport"))]
 const NOWHERE: SocketAddr = SocketAddr::new(core::net::IpAddr::V4(core::net::Ipv4Addr::UNSPECIFIED), 0);
 
-impl<D: Device> Running<D> {
+impl<D: Device> RunningDevice<D> {
     /// Returns the address at which it listens, or to which it connects.
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -231,12 +231,12 @@ impl<D: Device> Running<D> {
     }
 
     /// Returns the executed work, in sequence.
-    pub fn executed(&self) -> Vec<Executed<D::Work>> {
+    pub fn executed(&self) -> Vec<ExecutedWork<D::Work>> {
         self.shared.lock().executed.clone()
     }
 
     /// Returns the device's reports, with their times.
-    pub fn told(&self) -> Vec<(Duration, Told<D::Event>)> {
+    pub fn told(&self) -> Vec<(Duration, SimulatorReport<D::Event>)> {
         self.shared.lock().told.clone()
     }
 
@@ -250,7 +250,7 @@ impl<D: Device> Running<D> {
     }
 }
 
-impl<D: Device> Drop for Running<D> {
+impl<D: Device> Drop for RunningDevice<D> {
     fn drop(&mut self) {
         self.shared.ends.store(true, Ordering::Relaxed);
         if let Some(Err(panic)) = self.thread.take().map(JoinHandle::join)
@@ -276,15 +276,15 @@ impl<T: Transport, F> Transport for Wire<T, F> {
         self.clock.elapsed()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         match &mut self.transport {
             Some(transport) => transport.receive(buffer, wait),
-            None => wait.pause().map(|()| Received::Nothing),
+            None => wait.pause().map(|()| ReceiveOutcome::Nothing),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.transport.as_mut().map_or(Ok(Sent::Buffered), |transport| transport.send(bytes))
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
+        self.transport.as_mut().map_or(Ok(SendOutcome::Buffered), |transport| transport.send(bytes))
     }
 
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
@@ -312,7 +312,7 @@ where
         }))
     }
 
-    fn end(&mut self, _: &Ending) -> bool {
+    fn end(&mut self, _: &ConnectionEnd) -> bool {
         self.idle = self.transport.take().and_then(self.release);
         true
     }

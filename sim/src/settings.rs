@@ -4,7 +4,7 @@ use robot_session::Session;
 
 use crate::bench::Bench;
 use crate::device::{Device, Error};
-use crate::running::Running;
+use crate::running::RunningDevice;
 use crate::simulator::Simulator;
 
 /// The settings of a device, from which it is made.
@@ -38,34 +38,34 @@ pub trait Settings: Clone {
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.
-    fn listen(&self, address: impl ToSocketAddrs) -> Result<Running<Self::Device>, Error>
+    fn listen(&self, address: impl ToSocketAddrs) -> Result<RunningDevice<Self::Device>, Error>
     where
         Self::Device: Send + 'static,
     {
-        Running::listen(self.simulator()?, address)
+        RunningDevice::listen(self.simulator()?, address)
     }
 
     /// Runs the device as a TCP client, in a thread: a robot that connects to its PC.
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.
-    fn connect(&self, address: impl ToSocketAddrs) -> Result<Running<Self::Device>, Error>
+    fn connect(&self, address: impl ToSocketAddrs) -> Result<RunningDevice<Self::Device>, Error>
     where
         Self::Device: Send + 'static,
     {
-        Running::connect(self.simulator()?, address)
+        RunningDevice::connect(self.simulator()?, address)
     }
 
-    /// Runs the device on a pseudo-terminal, in a thread: [`Running::path`] is opened as a serial port.
+    /// Runs the device on a pseudo-terminal, in a thread: [`RunningDevice::path`] is opened as a serial port.
     ///
     /// # Errors
     /// Settings that cannot work, or the system's.
     #[cfg(unix)]
-    fn pty(&self) -> Result<Running<Self::Device>, Error>
+    fn pty(&self) -> Result<RunningDevice<Self::Device>, Error>
     where
         Self::Device: Send + 'static,
     {
-        Running::pty(self.simulator()?)
+        RunningDevice::pty(self.simulator()?)
     }
 
     /// Runs the device on a serial port of this computer, in a thread.
@@ -73,10 +73,10 @@ pub trait Settings: Clone {
     /// # Errors
     /// Settings that cannot work, or the system's.
     #[cfg(feature = "serialport")]
-    fn port(&self, path: &str, baud: u32) -> Result<Running<Self::Device>, Error>
+    fn port(&self, path: &str, baud: u32) -> Result<RunningDevice<Self::Device>, Error>
     where
         Self::Device: Send + 'static,
     {
-        Running::port(self.simulator()?, path, baud)
+        RunningDevice::port(self.simulator()?, path, baud)
     }
 }

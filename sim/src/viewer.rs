@@ -7,7 +7,7 @@ use robot_session::end::End as _;
 use val2_viewer::workstation::machine::WorkstationMachine;
 use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, timing};
 
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// A workstation's settings.
@@ -35,7 +35,7 @@ impl Settings for Viewer {
 
 #[cfg(feature = "spec")]
 impl robot_session::spec::Configure for Viewer {
-    fn configure(&mut self, fields: &mut impl robot_session::spec::Fields) {
+    fn configure(&mut self, fields: &mut impl robot_session::spec::FieldVisitor) {
         let Self { config, baud } = self;
         fields.baud(robot_session::spec::LINE, baud);
         config.configure(fields);
@@ -44,7 +44,7 @@ impl robot_session::spec::Configure for Viewer {
 
 /// The counts of a workstation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Drawn {
+pub struct WorkstationCounts {
     /// The number of requests sent.
     pub asked: u64,
     /// The number of poses received.
@@ -66,7 +66,7 @@ pub struct Drawn {
 pub struct Screen {
     settings: Viewer,
     workstation: Workstation,
-    drawn: Drawn,
+    drawn: WorkstationCounts,
     last_count: Option<u16>,
     at_once: u64,
     connected: bool,
@@ -82,7 +82,7 @@ impl Screen {
         Ok(Self {
             settings,
             workstation,
-            drawn: Drawn::default(),
+            drawn: WorkstationCounts::default(),
             last_count: None,
             at_once: 0,
             connected: false,
@@ -92,10 +92,16 @@ impl Screen {
     }
 
     /// Returns the counts so far.
-    pub fn drawn(&self) -> Drawn {
+    pub fn drawn(&self) -> WorkstationCounts {
         let seen = self.workstation.statistics();
         let poses = seen.poses + seen.unasked;
-        Drawn { asked: seen.requests, poses, damaged: seen.corrupt, stale: seen.stale, ..self.drawn }
+        WorkstationCounts {
+            asked: seen.requests,
+            poses,
+            damaged: seen.corrupt,
+            stale: seen.stale,
+            ..self.drawn
+        }
     }
 }
 
@@ -116,7 +122,7 @@ impl Device for Screen {
         &mut self,
         now: Duration,
         event: WorkstationEvent,
-        notes: &mut Notes<WorkstationEvent, PosePacket>,
+        notes: &mut DeviceRecord<WorkstationEvent, PosePacket>,
     ) {
         if let WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) = event {
             // A repeated one is not a gap.
@@ -130,7 +136,7 @@ impl Device for Screen {
         notes.event(event);
     }
 
-    fn advance(&mut self, now: Duration, _: &mut Notes<WorkstationEvent, PosePacket>) {
+    fn advance(&mut self, now: Duration, _: &mut DeviceRecord<WorkstationEvent, PosePacket>) {
         let connected = *self.workstation.machine() != WorkstationMachine::Disconnected;
         if core::mem::replace(&mut self.connected, connected) != connected {
             self.moved = now;

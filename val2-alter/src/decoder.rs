@@ -9,7 +9,7 @@ use crate::message::Message;
 
 /// A message, and the offset of its frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Received<M> {
+pub struct ReceivedMessage<M> {
     /// The frame's first byte, counted from the first byte that the decoder was given; wraps with `usize`.
     pub offset: usize,
     /// The frame's length on the line, in bytes.
@@ -64,7 +64,7 @@ pub struct Decoder<M> {
 const CAPACITY: usize = 2 * Frame::MAX_LEN;
 
 /// The shortest frame: one byte of data.
-const SHORTEST: usize = 6;
+const MIN_LEN: usize = 6;
 
 impl<M: Message> Decoder<M> {
     /// Creates a decoder at the beginning of a stream.
@@ -133,9 +133,9 @@ impl<M: Message> Decoder<M> {
 
     /// Reads a whole frame without a DLE in its data, as nearly all are, if no corrupt bytes precede it.
     #[inline]
-    fn plain(&mut self) -> Option<Received<M>> {
+    fn plain(&mut self) -> Option<ReceivedMessage<M>> {
         let available = self.end - self.start;
-        if self.reading.has_begun() || self.skipped > 0 || self.read_before > 0 || available < SHORTEST {
+        if self.reading.has_begun() || self.skipped > 0 || self.read_before > 0 || available < MIN_LEN {
             return None;
         }
         let data = plain_data(self.buffer.get(self.start..)?, available, self.framing)?;
@@ -144,11 +144,11 @@ impl<M: Message> Decoder<M> {
         self.start += length;
         let (offset, length) = (self.offset(), core::mem::take(&mut self.spare_dles) + length);
         self.position += length as u64;
-        Some(Received { offset, length, message })
+        Some(ReceivedMessage { offset, length, message })
     }
 
     #[inline(never)]
-    fn next_message(&mut self) -> Option<Result<Received<M>, DecodeError>> {
+    fn next_message(&mut self) -> Option<Result<ReceivedMessage<M>, DecodeError>> {
         if let Some(received) = self.plain() {
             return Some(Ok(received));
         }
@@ -176,7 +176,7 @@ impl<M: Message> Decoder<M> {
                 Ok(None) => return None,
                 Ok(Some((message, length))) => {
                     let (offset, length) = self.accept(length);
-                    return Some(Ok(Received { offset, length, message }));
+                    return Some(Ok(ReceivedMessage { offset, length, message }));
                 }
                 Err((error, extent)) => {
                     let at = self.offset().wrapping_add(self.spare_dles).wrapping_sub(self.lent.into());
@@ -301,7 +301,7 @@ impl<M: Message> Decoder<M> {
 
 impl<M: Message> robot_session::Decoder for Decoder<M> {
     type Frame<'a>
-        = Received<M>
+        = ReceivedMessage<M>
     where
         M: 'a;
     type Error = DecodeError;
@@ -320,7 +320,7 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
     }
 
     #[inline]
-    fn next_frame(&mut self) -> Option<Result<Received<M>, DecodeError>> {
+    fn next_frame(&mut self) -> Option<Result<ReceivedMessage<M>, DecodeError>> {
         let from = self.start + self.reading.at();
         if self.finished {
             return self.next_message();

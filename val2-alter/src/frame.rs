@@ -155,7 +155,7 @@ impl Frame {
     }
 
     /// Appends the data at `at`, up to the end mark; returns the offset of the first unread byte.
-    fn unstuff(&mut self, bytes: &[u8], at: usize, limit: usize) -> (usize, Stop) {
+    fn unstuff(&mut self, bytes: &[u8], at: usize, limit: usize) -> (usize, StopReason) {
         let Self { data, len: total } = self;
         let mut len = *total;
         let mut rest = bytes.get(at..).unwrap_or_default();
@@ -191,12 +191,12 @@ impl Frame {
                 rest = behind;
             }
             if len > limit {
-                break Stop::TooLong;
+                break StopReason::TooLong;
             }
             rest = match (rest, data.get_mut(len)) {
-                ([] | [DLE], _) | (_, None) => break Stop::Unread,
-                ([DLE, ETX, ..], _) => break Stop::End,
-                ([DLE, found, ..], _) => break Stop::NoMark(*found),
+                ([] | [DLE], _) | (_, None) => break StopReason::Unread,
+                ([DLE, ETX, ..], _) => break StopReason::End,
+                ([DLE, found, ..], _) => break StopReason::NoMark(*found),
                 ([byte, behind @ ..], Some(room)) => {
                     *room = *byte;
                     len += 1;
@@ -226,7 +226,7 @@ impl Frame {
 const PAIR: [u8; 2] = [DLE; 2];
 
 /// The reason that no more data is read.
-enum Stop {
+enum StopReason {
     /// The end mark is here.
     End,
     /// The next byte has not arrived yet.
@@ -288,10 +288,10 @@ impl Reading {
         let (at, stop) = self.frame.unstuff(bytes, self.at, limit);
         self.at = at;
         match stop {
-            Stop::End => {}
-            Stop::Unread => return Ok(None),
-            Stop::TooLong => return Err(DecodeError::TooLong { offset: 0, limit }),
-            Stop::NoMark(found) => return Err(DecodeError::EndMark { offset: at + 1, found }),
+            StopReason::End => {}
+            StopReason::Unread => return Ok(None),
+            StopReason::TooLong => return Err(DecodeError::TooLong { offset: 0, limit }),
+            StopReason::NoMark(found) => return Err(DecodeError::EndMark { offset: at + 1, found }),
         }
         // Clear the bytes that the last word has written after the end.
         if let Some(behind) = self.frame.data.get_mut(self.frame.len..).and_then(<[u8]>::first_chunk_mut) {

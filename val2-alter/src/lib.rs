@@ -24,7 +24,7 @@ pub mod tokio;
 pub use controller::{
     Controller, ControllerConfig, ControllerEvent, ControllerState, ControllerStatistics, Unselected,
 };
-pub use decoder::{Decoder, Received};
+pub use decoder::{Decoder, ReceivedMessage};
 pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
 pub use frame::Frame;
 pub use framing::{DLE, ETX, Framing, LeadingDle, LeadingDleError, STX};

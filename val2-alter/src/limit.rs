@@ -179,7 +179,8 @@ impl Reach {
         let ends = self.low.iter().zip(&self.high).zip(odometer);
         for ((target, ((low, high), at)), change) in target.iter_mut().zip(ends).zip(acceleration) {
             let change = u32::from(*change);
-            let way = |to: i32, from: i32| u32::try_from(to.saturating_sub(from)).unwrap_or(0).min(LONGEST);
+            let way =
+                |to: i32, from: i32| u32::try_from(to.saturating_sub(from)).unwrap_or(0).min(MAX_DISTANCE);
             let (down, up) = (braking_speed(way(at, *low), change), braking_speed(way(*high, at), change));
             *target = (*target).max(-down).min(up);
         }
@@ -198,7 +199,7 @@ impl Reach {
 }
 
 /// A way from which no speed of a word is too fast to stop at the least change.
-const LONGEST: u32 = 1 << 28;
+const MAX_DISTANCE: u32 = 1 << 28;
 
 /// Limits a change of speed. It does not call `clamp`, whose check of the arguments prevents that all axes are computed at
 /// once.

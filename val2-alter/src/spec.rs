@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::spec::{ANY_TIME, Configure, Fields};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor};
 
 use crate::controller::{ControllerConfig, Unselected};
 use crate::framing::{Framing, LeadingDle};
@@ -11,7 +11,7 @@ use crate::limit::Limits;
 use crate::message::Mode;
 
 impl Configure for Framing {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { leading_dle, negated_sum, stuffed_checksum, ignore_spare_select } = self;
         let choices = [("1", LeadingDle::One), ("2", LeadingDle::Two)];
         fields.source("§3.2").choice("leading_dle", &choices, "how many DLEs are before STX", leading_dle);
@@ -25,7 +25,7 @@ impl Configure for Framing {
 }
 
 impl Configure for Limits {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { velocity, acceleration } = self;
         let (unit, range) = ("units a cycle (1.116 mm/s, 0.196 °/s)", 0..=u16::MAX);
         let about = "the largest motion of each axis in one cycle; above 32767 counts as 32767";
@@ -36,7 +36,7 @@ impl Configure for Limits {
 }
 
 /// Visits the fields `baud` and `mode`, which both ends have.
-fn line(fields: &mut impl Fields, baud: &mut u32, mode: &mut Mode) {
+fn line(fields: &mut impl FieldVisitor, baud: &mut u32, mode: &mut Mode) {
     let about =
         "the rate of the serial line, 10 bits a byte; high enough for one value in the window of a reply";
     fields.source("§3.2").baud(about, baud);
@@ -45,18 +45,18 @@ fn line(fields: &mut impl Fields, baud: &mut u32, mode: &mut Mode) {
 }
 
 /// Visits the field `gap`, which both ends have.
-fn gap_of(fields: &mut impl Fields, gap: &mut Option<Duration>) {
+fn gap_of(fields: &mut impl FieldVisitor, gap: &mut Option<Duration>) {
     let about = "the longest silence inside a frame; off if reads are further apart than bytes";
     fields.time_or("gap", ANY_TIME, "off", about, gap);
 }
 
 /// Visits the field `framing`, which both ends have.
-fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
+fn framing_of(fields: &mut impl FieldVisitor, framing: &mut Framing) {
     fields.source("§3.2").inline("framing", "Framing", "the envelope", framing);
 }
 
 impl Configure for ControllerConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             framing,
             baud,
@@ -86,7 +86,7 @@ impl Configure for ControllerConfig {
 }
 
 impl Configure for HostConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             framing,
             baud,

@@ -36,14 +36,14 @@ use crate::message::{AXES, Accumulation, Exception};
 pub struct Arm {
     target: Arc<watch::Sender<Option<Target>>>,
     commanded: watch::Receiver<[i32; AXES]>,
-    handle: Handle<Moving>,
+    handle: Handle<ArmService>,
 }
 
 /// The target, and the time at which it was set.
 type Target = ([i16; AXES], Duration);
 
 /// A handle, and the task that it works through.
-pub type Spawned<C> = (Arm, Task<Moving, C>);
+pub type Spawned<C> = (Arm, Task<ArmService, C>);
 
 /// Creates an arm, and the task that answers its controller. With `reach`, values beyond it are not
 /// [commanded](Arm::commanded).
@@ -59,7 +59,7 @@ pub fn host<C: Connector>(
     let (target, to) = watch::channel(None);
     let (odometer, commanded) = watch::channel([0; AXES]);
     let moving =
-        Moving { reach, to, odometer, replies: 0, before: [0; AXES], stops: Vec::new(), exception: None };
+        ArmService { reach, to, odometer, replies: 0, before: [0; AXES], stops: Vec::new(), exception: None };
     let (handle, task) = session::spawn(session, moving, connector);
     Ok((Arm { target: Arc::new(target), commanded, handle }, task))
 }
@@ -124,7 +124,7 @@ impl Arm {
     }
 
     /// Returns the handle with the parts that all handles have: every event, the state of the connection, the end.
-    pub const fn handle(&self) -> &Handle<Moving> {
+    pub const fn handle(&self) -> &Handle<ArmService> {
         &self.handle
     }
 }
@@ -142,7 +142,7 @@ pub enum Call {
 
 /// The service of the task: puts the target into each reply, and returns outcomes to their callers.
 #[derive(Debug)]
-pub struct Moving {
+pub struct ArmService {
     reach: Option<Reach>,
     to: watch::Receiver<Option<Target>>,
     odometer: watch::Sender<[i32; AXES]>,
@@ -153,7 +153,7 @@ pub struct Moving {
     exception: Option<Reply<Result<ExceptionOutcome, Error>>>,
 }
 
-impl Moving {
+impl ArmService {
     /// Counts a message that has come: the previous reply was read.
     fn count(&mut self, session: &Host) {
         let replies = robot_session::Session::statistics(session).replies;
@@ -189,7 +189,7 @@ impl Moving {
     }
 }
 
-impl Service for Moving {
+impl Service for ArmService {
     type Session = Host;
     type Call = Call;
     type Event = HostEvent;

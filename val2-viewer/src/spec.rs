@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::spec::{Configure, Fields, SOME_TIME};
+use robot_session::spec::{Configure, FieldVisitor, SOME_TIME};
 
 use crate::host::HostConfig;
 use crate::timing;
@@ -11,7 +11,7 @@ use crate::workstation::WorkstationConfig;
 const MAX_HOLD: &str = "how long an XOFF without a following XON or XOFF holds";
 
 impl Configure for WorkstationConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             pause,
             stale_after,
@@ -31,7 +31,7 @@ impl Configure for WorkstationConfig {
 }
 
 impl Configure for HostConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             interval,
             max_age,

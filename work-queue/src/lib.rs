@@ -65,7 +65,7 @@ mod sync;
 mod wake;
 
 pub use error::{ConfigError, Full, NumberError};
-pub use ring::{Batch, Claim, Ends, Iter, Reader, Taken, TakenBatch, WorkQueue, Writer};
+pub use ring::{Batch, Claim, Ends, Iter, Reader, TakenBatch, TakenJob, WorkQueue, Writer};
 #[cfg(all(feature = "alloc", target_has_atomic = "8"))]
 pub use ring::{boxed, boxed_with};
 #[cfg(loom)]

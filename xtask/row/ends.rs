@@ -5,8 +5,8 @@ use robot_session::end::Rules;
 use serde::Deserialize as _;
 use toy_link::{Device, DeviceConfig, Host, HostConfig, device, host};
 
-use crate::end::{By, Call, EndRow, Once, Owner, Room, called};
-use crate::given::Given;
+use crate::end::{Act, Call, EndRow, Owner, PairedItem, PendingLimit, called};
+use crate::given::GivenFields;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Device>()];
 
@@ -17,13 +17,13 @@ impl Owner for Host {
     const CALLS: &'static [Call<Self>] =
         &[("get", |host, now, register| called(host.get(now, u8::deserialize(register)?)))];
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Call("get"),
-        ends: &[By::Event("value"), By::Event("timed_out")],
-        room: Room::Most(1),
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Call("get"),
+        ends: &[Act::Event("value"), Act::Event("timed_out")],
+        room: PendingLimit::Most(1),
     }];
 
-    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
         Ok(Self::new(made)?)
     }
@@ -36,13 +36,13 @@ impl Owner for Device {
     const CALLS: &'static [Call<Self>] =
         &[("answer", |device, _, value| called(device.answer(i32::deserialize(value)?)))];
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Event("asked"),
-        ends: &[By::Call("answer"), By::Connection],
-        room: Room::Most(1),
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Event("asked"),
+        ends: &[Act::Call("answer"), Act::Connection],
+        room: PendingLimit::Most(1),
     }];
 
-    fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<device::Rule>) -> Result<Self> {
         let made = given.configure(DeviceConfig { rules })?;
         Ok(Self::new(made))
     }

@@ -1,6 +1,6 @@
-use crate::explain::{Part, Parts, Read};
+use crate::explain::{Part, Parts, ReadMessage};
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let mut parts = Parts::new(read.bytes);
     parts.take(1, "letter", "XX-1");
     if read.message.get("get").is_some() {

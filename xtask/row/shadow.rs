@@ -2,31 +2,31 @@
 
 use anyhow::Result;
 
-use crate::shadow::{Report, Seen, Setup, Shadow};
+use crate::shadow::{LineEvent, Report, Setup, Shadow};
 
 pub(super) fn shadow(_setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
-    Ok(Box::new(Asked::Unknown))
+    Ok(Box::new(RequestState::Unknown))
 }
 
 /// Whether there was a request.
 #[derive(PartialEq)]
-enum Asked {
+enum RequestState {
     /// There may have been one before.
     Unknown,
     Never,
     Once,
 }
 
-impl Shadow for Asked {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+impl Shadow for RequestState {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened => *self = Self::Never,
-            Seen::Closed | Seen::Missed { .. } => *self = Self::Unknown,
-            Seen::Message { from: "host", .. } => *self = Self::Once,
-            Seen::Message { from, .. } if *self == Self::Never => {
+            LineEvent::Opened => *self = Self::Never,
+            LineEvent::Closed | LineEvent::Missed { .. } => *self = Self::Unknown,
+            LineEvent::Message { from: "host", .. } => *self = Self::Once,
+            LineEvent::Message { from, .. } if *self == Self::Never => {
                 report.rule(from, "XX-6", "an unsolicited reply");
             }
-            Seen::Message { .. } | Seen::Bytes { .. } | Seen::Corrupt { .. } => {}
+            LineEvent::Message { .. } | LineEvent::Bytes { .. } | LineEvent::Corrupt { .. } => {}
         }
     }
 

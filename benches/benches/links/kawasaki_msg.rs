@@ -11,8 +11,8 @@ use std::time::Instant;
 use benches::{Budget, Count, Link, Ratio, Timing};
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Charset, Decoder, Dialect, Fields, Job, JobKind, Limits, Line, Packet, Point, Robot, RobotConfig, Room,
-    Text, Unfit, Work, Writer, timing,
+    AddResult, Charset, Decoder, Dialect, FieldVisitor, Job, JobKind, Limits, Line, Packet, Point, Robot,
+    RobotConfig, Text, Unfit, Work, Writer, timing,
 };
 use robot_work_queue::Reader;
 
@@ -242,7 +242,7 @@ fn build<W: Work>(packet: &mut Packet<'_>, work: impl Fn(u16) -> W) -> u16 {
     loop {
         let job = Job { order: 50, number, work: work(number) };
         match packet.push_job(&black_box(job), &ranges) {
-            Ok(Room::Added) => number += 1,
+            Ok(AddResult::Added) => number += 1,
             _ => return number - 1,
         }
     }
@@ -267,7 +267,7 @@ struct PalletMove {
 impl Work for PalletMove {
     type Ranges = ();
 
-    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         for (joint, name) in self.joints.iter_mut().zip(["j1", "j2", "j3", "j4", "j5", "j6"]) {
             fields.decimal(name, joint, 3, -360_000..=360_000)?;
         }
@@ -293,7 +293,7 @@ struct Short(u8);
 impl Work for Short {
     type Ranges = ();
 
-    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         fields.whole("digit", &mut self.0, 0..=9)
     }
 }

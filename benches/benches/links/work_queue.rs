@@ -167,17 +167,17 @@ struct Bare<T> {
     tail: AtomicU32,
     head: AtomicU32,
     mark: AtomicU32,
-    writer: Place,
-    reader: Place,
+    writer: EndPosition,
+    reader: EndPosition,
 }
 
 #[derive(Default)]
-struct Place {
+struct EndPosition {
     at: u32,
     end: u32,
 }
 
-impl Place {
+impl EndPosition {
     #[inline(always)]
     fn index(&self) -> usize {
         self.at as usize % CAPACITY
@@ -235,7 +235,14 @@ impl<T: Copy> Ring<T> for Bare<T> {
 fn bare<T: Payload>() -> impl Ring<T> {
     let [tail, head, mark] = [const { AtomicU32::new(0) }; 3];
     let slots = Box::new([T::make(0); CAPACITY]);
-    Bare { slots, tail, head, mark: black_box(mark), writer: Place::default(), reader: Place::default() }
+    Bare {
+        slots,
+        tail,
+        head,
+        mark: black_box(mark),
+        writer: EndPosition::default(),
+        reader: EndPosition::default(),
+    }
 }
 
 fn ours<T>() -> impl Ring<T> {

@@ -192,12 +192,12 @@ pub(crate) fn answer(reply: &mut [u8], request: Option<&[u8]>) {
 
 /// A transport whose other end replies immediately.
 #[derive(Debug)]
-struct Answering {
+struct AnsweringTransport {
     reply: Vec<u8>,
     read: usize,
 }
 
-impl AsyncWrite for Answering {
+impl AsyncWrite for AnsweringTransport {
     fn poll_write(mut self: Pin<&mut Self>, _: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         answer(&mut self.reply, Some(bytes));
         self.read = 0;
@@ -213,7 +213,7 @@ impl AsyncWrite for Answering {
     }
 }
 
-impl AsyncRead for Answering {
+impl AsyncRead for AnsweringTransport {
     fn poll_read(
         mut self: Pin<&mut Self>,
         _: &mut Context<'_>,
@@ -231,7 +231,7 @@ impl AsyncRead for Answering {
 }
 
 pub(crate) fn exchange_tokio_modbus(rounds: u64) {
-    let transport = Answering { reply: reply_bytes(), read: usize::MAX };
+    let transport = AnsweringTransport { reply: reply_bytes(), read: usize::MAX };
     let mut client = tokio_modbus::client::tcp::attach_slave(transport, tokio_modbus::Slave(1));
     let mut words = [0u16; N];
     let mut context = Context::from_waker(Waker::noop());

@@ -23,10 +23,10 @@ use tokio_rustls::rustls::pki_types::CertificateDer;
 use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 
 /// The number of messages that may wait for the socket.
-const ROOM: usize = 256;
+const MAX_UNSENT: usize = 256;
 /// The longest packet that is read: a broker withholds a longer one silently, so this is far above the longest message that is
 /// accepted.
-const LONGEST: u32 = 16 << 20;
+const MAX_PACKET_LEN: u32 = 16 << 20;
 /// The reason code "packet too large": the standard does not list it for PUBACK, and mosquitto sends it nevertheless.
 const TOO_LARGE: u8 = 0x95;
 /// The number of messages in flight; a broker may request fewer.
@@ -82,7 +82,7 @@ pub struct Tls {
 
 /// An event of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Happened {
+pub enum BrokerEvent {
     /// The broker has accepted the connection. The maximum packet size in bytes; `None` if the broker does not state one.
     Connected(Option<u32>),
     /// The broker has accepted every subscription.
@@ -135,7 +135,7 @@ pub enum Refusal {
     Passing,
 }
 
-/// A connection; its end is [`Happened::Closed`].
+/// A connection; its end is [`BrokerEvent::Closed`].
 #[allow(missing_debug_implementations, reason = "rumqttc's client has none")]
 pub struct Session {
     client: Client,
@@ -152,7 +152,7 @@ impl Session {
     ///
     /// # Errors
     /// If the system has no room for a thread, or no descriptor.
-    pub fn open(options: &Options, report: impl Fn(Happened) + Send + 'static) -> Result<Self> {
+    pub fn open(options: &Options, report: impl Fn(BrokerEvent) + Send + 'static) -> Result<Self> {
         let sent = Arc::new(Mutex::new(VecDeque::new()));
         let shared = Arc::clone(&sent);
         let thread = thread::Builder::new().name("broker".into());
@@ -254,7 +254,7 @@ fn open(options: &Options) -> (AsyncClient, EventLoop) {
     let mut mqtt = MqttOptions::new(&options.client, options.place(), options.port);
     mqtt.set_clean_start(true);
     mqtt.set_keep_alive(options.keep_alive);
-    mqtt.set_max_packet_size(Some(LONGEST));
+    mqtt.set_max_packet_size(Some(MAX_PACKET_LEN));
     mqtt.set_outgoing_inflight_upper_limit(IN_FLIGHT);
     let (topic, message) = options.will.clone();
     mqtt.set_last_will(LastWill::new(topic, message, QoS::AtLeastOnce, false, None));
@@ -264,7 +264,7 @@ fn open(options: &Options) -> (AsyncClient, EventLoop) {
     if let Some(transport) = transport(options) {
         mqtt.set_transport(transport);
     }
-    AsyncClient::new(mqtt, ROOM)
+    AsyncClient::new(mqtt, MAX_UNSENT)
 }
 
 /// Returns the transport to the broker, if it is not plain TCP.
@@ -327,7 +327,7 @@ fn hand_over(
     None
 }
 
-async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, report: impl Fn(Happened)) {
+async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, report: impl Fn(BrokerEvent)) {
     let mut flight: HashMap<u16, u64> = HashMap::new();
     let why = loop {
         let event = match connection.poll().await {
@@ -337,11 +337,11 @@ async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, rep
                 match &error {
                     ConnectionError::MqttState(StateError::Deserialization(
                         Malformed::InvalidConnectReturnCode(TOO_LARGE),
-                    )) => report(Happened::TooLong),
+                    )) => report(BrokerEvent::TooLong),
                     ConnectionError::MqttState(StateError::ServerDisconnect {
                         reason_code: DisconnectReasonCode::SessionTakenOver,
                         ..
-                    }) => report(Happened::TakenOver),
+                    }) => report(BrokerEvent::TakenOver),
                     _ => {}
                 }
                 break explain(&error);
@@ -349,44 +349,48 @@ async fn run(mut connection: EventLoop, sent: &Mutex<VecDeque<Option<u64>>>, rep
         };
         match event {
             Event::Incoming(Incoming::ConnAck(ack)) => {
-                report(Happened::Connected(ack.properties.and_then(|properties| properties.max_packet_size)));
+                report(BrokerEvent::Connected(
+                    ack.properties.and_then(|properties| properties.max_packet_size),
+                ));
             }
             Event::Incoming(Incoming::SubAck(ack)) => {
                 let granted = |code: &SubscribeReasonCode| matches!(code, SubscribeReasonCode::Success(_));
                 match ack.return_codes.iter().find(|code| !granted(code)) {
-                    None => report(Happened::Subscribed),
+                    None => report(BrokerEvent::Subscribed),
                     Some(code) => break format!("the broker refuses a subscription: {code:?}"),
                 }
             }
-            Event::Incoming(Incoming::Publish(message)) => report(Happened::Message {
+            Event::Incoming(Incoming::Publish(message)) => report(BrokerEvent::Message {
                 topic: String::from_utf8_lossy(&message.topic).into_owned(),
                 payload: message.payload.to_vec(),
                 is_retained: message.retain,
             }),
             Event::Outgoing(Outgoing::Publish(number)) => {
                 if let Some(token) = hand_over(sent, number, &mut flight) {
-                    report(Happened::Published(token));
+                    report(BrokerEvent::Published(token));
                 }
             }
             Event::Incoming(Incoming::PubAck(ack)) => {
                 let Some(token) = flight.remove(&ack.pkid) else {
                     match ack.reason {
                         PubAckReason::Success | PubAckReason::NoMatchingSubscribers => {}
-                        reason => report(Happened::NotTaken(format!("{reason:?}"))),
+                        reason => report(BrokerEvent::NotTaken(format!("{reason:?}"))),
                     }
                     continue;
                 };
                 report(match ack.reason {
-                    PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Happened::Published(token),
+                    PubAckReason::Success | PubAckReason::NoMatchingSubscribers => {
+                        BrokerEvent::Published(token)
+                    }
                     reason => {
-                        Happened::Rejected { token, why: format!("{reason:?}"), refusal: refusal(reason) }
+                        BrokerEvent::Rejected { token, why: format!("{reason:?}"), refusal: refusal(reason) }
                     }
                 });
             }
             _ => {}
         }
     };
-    report(Happened::Closed(why));
+    report(BrokerEvent::Closed(why));
 }
 
 /// Returns the scope of a refusal with this reason.

@@ -10,11 +10,12 @@ use rumqttc::{
 };
 
 use super::{
-    Happened, IN_FLIGHT, LONGEST, Options, Password, ROOM, certificate_advice, hand_over, transport,
+    BrokerEvent, IN_FLIGHT, MAX_PACKET_LEN, MAX_UNSENT, Options, Password, certificate_advice, hand_over,
+    transport,
 };
 
 /// The longest packet of the protocol, in bytes.
-const LONGEST_OF_MQTT: usize = 268_435_460;
+const MQTT_MAX_PACKET_LEN: usize = 268_435_460;
 
 pub(super) fn open(options: &Options) -> (AsyncClient, EventLoop) {
     let mut mqtt = MqttOptions::new(&options.client, options.place(), options.port);
@@ -22,7 +23,7 @@ pub(super) fn open(options: &Options) -> (AsyncClient, EventLoop) {
     mqtt.set_keep_alive(options.keep_alive);
     // This version cannot announce a limit, and a longer packet would end each connection. So each is read, and a long one
     // is dropped.
-    mqtt.set_max_packet_size(LONGEST_OF_MQTT, LONGEST as usize);
+    mqtt.set_max_packet_size(MQTT_MAX_PACKET_LEN, MAX_PACKET_LEN as usize);
     mqtt.set_inflight(IN_FLIGHT);
     let (topic, message) = options.will.clone();
     mqtt.set_last_will(LastWill::new(topic, message, QoS::AtLeastOnce, false));
@@ -32,7 +33,7 @@ pub(super) fn open(options: &Options) -> (AsyncClient, EventLoop) {
     if let Some(transport) = transport(options) {
         mqtt.set_transport(transport);
     }
-    AsyncClient::new(mqtt, ROOM)
+    AsyncClient::new(mqtt, MAX_UNSENT)
 }
 
 pub(super) fn subscribe<'a>(client: &AsyncClient, topics: impl Iterator<Item = &'a String>) {
@@ -44,7 +45,7 @@ pub(super) fn subscribe<'a>(client: &AsyncClient, topics: impl Iterator<Item = &
 pub(super) async fn run(
     mut connection: EventLoop,
     sent: &Mutex<VecDeque<Option<u64>>>,
-    report: impl Fn(Happened),
+    report: impl Fn(BrokerEvent),
 ) {
     let mut flight: HashMap<u16, u64> = HashMap::new();
     let why = loop {
@@ -54,35 +55,37 @@ pub(super) async fn run(
             Err(error) => break explain(&error),
         };
         match event {
-            Event::Incoming(Incoming::ConnAck(_)) => report(Happened::Connected(None)),
+            Event::Incoming(Incoming::ConnAck(_)) => report(BrokerEvent::Connected(None)),
             Event::Incoming(Incoming::SubAck(ack)) => {
                 match ack.return_codes.contains(&SubscribeReasonCode::Failure) {
-                    false => report(Happened::Subscribed),
+                    false => report(BrokerEvent::Subscribed),
                     true => break "the broker refuses a subscription".into(),
                 }
             }
-            Event::Incoming(Incoming::Publish(message)) if message.payload.len() > LONGEST as usize => {
-                report(Happened::Skipped { topic: message.topic, length: message.payload.len() });
+            Event::Incoming(Incoming::Publish(message))
+                if message.payload.len() > MAX_PACKET_LEN as usize =>
+            {
+                report(BrokerEvent::Skipped { topic: message.topic, length: message.payload.len() });
             }
-            Event::Incoming(Incoming::Publish(message)) => report(Happened::Message {
+            Event::Incoming(Incoming::Publish(message)) => report(BrokerEvent::Message {
                 topic: message.topic,
                 payload: message.payload.to_vec(),
                 is_retained: message.retain,
             }),
             Event::Outgoing(Outgoing::Publish(number)) => {
                 if let Some(token) = hand_over(sent, number, &mut flight) {
-                    report(Happened::Published(token));
+                    report(BrokerEvent::Published(token));
                 }
             }
             Event::Incoming(Incoming::PubAck(ack)) => {
                 if let Some(token) = flight.remove(&ack.pkid) {
-                    report(Happened::Published(token));
+                    report(BrokerEvent::Published(token));
                 }
             }
             _ => {}
         }
     };
-    report(Happened::Closed(why));
+    report(BrokerEvent::Closed(why));
 }
 
 fn explain(error: &ConnectionError) -> String {
@@ -138,9 +141,9 @@ mod tests {
         peer.write_all(&vec![0; 17 << 20]).unwrap();
         peer.write_all(&[0x30, 5, 0, 1, b't', b'o', b'k']).unwrap();
         let next = || happened.recv_timeout(Duration::from_secs(60)).unwrap();
-        assert_eq!(next(), Happened::Connected(None));
-        assert_eq!(next(), Happened::Skipped { topic: "t".into(), length: 17 << 20 });
-        let message = Happened::Message { topic: "t".into(), payload: b"ok".to_vec(), is_retained: false };
+        assert_eq!(next(), BrokerEvent::Connected(None));
+        assert_eq!(next(), BrokerEvent::Skipped { topic: "t".into(), length: 17 << 20 });
+        let message = BrokerEvent::Message { topic: "t".into(), payload: b"ok".to_vec(), is_retained: false };
         assert_eq!(next(), message);
     }
 }

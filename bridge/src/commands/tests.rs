@@ -18,7 +18,7 @@ fn outcome(decision: &Decision) -> (&'static str, String) {
         Decision::Give(_, named) => ("give", named),
         Decision::Report(named) => ("report", named),
         Decision::Refuse(reason, named) => (*reason, named),
-        Decision::Strange(why) => return ("strange", why.clone()),
+        Decision::Malformed(why) => return ("strange", why.clone()),
     };
     let of = |name| {
         named.iter().find_map(|(found, value)| match value {
@@ -56,7 +56,7 @@ fn an_id_is_given_to_the_cell_once_also_by_the_next_process() {
     let (mut commands, unknown) =
         Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
     let why = "a unknown: the bridge ended before the outcome";
-    let [Interrupted { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
+    let [InterruptedCommand { cell, report }] = &unknown[..] else { panic!("{unknown:?}") };
     assert_eq!((cell.as_str(), outcome(&Decision::Report(report.clone())).1), ("cell", why.into()));
     for (cell, outcome_then) in [("cell", why), ("other", "a done: ")] {
         let decision = commands.decide(to(cell, &request), 9_000_000, &mut batch);
@@ -118,7 +118,7 @@ fn no_number_of_other_ids_makes_an_executed_one_new() {
         }
         outcome(&decision).0
     };
-    let (most, day) = (remembered::MOST_EXECUTED, 86_400_000);
+    let (most, day) = (history::MAX_EXECUTED, 86_400_000);
     assert_eq!(decide("first", 1_000_000, true), "give");
     for number in 1..most {
         assert_eq!(decide(&format!("refused {number}"), 1_000_000, false), "not_allowed");
@@ -217,7 +217,7 @@ fn what_was_refused_is_refused_for_good_also_by_the_next_process() {
     let nothing = Payload::default();
     let unreadable = Write { unfit: Some("too long"), ..to("c", &nothing) };
     let decision = commands.decide(unreadable, 100_000, &mut batch);
-    assert_eq!(decision, Decision::Strange("too long".into()));
+    assert_eq!(decision, Decision::Malformed("too long".into()));
     // The same bytes when their time has come.
     let again = commands.decide(to("c", &early), 200_000, &mut batch);
     assert_eq!(outcome(&again), ("report", why.clone()));
@@ -266,23 +266,23 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
         by: "other".into(),
         number: 0,
     };
-    let (now, mut hear) = (1_000_000, |commands: &mut Commands, id: &str, entry| {
-        commands.hear("c", id, entry, 1_000_000, &mut batch);
+    let (now, mut merge) = (1_000_000, |commands: &mut Commands, id: &str, entry| {
+        commands.merge_report("c", id, entry, 1_000_000, &mut batch);
     });
-    hear(&mut commands, "begun", by(Outcome::Accepted, now));
-    hear(&mut commands, "over", by(Outcome::Accepted, now + 1));
-    hear(&mut commands, "over", by(Outcome::Done, now + 1));
+    merge(&mut commands, "begun", by(Outcome::Accepted, now));
+    merge(&mut commands, "over", by(Outcome::Accepted, now + 1));
+    merge(&mut commands, "over", by(Outcome::Done, now + 1));
     // A third one thinks that it is unknown.
-    hear(&mut commands, "over", by(Outcome::Unknown, now + 1));
+    merge(&mut commands, "over", by(Outcome::Unknown, now + 1));
     assert_eq!(commands.latest(), now + 1);
     // One that was refused here, because the cell is there, and was given there; and one that was given here, and refused there.
     let mut batch = Batch::default();
     let both = order("both", now);
     let elsewhere = Write { unfit: Some("not here"), ..to("c", &both) };
     assert_eq!(outcome(&commands.decide(elsewhere, now, &mut batch)).0, "unfit");
-    commands.hear("c", "both", by(Outcome::Accepted, now), now, &mut batch);
+    commands.merge_report("c", "both", by(Outcome::Accepted, now), now, &mut batch);
     assert_eq!(outcome(&commands.decide(to("c", &order("own", now)), now, &mut batch)).0, "give");
-    commands.hear("c", "own", by(Outcome::Refused, now), now, &mut batch);
+    commands.merge_report("c", "own", by(Outcome::Refused, now), now, &mut batch);
     for (id, said) in [("both", "accepted"), ("own", "accepted"), ("over", "done")] {
         let report = outcome(&commands.decide(to("c", &order(id, now)), now, &mut batch));
         assert_eq!(report, ("report", format!("{id} {said}: ")));
@@ -303,7 +303,7 @@ fn what_another_bridge_was_given_is_not_given_here_and_is_unknown_when_the_cell_
     // When this bridge ends, the outcomes of its own commands become unknown, but not those of another bridge.
     let mut batch = Batch::default();
     let (mut commands, _) = Commands::open(|prefix| store.names(prefix), age, RATE, &mut batch).unwrap();
-    commands.hear("c", "theirs", by(Outcome::Accepted, now), now, &mut batch);
+    commands.merge_report("c", "theirs", by(Outcome::Accepted, now), now, &mut batch);
     store.write(&batch, &|_| Vec::new()).unwrap();
     drop(commands);
     let (commands, unknown) =

@@ -28,38 +28,38 @@ use tokio::runtime;
 
 use super::bucket::Rate;
 use super::cell::Cell;
-use super::commands::{Commands, Decision, Interrupted, Write};
-use super::compact::Words;
-use super::end::LAST;
+use super::commands::{Commands, Decision, InterruptedCommand, Write};
+use super::compact::NameNumbers;
+use super::end::COMMAND_TIMEOUT;
 use super::health::{BrokerHealth, Figures, Health};
-use super::latest;
 use super::links::Client;
-use super::metric::{self, COMMAND, CONNECTED, DETAIL, EVENT, Named};
+use super::metric::{self, COMMAND, CONNECTED, DETAIL, EVENT, NamedValue};
 use super::notify::Notify;
 use super::outages::Outages;
 use super::payload::{Payload, Quality, Value};
-use super::refusals::Apart;
-use super::report::{Command, Input, Outcome, Report, What};
+use super::recent;
+use super::refusals::DroppedRecord;
+use super::report::{Command, Input, Outcome, Report, ReportBody};
 use super::share::Share;
 use super::site::{Broker, ShareSettings, Site};
-use super::uplink::{self, Event, Places, Uplink};
+use super::uplink::{self, CellIndices, Event, Uplink};
 use crate::store::{Batch, Store};
 use cellwire_io::interrupt;
 pub use records::check;
-use sharing::News;
+use sharing::SharedCommand;
 
 /// The number of reports that may wait for the hub.
-const ROOM: usize = 10_000;
+const REPORT_QUEUE_LEN: usize = 10_000;
 /// Reports that arrive within this time are written together: a disk takes some hundred writes a second.
 const GATHER: Duration = Duration::from_millis(20);
 /// The maximum number of inputs that are written together.
-const MOST: usize = 5_000;
+const MAX_BATCH: usize = 5_000;
 /// The interval at which health and interrupts are checked.
 const TICK: Duration = Duration::from_millis(200);
 /// The interval at which old commands are forgotten.
 const FORGET: Duration = Duration::from_secs(3600);
 /// The time that the links get at the end: their last commands, and a moment to report the outcomes.
-const LINKS_END: Duration = LAST.saturating_add(Duration::from_millis(500));
+const LINKS_END: Duration = COMMAND_TIMEOUT.saturating_add(Duration::from_millis(500));
 /// The time that the broker gets at the end to acknowledge records.
 const FAREWELL: Duration = Duration::from_secs(2);
 /// The maximum number of reasons that are logged: a sender with another one each time does not fill the disk.
@@ -69,7 +69,7 @@ const REASONS: usize = 200;
 #[allow(missing_debug_implementations, reason = "it holds a store")]
 pub struct Hub<'a> {
     cells: Vec<Cell>,
-    places: Places,
+    places: CellIndices,
     /// The record numbers of the cells in the store, even of cells that are not in the site file.
     numbers: HashMap<String, u64>,
     /// The name of the store.
@@ -83,10 +83,10 @@ pub struct Hub<'a> {
     reload: Arc<AtomicBool>,
     reading: Option<reload::Reading>,
     store: Store,
-    words: Words,
+    words: NameNumbers,
     uplink: Uplink,
     commands: Commands,
-    latest: latest::Commands,
+    latest: recent::Commands,
     share: Option<Share>,
     inbox: Receiver<Input>,
     busy: Arc<AtomicU64>,
@@ -111,7 +111,7 @@ struct Turn {
     batch: Batch,
     give: Vec<(usize, Command)>,
     /// Commands of shared cells, to report to the other bridges.
-    tell: Vec<News>,
+    tell: Vec<SharedCommand>,
 }
 
 impl<'a> Hub<'a> {
@@ -129,7 +129,7 @@ impl<'a> Hub<'a> {
         let mut store = Store::open(&site.store.file, site.store.bytes)?;
         store.belong_to(&format!("{}/{}", site.broker.group, site.broker.node))?;
         let mut turn = Turn::default();
-        let mut words = Words::open(&store)?;
+        let mut words = NameNumbers::open(&store)?;
         for (name, client) in site.cell.keys().zip(&clients) {
             words.learn(name, &client.definitions().collect::<Vec<_>>(), &mut turn.batch);
         }
@@ -142,10 +142,10 @@ impl<'a> Hub<'a> {
         };
         let figures = Figures { broker, ..Figures::default() };
         let mut numbers = records::numbers_of(&mut store, &words)?;
-        if power::is_lost(&store, &mut turn.batch)? {
+        if power::restarted_while_running(&store, &mut turn.batch)? {
             let why = "the machine stopped without ending the bridge: the last records may be lost, and record numbers have a gap";
             log(json!({"store": "power", "why": why}));
-            site.cell.keys().for_each(|name| *numbers.entry(name.clone()).or_default() += power::JUMP);
+            site.cell.keys().for_each(|name| *numbers.entry(name.clone()).or_default() += power::NUMBER_GAP);
         }
         let identity = match store.get("store")? {
             Some(identity) => identity,
@@ -158,7 +158,7 @@ impl<'a> Hub<'a> {
         let rate = Rate { per_second: site.commands.rate, burst: site.commands.burst };
         let names = |prefix: &str| store.names(prefix);
         let (commands, unknown) = Commands::open(names, site.commands.max_age, rate, &mut turn.batch)?;
-        let (sender, inbox) = sync_channel(ROOM);
+        let (sender, inbox) = sync_channel(REPORT_QUEUE_LEN);
         let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
         let uplink = Uplink::new(&site.broker, site.share.is_some(), bd_seq, sender.clone())?;
         let share = |with: &ShareSettings| {
@@ -168,7 +168,7 @@ impl<'a> Hub<'a> {
         let (forget_at, show_at) = (Instant::now(), Instant::now());
         let mut hub = Self {
             cells: Vec::new(),
-            places: Places::new(),
+            places: CellIndices::new(),
             numbers,
             identity,
             sender,
@@ -180,7 +180,7 @@ impl<'a> Hub<'a> {
             words,
             uplink,
             commands,
-            latest: latest::Commands::default(),
+            latest: recent::Commands::default(),
             share,
             inbox,
             busy: Arc::default(),
@@ -198,7 +198,7 @@ impl<'a> Hub<'a> {
         for ((name, cell), client) in hub.site.cell.clone().iter().zip(clients) {
             hub.begin(name, cell, client)?;
         }
-        for Interrupted { cell, report } in unknown {
+        for InterruptedCommand { cell, report } in unknown {
             let Some(&place) = hub.places.get(&cell) else { continue };
             hub.is_unknown(place, report, &mut turn);
         }
@@ -260,7 +260,7 @@ impl<'a> Hub<'a> {
                 is_drained = false;
                 self.take(input, &mut turn);
                 let gathered = Instant::now() + GATHER;
-                for _ in 0..MOST {
+                for _ in 0..MAX_BATCH {
                     let left = gathered.saturating_duration_since(Instant::now());
                     match self.inbox.recv_timeout(left) {
                         Ok(input) => self.take(input, &mut turn),
@@ -308,7 +308,7 @@ impl<'a> Hub<'a> {
 
     fn take(&mut self, input: Input, turn: &mut Turn) {
         match input {
-            Input::Cell(place, Report { at, what: What::Values(named) }) => {
+            Input::Cell(place, Report { at, body: ReportBody::Values(named) }) => {
                 let is_connected = named.iter().find_map(|(name, value)| match value {
                     Value::Boolean(connected) if *name == CONNECTED => Some(*connected),
                     _ => None,
@@ -342,7 +342,7 @@ impl<'a> Hub<'a> {
                 }
                 self.record_with(place, at, named, quality, &mut turn.batch);
             }
-            Input::Cell(place, Report { what: What::Failed(event), .. }) => {
+            Input::Cell(place, Report { body: ReportBody::Failed(event), .. }) => {
                 let Some(cell) = self.cells.get_mut(place) else { return };
                 let event: Json = serde_json::from_str(&event).unwrap_or_default();
                 if let Some(why) = event.get("why").and_then(Json::as_str) {
@@ -350,11 +350,11 @@ impl<'a> Hub<'a> {
                 }
                 (self.log)(json!({"cell": cell.name, "link": event}));
             }
-            Input::Cell(place, Report { at, what: What::Bad(named) }) => {
+            Input::Cell(place, Report { at, body: ReportBody::Bad(named) }) => {
                 self.implausible(place, &named);
                 self.record_with(place, at, named, Some(Quality::Bad), &mut turn.batch);
             }
-            Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
+            Input::Cell(place, Report { at, body: ReportBody::Outcome { id, outcome, detail } }) => {
                 let Some(cell) = self.cells.get(place) else { return };
                 (self.log)(json!({"cell": cell.name, "command": id, "outcome": outcome, "detail": detail}));
                 self.latest.note(&cell.name, &id, at, outcome, &detail);
@@ -364,7 +364,7 @@ impl<'a> Hub<'a> {
                 self.record(place, at, named, &mut turn.batch);
             }
             Input::Broker(generation, happened) => {
-                let event = self.uplink.happened(generation, happened, &mut turn.batch);
+                let event = self.uplink.on_broker_event(generation, happened, &mut turn.batch);
                 self.broker(event, turn);
             }
         }
@@ -391,7 +391,7 @@ impl<'a> Hub<'a> {
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
             Event::Share { from, is_retained, payload } => self.heard(&from, &payload, is_retained, turn),
-            Event::Strange(why) => self.strange(why),
+            Event::Malformed(why) => self.strange(why),
             Event::Write { device, payload, unfit } => self.command(&device, payload, unfit, turn),
         }
     }
@@ -420,7 +420,7 @@ impl<'a> Hub<'a> {
     }
 
     /// Logs a record that was refused for good, once for each cell and reason: every one is counted.
-    fn refused(&mut self, Apart { place, why, .. }: Apart) {
+    fn refused(&mut self, DroppedRecord { place, why, .. }: DroppedRecord) {
         if self.refused.insert((place, why.clone()))
             && let Some(cell) = self.cells.get(place)
         {
@@ -480,7 +480,7 @@ impl<'a> Hub<'a> {
                 }
                 self.record(place, now, named, &mut turn.batch);
             }
-            Decision::Strange(why) => {
+            Decision::Malformed(why) => {
                 let event = json!({"event": "command_refused", "why": why});
                 (self.log)(json!({"cell": device, "command": event}));
                 self.count("not_given");
@@ -491,7 +491,7 @@ impl<'a> Hub<'a> {
 }
 
 /// Returns the text of a metric.
-fn text_of<'a>(named: &'a [Named], name: &str) -> Option<&'a str> {
+fn text_of<'a>(named: &'a [NamedValue], name: &str) -> Option<&'a str> {
     named.iter().find_map(|(found, value)| match value {
         Value::String(text) if *found == name => Some(text.as_str()),
         _ => None,

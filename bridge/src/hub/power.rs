@@ -9,10 +9,10 @@ const BOOT: &str = "boot";
 
 /// The gap in the record numbers after a loss of power. Records of the last moments before it may be with the broker and not on
 /// the disk: as many numbers as a cell can have used in that time are left out, and none is used twice.
-pub(super) const JUMP: u64 = 1000;
+pub(super) const NUMBER_GAP: u64 = 1000;
 
 /// Returns whether the computer restarted while a bridge was running, and adds this run's boot id to `batch`.
-pub(super) fn is_lost(store: &Store, batch: &mut Batch) -> Result<bool> {
+pub(super) fn restarted_while_running(store: &Store, batch: &mut Batch) -> Result<bool> {
     let boot = boot();
     let before = store.get(BOOT)?;
     batch.names.push((BOOT.into(), Some(boot.clone())));

@@ -12,11 +12,11 @@ use super::{Hub, power};
 use crate::bucket::Rate;
 use crate::cell::{Cell, in_order};
 use crate::commands::Commands;
-use crate::compact::{Record, Words};
+use crate::compact::{NameNumbers, Record};
 use crate::health::{BrokerHealth, CellHealth, Figures};
-use crate::metric::{self, NUMBER, Named};
+use crate::metric::{self, NUMBER, NamedValue};
 use crate::payload::{Metric, Quality, Value};
-use crate::store::{Batch, Kept, Names, Store, Written};
+use crate::store::{Batch, KeptNames, Names, Store, WriteResult};
 use crate::uplink;
 use cellwire_io::interrupt;
 
@@ -26,12 +26,12 @@ const NUMBERS: &str = "number/";
 const RETRY: Duration = Duration::from_secs(1);
 
 impl Hub<'_> {
-    pub(super) fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
+    pub(super) fn record(&mut self, place: usize, at: u64, named: Vec<NamedValue>, batch: &mut Batch) {
         self.record_with(place, at, named, None, batch);
     }
 
     /// Notes that a cell's values are implausible; the event has the reason.
-    pub(super) fn implausible(&mut self, place: usize, named: &[Named]) {
+    pub(super) fn implausible(&mut self, place: usize, named: &[NamedValue]) {
         let (Some(cell), Some((_, Value::String(event)))) = (self.cells.get_mut(place), named.first()) else {
             return;
         };
@@ -46,7 +46,7 @@ impl Hub<'_> {
         &mut self,
         place: usize,
         at: u64,
-        named: Vec<Named>,
+        named: Vec<NamedValue>,
         quality: Option<Quality>,
         batch: &mut Batch,
     ) {
@@ -81,7 +81,7 @@ impl Hub<'_> {
             return Ok(());
         }
         let mut logged = String::new();
-        let Written { dropped, kept } = loop {
+        let WriteResult { dropped, kept } = loop {
             let opened = if logged.is_empty() { Ok(()) } else { self.store.reopen() };
             let numbers = |kept| numbers(&self.cells, kept);
             let error = match opened.and_then(|()| self.store.write(batch, &numbers)) {
@@ -100,8 +100,8 @@ impl Hub<'_> {
         };
         for cell in &mut self.cells {
             match kept {
-                Some(Kept::Now) => cell.kept = cell.number,
-                Some(Kept::Before) => cell.kept = cell.written,
+                Some(KeptNames::Now) => cell.kept = cell.number,
+                Some(KeptNames::Before) => cell.kept = cell.written,
                 None => {}
             }
             cell.written = cell.number;
@@ -168,15 +168,15 @@ impl Hub<'_> {
 ///
 /// # Errors
 /// If the store cannot be read.
-pub fn check(store: &mut Store, words: &Words) -> Result<()> {
+pub fn check(store: &mut Store, words: &NameNumbers) -> Result<()> {
     numbers_of(store, words)?;
     let rate = Rate { per_second: 1.0, burst: 1 };
     Commands::open(|prefix| store.names(prefix), Duration::ZERO, rate, &mut Batch::default())?;
-    power::is_lost(store, &mut Batch::default()).map(drop)
+    power::restarted_while_running(store, &mut Batch::default()).map(drop)
 }
 
 /// Returns the number of each cell's last record, from the kept numbers and the records that were written since.
-pub(super) fn numbers_of(store: &mut Store, words: &Words) -> Result<HashMap<String, u64>> {
+pub(super) fn numbers_of(store: &mut Store, words: &NameNumbers) -> Result<HashMap<String, u64>> {
     let mut numbers = HashMap::new();
     for (name, number) in store.names(NUMBERS)? {
         let cell = name.strip_prefix(NUMBERS).unwrap_or_default();
@@ -196,10 +196,10 @@ pub(super) fn numbers_of(store: &mut Store, words: &Words) -> Result<HashMap<Str
 
 /// Returns the numbers of the cells that differ from the kept ones: those of before the batch that is being written, or those
 /// with it.
-fn numbers(cells: &[Cell], kept: Kept) -> Names {
+fn numbers(cells: &[Cell], kept: KeptNames) -> Names {
     let number = |cell: &Cell| match kept {
-        Kept::Before => cell.written,
-        Kept::Now => cell.number,
+        KeptNames::Before => cell.written,
+        KeptNames::Now => cell.number,
     };
     let news = cells.iter().filter(|cell| cell.kept != number(cell));
     news.map(|cell| (format!("{NUMBERS}{}", cell.name), Some(number(cell).to_string()))).collect()

@@ -14,7 +14,7 @@ use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 
 use super::{Hub, Turn};
-use crate::cell::{Cell, Next};
+use crate::cell::{Cell, CellUpdate};
 use crate::end::{End, Inbox, Stop};
 use crate::links::{self, Client};
 use crate::metric::{self, CONNECTED, NUMBER, STORE};
@@ -24,9 +24,9 @@ use crate::site::{self, Site};
 use crate::uplink;
 
 /// The maximum length of a site file in bytes.
-const MOST: u64 = 1 << 20;
+const MAX_FILE_LEN: u64 = 1 << 20;
 /// The time within which a site file is read.
-const LIMIT: Duration = Duration::from_secs(10);
+const READ_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The maximum number of cells with threads of their own.
 const CELLS: usize = 10_000;
@@ -54,8 +54,8 @@ impl Reading {
         match self.site.try_recv() {
             Ok(read) => Some(read),
             Err(TryRecvError::Disconnected) => Some(Err(anyhow!("the system has no thread to read it"))),
-            Err(TryRecvError::Empty) if self.since.elapsed() >= LIMIT => {
-                Some(Err(anyhow!("the site file could not be read within {} s", LIMIT.as_secs())))
+            Err(TryRecvError::Empty) if self.since.elapsed() >= READ_TIMEOUT => {
+                Some(Err(anyhow!("the site file could not be read within {} s", READ_TIMEOUT.as_secs())))
             }
             Err(TryRecvError::Empty) => None,
         }
@@ -66,7 +66,7 @@ fn read(path: &Path) -> Result<(Site, Vec<Client>)> {
     let found = path.metadata().with_context(|| path.display().to_string())?;
     ensure!(found.is_file(), "{} is not a regular file", path.display());
     let length = found.len();
-    ensure!(length <= MOST, "{} has {length} bytes, the maximum is {MOST}", path.display());
+    ensure!(length <= MAX_FILE_LEN, "{} has {length} bytes, the maximum is {MAX_FILE_LEN}", path.display());
     let site = Site::read(path)?;
     let clients = links::clients(&site)?;
     Ok((site, clients))
@@ -124,7 +124,7 @@ impl Hub<'_> {
             commands,
             stop,
             task: None,
-            next: if is_here { Next::Same } else { Next::Away },
+            next: if is_here { CellUpdate::Same } else { CellUpdate::Away },
         };
         if is_here {
             cell.task = Some(self.runtime.spawn(client.run(end, Inbox(inbox))));
@@ -160,8 +160,11 @@ impl Hub<'_> {
         for place in over {
             let Some(cell) = self.cells.get_mut(place) else { continue };
             cell.task = None;
-            let rest =
-                if matches!(cell.next, Next::Gone) || !cell.is_shared { Next::Gone } else { Next::Away };
+            let rest = if matches!(cell.next, CellUpdate::Gone) || !cell.is_shared {
+                CellUpdate::Gone
+            } else {
+                CellUpdate::Away
+            };
             let (name, next) = (cell.name.clone(), core::mem::replace(&mut cell.next, rest));
             for report in self.commands.interrupt(
                 &name,
@@ -170,7 +173,7 @@ impl Hub<'_> {
             ) {
                 self.is_unknown(place, report, turn);
             }
-            if let Next::Another(next) = next {
+            if let CellUpdate::Another(next) = next {
                 let (settings, client) = *next;
                 self.begin(&name, &settings, client)?;
             }
@@ -197,7 +200,7 @@ impl Hub<'_> {
             match self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
                 Some(before) => {
                     before.stop.send_replace(true);
-                    before.next = Next::Another(Box::new((cell.clone(), client)));
+                    before.next = CellUpdate::Another(Box::new((cell.clone(), client)));
                 }
                 None => self.begin(name, cell, client)?,
             }
@@ -205,7 +208,7 @@ impl Hub<'_> {
         for name in self.site.cell.keys().filter(|name| !site.cell.contains_key(*name)) {
             if let Some(cell) = self.places.get(name).and_then(|place| self.cells.get_mut(*place)) {
                 cell.stop.send_replace(true);
-                cell.next = Next::Gone;
+                cell.next = CellUpdate::Gone;
                 removed.push(name.clone());
             }
         }

@@ -7,16 +7,16 @@ use robot_session::now;
 use serde_json::json;
 
 use super::{Hub, Turn, text_of};
-use crate::cell::{Cell, Next};
-use crate::commands::Told;
+use crate::cell::{Cell, CellUpdate};
+use crate::commands::CommandReport;
 use crate::health::Shared;
 use crate::links;
-use crate::metric::{self, COMMAND, Named};
+use crate::metric::{self, COMMAND, NamedValue};
 use crate::report::{Command, Outcome};
-use crate::share::Heard;
+use crate::share::ShareEvent;
 
 /// A command of the cell of this place, to report to the other bridges before it is given, if it is to be given.
-pub(super) type News = (usize, String, Option<Command>);
+pub(super) type SharedCommand = (usize, String, Option<Command>);
 
 impl Hub<'_> {
     /// Lets go cells that are another bridge's, and takes those that are this one's.
@@ -25,7 +25,7 @@ impl Hub<'_> {
         let now = now();
         let lapsed = share.lapsed(now);
         let is_lapsed = lapsed.is_some();
-        let is_idle = |cell: &Cell| matches!(cell.next, Next::Away) && cell.task.is_none();
+        let is_idle = |cell: &Cell| matches!(cell.next, CellUpdate::Away) && cell.task.is_none();
         let shared = self.cells.iter_mut().enumerate().filter(|(_, cell)| cell.is_shared);
         let mut takes = Vec::new();
         for (place, cell) in shared {
@@ -33,7 +33,7 @@ impl Hub<'_> {
                 takes.extend(share.may_take(&cell.name, now).map(|until| (place, until)));
             } else if cell.is_here() && (is_lapsed || share.must_give(&cell.name, now)) {
                 cell.stop.send_replace(true);
-                cell.next = Next::Away;
+                cell.next = CellUpdate::Away;
                 let why = if is_lapsed { "no messages from the broker" } else { "another bridge takes it" };
                 (self.log)(json!({"cell": cell.name, "share": "let go", "why": why}));
             }
@@ -53,7 +53,7 @@ impl Hub<'_> {
     }
 
     /// Sends the messages that are due to the bridges that share cells. The commands that it reports are on the disk.
-    pub(super) fn say(&mut self, news: Vec<News>) {
+    pub(super) fn say(&mut self, news: Vec<SharedCommand>) {
         let Some(share) = &mut self.share else { return };
         for (place, id, command) in news {
             let Some(cell) = self.cells.get(place).filter(|cell| cell.is_shared) else { continue };
@@ -82,8 +82,8 @@ impl Hub<'_> {
 
     /// Handles a message of a bridge.
     pub(super) fn heard(&mut self, from: &str, payload: &[u8], is_retained: bool, turn: &mut Turn) {
-        match self.share.as_mut().and_then(|share| share.hear(from, payload, is_retained, now())) {
-            Some(Heard::Back { give, lost }) => {
+        match self.share.as_mut().and_then(|share| share.receive(from, payload, is_retained, now())) {
+            Some(ShareEvent::Back { give, lost }) => {
                 self.not_given(lost, turn);
                 for (place, command) in give {
                     match self.cells.get(place).is_some_and(Cell::is_here) {
@@ -93,18 +93,18 @@ impl Hub<'_> {
                 }
             }
             // Also those of cells that are not in the site file: a reload may add them.
-            Some(Heard::Commands(commands)) => {
-                for Told { cell, id, entry } in commands {
-                    self.commands.hear(&cell, &id, entry, metric::now(), &mut turn.batch);
+            Some(ShareEvent::Commands(commands)) => {
+                for CommandReport { cell, id, entry } in commands {
+                    self.commands.merge_report(&cell, &id, entry, metric::now(), &mut turn.batch);
                 }
             }
-            Some(Heard::Strange(why)) => self.strange(why),
+            Some(ShareEvent::Malformed(why)) => self.strange(why),
             None => {}
         }
     }
 
     /// Records that a command has no outcome, and will not get one.
-    pub(super) fn is_unknown(&mut self, place: usize, report: Vec<Named>, turn: &mut Turn) {
+    pub(super) fn is_unknown(&mut self, place: usize, report: Vec<NamedValue>, turn: &mut Turn) {
         self.count("unknown");
         turn.tell.extend(text_of(&report, COMMAND).map(|id| (place, id.to_owned(), None)));
         self.record(place, metric::now(), report, &mut turn.batch);
@@ -127,7 +127,7 @@ impl Hub<'_> {
 
     /// Returns the reason why a command for the cell cannot be executed here, if there is one.
     pub(super) fn is_elsewhere(&self, cell: &Cell) -> Option<String> {
-        if matches!(cell.next, Next::Another(_)) {
+        if matches!(cell.next, CellUpdate::Another(_)) {
             return Some("the cell is being reconfigured: send the command again".into());
         }
         if cell.is_here() {

@@ -6,14 +6,14 @@ use anyhow::Result;
 use cellwire_io::latency::Deadline;
 use robot_session::now;
 use serde_json::json;
-use val2_alter::tokio::Moving;
+use val2_alter::tokio::ArmService;
 use val2_alter::{HostConfig, HostEvent, MotionPhase, Transform};
 
-use super::client::{self, Listener, Refuses, Silence, Terms};
+use super::client::{self, Listener, PollSettings, RejectAll, Silence};
 use super::paced::Paced;
 use super::port::Port;
 use crate::end::End;
-use crate::metric::{Definition, Named, define, text, whole};
+use crate::metric::{Definition, NamedValue, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::site::Cell;
 
@@ -45,15 +45,15 @@ struct Alter {
 pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
     let Paced { report, silence, session } = settings;
     let silence = Silence::of_speaker(silence);
-    let terms = Terms { silence, every: None, deadline: Some(Deadline::of_alter(&session)) };
+    let terms = PollSettings { silence, every: None, deadline: Some(Deadline::of_alter(&session)) };
     let (arm, task) = val2_alter::tokio::host(session, None, Port::of(cell, Some(session.baud))?)?;
     let listener = Alter { report, next: Duration::ZERO };
-    let refuses = Refuses("only `cellwire alter` moves an arm under ALTER, where an operator can stop it");
+    let refuses = RejectAll("only `cellwire alter` moves an arm under ALTER, where an operator can stop it");
     Ok(client::of(cell, &METRICS, terms, (arm.handle().clone(), task), listener, refuses))
 }
 
 impl Listener for Alter {
-    type Service = Moving;
+    type Service = ArmService;
 
     fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
         if matches!(event, HostEvent::Start(_) | HostEvent::Motion(_) | HostEvent::End(_)) {
@@ -85,7 +85,7 @@ impl Listener for Alter {
 }
 
 /// Millimetres, from 1/32 mm.
-fn position(Transform([.., x, y, z]): Transform) -> impl Iterator<Item = Named> {
+fn position(Transform([.., x, y, z]): Transform) -> impl Iterator<Item = NamedValue> {
     let mm = |word: i16| Value::Float(f32::from(word) / 32.0);
     [("Position/X", mm(x)), ("Position/Y", mm(y)), ("Position/Z", mm(z))].into_iter()
 }

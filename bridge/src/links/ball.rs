@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use anyhow::Result;
 use cellwire_io::latency::Deadline;
-use isra_ball::tokio::Polling;
+use isra_ball::tokio::PollService;
 use isra_ball::{HostConfig, HostEvent, Keys, Packet};
 use robot_session::now;
 use serde_json::json;
 
-use super::client::{self, Listener, Refuses, Silence, Terms};
+use super::client::{self, Listener, PollSettings, RejectAll, Silence};
 use super::paced::Paced;
 use super::port::Port;
 use crate::end::End;
@@ -46,14 +46,14 @@ struct Ball {
 pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
     let Paced { report, silence, session } = settings;
     let silence = Silence::of_asked(silence, session.period);
-    let terms = Terms { silence, every: None, deadline: Some(Deadline::of_ball(&session)) };
+    let terms = PollSettings { silence, every: None, deadline: Some(Deadline::of_ball(&session)) };
     let (ball, task) = isra_ball::tokio::host(session, Port::of(cell, Some(session.baud))?)?;
     let listener = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
-    Ok(client::of(cell, &METRICS, terms, (ball.handle, task), listener, Refuses("a ball has no commands")))
+    Ok(client::of(cell, &METRICS, terms, (ball.handle, task), listener, RejectAll("a ball has no commands")))
 }
 
 impl Listener for Ball {
-    type Service = Polling;
+    type Service = PollService;
 
     fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
         if matches!(event, HostEvent::Packet(_) | HostEvent::Old(_) | HostEvent::Unasked(_)) {

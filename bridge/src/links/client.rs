@@ -19,12 +19,12 @@ use crate::metric::Definition;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
 use cellwire_io::latency::Deadline;
-use cellwire_links::settings::Fields;
+use cellwire_links::settings::FieldVisitor;
 
 /// The pauses before the next connection.
 const PAUSES: Reconnect = Reconnect { first: Duration::from_millis(250), longest: Duration::from_secs(10) };
 /// A device that is never silent is looked for this seldom.
-const NEVER: Duration = Duration::from_secs(86_400);
+const IDLE_CHECK_INTERVAL: Duration = Duration::from_secs(86_400);
 
 /// The silence after which a device counts as dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl Silence {
 
     /// Makes the silence of a device whose session itself ends the connection if it is silent.
     pub(super) fn of_session() -> Self {
-        Self { time: NEVER, is_asked: true }
+        Self { time: IDLE_CHECK_INTERVAL, is_asked: true }
     }
 
     /// Makes the silence of a device polled with this period: at least three requests without an answer.
@@ -54,7 +54,7 @@ impl Silence {
     }
 
     /// Lists the setting of the silence.
-    pub(super) fn configure(fields: &mut impl Fields, time: &mut Duration) {
+    pub(super) fn configure(fields: &mut impl FieldVisitor, time: &mut Duration) {
         let range = Duration::ZERO..=Duration::from_secs(3600);
         let about = "the silence, of at least three requests, after which the device is dead; 0s: never while connected";
         fields.time("silence", range, about, time);
@@ -93,9 +93,9 @@ pub(super) trait Worker: Send + 'static {
 }
 
 /// Refuses every command, with this reason.
-pub(super) struct Refuses(pub &'static str);
+pub(super) struct RejectAll(pub &'static str);
 
-impl Worker for Refuses {
+impl Worker for RejectAll {
     async fn command(&mut self, _: &Command, _: &End) -> (Outcome, String) {
         (Outcome::Refused, self.0.into())
     }
@@ -103,7 +103,7 @@ impl Worker for Refuses {
 
 /// The terms of requests to a device.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Terms {
+pub(super) struct PollSettings {
     /// The silence after which the device counts as dead.
     pub silence: Silence,
     /// The period with which the device's values are polled, if it is polled.
@@ -116,7 +116,7 @@ pub(super) struct Terms {
 pub(super) fn of<L, W, C>(
     cell: &Cell,
     metrics: &'static [Definition],
-    terms: Terms,
+    terms: PollSettings,
     (handle, task): (Handle<L::Service>, Task<L::Service, C>),
     mut listener: L,
     mut worker: W,
@@ -160,7 +160,7 @@ async fn watch_over<L: Listener>(
     // Once: another attempt opens the same port.
     let mut advice = Some(advice);
     let mut over = pin!(end.over());
-    let limit = if silence.time.is_zero() { NEVER } else { silence.time };
+    let limit = if silence.time.is_zero() { IDLE_CHECK_INTERVAL } else { silence.time };
     let mut check = pin!(sleep_until(Instant::now() + limit));
     loop {
         select! {
@@ -224,7 +224,7 @@ fn silent<S: Service>(handle: &Handle<S>, silence: Silence, end: &End) {
 /// Runs the work that is due, one item after the other.
 async fn work<W: Worker>(
     mut link: watch::Receiver<Link>,
-    Terms { silence, every, .. }: Terms,
+    PollSettings { silence, every, .. }: PollSettings,
     worker: &mut W,
     inbox: &mut Inbox,
     end: &End,
@@ -265,7 +265,7 @@ async fn work<W: Worker>(
                     worker.reconnected();
                     next = now;
                 }
-                next = (next + every.unwrap_or(NEVER)).max(now); // a late one skips what it missed
+                next = (next + every.unwrap_or(IDLE_CHECK_INTERVAL)).max(now); // a late one skips what it missed
                 worker.poll(end).await;
             }
         }

@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use kawasaki_msg::tokio::{self as kawasaki, Error, Keep, LastOrder, Orders, Over, Pc};
+use kawasaki_msg::tokio::{self as kawasaki, Error, LastOrder, OrderResult, Orders, Pc, ProgressStore};
 use kawasaki_msg::{Charset, PcConfig, PcEvent, SessionError};
 use robot_session::tokio::{Connector, Listen};
 use serde::Deserialize;
@@ -15,9 +15,9 @@ use tokio::select;
 use tokio::sync::watch;
 use tokio::time::sleep;
 
-use super::client::{self, Listener, Silence, Terms, Worker};
+use super::client::{self, Listener, PollSettings, Silence, Worker};
 use super::order;
-use super::port::{Noting, Peer, Port};
+use super::port::{Peer, PeerRecorder, Port};
 use crate::end::End;
 use crate::metric::{Definition, EVENT, define, text, whole};
 use crate::payload::Kind;
@@ -26,12 +26,12 @@ use crate::site::Cell;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The interval at which it is checked whether an order is to be broken off.
-const LOOK: Duration = Duration::from_millis(100);
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 /// The most jobs of a command.
-const MOST: usize = 10_000;
+const MAX_JOBS: usize = 10_000;
 
 const METRICS: [Definition; 5] = [
     define("Robot/Phase", Kind::String),
@@ -55,7 +55,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { plant, session } = self;
         plant.configure(fields);
         pc_settings(fields, session);
@@ -71,7 +71,7 @@ struct Order {
 
 /// The progress of the order.
 #[derive(Debug, Clone, Copy, Default)]
-struct Course {
+struct OrderProgress {
     /// The robot has accepted the order.
     is_begun: bool,
     executed: u32,
@@ -79,9 +79,9 @@ struct Course {
 }
 
 /// Counts the jobs that are sent.
-struct Sent(watch::Sender<Course>);
+struct SentCounter(watch::Sender<OrderProgress>);
 
-impl Keep for Sent {
+impl ProgressStore for SentCounter {
     async fn keep(&mut self, last: &LastOrder) -> io::Result<()> {
         if let LastOrder::Active(kept) = last {
             self.0.send_modify(|course| course.sent = kept.sent);
@@ -92,7 +92,7 @@ impl Keep for Sent {
 
 /// Reports the robot's state.
 struct State {
-    course: watch::Sender<Course>,
+    course: watch::Sender<OrderProgress>,
     peer: Peer,
     /// The connection of the last status, and what was reported of it.
     connection: u64,
@@ -101,8 +101,8 @@ struct State {
 
 /// Gives the robot orders.
 struct Kawasaki {
-    pc: Pc<AnyWork, Sent>,
-    course: watch::Sender<Course>,
+    pc: Pc<AnyWork, SentCounter>,
+    course: watch::Sender<OrderProgress>,
     layout: Layout,
     charset: Charset,
     /// The number of the next order: an earlier process may have used any.
@@ -134,20 +134,21 @@ fn of<C: Connector + 'static>(
     charset: Charset,
     connector: C,
 ) -> Result<super::Client> {
-    let (course, peer) = (watch::Sender::new(Course::default()), Peer::default());
+    let (course, peer) = (watch::Sender::new(OrderProgress::default()), Peer::default());
     let place = cell.listen.as_ref().and_then(|listen| listen.parse().ok());
-    let connector = Noting { connector, peer: Arc::clone(&peer), place };
-    let (pc, task) = kawasaki::pc_with_ranges(config, layout.clone(), Sent(course.clone()), connector)?;
+    let connector = PeerRecorder { connector, peer: Arc::clone(&peer), place };
+    let (pc, task) =
+        kawasaki::pc_with_ranges(config, layout.clone(), SentCounter(course.clone()), connector)?;
     // An order continues on the next connection, at any time.
     let (task, handle) = (task.give_up_after(Duration::MAX), pc.handle().clone());
-    let terms = Terms { silence: Silence::of_session(), every: None, deadline: None };
+    let terms = PollSettings { silence: Silence::of_session(), every: None, deadline: None };
     let state = State { course: course.clone(), peer, connection: 0, status: String::new() };
     let worker = Kawasaki { pc, course, layout, charset, next: fastrand::u16(1..) };
     Ok(client::of(cell, &METRICS, terms, (handle, task), state, worker))
 }
 
 impl Listener for State {
-    type Service = Orders<AnyWork, Sent>;
+    type Service = Orders<AnyWork, SentCounter>;
 
     fn event(&mut self, event: PcEvent, end: &End) -> Result<(), String> {
         match event {
@@ -194,7 +195,7 @@ impl Worker for Kawasaki {
         };
         let (number, all) = (self.next, works.len());
         self.next = number.checked_add(1).unwrap_or(1);
-        self.course.send_replace(Course::default());
+        self.course.send_replace(OrderProgress::default());
         let order = match self.pc.start(number, works).await {
             Ok(order) => order,
             Err(closed) => return (Outcome::Unknown, closed.to_string()),
@@ -210,9 +211,11 @@ impl Worker for Kawasaki {
             never = self.break_off(end) => match never {},
         };
         match over {
-            Ok(Over { executed, complete: true, .. }) => (Outcome::Done, format!("{executed} jobs")),
-            Ok(Over { executed: 0, .. }) => (Outcome::Refused, "the order ended before its first job".into()),
-            Ok(Over { executed, .. }) => {
+            Ok(OrderResult { executed, complete: true, .. }) => (Outcome::Done, format!("{executed} jobs")),
+            Ok(OrderResult { executed: 0, .. }) => {
+                (Outcome::Refused, "the order ended before its first job".into())
+            }
+            Ok(OrderResult { executed, .. }) => {
                 (Outcome::Partial, format!("{executed} of {all} jobs were executed; the rest will not be"))
             }
             Err(Error::OutcomeUnknown { executed, sent }) => (
@@ -229,7 +232,7 @@ impl Worker for Kawasaki {
     }
 
     fn unfinished(&self, why: &str, end: &End) -> String {
-        let Course { executed, sent, .. } = *self.course.borrow();
+        let OrderProgress { executed, sent, .. } = *self.course.borrow();
         let first = executed + 1;
         let rest = match end.refusal(true) {
             _ if first > sent => "no job of the order is known to be sent".into(),
@@ -247,8 +250,8 @@ impl Worker for Kawasaki {
 impl Kawasaki {
     fn works(&self, command: &Command) -> Result<Vec<AnyWork>, String> {
         let Order { jobs } = order(&command.order)?;
-        if jobs.is_empty() || jobs.len() > MOST {
-            return Err(format!("give 1 to {MOST} jobs"));
+        if jobs.is_empty() || jobs.len() > MAX_JOBS {
+            return Err(format!("give 1 to {MAX_JOBS} jobs"));
         }
         let works =
             (1..).zip(&jobs).map(|(place, job)| self.job(job).map_err(|why| format!("job {place}: {why}")));
@@ -267,7 +270,7 @@ impl Kawasaki {
                 // The order is ending already, or has not begun: then the call is retried.
                 let _ = self.pc.end().await;
             }
-            sleep(LOOK).await;
+            sleep(CHECK_INTERVAL).await;
         }
     }
 

@@ -10,7 +10,7 @@ use laser_eb90::{EncodeError, Host, HostConfig, HostEvent, Payload, SessionError
 use serde::Deserialize;
 use serde_json::json;
 
-use super::client::{self, Listener, Silence, Terms, Worker};
+use super::client::{self, Listener, PollSettings, Silence, Worker};
 use super::order;
 use super::port::Port;
 use crate::end::End;
@@ -18,7 +18,7 @@ use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 use cellwire_sim::laser::STATUS;
 
 const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
@@ -46,7 +46,7 @@ impl Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { query, poll, silence, session } = self;
         fields.whole(
             "query",
@@ -66,19 +66,19 @@ impl Configure for Settings {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Order {
-    instructions: Vec<Given>,
+    instructions: Vec<InstructionArgs>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Given {
+struct InstructionArgs {
     word: u16,
     #[serde(default)]
     values: Vec<f32>,
 }
 
 /// Reports answers and faults, and counts the attempts of a frame that had no answer.
-struct Answers {
+struct AnswerReporter {
     unanswered: Arc<AtomicU8>,
 }
 
@@ -100,15 +100,15 @@ pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
     let is_asked = settings.query != 0;
     let silence = if is_asked { settings.silence } else { Duration::ZERO };
     let silence = Silence::of_asked(silence, settings.poll);
-    let terms = Terms { silence, every: is_asked.then_some(settings.poll), deadline: None };
+    let terms = PollSettings { silence, every: is_asked.then_some(settings.poll), deadline: None };
     let (laser, task) = laser_eb90::tokio::host(settings.session, Port::of(cell, Some(baud))?)?;
     let (task, handle) = (task.give_up_after(GIVE_UP), laser.handle().clone());
-    let answers = Answers { unanswered: Arc::default() };
+    let answers = AnswerReporter { unanswered: Arc::default() };
     let unanswered = Arc::clone(&answers.unanswered);
     Ok(client::of(cell, &METRICS, terms, (handle, task), answers, Sender { laser, settings, unanswered }))
 }
 
-impl Listener for Answers {
+impl Listener for AnswerReporter {
     type Service = Instructions;
 
     fn event(&mut self, event: HostEvent, end: &End) -> Result<(), String> {
@@ -159,7 +159,7 @@ impl Worker for Sender {
             return (Outcome::Refused, why);
         }
         self.unanswered.store(0, Ordering::Relaxed);
-        let mut instructions = order.instructions.into_iter().map(Given::instruction);
+        let mut instructions = order.instructions.into_iter().map(InstructionArgs::instruction);
         let done = match (instructions.next(), instructions.len()) {
             (Some(single), 0) => self.laser.query(single).await.map(Some),
             (first, _) => self.laser.run(first.into_iter().chain(instructions)).await.map(|()| None),
@@ -202,7 +202,7 @@ impl Order {
         }
         // A host without a connection, which is never used otherwise.
         let mut host = Host::new(*config).map_err(|error| error.to_string())?;
-        for Given { word, values } in &self.instructions {
+        for InstructionArgs { word, values } in &self.instructions {
             match host.submit(*word, |payload| write(payload, values)) {
                 Ok(_) => {}
                 Err(SessionError::Full) => {
@@ -215,7 +215,7 @@ impl Order {
     }
 }
 
-impl Given {
+impl InstructionArgs {
     fn instruction(self) -> Instruction {
         let Self { word, values } = self;
         Instruction::new(word, move |payload| write(payload, &values))
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn an_answer_to_an_earlier_query_is_no_sign_of_life_and_ends_the_connection_of_a_dead_device() {
-        let mut answers = Answers { unanswered: Arc::default() };
+        let mut answers = AnswerReporter { unanswered: Arc::default() };
         let ((hub, reports), (_stop, told)) = (sync_channel(9), watch::channel(false));
         let counted: Arc<AtomicU64> = Arc::default();
         let end = End::new(3, "x".into(), hub, Stop::new(told, None), Arc::clone(&counted), counted);
@@ -255,7 +255,8 @@ mod tests {
     fn an_order_fits_one_frame_or_is_refused_as_a_whole() {
         let config = Settings::default().session;
         let fits = |words: &[u16]| {
-            let instructions = words.iter().map(|word| Given { word: *word, values: vec![1.0] }).collect();
+            let instructions =
+                words.iter().map(|word| InstructionArgs { word: *word, values: vec![1.0] }).collect();
             Order { instructions }.fits(&config)
         };
         assert_eq!(fits(&[]), Err("there are no instructions".into()));

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 
-use super::client::{self, Listener, Silence, Terms, Worker};
+use super::client::{self, Listener, PollSettings, Silence, Worker};
 use super::order;
 use super::port::Port;
 use crate::end::End;
@@ -18,7 +18,7 @@ use crate::metric::{Definition, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 const AXES: [&str; 4] = ["Status/Axes/1", "Status/Axes/2", "Status/Axes/3", "Status/Axes/4"];
 
@@ -51,7 +51,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { is_platform, poll, silence, session } = self;
         let about = "the device: the robot has four axes, the platform two";
         fields.choice("device", &[("robot", false), ("platform", true)], about, is_platform);
@@ -63,7 +63,7 @@ impl Configure for Settings {
 }
 
 /// Every event is the outcome of a call.
-struct Silent<P>(PhantomData<fn() -> P>);
+struct NoEvents<P>(PhantomData<fn() -> P>);
 
 /// Asks for the status, and gives commands.
 struct Mma<P: Pose + Send + 'static>(Device<P>);
@@ -78,12 +78,12 @@ fn of<P: Pose + Serialize + DeserializeOwned + Send + Sync + 'static>(
 ) -> Result<super::Client> {
     let (device, task) = mmacell_proto::tokio::central::<P, _>(settings.session, Port::of(cell, None)?)?;
     let silence = Silence::of_asked(settings.silence, settings.poll);
-    let terms = Terms { silence, every: Some(settings.poll), deadline: None };
+    let terms = PollSettings { silence, every: Some(settings.poll), deadline: None };
     let handle = device.handle().clone();
-    Ok(client::of(cell, &METRICS, terms, (handle, task), Silent(PhantomData), Mma(device)))
+    Ok(client::of(cell, &METRICS, terms, (handle, task), NoEvents(PhantomData), Mma(device)))
 }
 
-impl<P: Pose + Send + 'static> Listener for Silent<P> {
+impl<P: Pose + Send + 'static> Listener for NoEvents<P> {
     type Service = Commands<P>;
 
     fn event(&mut self, _: CentralEvent<P>, _: &End) -> Result<(), String> {

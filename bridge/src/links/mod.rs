@@ -25,7 +25,7 @@ use super::bands::Bands;
 use super::end::{End, Inbox};
 use super::metric::{COMMON, Definition};
 use super::site::{Cell, Site};
-use cellwire_links::settings::{self, Configure, Refused, Setting};
+use cellwire_links::settings::{self, Configure, RefusedSetting, Setting};
 
 /// A link's client.
 pub struct Client {
@@ -33,11 +33,11 @@ pub struct Client {
     metrics: &'static [Definition],
     /// The changes by which the metrics are reported; `None`: every value is reported.
     pub bands: Option<Bands>,
-    run: Box<dyn FnOnce(End, Inbox) -> Running + Send>,
+    run: Box<dyn FnOnce(End, Inbox) -> CellTask + Send>,
 }
 
 /// A cell that runs until the bridge ends.
-type Running = Pin<Box<dyn Future<Output = ()> + Send>>;
+type CellTask = Pin<Box<dyn Future<Output = ()> + Send>>;
 
 impl fmt::Debug for Client {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -71,7 +71,7 @@ impl Client {
 pub fn clients(site: &Site) -> Result<Vec<Client>> {
     let of_cell = |(name, cell): (&String, &Cell)| {
         client(cell).map_err(|error| {
-            let place = match error.downcast_ref::<Refused>() {
+            let place = match error.downcast_ref::<RefusedSetting>() {
                 Some(refused) => format!("cell.{name}.settings.{}", refused.name),
                 None if error.is::<WrongBand>() => format!("cell.{name}.dead_band"),
                 None => format!("cell.{name}"),
@@ -91,7 +91,7 @@ pub fn client(cell: &Cell) -> Result<Client> {
         cell.address.is_some() != cell.listen.is_some(),
         "give address (HOST:PORT or a serial port), or listen if the device connects to the PC"
     );
-    ensure!(cell.connect_pause <= LONGEST_PAUSE, "connect_pause is longer than a minute");
+    ensure!(cell.connect_pause <= MAX_PAUSE, "connect_pause is longer than a minute");
     ensure!(
         cell.connect_pause.is_zero() || cell.address.is_some(),
         "connect_pause has no effect on a device that connects to the PC"
@@ -107,7 +107,7 @@ pub fn client(cell: &Cell) -> Result<Client> {
 }
 
 /// The longest pause after a connection.
-const LONGEST_PAUSE: Duration = Duration::from_secs(60);
+const MAX_PAUSE: Duration = Duration::from_secs(60);
 
 /// A dead band is wrong.
 #[derive(Debug)]

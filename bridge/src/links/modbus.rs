@@ -9,17 +9,17 @@ use robot_session::now;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::client::{self, Listener, Silence, Terms, Worker};
+use super::client::{self, Listener, PollSettings, Silence, Worker};
 use super::order;
 use super::port::Port;
-use super::telemetry::{Read, Telemetry};
+use super::telemetry::{ReadResult, Telemetry};
 use crate::end::End;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
 use cellwire_links::fanuc_hmi_modbus::ClientSettings;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The period of the controller's background task, which counts the life counter.
 const PERIOD: Duration = Duration::from_millis(8);
@@ -72,7 +72,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { poll, silence, unit, address, word_order, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
         fields.time("poll", range, "the polling period of the telemetry", poll);
@@ -103,7 +103,7 @@ enum Order {
 }
 
 /// Reports notices.
-struct Notices;
+struct NoticeReporter;
 
 /// Reads the telemetry, and writes.
 struct Modbus {
@@ -115,14 +115,14 @@ struct Modbus {
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
     let (robot, task) = fanuc_hmi_modbus::tokio::client(settings.session, Port::of(cell, None)?)?;
     let silence = Silence::of_asked(settings.silence, settings.poll.max(settings.session.timeout));
-    let terms = Terms { silence, every: Some(settings.poll), deadline: None };
+    let terms = PollSettings { silence, every: Some(settings.poll), deadline: None };
     let telemetry = Telemetry::new(settings.word_order, PERIOD, settings.poll);
     let handle = robot.handle().clone();
     let worker = Modbus { robot: robot.unit(settings.unit), settings, telemetry };
-    Ok(client::of(cell, &METRICS, terms, (handle, task), Notices, worker))
+    Ok(client::of(cell, &METRICS, terms, (handle, task), NoticeReporter, worker))
 }
 
-impl Listener for Notices {
+impl Listener for NoticeReporter {
     type Service = Requests;
 
     fn event(&mut self, event: Event, end: &End) -> Result<(), String> {
@@ -210,15 +210,15 @@ fn why(error: &Error) -> String {
 impl Modbus {
     fn report(&mut self, registers: &[u16; 37], end: &End) {
         let block = match self.telemetry.read(registers, now()) {
-            Read::Values(block) => block,
-            Read::Cannot(fault, value, 1) => {
+            ReadResult::Values(block) => block,
+            ReadResult::Cannot(fault, value, 1) => {
                 return end.bad(&json!({"event": "implausible", "fault": fault, "value": value}));
             }
-            Read::Cannot(fault, value, blocks) => {
+            ReadResult::Cannot(fault, value, blocks) => {
                 let event = json!({"event": "implausible", "fault": fault, "value": value, "blocks": blocks});
                 return end.bad(&event);
             }
-            Read::Still => return,
+            ReadResult::Still => return,
         };
         let floats =
             [&block.position[..], &block.wpr, &block.quaternion, &block.velocity, &block.quaternion_rate];

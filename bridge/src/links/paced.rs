@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::client::Silence;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The settings of a cell: the shortest time between reports, the silence, and those of the session.
 #[derive(Debug, Clone)]
@@ -14,7 +14,7 @@ pub(super) struct Paced<C> {
 }
 
 impl<C: Configure> Configure for Paced<C> {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { report, silence, session } = self;
         let range = Duration::ZERO..=Duration::from_secs(3600);
         fields.time("report", range, "the shortest time between reports", report);

@@ -19,11 +19,11 @@ use cellwire_io::tcp::warn_unless_loopback;
 #[derive(Debug)]
 pub(super) struct Port {
     place: String,
-    way: Way,
+    way: PortTransport,
 }
 
 #[derive(Debug)]
-enum Way {
+enum PortTransport {
     Tcp(Tcp),
     Serial { baud: u32 },
 }
@@ -32,14 +32,14 @@ enum Way {
 pub(super) type Peer = Arc<Mutex<String>>;
 
 /// A connector that notes the peer of its connections, and warns of an address that is open to the network.
-pub(super) struct Noting<C> {
+pub(super) struct PeerRecorder<C> {
     pub connector: C,
     pub peer: Peer,
     /// The address at which it listens, until that was checked.
     pub place: Option<SocketAddr>,
 }
 
-impl<C: Connector> Connector for Noting<C> {
+impl<C: Connector> Connector for PeerRecorder<C> {
     type Transport = C::Transport;
 
     const DIALS: bool = C::DIALS;
@@ -83,8 +83,8 @@ impl Port {
             .context("this link's device does not connect to the bridge: give address instead of listen")?;
         let is_serial = AnyPort::is_serial(&place);
         let way = match baud {
-            Some(baud) if is_serial => Way::Serial { baud },
-            _ => Way::Tcp(Tcp::new(&place)),
+            Some(baud) if is_serial => PortTransport::Serial { baud },
+            _ => PortTransport::Tcp(Tcp::new(&place)),
         };
         ensure!(
             baud.is_some() || !is_serial,
@@ -100,7 +100,7 @@ impl Connector for Port {
     async fn connect(&mut self) -> io::Result<Box<dyn Bytes>> {
         let place = &self.place;
         match &mut self.way {
-            Way::Tcp(tcp) => match tcp.connect().await {
+            PortTransport::Tcp(tcp) => match tcp.connect().await {
                 Ok(stream) => Ok(Box::new(stream)),
                 Err(error) => {
                     let why = match error.kind() {
@@ -110,7 +110,7 @@ impl Connector for Port {
                     Err(io::Error::new(error.kind(), format!("cannot connect to {place}: {why}")))
                 }
             },
-            Way::Serial { baud } => match SerialStream::open(&serial::settings(place, *baud)) {
+            PortTransport::Serial { baud } => match SerialStream::open(&serial::settings(place, *baud)) {
                 Ok(port) => Ok(Box::new(port)),
                 Err(error) => Err(io::Error::other(format!("{:#}", serial::advise(place, *baud, error)))),
             },
@@ -118,7 +118,7 @@ impl Connector for Port {
     }
 
     fn discard_after(&mut self, after: Duration) {
-        if let Way::Tcp(tcp) = &mut self.way {
+        if let PortTransport::Tcp(tcp) = &mut self.way {
             tcp.discard_after(after);
         }
     }

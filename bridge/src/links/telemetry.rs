@@ -8,7 +8,7 @@ use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
 /// The result of reading a block.
 #[derive(Debug, PartialEq)]
-pub(super) enum Read {
+pub(super) enum ReadResult {
     /// The values that the controller reports.
     Values(TelemetryBlock),
     /// The block is implausible: the fault's name, the value that shows it, and the number of such blocks in a row. Once a minute
@@ -43,7 +43,7 @@ struct Fault {
 }
 
 /// A fault that continues is reported again after this time.
-const AGAIN: Duration = Duration::from_secs(60);
+const REPEAT_INTERVAL: Duration = Duration::from_secs(60);
 
 impl Telemetry {
     /// Makes the telemetry of a controller whose blocks are read every `poll`.
@@ -64,7 +64,7 @@ impl Telemetry {
     }
 
     /// Decodes a block that was read at `now`.
-    pub(super) fn read(&mut self, registers: &[u16; 37], now: Duration) -> Read {
+    pub(super) fn read(&mut self, registers: &[u16; 37], now: Duration) -> ReadResult {
         let [first, second, ..] = *registers;
         let found = self.probe.watch([first, second]);
         let in_order = |order| TelemetryBlock::from_registers(registers, order);
@@ -88,20 +88,20 @@ impl Telemetry {
         };
         let Some((name, value)) = fault else {
             self.fault = None;
-            return Read::Values(block);
+            return ReadResult::Values(block);
         };
         match &mut self.fault {
             Some(fault) if (fault.name, fault.value) == (name, value) => {
                 fault.blocks = fault.blocks.saturating_add(1);
-                if now.saturating_sub(fault.at) < AGAIN {
-                    return Read::Still;
+                if now.saturating_sub(fault.at) < REPEAT_INTERVAL {
+                    return ReadResult::Still;
                 }
                 fault.at = now;
-                Read::Cannot(name, value, fault.blocks)
+                ReadResult::Cannot(name, value, fault.blocks)
             }
             fault => {
                 *fault = Some(Fault { name, value, blocks: 1, at: now });
-                Read::Cannot(name, value, 1)
+                ReadResult::Cannot(name, value, 1)
             }
         }
     }
@@ -133,7 +133,8 @@ mod tests {
         for order in [WordOrder::LowFirst, WordOrder::HighFirst] {
             let mut telemetry = telemetry(None);
             for life in 1..9 {
-                let Read::Values(block) = telemetry.read(&registers(order, life * 12), POLL * life) else {
+                let ReadResult::Values(block) = telemetry.read(&registers(order, life * 12), POLL * life)
+                else {
                     panic!("{order:?} {life}")
                 };
                 assert_eq!((block.life_counter, block.position[0]), (life * 12, 465.0));
@@ -145,20 +146,23 @@ mod tests {
     fn a_word_order_that_cannot_be_is_said_once() {
         let mut telemetry = telemetry(Some(WordOrder::HighFirst));
         let read = telemetry.read(&registers(WordOrder::LowFirst, 12), POLL);
-        assert_eq!(read, Read::Cannot("denormal", "POS_X", 1));
-        assert_eq!(telemetry.read(&registers(WordOrder::LowFirst, 24), POLL * 2), Read::Still);
-        assert!(matches!(telemetry.read(&registers(WordOrder::HighFirst, 36), POLL * 3), Read::Values(_)));
+        assert_eq!(read, ReadResult::Cannot("denormal", "POS_X", 1));
+        assert_eq!(telemetry.read(&registers(WordOrder::LowFirst, 24), POLL * 2), ReadResult::Still);
+        assert!(matches!(
+            telemetry.read(&registers(WordOrder::HighFirst, 36), POLL * 3),
+            ReadResult::Values(_)
+        ));
     }
 
     #[test]
     fn what_is_no_telemetry_is_said_with_its_fault() {
         let mut telemetry = telemetry(None);
-        assert_eq!(telemetry.read(&[u16::MAX; 37], POLL), Read::Cannot("nan", "POS_X", 1));
-        assert_eq!(telemetry.read(&[0; 37], POLL * 2), Read::Cannot("quaternion", "Q_1", 1));
+        assert_eq!(telemetry.read(&[u16::MAX; 37], POLL), ReadResult::Cannot("nan", "POS_X", 1));
+        assert_eq!(telemetry.read(&[0; 37], POLL * 2), ReadResult::Cannot("quaternion", "Q_1", 1));
         for at in 3..13 {
             assert!(matches!(
                 telemetry.read(&registers(WordOrder::LowFirst, 12 * at), POLL * at),
-                Read::Values(_)
+                ReadResult::Values(_)
             ));
         }
     }
@@ -167,7 +171,7 @@ mod tests {
     fn a_fault_that_goes_on_is_said_once_a_minute_with_its_blocks() {
         let mut telemetry = telemetry(None);
         let said = (0..1300).filter_map(|at| match telemetry.read(&[0; 37], POLL * at) {
-            Read::Cannot(fault, value, blocks) => Some((at, fault, value, blocks)),
+            ReadResult::Cannot(fault, value, blocks) => Some((at, fault, value, blocks)),
             _ => None,
         });
         let (fault, value) = ("quaternion", "Q_1");

@@ -12,7 +12,7 @@ use tokio::time::sleep;
 use val2_viewer::tokio::{Error, Poses, Screen};
 use val2_viewer::{HostConfig, HostEvent, timing};
 
-use super::client::{self, Listener, Silence, Terms, Worker};
+use super::client::{self, Listener, PollSettings, Silence, Worker};
 use super::order;
 use super::port::Port;
 use crate::end::End;
@@ -20,7 +20,7 @@ use crate::metric::{Definition, define, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use crate::site::Cell;
-use cellwire_links::settings::{Configure, Fields, LINE};
+use cellwire_links::settings::{Configure, FieldVisitor, LINE};
 
 const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define("Viewer/Sent", Kind::Int64)];
 
@@ -47,7 +47,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { report, silence, baud, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
         fields.time("report", range, "the time between reports", report);
@@ -85,7 +85,7 @@ struct Showing {
 
 pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
     let Settings { report, silence, baud, session } = settings;
-    let terms = Terms { silence: Silence::of_speaker(silence), every: Some(report), deadline: None };
+    let terms = PollSettings { silence: Silence::of_speaker(silence), every: Some(report), deadline: None };
     let (screen, task) = val2_viewer::tokio::host(session, Port::of(cell, Some(baud))?)?;
     let (counts, counted) = watch::channel(Counts::default());
     let (handle, worker) = (screen.handle().clone(), Showing { report, counts: counted, screen });

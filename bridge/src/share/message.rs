@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::commands::Told;
+use crate::commands::CommandReport;
 
 /// A message of a bridge.
 #[derive(Debug, Serialize, Deserialize)]
@@ -12,23 +12,23 @@ pub(super) struct Message {
     pub term: String,
     pub number: u64,
     #[serde(flatten)]
-    pub what: What,
+    pub what: ShareBody,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum What {
+pub(super) enum ShareBody {
     /// The bridge runs.
-    Alive(Alive),
+    Alive(BridgeState),
     /// The outcome of a command that is not in the ledger of this bridge.
-    Command(Told),
+    Command(CommandReport),
     /// A page of the ledger, which the broker stores.
     Page(Page),
 }
 
 /// The state of a bridge that runs.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Alive {
+pub(super) struct BridgeState {
     /// The identity of the bridge's store.
     pub store: String,
     /// The cells that the bridge offers to have, and whether it has them.
@@ -43,7 +43,7 @@ pub(super) struct Alive {
     pub ends: bool,
 }
 
-impl Alive {
+impl BridgeState {
     /// Returns whether the other bridges would act in the same way if they received this state in place of the other.
     pub(super) fn says_the_same(&self, other: &Self) -> bool {
         (&self.store, &self.cells, &self.knows, &self.lacks, self.ends)
@@ -61,5 +61,5 @@ pub(super) struct Page {
     /// The time of the latest command that the bridge knows to have been given, in milliseconds since 1970 UTC.
     pub until: u64,
     /// The commands on the page.
-    pub commands: Vec<Told>,
+    pub commands: Vec<CommandReport>,
 }

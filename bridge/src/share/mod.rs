@@ -22,12 +22,12 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::commands::{Commands, Told};
+use super::commands::{CommandReport, Commands};
+use super::history::Entry;
 use super::lease::Lease;
 use super::ledger::page_of;
-use super::remembered::Entry;
 use super::report::Command;
-use message::{Alive, Message, Page, What};
+use message::{BridgeState, Message, Page, ShareBody};
 use reading::Reading;
 
 /// The interval at which a bridge announces itself.
@@ -41,7 +41,7 @@ const MARGIN: Duration = Duration::from_secs(4);
 /// may not have arrived yet.
 const SILENT: Duration = Duration::from_secs(2 * LEASE.as_secs() + MARGIN.as_secs());
 /// The shortest interval at which the whole ledger is published again for a bridge that lacks it.
-const AGAIN: Duration = Duration::from_secs(5);
+const REPUBLISH_INTERVAL: Duration = Duration::from_secs(5);
 /// The last level of the topic of a ledger's last page.
 const LAST_PAGE: &str = "last";
 
@@ -65,10 +65,10 @@ pub struct Share {
     /// The time since which all messages are received, and the time of day then.
     since: Option<(Duration, u64)>,
     /// The last announcement of this bridge, and its time on this connection.
-    said: Option<Alive>,
+    said: Option<BridgeState>,
     said_at: Option<Duration>,
     /// Outcomes of commands that are not in the ledger.
-    news: VecDeque<Told>,
+    news: VecDeque<CommandReport>,
     /// Pages of the ledger to publish, and the first and the last page when it was published; without them, all of it is to be.
     pages: BTreeSet<u64>,
     bounds: Option<(u64, u64)>,
@@ -88,14 +88,14 @@ pub struct Share {
 struct Peer {
     heard: Option<Duration>,
     term: String,
-    alive: Alive,
+    alive: BridgeState,
     /// The number of the peer's latest command when the first message came: later ones are received one by one.
     until: u64,
 }
 
 /// The result of a received message.
 #[derive(Debug, PartialEq)]
-pub enum Heard {
+pub enum ShareEvent {
     /// A message has come back.
     Back {
         /// The commands on the page: every connected bridge has them, and they are to be given.
@@ -104,9 +104,9 @@ pub enum Heard {
         lost: Vec<(usize, Command)>,
     },
     /// The outcomes of commands that other bridges have accepted or refused.
-    Commands(Vec<Told>),
+    Commands(Vec<CommandReport>),
     /// The message is not understood; the reason.
-    Strange(String),
+    Malformed(String),
 }
 
 impl Share {
@@ -188,7 +188,13 @@ impl Share {
 
     /// Handles a message of this bridge, or of another: `from` is the topic after `cellwire/GROUP/`. The broker has stored it, if
     /// it is retained.
-    pub fn hear(&mut self, from: &str, payload: &[u8], is_retained: bool, now: Duration) -> Option<Heard> {
+    pub fn receive(
+        &mut self,
+        from: &str,
+        payload: &[u8],
+        is_retained: bool,
+        now: Duration,
+    ) -> Option<ShareEvent> {
         let (from, page_of) = from.split_once('/').map_or((from, None), |(node, page)| (node, Some(page)));
         let store = page_of.and_then(|page| page.split('/').next());
         let is_own = from == self.node && store.is_none_or(|store| store == self.store);
@@ -199,7 +205,7 @@ impl Share {
         let message: Message = match serde_json::from_slice(payload) {
             Ok(message) => message,
             Err(error) => {
-                return Some(Heard::Strange(format!("message of {from} about shared cells: {error}")));
+                return Some(ShareEvent::Malformed(format!("message of {from} about shared cells: {error}")));
             }
         };
         if is_own {
@@ -207,24 +213,24 @@ impl Share {
         }
         let peer = self.peers.get_mut(from);
         if peer.is_none() && from != self.node {
-            return Some(Heard::Strange(format!(
+            return Some(ShareEvent::Malformed(format!(
                 "{from} shares cells of this group but is not in share.bridges: list every bridge in every site file"
             )));
         }
         match message.what {
-            What::Page(page) => {
+            ShareBody::Page(page) => {
                 self.reading.read(from, store.unwrap_or_default(), &page);
-                Some(Heard::Commands(page.commands.into_iter().map(|told| by(from, told)).collect()))
+                Some(ShareEvent::Commands(page.commands.into_iter().map(|told| by(from, told)).collect()))
             }
-            What::Command(told) => Some(Heard::Commands(vec![by(from, told)])),
-            What::Alive(alive) => {
+            ShareBody::Command(told) => Some(ShareEvent::Commands(vec![by(from, told)])),
+            ShareBody::Alive(alive) => {
                 let peer = peer?;
                 if peer.heard.replace(now).is_none() {
                     peer.until = alive.until;
                     self.reading.forget(|node| node == from);
                 }
                 if alive.lacks.contains(&self.node)
-                    && self.all_at.is_none_or(|at| now.saturating_sub(at) >= AGAIN)
+                    && self.all_at.is_none_or(|at| now.saturating_sub(at) >= REPUBLISH_INTERVAL)
                 {
                     self.bounds = None;
                 }
@@ -234,7 +240,7 @@ impl Share {
         }
     }
 
-    fn came_back(&mut self, number: u64, now: Duration) -> Option<Heard> {
+    fn came_back(&mut self, number: u64, now: Duration) -> Option<ShareEvent> {
         if self.held && !self.lease.holds_at(now) {
             return None; // too late: it has lapsed
         }
@@ -249,7 +255,7 @@ impl Share {
         for (waits, place, command) in self.waiting.drain(..known) {
             if waits == number { &mut give } else { &mut lost }.push((place, command));
         }
-        (!give.is_empty() || !lost.is_empty()).then_some(Heard::Back { give, lost })
+        (!give.is_empty() || !lost.is_empty()).then_some(ShareEvent::Back { give, lost })
     }
 
     /// Returns whether every id that another bridge has executed is known here.
@@ -336,7 +342,7 @@ impl Share {
             self.pages.insert(page);
             self.unsaid.extend(give.map(|(place, command)| (page, place, command)));
         } else {
-            self.news.push_back(Told { cell: cell.into(), id: id.into(), entry: entry.clone() });
+            self.news.push_back(CommandReport { cell: cell.into(), id: id.into(), entry: entry.clone() });
         }
     }
 
@@ -354,7 +360,7 @@ impl Share {
             return;
         }
         while let Some(told) = self.news.pop_front() {
-            if !self.publish(now, "", What::Command(told.clone()), &mut publish) {
+            if !self.publish(now, "", ShareBody::Command(told.clone()), &mut publish) {
                 return self.news.push_front(told);
             }
         }
@@ -367,7 +373,7 @@ impl Share {
         let lives = |(_, peer): &(&String, &Peer)| self.lives(peer, now) == Some(true);
         let knows = self.peers.iter().filter(lives).map(|(name, peer)| (name.clone(), peer.term.clone()));
         let lacks = self.peers.iter().filter(lives).filter(|(name, peer)| !self.is_read(name, peer));
-        let alive = Alive {
+        let alive = BridgeState {
             store: self.store.clone(),
             cells,
             knows: knows.collect(),
@@ -377,7 +383,7 @@ impl Share {
         };
         let is_due = self.said_at.is_none_or(|at| now.saturating_sub(at) >= EVERY);
         let is_news = self.said.as_ref().is_none_or(|said| !said.says_the_same(&alive));
-        if (is_due || is_news) && self.publish(now, "", What::Alive(alive.clone()), &mut publish) {
+        if (is_due || is_news) && self.publish(now, "", ShareBody::Alive(alive.clone()), &mut publish) {
             (self.said, self.said_at) = (Some(alive), Some(now));
         }
     }
@@ -409,7 +415,7 @@ impl Share {
             } else {
                 let first = (page == last).then_some(first);
                 let (until, commands) = (commands.latest(), commands.page(page));
-                self.publish(now, &topic, What::Page(Page { page, first, until, commands }), publish)
+                self.publish(now, &topic, ShareBody::Page(Page { page, first, until, commands }), publish)
             };
             if !is_said {
                 return false;
@@ -428,7 +434,7 @@ impl Share {
         &mut self,
         now: Duration,
         topic: &str,
-        what: What,
+        what: ShareBody,
         publish: &mut impl FnMut(&str, Vec<u8>) -> bool,
     ) -> bool {
         let message = Message { term: self.term.clone(), number: self.number + 1, what };
@@ -441,8 +447,8 @@ impl Share {
     }
 }
 
-fn by(node: &str, told: Told) -> Told {
-    Told { entry: Entry { by: node.into(), ..told.entry }, ..told }
+fn by(node: &str, told: CommandReport) -> CommandReport {
+    CommandReport { entry: Entry { by: node.into(), ..told.entry }, ..told }
 }
 
 fn term() -> String {

@@ -42,7 +42,7 @@ const TIME: u8 = 3;
 /// The greatest age of a command, and the greatest difference of the two clocks.
 const AGE: u8 = 1;
 /// The latest time: the id is too old by every clock then.
-const LAST: u8 = 5;
+const LAST_TIME: u8 = 5;
 
 /// A page: whether the id is on it, and whether the mark is at its time or later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -109,7 +109,7 @@ impl Model {
             }
         };
         if self.has_time {
-            step(&|after| after.now = LAST.min(after.now + 1));
+            step(&|after| after.now = LAST_TIME.min(after.now + 1));
         }
         if self.loses {
             // It restarts.

@@ -4,10 +4,10 @@ use std::time::Duration;
 use fastrand::Rng;
 
 use super::world::{CELLS, NAMES, STEP, World, milliseconds};
-use super::{Heard, LEASE, SILENT, Share};
+use super::{LEASE, SILENT, Share, ShareEvent};
 use crate::bucket::Rate;
-use crate::commands::{Commands, Told};
-use crate::remembered::Entry;
+use crate::commands::{CommandReport, Commands};
+use crate::history::Entry;
 use crate::report::{Command, Outcome};
 use crate::store::Batch;
 
@@ -139,7 +139,7 @@ fn share(node: &str) -> Share {
 fn commands(until: u64) -> Commands {
     let (rate, mut batch) = (Rate { per_second: 10.0, burst: 10 }, Batch::default());
     let (mut commands, _) = Commands::open(|_| Ok(Vec::new()), MAX_AGE, rate, &mut batch).unwrap();
-    commands.hear("f", "other", Entry { by: "c".into(), ..entry(until, 0) }, until, &mut batch);
+    commands.merge_report("f", "other", Entry { by: "c".into(), ..entry(until, 0) }, until, &mut batch);
     commands
 }
 
@@ -185,11 +185,11 @@ fn a_command_is_given_when_its_page_has_come_back_and_not_when_the_connection_is
         "the page, and that it runs"
     );
     // The broker returns it to the next process, or to this one on the next connection: that is not its way back.
-    assert_eq!(a.hear(&first[0].0, &first[0].1, true, now), None);
-    let back = Heard::Back { give: vec![(3, command("x"))], lost: vec![] };
-    assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), Some(back));
+    assert_eq!(a.receive(&first[0].0, &first[0].1, true, now), None);
+    let back = ShareEvent::Back { give: vec![(3, command("x"))], lost: vec![] };
+    assert_eq!(a.receive(&first[0].0, &first[0].1, false, now), Some(back));
     assert!(a.lease.holds_at(now + LEASE - STEP) && !a.lease.holds_at(now + LEASE));
-    assert_eq!(a.hear(&first[0].0, &first[0].1, false, now), None, "once");
+    assert_eq!(a.receive(&first[0].0, &first[0].1, false, now), None, "once");
     // The other bridge learns the giver of the command from the stored page or from the message.
     for is_stored in [false, true] {
         let mut b = share("b");
@@ -199,9 +199,12 @@ fn a_command_is_given_when_its_page_has_come_back_and_not_when_the_connection_is
                 .unwrap()
                 .starts_with("the ids that a has executed are not all known: start that bridge")
         );
-        let by = |told: &Told| Told { entry: Entry { by: "a".into(), ..told.entry.clone() }, ..told.clone() };
-        let heard = Heard::Commands(x.page(0).iter().map(by).collect());
-        assert_eq!(b.hear(&first[0].0, &first[0].1, is_stored, now), Some(heard));
+        let by = |told: &CommandReport| CommandReport {
+            entry: Entry { by: "a".into(), ..told.entry.clone() },
+            ..told.clone()
+        };
+        let heard = ShareEvent::Commands(x.page(0).iter().map(by).collect());
+        assert_eq!(b.receive(&first[0].0, &first[0].1, is_stored, now), Some(heard));
         assert_eq!(b.unread(), None);
     }
 
@@ -214,14 +217,18 @@ fn a_command_is_given_when_its_page_has_come_back_and_not_when_the_connection_is
     // The first page is full: it has another topic now.
     let topics: Vec<&str> = second.iter().chain(&third).map(|(topic, _)| topic.as_str()).collect();
     assert_eq!(topics, ["a/store-a/last", "a/store-a/0", "a/store-a/last"]);
-    let back = Heard::Back { give: vec![(3, command("z"))], lost: vec![(3, command("y"))] };
-    assert_eq!(a.hear(&third[0].0, &third[0].1, false, now + 2 * STEP), Some(back));
+    let back = ShareEvent::Back { give: vec![(3, command("z"))], lost: vec![(3, command("y"))] };
+    assert_eq!(a.receive(&third[0].0, &third[0].1, false, now + 2 * STEP), Some(back));
 
     tell(&mut a, &z, "z");
     let messages = said(&mut a, true, &z, now + STEP);
     a.opened();
     assert_eq!(a.connected(now + STEP, 100), [(3, command("z"))]);
-    assert_eq!(a.hear(&messages[0].0, &messages[0].1, false, now + STEP), None, "of an earlier connection");
+    assert_eq!(
+        a.receive(&messages[0].0, &messages[0].1, false, now + STEP),
+        None,
+        "of an earlier connection"
+    );
 }
 
 #[test]
@@ -229,8 +236,8 @@ fn who_has_not_heard_a_bridge_knows_nothing_of_commands_before() {
     let (mut a, mut b) = (share("a"), share("b"));
     let exchange = |from: &mut Share, to: &mut Share, has, until, now| {
         for (topic, message) in said(from, has, &commands(until), now) {
-            from.hear(&topic, &message, false, now);
-            assert!(!matches!(to.hear(&topic, &message, false, now), Some(Heard::Strange(_))));
+            from.receive(&topic, &message, false, now);
+            assert!(!matches!(to.receive(&topic, &message, false, now), Some(ShareEvent::Malformed(_))));
         }
     };
     let start = milliseconds(1000);
@@ -250,7 +257,7 @@ fn who_has_not_heard_a_bridge_knows_nothing_of_commands_before() {
     let mut earlier = share("b");
     earlier.connected(now, 500_000);
     let ledger = said(&mut earlier, false, &commands(430_000), now).remove(0);
-    a.hear(&ledger.0, &ledger.1, true, now);
+    a.receive(&ledger.0, &ledger.1, true, now);
     assert_eq!((a.unread(), a.may_take("f", now)), (None, Some(430_000)));
     // Another bridge was heard, with the latest command that it knows. This one may take the cell until the other has heard
     // it.
@@ -275,14 +282,14 @@ fn a_ledger_that_was_not_read_is_requested_and_published_again() {
     // The page of b is lost.
     let from_b = said(&mut b, false, &commands(0), now);
     assert_eq!((pages(&from_b), from_b.len()), (1, 2));
-    a.hear(&from_b[1].0, &from_b[1].1, false, now);
+    a.receive(&from_b[1].0, &from_b[1].1, false, now);
     let from_a = said(&mut a, false, &commands(0), now);
     let later = now + Duration::from_secs(5);
     for (now, count) in [(now, 0), (later, 1), (later, 0)] {
-        from_a.iter().for_each(|(topic, message)| drop(b.hear(topic, message, false, now)));
+        from_a.iter().for_each(|(topic, message)| drop(b.receive(topic, message, false, now)));
         let again = said(&mut b, false, &commands(0), now);
         assert_eq!(pages(&again), count, "{now:?}");
-        again.iter().for_each(|(topic, message)| drop(a.hear(topic, message, false, now)));
+        again.iter().for_each(|(topic, message)| drop(a.receive(topic, message, false, now)));
     }
     assert_eq!(a.unread(), None);
 }
@@ -295,13 +302,13 @@ fn the_ledger_of_a_bridge_that_is_dead_is_the_same_after_a_short_time_without_a_
         a.connected(now, 500_000);
         b.connected(now, 500_000);
         for (topic, message) in said(&mut b, false, &commands(0), now) {
-            a.hear(&topic, &message, false, now);
+            a.receive(&topic, &message, false, now);
         }
         let end = if dead { now + SILENT } else { now + STEP };
         while now < end {
             now += STEP;
             for (topic, message) in said(&mut a, false, &commands(0), now) {
-                a.hear(&topic, &message, false, now);
+                a.receive(&topic, &message, false, now);
             }
         }
         assert_eq!(a.unread(), None);

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use fastrand::Rng;
 
-use super::{Heard, Share};
+use super::{Share, ShareEvent};
 use crate::bucket::Rate;
-use crate::commands::{Commands, Decision, Told, Write};
+use crate::commands::{CommandReport, Commands, Decision, Write};
 use crate::metric::REQUEST;
 use crate::payload::{Kind, Metric, Payload, Value};
 use crate::report::{Command, Outcome};
@@ -28,19 +28,19 @@ pub(super) fn milliseconds(count: u64) -> Duration {
 }
 
 /// A command for a cell, as it is sent once: the cell, a name, and the time.
-type Sent = (usize, String, u64);
+type SentCommand = (usize, String, u64);
 
 /// A message of a bridge with its topic; without one, a subscription.
-type Up = Option<(String, Vec<u8>)>;
+type FromBridge = Option<(String, Vec<u8>)>;
 
 /// A message to a bridge.
 #[derive(Clone)]
-enum Down {
+enum ToBridge {
     /// The answer to the subscription.
     Subscribed,
     /// A message of a bridge, by its topic, and whether the broker has stored it.
     Said(String, Vec<u8>, bool),
-    Command(Sent),
+    Command(SentCommand),
 }
 
 /// A bridge with its threads, its disk, and its connection to the broker.
@@ -55,8 +55,8 @@ pub(super) struct Bridge {
     cells: BTreeMap<usize, Option<Duration>>,
     is_connected: bool,
     /// The messages to the broker and from it, and the time at which each arrives.
-    up: VecDeque<(Duration, Up)>,
-    down: VecDeque<(Duration, Down)>,
+    up: VecDeque<(Duration, FromBridge)>,
+    down: VecDeque<(Duration, ToBridge)>,
     /// The time until which the bridge's process or its network is stopped.
     frozen: Duration,
     jam: Duration,
@@ -133,7 +133,7 @@ impl Bridge {
     }
 
     /// Handles a command that arrives, as the hub does.
-    fn command(&mut self, (cell, id, at): Sent, now: Duration) {
+    fn command(&mut self, (cell, id, at): SentCommand, now: Duration) {
         let text = Value::String(format!(r#"{{"id":"{id}"}}"#));
         let metric = Metric::new(REQUEST, Kind::String, at, Some(text));
         let payload = Payload { timestamp: Some(at), metrics: vec![metric], seq: None };
@@ -151,7 +151,7 @@ impl Bridge {
         match decision {
             Decision::Give(command, _) => self.tell(cell, &id, Some(command)),
             Decision::Refuse(..) => self.tell(cell, &id, None),
-            Decision::Report(_) | Decision::Strange(_) => {}
+            Decision::Report(_) | Decision::Malformed(_) => {}
         }
     }
 
@@ -229,7 +229,7 @@ impl World {
         for bridge in &mut self.bridges {
             if bridge.is_connected && self.rng.u8(..3) > 0 {
                 let arrives = Bridge::later(&bridge.down, self.now.max(bridge.jam));
-                bridge.down.push_back((arrives, Down::Command((cell, id.clone(), at))));
+                bridge.down.push_back((arrives, ToBridge::Command((cell, id.clone(), at))));
             }
         }
     }
@@ -260,9 +260,9 @@ impl World {
     /// Subscribes: stored messages come before the answer or after it.
     fn subscribe(&mut self, at: usize) {
         let stored = self.stored.iter();
-        let mut down: Vec<Down> =
-            stored.map(|(topic, message)| Down::Said(topic.clone(), message.clone(), true)).collect();
-        down.insert(if self.rng.bool() { 0 } else { down.len() }, Down::Subscribed);
+        let mut down: Vec<ToBridge> =
+            stored.map(|(topic, message)| ToBridge::Said(topic.clone(), message.clone(), true)).collect();
+        down.insert(if self.rng.bool() { 0 } else { down.len() }, ToBridge::Subscribed);
         let bridge = &mut self.bridges[at];
         for message in down {
             let delay = self.now.max(bridge.jam) + milliseconds(self.rng.u64(0..120));
@@ -285,7 +285,7 @@ impl World {
             }
             let delay = self.now.max(bridge.jam) + milliseconds(self.rng.u64(0..120));
             let arrives = Bridge::later(&bridge.down, delay);
-            bridge.down.push_back((arrives, Down::Said(topic.to_owned(), message.to_owned(), false)));
+            bridge.down.push_back((arrives, ToBridge::Said(topic.to_owned(), message.to_owned(), false)));
         }
     }
 
@@ -321,25 +321,31 @@ impl World {
         let mut give = Vec::new();
         while bridge.down.front().is_some_and(|(arrives, _)| *arrives <= now) {
             match bridge.down.pop_front().unwrap().1 {
-                Down::Subscribed => {
+                ToBridge::Subscribed => {
                     let lost = bridge.share.connected(now, bridge.today(now));
                     bridge.not_given(lost);
                 }
-                Down::Command(sent) => bridge.command(sent, now),
-                Down::Said(topic, message, is_stored) => {
-                    match bridge.share.hear(&topic, &message, is_stored, now) {
-                        Some(Heard::Back { give: known, lost }) => {
+                ToBridge::Command(sent) => bridge.command(sent, now),
+                ToBridge::Said(topic, message, is_stored) => {
+                    match bridge.share.receive(&topic, &message, is_stored, now) {
+                        Some(ShareEvent::Back { give: known, lost }) => {
                             give.extend(known);
                             bridge.not_given(lost);
                         }
-                        Some(Heard::Commands(commands)) => {
+                        Some(ShareEvent::Commands(commands)) => {
                             let mut batch = Batch::default();
-                            for Told { cell, id, entry } in commands {
-                                bridge.commands.hear(&cell, &id, entry, bridge.today(now), &mut batch);
+                            for CommandReport { cell, id, entry } in commands {
+                                bridge.commands.merge_report(
+                                    &cell,
+                                    &id,
+                                    entry,
+                                    bridge.today(now),
+                                    &mut batch,
+                                );
                             }
                             bridge.write(batch);
                         }
-                        Some(Heard::Strange(why)) => panic!("{why}"),
+                        Some(ShareEvent::Malformed(why)) => panic!("{why}"),
                         None => {}
                     }
                 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
-use crate::remembered;
+use crate::history;
 use cellwire_io::input;
 use cellwire_links::settings;
 pub use share::ShareSettings;
@@ -298,7 +298,7 @@ impl Site {
             return wrong("commands.rate", &"give rate and burst more than 0");
         }
         // Commands that may still be sent again.
-        let most = remembered::MOST as f64 / 2.0;
+        let most = history::MAX_ENTRIES as f64 / 2.0;
         if rate * 2.0 * max_age.as_secs_f64() + f64::from(burst) > most {
             let why = format!("more than the {most} remembered commands within twice max_age: give less");
             return wrong("commands.rate", &why);
@@ -315,11 +315,11 @@ impl Broker {
     ///
     /// # Errors
     /// If an address is invalid.
-    pub fn places(&self) -> Result<Vec<Place>> {
-        let places: Vec<Place> =
+    pub fn places(&self) -> Result<Vec<BrokerAddress>> {
+        let places: Vec<BrokerAddress> =
             self.address.all().iter().map(|address| place(address)).collect::<Result<_>>()?;
         ensure!(!places.is_empty(), ADVICE);
-        let is_secure = |place: &Place| place.url.as_ref().is_none_or(|url| url.starts_with("wss:"));
+        let is_secure = |place: &BrokerAddress| place.url.as_ref().is_none_or(|url| url.starts_with("wss:"));
         let scheme = "wss:// needs tls, ws:// must not have it";
         ensure!(
             places.iter().all(|place| place.url.is_none() || is_secure(place) == self.tls.is_some()),
@@ -340,7 +340,7 @@ impl Broker {
                 return Err((name, why));
             }
         }
-        let is_local = |Place { host, .. }: &Place| {
+        let is_local = |BrokerAddress { host, .. }: &BrokerAddress| {
             host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
         };
         let is_here = self.places().is_ok_and(|places| places.iter().all(is_local));
@@ -402,7 +402,7 @@ const ADVICE: &str = "give HOST:PORT, such as broker.example:8883";
 
 /// The address of a broker.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct BrokerAddress {
     /// The broker's name or address.
     pub host: String,
     /// The TCP port of the broker.
@@ -411,7 +411,7 @@ pub struct Place {
     pub url: Option<String>,
 }
 
-fn place(address: &str) -> Result<Place> {
+fn place(address: &str) -> Result<BrokerAddress> {
     let rest = ["ws://", "wss://"].iter().find_map(|scheme| address.strip_prefix(scheme));
     ensure!(
         rest.is_none() || cfg!(feature = "websocket"),
@@ -421,7 +421,7 @@ fn place(address: &str) -> Result<Place> {
     let (host, port) = authority.rsplit_once(':').context(ADVICE)?;
     ensure!(!host.is_empty(), ADVICE);
     let host = host.trim_matches(['[', ']']).to_owned();
-    Ok(Place { host, port: port.parse().context(ADVICE)?, url: rest.map(|_| address.to_owned()) })
+    Ok(BrokerAddress { host, port: port.parse().context(ADVICE)?, url: rest.map(|_| address.to_owned()) })
 }
 
 /// Returns whether the file is world-readable. Whether it is readable at all is checked when it is read.

@@ -16,14 +16,14 @@ pub struct ShareSettings {
 }
 
 /// The name of a wrong setting, and the reason.
-type Wrong = (String, anyhow::Error);
+type BadSetting = (String, anyhow::Error);
 
 /// Checks the shared cells, and the bridges that share them.
 pub(super) fn check(
     share: Option<&ShareSettings>,
     broker: &Broker,
     cells: &BTreeMap<String, Cell>,
-) -> Result<(), Wrong> {
+) -> Result<(), BadSetting> {
     let wrong = |name: &str, why: &str| Err((name.to_owned(), anyhow::anyhow!("{name}: {why}")));
     let mut shared = cells.iter().filter(|(_, cell)| cell.shared).peekable();
     let Some(ShareSettings { bridges }) = share else {

@@ -17,7 +17,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use redb::{Database, TableDefinition, TransactionError, WriteTransaction};
 
-use crate::ring::{Known, Ring};
+use crate::ring::{Ring, RingState};
 
 const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
 
@@ -72,16 +72,16 @@ pub struct Batch {
 
 /// The result of a write.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Written {
+pub struct WriteResult {
     /// The number of old records that were dropped for new ones.
     pub dropped: u64,
     /// The names that were kept with the write, if any: those of before the batch, or those with it.
-    pub kept: Option<Kept>,
+    pub kept: Option<KeptNames>,
 }
 
 /// The names that are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kept {
+pub enum KeptNames {
     /// The names of before the batch.
     Before,
     /// The names with the batch.
@@ -136,7 +136,7 @@ impl Store {
         if found < length || known.is_some() && !records.exists() {
             bail!("{what} is damaged: {} has {found} bytes of {length}: {ADVICE}", records.display());
         }
-        let new = Known { seed: fastrand::u64(..), ..Known::default() };
+        let new = RingState { seed: fastrand::u64(..), ..RingState::default() };
         let ring = private(&records).and_then(|file| Ring::open(file, known.unwrap_or(new), most, cut));
         let mut ring = match ring {
             Err(error) if is_damage(&error) => {
@@ -197,7 +197,7 @@ impl Store {
     ///
     /// # Errors
     /// If the disk does not take the batch: then [`reopen`](Self::reopen) the store; nothing has changed.
-    pub fn write(&mut self, batch: &Batch, more: &dyn Fn(Kept) -> Names) -> Result<Written> {
+    pub fn write(&mut self, batch: &Batch, more: &dyn Fn(KeptNames) -> Names) -> Result<WriteResult> {
         let written =
             self.write_all(batch, more).with_context(|| format!("the store {}", self.path.display()))?;
         if let Some((_, ring)) = &self.open {
@@ -206,14 +206,14 @@ impl Store {
         Ok(written)
     }
 
-    fn write_all(&mut self, batch: &Batch, more: &dyn Fn(Kept) -> Names) -> Result<Written> {
+    fn write_all(&mut self, batch: &Batch, more: &dyn Fn(KeptNames) -> Names) -> Result<WriteResult> {
         let most = self.most;
         let (database, ring) = self.both()?;
-        let (mut written, is_bound) = (Written::default(), !batch.names.is_empty());
+        let (mut written, is_bound) = (WriteResult::default(), !batch.names.is_empty());
         let removed: Vec<u64> = batch.remove.iter().copied().filter(|key| ring.remove(*key)).collect();
         if ring.wasted() >= WASTE.min(most / 4) {
-            commit(database, ring, more(Kept::Before))?;
-            written.kept = Some(Kept::Before);
+            commit(database, ring, more(KeptNames::Before))?;
+            written.kept = Some(KeptNames::Before);
         }
         // A batch of more than half of the file does not occur at a site.
         let mut append = batch.append.as_slice();
@@ -227,8 +227,8 @@ impl Store {
         let (dropped, has_to_be_kept) = ring.make_room(frames.iter().map(|frame| frame.len() as u64).sum());
         written.dropped += dropped;
         if has_to_be_kept {
-            commit(database, ring, more(Kept::Before))?;
-            written.kept = Some(Kept::Before);
+            commit(database, ring, more(KeptNames::Before))?;
+            written.kept = Some(KeptNames::Before);
         }
         let bytes = frames.iter().map(|frame| frame.len() as u64).sum();
         if let Some(length) = ring.extend(bytes, EXTENT.min(most))? {
@@ -236,9 +236,13 @@ impl Store {
         }
         ring.write(&frames, append.len())?;
         if is_bound {
-            commit(database, ring, more(Kept::Now).into_iter().chain(batch.names.iter().cloned()).collect())?;
+            commit(
+                database,
+                ring,
+                more(KeptNames::Now).into_iter().chain(batch.names.iter().cloned()).collect(),
+            )?;
             ring.mark()?;
-            written.kept = Some(Kept::Now);
+            written.kept = Some(KeptNames::Now);
         } else if ring.sync_due().is_some_and(|due| due <= Instant::now()) {
             ring.sync()?;
         }
@@ -324,7 +328,7 @@ impl std::error::Error for Busy {}
 fn commit(database: &Database, ring: &mut Ring, mut changed: Names) -> Result<()> {
     ring.sync()?;
     let known = ring.known();
-    let Known { seed, first, end, next, commits } = known;
+    let RingState { seed, first, end, next, commits } = known;
     changed.push((RING.into(), Some(format!("{seed} {first} {end} {next} {commits}"))));
     put(database, changed)?;
     ring.set_known(known);
@@ -356,12 +360,12 @@ fn begin(database: &Database) -> Result<WriteTransaction, TransactionError> {
     Ok(transaction)
 }
 
-fn known_of(text: &str) -> Option<Known> {
+fn known_of(text: &str) -> Option<RingState> {
     let mut numbers = text.split(' ').map(str::parse::<u64>);
     let mut number = || numbers.next()?.ok();
     // A store of an earlier version has four numbers.
     let (seed, first, end, next) = (number()?, number()?, number()?, number()?);
-    Some(Known { seed, first, end, next, commits: number().unwrap_or_default() })
+    Some(RingState { seed, first, end, next, commits: number().unwrap_or_default() })
 }
 
 fn get(database: &Database, name: &str) -> Result<Option<String>> {

@@ -2,7 +2,7 @@ use std::os::unix::fs::PermissionsExt as _;
 
 use super::*;
 
-const MOST: u64 = 64 << 10;
+const MAX_BYTES: u64 = 64 << 10;
 
 fn append(records: &[&str]) -> Batch {
     Batch { append: records.iter().map(|text| text.as_bytes().to_vec()).collect(), ..Batch::default() }
@@ -12,7 +12,7 @@ fn named(name: &str) -> Batch {
     Batch { names: vec![(name.into(), Some("1".into()))], ..Batch::default() }
 }
 
-fn write(store: &mut Store, batch: &Batch) -> Written {
+fn write(store: &mut Store, batch: &Batch) -> WriteResult {
     store.write(batch, &|_| Vec::new()).unwrap()
 }
 
@@ -26,7 +26,7 @@ fn keyed(texts: &[(u64, &str)]) -> Vec<(u64, String)> {
 }
 
 fn fault(path: &Path) -> String {
-    format!("{:#}", Store::open(path, MOST).err().unwrap())
+    format!("{:#}", Store::open(path, MAX_BYTES).err().unwrap())
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn records_are_there_until_they_are_removed_and_keys_are_not_used_again() {
         std::fs::write(file, "").unwrap();
         std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o644)).unwrap();
     }
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     for file in [&path, &beside(&path)] {
         assert_eq!(std::fs::metadata(file).unwrap().permissions().mode() & 0o777, 0o600);
     }
@@ -45,16 +45,16 @@ fn records_are_there_until_they_are_removed_and_keys_are_not_used_again() {
     write(&mut store, &Batch { remove: vec![0, 0, 99], ..append(&["c", "d", "e"]) });
     write(&mut store, &Batch { remove: vec![3, 2], ..Batch::default() });
     assert_eq!((store.len(), texts(&mut store)), (2, keyed(&[(1, "b"), (4, "e")])));
-    let busy = Store::open(&path, MOST).err().unwrap().to_string();
+    let busy = Store::open(&path, MAX_BYTES).err().unwrap().to_string();
     assert!(busy.ends_with("is open in another process: each bridge needs its own store"), "{busy}");
     // As after a kill.
     drop(store);
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     assert_eq!((store.len(), texts(&mut store)), (2, keyed(&[(1, "b"), (4, "e")])));
     write(&mut store, &Batch { remove: vec![1, 4], ..named("n") });
     assert!(store.is_empty());
     drop(store);
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     write(&mut store, &append(&["f"]));
     assert_eq!(texts(&mut store), keyed(&[(5, "f")]));
     store.reopen().unwrap();
@@ -66,7 +66,7 @@ fn records_are_there_until_they_are_removed_and_keys_are_not_used_again() {
 fn the_oldest_make_room_and_the_file_does_not_grow() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     let (mut dropped, mut made) = (0, 0);
     for turn in 0..3000 {
         let record = "x".repeat(turn % 97 + 1);
@@ -76,14 +76,14 @@ fn the_oldest_make_room_and_the_file_does_not_grow() {
         (dropped, made) = (dropped + written.dropped, made + 3);
         assert!(store.len() + written.dropped >= before + 2);
     }
-    assert!(dropped > 5000 && std::fs::metadata(beside(&path)).unwrap().len() <= MOST);
+    assert!(dropped > 5000 && std::fs::metadata(beside(&path)).unwrap().len() <= MAX_BYTES);
     let left = texts(&mut store);
     let oldest = left[0].0;
     assert!(left.len() as u64 == store.len() && left.len() as u64 > (made - oldest) / 2);
     assert_eq!(left.last().unwrap().0, made - 1);
-    assert!(store.bytes().0 <= MOST && store.bytes().0 > MOST / 2, "{:?}", store.bytes());
+    assert!(store.bytes().0 <= MAX_BYTES && store.bytes().0 > MAX_BYTES / 2, "{:?}", store.bytes());
     drop(store);
-    assert!(texts(&mut Store::open(&path, MOST).unwrap()) == left);
+    assert!(texts(&mut Store::open(&path, MAX_BYTES).unwrap()) == left);
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn a_store_that_is_emptied_again_and_again_stays_short() {
     for turn in 0..200_u64 {
         let remove = turn.checked_sub(1).into_iter().collect();
         let written = write(&mut store, &Batch { remove, ..append(&["x".repeat(50_000).as_str()]) });
-        kept += u64::from(written.kept == Some(Kept::Before));
+        kept += u64::from(written.kept == Some(KeptNames::Before));
     }
     assert!((8..11).contains(&kept), "{kept}");
     assert!(std::fs::metadata(beside(&path)).unwrap().len() < 2 * WASTE);
@@ -106,7 +106,7 @@ fn a_store_that_is_emptied_again_and_again_stays_short() {
 #[test]
 fn names_are_found_by_how_they_begin() {
     let folder = tempfile::tempdir().unwrap();
-    let mut store = Store::open(&folder.path().join("store"), MOST).unwrap();
+    let mut store = Store::open(&folder.path().join("store"), MAX_BYTES).unwrap();
     let names = [("a/1", "x"), ("b/1", "y"), ("b/2", "z"), ("c", "w")];
     let names = names.map(|(name, value)| (name.to_owned(), Some(value.to_owned()))).to_vec();
     write(&mut store, &Batch { names, ..Batch::default() });
@@ -119,7 +119,7 @@ fn names_are_found_by_how_they_begin() {
 fn a_file_of_another_format_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     let other = Batch { names: vec![("format".into(), Some("4".into()))], ..Batch::default() };
     write(&mut store, &other);
     drop(store);
@@ -131,11 +131,11 @@ fn a_file_of_another_format_is_refused() {
 fn records_are_bound_to_the_names_of_their_batch() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     write(&mut store, &Batch { names: named("first").names, ..append(&["a"]) });
     drop(store);
     let before = std::fs::read(&path).unwrap();
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     write(&mut store, &append(&["telemetry"]));
     write(&mut store, &Batch { names: named("second").names, ..append(&["accepted"]) });
     drop(store);
@@ -152,18 +152,18 @@ fn records_are_bound_to_the_names_of_their_batch() {
     records[last] = 0;
     std::fs::write(beside(&path), records).unwrap();
     std::fs::write(&path, before).unwrap();
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     assert_eq!(texts(&mut store), keyed(&[(0, "a"), (1, "telemetry")]));
     write(&mut store, &append(&["next"]));
     drop(store);
-    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap())[2], (2, "next".into()));
+    assert_eq!(texts(&mut Store::open(&path, MAX_BYTES).unwrap())[2], (2, "next".into()));
 }
 
 #[test]
 fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     write(&mut store, &append(&["a"]));
     write(&mut store, &named("n"));
     for record in ["lost", "lost, too"] {
@@ -179,16 +179,16 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     };
     // The later one came to the disk before the other.
     without("lost");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     assert_eq!(texts(&mut store), keyed(&[(0, "a")]));
     for record in ["b", "c"] {
         write(&mut store, &append(&[record]));
     }
     drop(store);
-    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a"), (1, "b"), (2, "c")]));
+    assert_eq!(texts(&mut Store::open(&path, MAX_BYTES).unwrap()), keyed(&[(0, "a"), (1, "b"), (2, "c")]));
     // A frame that was on the disk when a later one was written is damaged.
     std::fs::write(beside(&path), &good).unwrap();
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     std::thread::sleep(crate::ring::SYNC);
     write(&mut store, &Batch::default());
     assert_eq!(store.due(), None);
@@ -202,7 +202,7 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
     std::fs::remove_file(beside(&path)).unwrap();
     assert!(fault(&path).contains("store.records has 0 bytes of 65536"), "{}", fault(&path));
     std::fs::write(beside(&path), &good).unwrap();
-    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()).len(), 4);
+    assert_eq!(texts(&mut Store::open(&path, MAX_BYTES).unwrap()).len(), 4);
 }
 
 /// Without its names it would know no commands: executed ones would be executed again.
@@ -210,7 +210,7 @@ fn a_loss_of_power_takes_what_was_not_synced_and_nothing_else() {
 fn records_without_their_store_are_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     write(&mut store, &Batch { names: named("n").names, ..append(&["a"]) });
     drop(store);
     let good = std::fs::read(&path).unwrap();
@@ -222,7 +222,7 @@ fn records_without_their_store_are_an_error() {
         std::fs::write(&path, "").unwrap();
     }
     std::fs::write(&path, good).unwrap();
-    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a")]));
+    assert_eq!(texts(&mut Store::open(&path, MAX_BYTES).unwrap()), keyed(&[(0, "a")]));
 }
 
 #[test]
@@ -309,7 +309,7 @@ fn a_bit_that_is_flipped_is_an_error_or_changes_nothing() {
 fn a_bit_of_the_header_that_is_flipped_is_an_error_or_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     for name in ["command/cell/first", "command/cell/last"] {
         write(&mut store, &Batch { names: named(name).names, ..append(&[name]) });
     }
@@ -326,7 +326,7 @@ fn a_bit_of_the_header_that_is_flipped_is_an_error_or_changes_nothing() {
             bytes[at] ^= 1 << bit;
             std::fs::write(&path, bytes).unwrap();
             std::fs::write(beside(&path), &records).unwrap();
-            match Store::open(&path, MOST) {
+            match Store::open(&path, MAX_BYTES) {
                 Ok(mut store) => assert!(content(&mut store) == whole, "bit {bit} of byte {at}"),
                 Err(error) => errors.push(format!("{error:#}")),
             }
@@ -393,7 +393,7 @@ fn a_changed_outcome_is_an_error_or_changes_nothing() {
 fn a_file_without_the_other_or_cut_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     write(&mut store, &append(&["a", "b"]));
     drop(store);
     let (database, records) = (std::fs::read(&path).unwrap(), std::fs::read(beside(&path)).unwrap());
@@ -413,17 +413,17 @@ fn a_file_without_the_other_or_cut_is_an_error() {
         assert!(why.contains(&format!("store.records has {length} bytes of 65536: ")), "{why}");
     }
     std::fs::write(beside(&path), &records).unwrap();
-    assert_eq!(texts(&mut Store::open(&path, MOST).unwrap()), keyed(&[(0, "a"), (1, "b")]));
+    assert_eq!(texts(&mut Store::open(&path, MAX_BYTES).unwrap()), keyed(&[(0, "a"), (1, "b")]));
 }
 
 #[test]
 fn a_store_is_that_of_one_bridge() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store");
-    let mut store = Store::open(&path, MOST).unwrap();
+    let mut store = Store::open(&path, MAX_BYTES).unwrap();
     store.belong_to("g/b1").unwrap();
     store.belong_to("g/b1").unwrap();
     drop(store);
-    let why = format!("{:#}", Store::open(&path, MOST).unwrap().belong_to("g/b2").err().unwrap());
+    let why = format!("{:#}", Store::open(&path, MAX_BYTES).unwrap().belong_to("g/b2").err().unwrap());
     assert!(why.contains("is that of the bridge g/b1, and this is g/b2: move it and its .records"), "{why}");
 }

@@ -43,5 +43,5 @@ pub enum Event {
         payload: Vec<u8>,
     },
     /// The message is not understood; the reason.
-    Strange(String),
+    Malformed(String),
 }

@@ -10,37 +10,37 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 
 use super::cell::Cell;
-use super::compact::Words;
-use super::holds::{Holds, Refused};
+use super::compact::NameNumbers;
+use super::holds::{Holds, RefusedRecord};
 use super::metric::{self, whole};
-use super::node::{Node, Publication, Received};
+use super::node::{Node, NodeMessage, Publication};
 use super::payload::Value;
 use super::reconnect::Reconnect;
-use super::refusals::{Apart, Refusals};
+use super::refusals::{DroppedRecord, Refusals};
 use super::report::Input;
-use super::site::{Broker, Place};
-use crate::broker::{Happened, Options, Refusal, Session};
+use super::site::{Broker, BrokerAddress};
+use crate::broker::{BrokerEvent, Options, Refusal, Session};
 use crate::store::{Batch, Store};
 pub use event::Event;
 
 /// The time after which an attempt without a result is given up.
-const PATIENCE: Duration = Duration::from_secs(15);
+const ATTEMPT_TIMEOUT: Duration = Duration::from_secs(15);
 /// The maximum time by which the state of a host application may be dated ahead: no two clocks agree. A state that is dated
 /// further ahead would hide later ones with the right time.
-const AHEAD: Duration = Duration::from_secs(300);
+const MAX_CLOCK_LEAD: Duration = Duration::from_secs(300);
 
 /// The name, in the store, of the number of the next connection.
 pub const BD_SEQ: &str = "bdseq";
 
 /// The places of the cells, by their names.
-pub type Places = HashMap<String, usize>;
+pub type CellIndices = HashMap<String, usize>;
 
 /// The connection.
 #[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
 pub struct Uplink {
     options: Options,
     /// The addresses of the brokers, and the index of the broker that is tried, or connected.
-    brokers: Vec<Place>,
+    brokers: Vec<BrokerAddress>,
     broker: usize,
     /// The prefix of the topics on which records are published as JSON, too.
     json: Option<String>,
@@ -66,12 +66,12 @@ pub struct Uplink {
     next: u64,
     /// Records from this one on were made on this connection, and are not historical.
     live: u64,
-    flight: HashMap<u64, Flying>,
+    flight: HashMap<u64, InFlight>,
     refusals: Refusals,
     /// The cells whose topics the broker refuses.
     holds: Holds,
     /// Records that the broker refuses for good.
-    apart: Vec<Apart>,
+    apart: Vec<DroppedRecord>,
     /// The longest packet that the broker takes.
     longest: usize,
     /// Records of cells that do not exist any more.
@@ -98,7 +98,7 @@ pub struct Counts {
 }
 
 /// A record on its way.
-struct Flying {
+struct InFlight {
     /// The cell.
     place: usize,
     /// The bytes of its packet.
@@ -127,7 +127,7 @@ impl Uplink {
     /// If a file of the broker's settings cannot be read.
     pub fn new(broker: &Broker, shares: bool, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
         let brokers = broker.places()?;
-        let Place { host, port, url } = brokers.first().cloned().unwrap_or_default();
+        let BrokerAddress { host, port, url } = brokers.first().cloned().unwrap_or_default();
         let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
         let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
         let (version, keep_alive) = (broker.mqtt, broker.keep_alive);
@@ -211,12 +211,12 @@ impl Uplink {
 
     /// Handles an event of the connection with this number; returns its meaning for the hub. Adds the removal of finished
     /// records to the batch.
-    pub fn happened(&mut self, generation: u64, happened: Happened, batch: &mut Batch) -> Event {
+    pub fn on_broker_event(&mut self, generation: u64, happened: BrokerEvent, batch: &mut Batch) -> Event {
         if generation != self.generation {
             return Event::None;
         }
         match happened {
-            Happened::Connected(longest) => {
+            BrokerEvent::Connected(longest) => {
                 self.counts.connections += 1;
                 self.longest = longest.map_or(usize::MAX, |longest| longest as usize);
                 self.reconnect.accepted(Instant::now());
@@ -229,29 +229,29 @@ impl Uplink {
                 }
                 Event::Opened
             }
-            Happened::Subscribed => {
-                let until = (self.brokers.len() > 1).then(|| Instant::now() + PATIENCE);
+            BrokerEvent::Subscribed => {
+                let until = (self.brokers.len() > 1).then(|| Instant::now() + ATTEMPT_TIMEOUT);
                 self.advance(|session| Phase::Waiting { session, until });
                 if self.host.is_none() {
                     self.go_online();
                 }
                 Event::Connected
             }
-            Happened::Message { topic, payload, is_retained } => {
+            BrokerEvent::Message { topic, payload, is_retained } => {
                 if let Some(from) = self.share.as_ref().and_then(|share| topic.strip_prefix(share)) {
                     return Event::Share { from: from.to_owned(), is_retained, payload };
                 }
                 self.received(self.node.receive(&topic, &payload, is_retained))
             }
-            Happened::Skipped { topic, length } => Event::Strange(format!(
+            BrokerEvent::Skipped { topic, length } => Event::Malformed(format!(
                 "{topic}: dropped a message of {length} bytes: delete it at the broker"
             )),
-            Happened::Published(key) => self.published(key, batch),
-            Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
-            Happened::NotTaken(why) => {
-                Event::Strange(format!("the broker refuses a message that is not a record: {why}"))
+            BrokerEvent::Published(key) => self.published(key, batch),
+            BrokerEvent::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
+            BrokerEvent::NotTaken(why) => {
+                Event::Malformed(format!("the broker refuses a message that is not a record: {why}"))
             }
-            Happened::TooLong => {
+            BrokerEvent::TooLong => {
                 // If any is too long the longest is.
                 if let Some(key) =
                     self.flight.iter().max_by_key(|(_, flying)| flying.length).map(|(key, _)| *key)
@@ -261,8 +261,8 @@ impl Uplink {
                 }
                 Event::None
             }
-            Happened::TakenOver => self.leave_name(),
-            Happened::Closed(why) => {
+            BrokerEvent::TakenOver => self.leave_name(),
+            BrokerEvent::Closed(why) => {
                 let was_left = matches!(self.phase, Phase::Leaving { .. });
                 self.closed();
                 if was_left { Event::None } else { Event::Lost(why) }
@@ -272,7 +272,7 @@ impl Uplink {
 
     /// Called when the broker has acknowledged a message. If that ends a hold, the held messages are next.
     fn published(&mut self, key: u64, batch: &mut Batch) -> Event {
-        let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
+        let Some(InFlight { place, .. }) = self.flight.remove(&key) else { return Event::None };
         self.counts.acknowledged += 1;
         self.refusals.forget(key);
         batch.remove.push(key);
@@ -288,11 +288,11 @@ impl Uplink {
         self.counts.rejected += 1;
         match refusal {
             Refusal::Topic => {
-                let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
+                let Some(InFlight { place, .. }) = self.flight.remove(&key) else { return Event::None };
                 self.refusals.forget(key);
                 let refused = self.holds.refuse(place, key, Instant::now());
-                self.is_born &= refused == Refused::Another;
-                if refused == Refused::Begins { Event::Held { place, why } } else { Event::None }
+                self.is_born &= refused == RefusedRecord::Another;
+                if refused == RefusedRecord::Begins { Event::Held { place, why } } else { Event::None }
             }
             Refusal::Passing if !self.refusals.is_for_good(key, Instant::now()) => {
                 self.disconnect();
@@ -307,10 +307,10 @@ impl Uplink {
 
     /// Notes a record that was refused for good: the next turn drops it.
     fn set_apart(&mut self, key: u64, why: String) {
-        if let Some(Flying { place, .. }) = self.flight.remove(&key) {
+        if let Some(InFlight { place, .. }) = self.flight.remove(&key) {
             self.refusals.forget(key);
             self.holds.forget(place, key);
-            self.apart.push(Apart { key, place, why });
+            self.apart.push(DroppedRecord { key, place, why });
         }
     }
 
@@ -323,22 +323,24 @@ impl Uplink {
         ))
     }
 
-    fn received(&mut self, received: Received) -> Event {
+    fn received(&mut self, received: NodeMessage) -> Event {
         match received {
-            Received::Rebirth => {
+            NodeMessage::Rebirth => {
                 self.bear_again();
                 Event::Rebirth
             }
-            Received::Write { device, payload, unfit } => Event::Write { device, payload, unfit },
-            Received::State { host, online, timestamp } => {
+            NodeMessage::Write { device, payload, unfit } => Event::Write { device, payload, unfit },
+            NodeMessage::State { host, online, timestamp } => {
                 if self.host.as_deref() != Some(host.as_str()) || timestamp < self.host_at {
-                    return Event::Strange(format!("ignored a STATE of {host} that is older than the last"));
+                    return Event::Malformed(format!(
+                        "ignored a STATE of {host} that is older than the last"
+                    ));
                 }
                 let ahead = timestamp.saturating_sub(metric::now());
-                if u128::from(ahead) > AHEAD.as_millis() {
+                if u128::from(ahead) > MAX_CLOCK_LEAD.as_millis() {
                     self.counts.ahead += 1;
-                    let most = AHEAD.as_secs();
-                    return Event::Strange(format!(
+                    let most = MAX_CLOCK_LEAD.as_secs();
+                    return Event::Malformed(format!(
                         "ignored a STATE of {host}, dated more than {most} s ahead: set the clock of the host application or of this machine"
                     ));
                 }
@@ -353,8 +355,8 @@ impl Uplink {
                 }
                 Event::None
             }
-            Received::Strange(why) => Event::Strange(why),
-            Received::Nothing => Event::None,
+            NodeMessage::Malformed(why) => Event::Malformed(why),
+            NodeMessage::Nothing => Event::None,
         }
     }
 
@@ -420,7 +422,7 @@ impl Uplink {
     /// Adds to `batch` the changes that must be written before [`turn`](Self::turn): the number of a connection that is due,
     /// and the removal of dropped records. Returns how many are of cells that do not exist any more, and those that the broker
     /// refuses.
-    pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> (u64, Vec<Apart>) {
+    pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> (u64, Vec<DroppedRecord>) {
         if let Phase::Offline { until } = self.phase
             && until <= Instant::now()
             && !ends
@@ -444,9 +446,9 @@ impl Uplink {
     /// If the store cannot be read.
     pub fn turn(
         &mut self,
-        (store, words): (&mut Store, &Words),
+        (store, words): (&mut Store, &NameNumbers),
         cells: &mut [Cell],
-        places: &Places,
+        places: &CellIndices,
     ) -> Result<Option<String>> {
         let is_due = self.due().is_some_and(|due| due <= Instant::now());
         match &self.phase {
@@ -473,7 +475,7 @@ impl Uplink {
     }
 
     fn open(&mut self) -> Result<()> {
-        if let Some(Place { host, port, url }) = self.brokers.get(self.broker) {
+        if let Some(BrokerAddress { host, port, url }) = self.brokers.get(self.broker) {
             let is_another = (&self.options.host, self.options.port) != (host, *port);
             (self.options.host, self.options.port, self.options.url) = (host.clone(), *port, url.clone());
             // The time of a state at another broker does not count here.
@@ -485,7 +487,7 @@ impl Uplink {
         let session = Session::open(&self.options, move |happened| {
             let _ = hub.send(Input::Broker(generation, happened));
         })?;
-        self.phase = Phase::Opening { session, until: Instant::now() + PATIENCE };
+        self.phase = Phase::Opening { session, until: Instant::now() + ATTEMPT_TIMEOUT };
         Ok(())
     }
 }

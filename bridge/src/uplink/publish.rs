@@ -4,15 +4,15 @@ use std::time::Instant;
 
 use anyhow::Result;
 
-use super::{Flying, Phase, Places, Uplink};
+use super::{CellIndices, InFlight, Phase, Uplink};
 use crate::broker::Session;
 use crate::cell::Cell;
-use crate::compact::Words;
+use crate::compact::NameNumbers;
 use crate::metric::{self, CONNECTED, DETAIL, Definition, EVENT};
 use crate::node::{Node, Publication};
 use crate::payload::{Metric, Quality};
 use crate::plain;
-use crate::refusals::Apart;
+use crate::refusals::DroppedRecord;
 use crate::store::Store;
 
 /// The number of records that are on their way at once.
@@ -24,9 +24,9 @@ impl Uplink {
     /// Publishes births, records and deaths, as long as there is room.
     pub(super) fn publish(
         &mut self,
-        (store, words): (&mut Store, &Words),
+        (store, words): (&mut Store, &NameNumbers),
         cells: &mut [Cell],
-        places: &Places,
+        places: &CellIndices,
     ) -> Result<()> {
         let is_done = self.publish_births(store, cells)
             && self.publish_trials((store, words), cells)?
@@ -62,7 +62,11 @@ impl Uplink {
     }
 
     /// Publishes one record of each cell that is held and due. Returns false if there is no free space for more.
-    fn publish_trials(&mut self, (store, words): (&mut Store, &Words), cells: &mut [Cell]) -> Result<bool> {
+    fn publish_trials(
+        &mut self,
+        (store, words): (&mut Store, &NameNumbers),
+        cells: &mut [Cell],
+    ) -> Result<bool> {
         while let Some((place, key)) = self.holds.due(Instant::now()) {
             let stored = store.records(key, 1)?.into_iter().find(|(found, _)| *found == key);
             let record = stored.and_then(|(_, bytes)| words.unpack(&bytes));
@@ -81,9 +85,9 @@ impl Uplink {
     /// more.
     fn publish_records(
         &mut self,
-        (store, words): (&mut Store, &Words),
+        (store, words): (&mut Store, &NameNumbers),
         cells: &mut [Cell],
-        places: &Places,
+        places: &CellIndices,
     ) -> Result<bool> {
         while self.flight.len() < IN_FLIGHT {
             let records = store.records(self.next, CHUNK)?;
@@ -151,7 +155,7 @@ impl Uplink {
         let length = Session::packet_len(&topic, &payload, self.acknowledged);
         if length > self.longest {
             self.holds.forget(place, key);
-            self.apart.push(Apart { key, place, why: "PacketTooLarge".into() });
+            self.apart.push(DroppedRecord { key, place, why: "PacketTooLarge".into() });
             return true;
         }
         if !session.publish(&topic, payload, self.acknowledged, Some(key)) {
@@ -159,7 +163,7 @@ impl Uplink {
         }
         self.node.published();
         self.counts.published += 1;
-        self.flight.insert(key, Flying { place, length });
+        self.flight.insert(key, InFlight { place, length });
         self.holds.tried(place, key);
         true
     }

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 use val2_alter::timing::transmission_time;
 
 use super::port::Port;
@@ -116,24 +116,24 @@ impl Transport for Handshake {
         self.port.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if !self.requests.is_empty() {
             let length = self.requests.len().min(buffer.len());
             for (place, byte) in buffer.iter_mut().zip(self.requests.drain(..length)) {
                 *place = byte;
             }
-            return Ok(Received::Bytes(length));
+            return Ok(ReceiveOutcome::Bytes(length));
         }
         Ok(match self.read(wait.limit.unwrap_or_default(), buffer) {
-            0 => Received::Nothing,
-            length => Received::Bytes(length),
+            0 => ReceiveOutcome::Nothing,
+            length => ReceiveOutcome::Bytes(length),
         })
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.waiting.extend(bytes);
         self.write_piece(self.port.now());
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {

@@ -16,6 +16,7 @@
 
 mod config;
 mod context;
+mod echo;
 mod filter;
 mod gripper;
 mod handshake;
@@ -24,7 +25,6 @@ mod messages;
 pub mod operator;
 mod port;
 mod profile;
-mod returned;
 mod robot;
 mod sample;
 mod viewer;
@@ -34,7 +34,7 @@ pub use config::{LIMITS, TeleopConfig, host_config};
 pub use filter::{Axes, Filter};
 pub use messages::{Notification, Order, lost_text};
 pub use port::PortConfig;
-pub use profile::{Profile, Source};
+pub use profile::{AxisSource, Profile};
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -45,7 +45,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 
 use self::context::{Context, write_traces};
-use self::input::Hand;
+use self::input::InputThread;
 use self::sample::Jog;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::Trace;
@@ -53,7 +53,7 @@ use cellwire_io::trace::Trace;
 /// The number of reports that may wait for the screen; more are dropped: the control loop never waits.
 const NOTIFICATIONS: usize = 4096;
 /// A thread that does not end is left alone after this time: it may hang in a driver.
-const PATIENCE: Duration = Duration::from_secs(1);
+const JOIN_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The running host. It ends when it is dropped, without coming to rest: [`Order::End`] does that.
 #[derive(Debug)]
@@ -111,7 +111,7 @@ impl Teleop {
         let (ball_probe, ball_probe_in) = channel();
         let (viewer_probe, viewer_probe_in) = channel();
         let robot = robot::Robot::open(&config, context(&traces.robot), orders_in, poses)?;
-        let mut hand = Hand::open(
+        let mut hand = InputThread::open(
             &config.input,
             config.polls,
             config.record.as_ref(),
@@ -179,7 +179,7 @@ impl Teleop {
     /// Ends the threads, each with its trace.
     pub fn end(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + JOIN_TIMEOUT;
         while self.threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < end {
             thread::sleep(Duration::from_millis(1));
         }

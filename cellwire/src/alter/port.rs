@@ -8,16 +8,16 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Serial, Session, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Serial, Session, Transport, Wait};
 
 use super::context::Context;
+use super::echo::EchoDetector;
 use super::messages::Notification;
-use super::returned::Returned;
 use cellwire_io::latency::Deadline;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial;
 use cellwire_io::tcp::Dialing;
-use cellwire_io::trace::Way;
+use cellwire_io::trace::TraceDirection;
 
 /// A serial port by its path, or `HOST:PORT`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,8 +46,8 @@ pub(super) struct Port {
     lost: Sender<Opened>,
     opened: Receiver<Opened>,
     /// The entries for the trace, which are written when its lock is free.
-    untraced: VecDeque<(Duration, Way, Vec<u8>)>,
-    returned: Returned,
+    untraced: VecDeque<(Duration, TraceDirection, Vec<u8>)>,
+    returned: EchoDetector,
     /// When bytes were read last.
     pub(super) read_at: Duration,
     /// When bytes were written last.
@@ -81,7 +81,7 @@ impl Port {
             lost,
             opened,
             untraced: VecDeque::new(),
-            returned: Returned::default(),
+            returned: EchoDetector::default(),
             read_at: Duration::ZERO,
             written_at: Duration::ZERO,
             discard_after: None,
@@ -116,9 +116,9 @@ impl Port {
         let (mut length, mut wait) = (0, wait.max(LEAST_WAIT));
         while let Some(rest) = buffer.get_mut(length..).filter(|rest| !rest.is_empty()) {
             match port.receive(rest, Wait::limited(wait)) {
-                Ok(Received::Bytes(n)) => length += n,
-                Ok(Received::Nothing) => {}
-                Ok(Received::Closed) => {
+                Ok(ReceiveOutcome::Bytes(n)) => length += n,
+                Ok(ReceiveOutcome::Nothing) => {}
+                Ok(ReceiveOutcome::Closed) => {
                     self.lose(&ErrorKind::UnexpectedEof.into());
                     break;
                 }
@@ -136,7 +136,7 @@ impl Port {
             self.read_at = self.context.clock.now();
             let bytes = buffer.get(..length).unwrap_or_default();
             self.returned.read(bytes);
-            self.keep(self.read_at, Way::Received, bytes);
+            self.keep(self.read_at, TraceDirection::Received, bytes);
         }
         length
     }
@@ -160,14 +160,14 @@ impl Port {
         }
         self.written_at = self.context.clock.now();
         self.returned.sent(bytes);
-        self.keep(self.written_at, Way::Sent, bytes);
+        self.keep(self.written_at, TraceDirection::Sent, bytes);
         true
     }
 
     /// Passes the read and written bytes on to the trace, unless the screen or the disk is using it: then next time.
     pub(super) fn trace(&mut self) {
-        while let Some((at, way, bytes)) = self.untraced.front() {
-            if !self.context.trace.try_add(*at, *way, bytes) {
+        while let Some((at, direction, bytes)) = self.untraced.front() {
+            if !self.context.trace.try_add(*at, *direction, bytes) {
                 return;
             }
             self.untraced.pop_front();
@@ -176,8 +176,8 @@ impl Port {
 
     /// Passes the rest on to the trace, when there is no other work.
     pub(super) fn trace_all(&mut self) {
-        for (at, way, bytes) in self.untraced.drain(..) {
-            self.context.trace.add(at, way, &bytes);
+        for (at, direction, bytes) in self.untraced.drain(..) {
+            self.context.trace.add(at, direction, &bytes);
         }
     }
 
@@ -198,11 +198,11 @@ impl Port {
         }
     }
 
-    fn keep(&mut self, at: Duration, way: Way, bytes: &[u8]) {
+    fn keep(&mut self, at: Duration, direction: TraceDirection, bytes: &[u8]) {
         if self.untraced.len() == UNTRACED {
             self.untraced.pop_front();
         }
-        self.untraced.push_back((at, way, bytes.to_vec()));
+        self.untraced.push_back((at, direction, bytes.to_vec()));
     }
 
     fn lose(&mut self, error: &io::Error) {
@@ -238,16 +238,16 @@ impl Transport for Port {
         self.context.clock.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         Ok(match self.read(wait.limit.unwrap_or(LEAST_WAIT), buffer) {
-            0 => Received::Nothing,
-            length => Received::Bytes(length),
+            0 => ReceiveOutcome::Nothing,
+            length => ReceiveOutcome::Bytes(length),
         })
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.write(bytes);
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 
     fn discard_after(&mut self, after: Duration) -> io::Result<()> {

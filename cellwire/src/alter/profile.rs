@@ -6,7 +6,7 @@ use val2_alter::{AXES, Accumulation, Limits, Mode, Scale};
 
 use super::filter::{Axes, Filter};
 use super::sample::{FULL, Sample};
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The conversion of the hand's values to targets of the robot. Signs and units of both ends are open in the source, so try it
 /// slowly.
@@ -21,7 +21,7 @@ pub struct Profile {
     /// The speed of each axis of the robot, in percent of `speed`: -200 to 200. A negative one turns the axis round.
     pub gain: [i16; AXES],
     /// The axis of the input that each axis of the robot follows.
-    pub axes: [Source; AXES],
+    pub axes: [AxisSource; AXES],
     /// Non-cumulative ALTER: the distance off the path that full deflection asks for, in mm.
     pub reach_mm: u16,
     /// Non-cumulative ALTER: the turn off the path that full deflection asks for, in degrees.
@@ -34,14 +34,14 @@ pub struct Profile {
 
 /// An axis of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Source {
+pub struct AxisSource {
     /// X, Y, Z, RX, RY, RZ as 0 to 5; `None`: the robot's axis stays where it is.
     pub axis: Option<u8>,
     /// Whether the axis is reversed.
     pub is_inverted: bool,
 }
 
-impl Source {
+impl AxisSource {
     /// The names of the axes.
     pub const NAMES: [&'static str; AXES] = ["x", "y", "z", "rx", "ry", "rz"];
 
@@ -60,12 +60,12 @@ impl Profile {
             speed,
             gain: [100; AXES],
             axes: [
-                Source::same(0),
-                Source::same(1),
-                Source::same(2),
-                Source::same(3),
-                Source::same(4),
-                Source::same(5),
+                AxisSource::same(0),
+                AxisSource::same(1),
+                AxisSource::same(2),
+                AxisSource::same(3),
+                AxisSource::same(4),
+                AxisSource::same(5),
             ],
             reach_mm: 50,
             reach_degrees: 10,
@@ -120,7 +120,7 @@ impl Profile {
 }
 
 impl Configure for Profile {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let choices = [("all", Axes::All), ("tra", Axes::Translation), ("rot", Axes::Rotation)];
         fields.choice("filter", &choices, "the axes that pass", &mut self.filter.axes);
         let about = "pass only the strongest axis";
@@ -142,7 +142,7 @@ impl Configure for Profile {
     }
 }
 
-impl Source {
+impl AxisSource {
     fn name(self) -> String {
         let name = self.axis.and_then(|axis| Self::NAMES.get(usize::from(axis)));
         match name {
@@ -152,13 +152,13 @@ impl Source {
     }
 }
 
-impl Serialize for Source {
+impl Serialize for AxisSource {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(&self.name())
     }
 }
 
-impl<'de> Deserialize<'de> for Source {
+impl<'de> Deserialize<'de> for AxisSource {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = String::deserialize(deserializer)?;
         let (is_inverted, name) = match text.strip_prefix('-') {
@@ -202,12 +202,12 @@ mod tests {
     fn axes_are_exchanged_turned_round_weighed_and_left_out() {
         let mut profile = Profile::for_limits(Limits::GENTLE, 100);
         profile.axes = [
-            Source { axis: Some(1), is_inverted: false },
-            Source { axis: Some(0), is_inverted: true },
-            Source { axis: None, is_inverted: false },
-            Source::same(3),
-            Source::same(3),
-            Source::same(5),
+            AxisSource { axis: Some(1), is_inverted: false },
+            AxisSource { axis: Some(0), is_inverted: true },
+            AxisSource { axis: None, is_inverted: false },
+            AxisSource::same(3),
+            AxisSource::same(3),
+            AxisSource::same(5),
         ];
         profile.gain = [100, 100, 100, 50, -200, 100];
         let pushed = sample([1000, 500, 1000, 1000, 1000, 0]);
@@ -234,7 +234,7 @@ mod tests {
         let profile = read(text).unwrap();
         assert_eq!(profile.filter, Filter { axes: Axes::Translation, dominant: true });
         assert_eq!((profile.dead_zone, profile.gain), (10, [50, 100, -100, 0, 0, 0]));
-        let names = profile.axes.map(Source::name);
+        let names = profile.axes.map(AxisSource::name);
         assert_eq!(names, ["y", "-x", "z", "none", "rx", "rz"]);
         let error = |text| read(text).unwrap_err().to_string();
         assert!(error("axes = ['x', 'y', 'z', 'rx', 'ry', 'up']").contains("there is no axis `up`"));

@@ -20,7 +20,7 @@ use super::port::Port;
 use super::profile::Profile;
 use super::sample::Sample;
 use cellwire_io::latency::Deadline;
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 
 /// Orders are looked at this often while the robot is silent.
 const IDLE: Duration = Duration::from_millis(20);
@@ -76,7 +76,7 @@ impl Robot {
     }
 
     pub(super) fn run(mut self) {
-        self.context.notify(Notification::Priority(priority::raise(Rank::Reply)));
+        self.context.notify(Notification::Priority(priority::raise(ThreadRole::Reply)));
         while !self.context.is_stopped() && self.latch != Latch::Ended {
             self.obey();
             self.follow_port();

@@ -33,12 +33,12 @@ pub struct Args {
     #[arg(long, value_name = "ROLE")]
     role: Vec<String>,
     /// The time for which they are valid
-    #[arg(long = "for", value_name = "TIME", default_value = "365d", value_parser = time(Duration::from_secs(1)..=LONGEST))]
+    #[arg(long = "for", value_name = "TIME", default_value = "365d", value_parser = time(Duration::from_secs(1)..=MAX_VALIDITY))]
     valid: Duration,
 }
 
 /// The longest time of a certificate: 20 years.
-const LONGEST: Duration = Duration::from_secs(20 * 365 * 86_400);
+const MAX_VALIDITY: Duration = Duration::from_secs(20 * 365 * 86_400);
 
 const EXAMPLES: &str = "\
 Examples:

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde_json::{Map, Value};
 
 use super::settings::SetArgs;
-use crate::demo::table::{self, Judged, Layout};
+use crate::demo::table::{self, DemoResult, Layout};
 use crate::demo::{self, DemoOptions, MustFail};
 use crate::devices::link_parser;
 use crate::io::line::Lines;
@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(value_parser = link_parser())]
     links: Vec<&'static Link>,
     /// End each link after this time [default: each link's own short run]
-    #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(100)..=MOST))]
+    #[arg(long = "for", value_name = "TIME", value_parser = time(Duration::from_millis(100)..=MAX_DURATION))]
     duration: Option<Duration>,
     /// Inject the faults that the link's transport can have
     #[arg(long)]
@@ -65,7 +65,7 @@ pub struct Args {
 }
 
 /// The longest demo.
-const MOST: Duration = Duration::from_secs(600);
+const MAX_DURATION: Duration = Duration::from_secs(600);
 
 /// Returns true when all checks of every link passed.
 pub fn run(args: &Args) -> Result<bool> {
@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let known = links.first().map_or_else(Vec::new, |link| demo::settings(link.short));
     let settings = args.set.read(&known)?;
     interrupt::on_interrupt(Policy::End)?;
-    let (mut all, mut out): (Vec<Judged>, _) = (Vec::new(), stdout());
+    let (mut all, mut out): (Vec<DemoResult>, _) = (Vec::new(), stdout());
     let layout = Layout::new(terminal_columns());
     let mut rest = links.as_slice();
     while let Some((link, others)) = rest.split_first() {
@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> Result<bool> {
         for report in reports {
             let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
             let picture = options.out.clone().filter(|_| report.summary().0 == link.short);
-            let judged = Judged { report, check_times, picture };
+            let judged = DemoResult { report, check_times, picture };
             if all.is_empty() && !args.json {
                 let links = counted(links.len(), "robot link");
                 write!(out, "{links}, simulated. Nothing real moves.\n\n{}", layout.head())?;
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> Result<bool> {
     if !args.json {
         end(args, layout, &all, &mut out)?;
     }
-    Ok(all.iter().all(Judged::is_good))
+    Ok(all.iter().all(DemoResult::is_good))
 }
 
 /// Returns the options of a link's demo. Its progress line is cleared when a signal ends the demo.
@@ -149,7 +149,7 @@ fn options(args: &Args, link: &'static str, settings: Map<String, Value>) -> Dem
 }
 
 /// Prints the result of a link.
-fn tell(args: &Args, layout: Layout, judged: &Judged, out: &mut impl Write) -> Result<()> {
+fn tell(args: &Args, layout: Layout, judged: &DemoResult, out: &mut impl Write) -> Result<()> {
     if args.json {
         return Ok(writeln!(out, "{}", judged.to_json())?);
     }
@@ -185,7 +185,7 @@ fn again(args: &Args, link: &str) -> String {
 }
 
 /// Prints the common result of all rows.
-fn end(args: &Args, layout: Layout, all: &[Judged], out: &mut impl Write) -> Result<()> {
+fn end(args: &Args, layout: Layout, all: &[DemoResult], out: &mut impl Write) -> Result<()> {
     let pictures = table::pictures(layout, args.out.as_deref(), all);
     write!(out, "\n{}\n{}\n{pictures}", table::verdict(layout, all), layout.legend(all))?;
     match table::failed(all) {

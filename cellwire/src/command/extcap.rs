@@ -5,8 +5,8 @@ use std::thread;
 
 use anyhow::{Context as _, Result};
 
-use super::tap::{Last, Way, WayArgs, join};
-use crate::io::capture::write::{Ended, Writer};
+use super::tap::{CaptureCloser, TapTransport, TapTransportArgs, join};
+use crate::io::capture::write::{CaptureEnd, Writer};
 use crate::io::tap::Watch;
 use cellwire_io::interrupt::{Policy, on_interrupt};
 use cellwire_io::output::{self, remark};
@@ -51,7 +51,7 @@ pub struct Args {
     #[arg(long, value_name = "PIPE")]
     fifo: Option<PathBuf>,
     #[command(flatten)]
-    way: WayArgs,
+    transport: TapTransportArgs,
 }
 
 const INTERFACES: &str = concat!(
@@ -86,23 +86,23 @@ pub fn run(args: &Args) -> Result<bool> {
         print!("{OPTIONS}");
     } else {
         let pipe = args.fifo.as_deref().context("this command is run by Wireshark: see --help")?;
-        capture(&args.way, pipe)?;
+        capture(&args.transport, pipe)?;
     }
     Ok(true)
 }
 
-fn capture(args: &WayArgs, pipe: &std::path::Path) -> Result<()> {
-    let way = Way::open(args)?;
+fn capture(args: &TapTransportArgs, pipe: &std::path::Path) -> Result<()> {
+    let transport = TapTransport::open(args)?;
     on_interrupt(Policy::End)?;
     let mut watch = Watch::default();
     let seen = watch.add();
-    let written = Last::default().of(&watch);
+    let written = CaptureCloser::default().of(&watch);
     let writer = Writer::into_pipe(pipe, "cellwire")?;
     thread::scope(|scope| {
-        let passing = scope.spawn(move || way.pass(args, &watch));
+        let passing = scope.spawn(move || transport.pass(args, &watch));
         let ended = writer.record(&seen);
         let _ = written.send(ended);
-        if ended == Ended::Unread {
+        if ended == CaptureEnd::Unread {
             // The threads that pass bytes on wait for them.
             remark("the capture has ended, and the tap with it");
             output::finish();

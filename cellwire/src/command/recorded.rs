@@ -27,14 +27,14 @@ pub(super) struct Conversation {
     name: String,
     /// The server's port, or 0.
     port: u16,
-    place: Place,
+    place: ConversationKey,
     /// In the order of the capture.
-    pub(super) sent: Vec<Sent>,
+    pub(super) sent: Vec<SentBytes>,
 }
 
 /// The key that distinguishes conversations.
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Place {
+enum ConversationKey {
     /// The ends of a network, the client's first, and the how manyth connection it is.
     Network(Flow, u64),
     /// A line that was recorded at one end.
@@ -43,7 +43,7 @@ enum Place {
 
 /// Something that an end sent.
 #[derive(Debug)]
-pub(super) struct Sent {
+pub(super) struct SentBytes {
     /// Since the first.
     pub(super) at: Duration,
     /// The direction is the client's, or that of the end that recorded the line.
@@ -62,7 +62,7 @@ impl ConversationArgs {
         let (format, input) = self.source.open()?;
         let mut all = match self.source.reading(format) {
             Some(reading) => {
-                let mut collecting = Collecting::default();
+                let mut collecting = ConversationCollector::default();
                 let (summary, _) = connections::read(input, &reading, &mut collecting)?;
                 report(&summary);
                 if collecting.faults > 0 {
@@ -117,15 +117,17 @@ impl Conversation {
     /// If the trace is not one of the link.
     pub(super) fn parties(&self, link: &Link) -> Result<[Party; 2]> {
         let sides = match &self.place {
-            Place::Network(..) => [true, false].map(|is_client| (link.sender)(is_client, self.port)),
-            Place::Kept(Line::Trace(name)) => {
+            ConversationKey::Network(..) => {
+                [true, false].map(|is_client| (link.sender)(is_client, self.port))
+            }
+            ConversationKey::Kept(Line::Trace(name)) => {
                 let sides = [true, false].map(|by_keeper| link.traced(name, by_keeper));
                 let [Some(sent), Some(received)] = sides else {
                     bail!("`{name}` is not an end of {}", link.short)
                 };
                 [sent, received]
             }
-            Place::Kept(_) => [link.keeper(None, true)?, link.keeper(None, false)?],
+            ConversationKey::Kept(_) => [link.keeper(None, true)?, link.keeper(None, false)?],
         };
         let [first, second] = sides;
         let [first, second] =
@@ -168,13 +170,13 @@ pub(super) struct Party {
 
 impl Party {
     /// Returns whether the end has sent bytes.
-    pub(super) fn has_sent(self, sent: &Sent) -> bool {
+    pub(super) fn has_sent(self, sent: &SentBytes) -> bool {
         sent.is_first == self.is_first
     }
 }
 
 #[derive(Default)]
-struct Collecting {
+struct ConversationCollector {
     all: Vec<Conversation>,
     faults: usize,
     /// The time of the last packet.
@@ -188,7 +190,7 @@ struct Direction {
     has_gap: bool,
 }
 
-impl Directions for Collecting {
+impl Directions for ConversationCollector {
     type Direction = Direction;
 
     fn pass_time(&mut self, at: Duration) -> Result<()> {
@@ -202,7 +204,7 @@ impl Directions for Collecting {
             Flow::Tcp(from, to) => {
                 let (client, server) = ordered(from, to);
                 (
-                    Place::Network(Flow::Tcp(client, server), connection),
+                    ConversationKey::Network(Flow::Tcp(client, server), connection),
                     format!("TCP {client} > {server}"),
                     server.port(),
                 )
@@ -210,12 +212,12 @@ impl Directions for Collecting {
             Flow::Udp(from, to) => {
                 let (client, server) = ordered(from, to);
                 (
-                    Place::Network(Flow::Udp(client, server), connection),
+                    ConversationKey::Network(Flow::Udp(client, server), connection),
                     format!("UDP {client} > {server}"),
                     server.port(),
                 )
             }
-            Flow::Kept(line, _) => (Place::Kept(line), line.to_string(), 0),
+            Flow::Kept(line, _) => (ConversationKey::Kept(line), line.to_string(), 0),
             // One direction, or both at once.
             Flow::Serial(_) => return Ok(None),
         };
@@ -231,7 +233,12 @@ impl Directions for Collecting {
             Piece::Bytes(bytes) => {
                 if let Some(conversation) = self.all.get_mut(direction.index) {
                     let (is_first, after_gap) = (direction.is_first, direction.has_gap);
-                    conversation.sent.push(Sent { at: self.now, is_first, bytes: bytes.to_vec(), after_gap });
+                    conversation.sent.push(SentBytes {
+                        at: self.now,
+                        is_first,
+                        bytes: bytes.to_vec(),
+                        after_gap,
+                    });
                 }
                 direction.has_gap = false;
             }

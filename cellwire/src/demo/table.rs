@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::report::{Done, Report, was, were};
+use crate::report::{ExecutedWork, Report, was, were};
 use cellwire_io::output::{counted, wrapped};
 use cellwire_sim::ledger::Counts;
 
@@ -50,12 +50,12 @@ impl Layout {
     }
 
     /// Returns the legend of the columns, for the signs in the rows.
-    pub fn legend(self, all: &[Judged]) -> String {
-        let done = |is: fn(&Done) -> bool| all.iter().any(|it| is(&it.report.summary().2));
-        let streams = done(|done| matches!(done, Done::Stream { .. }));
+    pub fn legend(self, all: &[DemoResult]) -> String {
+        let done = |is: fn(&ExecutedWork) -> bool| all.iter().any(|it| is(&it.report.summary().2));
+        let streams = done(|done| matches!(done, ExecutedWork::Stream { .. }));
         let mut legend = String::from("done: executed, as the simulated robot counted");
         legend.push_str(if streams { "; of a stream, messages in order." } else { "." });
-        if done(|done| matches!(done, Done::Stream { lost: 1.., may_lose: true, .. })) {
+        if done(|done| matches!(done, ExecutedWork::Stream { lost: 1.., may_lose: true, .. })) {
             legend.push_str("\n(n): may be lost, the next message brings the same values.");
         }
         if streams {
@@ -90,7 +90,7 @@ const NEXT: [(&str, &str); 3] = [
 
 /// The demo of a link, judged.
 #[derive(Debug)]
-pub struct Judged {
+pub struct DemoResult {
     /// The measurements of the run.
     pub report: Report,
     /// Whether a time above its budget is a failure.
@@ -99,7 +99,7 @@ pub struct Judged {
     pub picture: Option<PathBuf>,
 }
 
-impl Judged {
+impl DemoResult {
     /// Returns whether all checks passed.
     pub fn is_good(&self) -> bool {
         self.report.is_good() && (self.report.is_in_time() || !self.check_times)
@@ -114,8 +114,10 @@ impl Judged {
             (true, true) => "ok",
         };
         let (count, lost, twice) = match done {
-            Done::Jobs(jobs, _) => (jobs.executed_once, jobs.lost.to_string(), jobs.repeated.to_string()),
-            Done::Stream { done, lost, may_lose } => {
+            ExecutedWork::Jobs(jobs, _) => {
+                (jobs.executed_once, jobs.lost.to_string(), jobs.repeated.to_string())
+            }
+            ExecutedWork::Stream { done, lost, may_lose } => {
                 let lost = if may_lose && lost > 0 { format!("({lost})") } else { lost.to_string() };
                 (done, lost, "-".into())
             }
@@ -145,11 +147,11 @@ impl Judged {
     /// Returns the row as an object with the same keys for every link.
     pub fn to_json(&self) -> Value {
         let (link, _, done) = self.report.summary();
-        let jobs = if let Done::Jobs(jobs, altered) = done { Some((jobs, altered)) } else { None };
+        let jobs = if let ExecutedWork::Jobs(jobs, altered) = done { Some((jobs, altered)) } else { None };
         let count = |of: fn(&Counts) -> u64| jobs.map(|(jobs, _)| of(&jobs));
         let (done, lost) = match done {
-            Done::Jobs(jobs, _) => (jobs.executed_once, jobs.lost),
-            Done::Stream { done, lost, .. } => (done, lost),
+            ExecutedWork::Jobs(jobs, _) => (jobs.executed_once, jobs.lost),
+            ExecutedWork::Stream { done, lost, .. } => (done, lost),
         };
         let micros = |time: Duration| u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
         let nearest = self.report.nearest();
@@ -173,16 +175,16 @@ fn tenths(used: f64, allowed: f64) -> usize {
 }
 
 /// Returns the sum of all rows: the jobs, and the deadlines.
-pub fn verdict(layout: Layout, all: &[Judged]) -> String {
+pub fn verdict(layout: Layout, all: &[DemoResult]) -> String {
     let sentences = [jobs(all), deadlines(all)];
     sentences.iter().filter(|text| !text.is_empty()).map(|text| layout.wrapped(text, 0)).collect()
 }
 
 /// Returns the jobs of all rows; each job is in one of the counts.
-fn jobs(all: &[Judged]) -> String {
+fn jobs(all: &[DemoResult]) -> String {
     let (mut jobs, mut altered) = (Counts::default(), 0);
     for it in all {
-        if let Done::Jobs(counts, values) = it.report.summary().2 {
+        if let ExecutedWork::Jobs(counts, values) = it.report.summary().2 {
             (jobs, altered) = (jobs + counts, altered + values);
         }
     }
@@ -226,7 +228,7 @@ fn jobs(all: &[Judged]) -> String {
 }
 
 /// Returns the deadlines of all rows.
-fn deadlines(all: &[Judged]) -> String {
+fn deadlines(all: &[DemoResult]) -> String {
     let with_deadline = all.iter().filter(|it| it.report.nearest().is_some()).count();
     let late: Vec<&str> =
         all.iter().filter(|it| !it.report.is_in_time()).map(|it| it.report.summary().0).collect();
@@ -245,7 +247,7 @@ fn deadlines(all: &[Judged]) -> String {
 }
 
 /// Returns the last sentence, if a check has failed.
-pub fn failed(all: &[Judged]) -> Option<String> {
+pub fn failed(all: &[DemoResult]) -> Option<String> {
     let failed: Vec<&str> = all.iter().filter(|it| !it.is_good()).map(|it| it.report.summary().0).collect();
     match (failed.as_slice(), all.len()) {
         ([], _) => None,
@@ -255,7 +257,7 @@ pub fn failed(all: &[Judged]) -> Option<String> {
 }
 
 /// Returns the sentence about the location of the pictures.
-pub fn pictures(layout: Layout, folder: Option<&Path>, all: &[Judged]) -> String {
+pub fn pictures(layout: Layout, folder: Option<&Path>, all: &[DemoResult]) -> String {
     let Some(folder) = folder else {
         return "Pictures of what moved: cellwire demo --out FOLDER\n".into();
     };
@@ -275,7 +277,7 @@ mod tests {
 
     const WIDE: Layout = Layout { width: WIDTH };
 
-    fn judged(link: &str, late: bool, jobs: Option<Counts>) -> Judged {
+    fn judged(link: &str, late: bool, jobs: Option<Counts>) -> DemoResult {
         let mut report = Report::new(link, "a title").moves("a pen draws a picture");
         match jobs {
             Some(jobs) => report.jobs(jobs, 0),
@@ -284,7 +286,7 @@ mod tests {
         let mut samples = Samples::default();
         samples.add(Duration::from_micros(if late { 56_000 } else { 3_400 }));
         report.timing("t", "t", &samples, Some(Budget { time: Duration::from_millis(28), source: "§3.4" }));
-        Judged { report, check_times: false, picture: None }
+        DemoResult { report, check_times: false, picture: None }
     }
 
     #[test]
@@ -324,7 +326,7 @@ mod tests {
         let legend = WIDE.legend(&all[..1]);
         assert_eq!(legend.lines().next(), Some("done: executed, as the simulated robot counted."));
         assert!(!legend.contains("(n)") && !legend.contains("-: "), "{legend}");
-        let strict = Judged { check_times: true, ..judged("ball", true, None) };
+        let strict = DemoResult { check_times: true, ..judged("ball", true, None) };
         assert!(!strict.is_good() && strict.row(WIDE, "again").starts_with("FAIL ball"));
     }
 

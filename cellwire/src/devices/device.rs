@@ -4,7 +4,7 @@ use std::net::TcpListener;
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire_sim::host::{Ending, Listener, Notice, Server};
+use cellwire_sim::host::{ConnectionEnd, Listener, Notice, Server};
 use serde_json::{Map, Value};
 
 use crate::devices::control::Control;
@@ -14,7 +14,7 @@ pub use cellwire_io::endpoint::Endpoint;
 use cellwire_io::serial::PtyLink;
 use cellwire_io::tcp::{self, Dialing};
 use cellwire_io::tls::TlsArgs;
-use cellwire_io::trace::{Trace, TraceArgs, Way};
+use cellwire_io::trace::{Trace, TraceArgs, TraceDirection};
 use cellwire_links::Link;
 use cellwire_links::settings::Setting;
 
@@ -71,7 +71,7 @@ impl SimulateOptions {
     /// # Errors
     /// The listener cannot be made not to block; the files of TLS cannot be used.
     pub fn server(&self, listener: TcpListener, clock: Clock) -> Result<Server<impl Fn() -> Duration>> {
-        let look = self.control.as_ref().map(|_| LOOK);
+        let look = self.control.as_ref().map(|_| POLL_INTERVAL);
         let listener = Listener::new(listener)?;
         let (idle_timeout, tls) = (self.idle_timeout, self.tls.server()?);
         Ok(Server { idle_timeout, look, tls, ..Server::new(listener, move || clock.now()) })
@@ -81,16 +81,16 @@ impl SimulateOptions {
 /// Keeps the bytes of a notice.
 pub fn keep<E>(trace: &Trace, notice: &Notice<'_, E>) {
     match *notice {
-        Notice::Received(at, bytes) => trace.add(at, Way::Received, bytes),
-        Notice::Sent(at, bytes) => trace.add(at, Way::Sent, bytes),
+        Notice::Received(at, bytes) => trace.add(at, TraceDirection::Received, bytes),
+        Notice::Sent(at, bytes) => trace.add(at, TraceDirection::Sent, bytes),
         _ => {}
     }
 }
 
 /// Returns the end of a connection in words, with the option that has caused it.
-pub fn reason(ending: &Ending) -> String {
+pub fn reason(ending: &ConnectionEnd) -> String {
     match ending {
-        Ending::Idle { .. } => format!("{ending}, see --idle-timeout"),
+        ConnectionEnd::Idle { .. } => format!("{ending}, see --idle-timeout"),
         ending => ending.to_string(),
     }
 }
@@ -127,4 +127,4 @@ pub fn serve(
 }
 
 /// The interval at which a stop, a client that comes or goes, and commands are looked for.
-pub const LOOK: Duration = Duration::from_millis(10);
+pub const POLL_INTERVAL: Duration = Duration::from_millis(10);

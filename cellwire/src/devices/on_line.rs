@@ -4,12 +4,12 @@ use std::io;
 use std::time::Duration;
 
 use anyhow::Result;
-use cellwire_sim::host::{Change, Ending, Endpoint, Hosted, Notice, State, attend};
-use robot_session::{Received, Sent, Transport, Wait};
+use cellwire_sim::host::{Change, ConnectionEnd, Endpoint, HostedSession, Notice, State, attend};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
-use crate::devices::device::LOOK;
+use crate::devices::device::POLL_INTERVAL;
 use crate::io::line::Line;
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 
 /// A transport over a line.
 pub trait OverLine: Transport {
@@ -51,15 +51,15 @@ pub enum Presence {
 ///
 /// # Errors
 /// The errors of `observe`.
-pub fn on_line<S: Hosted>(
+pub fn on_line<S: HostedSession>(
     session: &mut S,
     line: impl OverLine,
     presence: Presence,
     goes_on: impl FnMut() -> bool,
     observe: impl FnMut(&mut S, Notice<'_, S::Event>) -> Result<()>,
 ) -> Result<()> {
-    priority::raise(Rank::Hardware);
-    attend(session, OnLine { transport: line, presence, left: 0 }, LOOK, goes_on, observe)
+    priority::raise(ThreadRole::Hardware);
+    attend(session, OnLine { transport: line, presence, left: 0 }, POLL_INTERVAL, goes_on, observe)
 }
 
 struct OnLine<T> {
@@ -89,14 +89,14 @@ impl<T: OverLine> Endpoint for OnLine<T> {
             };
         Ok(match (device.is_connected, is_there) {
             (false, true) => Some(Change::Connected(String::new())),
-            (true, false) => Some(Change::Disconnected(Ending::ByPeer)),
+            (true, false) => Some(Change::Disconnected(ConnectionEnd::ByPeer)),
             _ => None,
         })
     }
 
-    fn end(&mut self, ending: &Ending) -> bool {
+    fn end(&mut self, ending: &ConnectionEnd) -> bool {
         self.transport.line().hang_up();
-        matches!(ending, Ending::ByDevice(_))
+        matches!(ending, ConnectionEnd::ByDevice(_))
     }
 }
 
@@ -105,11 +105,11 @@ impl<T: OverLine> Transport for OnLine<T> {
         self.transport.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         self.transport.receive(buffer, wait)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.transport.send(bytes)
     }
 }

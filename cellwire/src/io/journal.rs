@@ -97,7 +97,7 @@ impl fmt::Display for Tally {
 /// An entry could not be written: the disk is full, for example.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write the journal {}: {why}; it lacks: {entry}", .path.display())]
-pub struct Unwritten {
+pub struct JournalWriteError {
     path: PathBuf,
     why: io::Error,
     entry: String,
@@ -276,11 +276,11 @@ impl<R: Record> Journal<R> {
     /// Writes an entry, safely on the disk.
     ///
     /// # Errors
-    /// [`Unwritten`] if the disk does not accept it.
+    /// [`JournalWriteError`] if the disk does not accept it.
     pub fn note(&mut self, entry: &R::Entry) -> Result<()> {
         self.write_head().and_then(|()| self.append(entry)).map_err(|why| {
             let path = self.path.clone();
-            Unwritten { path, why, entry: entry.to_string() }
+            JournalWriteError { path, why, entry: entry.to_string() }
         })?;
         self.record.take(entry).context("the journal's entries do not fit: please report this as a bug")
     }

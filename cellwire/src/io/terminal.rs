@@ -19,7 +19,7 @@ use ratatui::prelude::CrosstermBackend;
 use cellwire_io::output;
 
 /// A terminal that does not take the end of the alternate screen in this time is not awaited.
-const PATIENCE: Duration = Duration::from_millis(500);
+const RESTORE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// The terminal while it shows pictures.
 #[allow(missing_debug_implementations, reason = "it holds a terminal")]
@@ -75,7 +75,7 @@ pub fn leave() {
         let _ = execute!(io::stdout(), LeaveAlternateScreen, Show);
         let _ = done.send(());
     });
-    let _ = wait.recv_timeout(PATIENCE);
+    let _ = wait.recv_timeout(RESTORE_TIMEOUT);
 }
 
 /// Collects the output of a picture until it is complete.
@@ -128,9 +128,9 @@ mod tests {
     const GONE: u8 = 2;
 
     /// A terminal that takes nothing while it is blocked.
-    struct Stopped(Arc<AtomicU8>, Arc<Mutex<Vec<u8>>>);
+    struct BlockedTerminal(Arc<AtomicU8>, Arc<Mutex<Vec<u8>>>);
 
-    impl Write for Stopped {
+    impl Write for BlockedTerminal {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             while self.0.load(Ordering::Acquire) == BLOCKED {
                 thread::sleep(Duration::from_millis(1));
@@ -212,7 +212,7 @@ mod tests {
         let (gate, shown) = (Arc::new(AtomicU8::new(BLOCKED)), Arc::new(Mutex::new(Vec::new())));
         let (pictures, to_write) = sync_channel(1);
         let (free, failed) = (Arc::clone(&is_free), Arc::clone(&has_failed));
-        let mut out = Stopped(Arc::clone(&gate), Arc::clone(&shown));
+        let mut out = BlockedTerminal(Arc::clone(&gate), Arc::clone(&shown));
         let writer = thread::spawn(move || write(&to_write, &mut out, &free, &failed));
         let mut picture = Picture { bytes: Vec::new(), pictures, is_free: Arc::clone(&is_free) };
         let wait_until_free = || {

@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::io::journal::Tally;
-use cellwire_io::input::Typed;
+use cellwire_io::input::OperatorInput;
 use cellwire_io::output::{admits, remark};
 
 /// After a signal, the longest wait for the machine to stop by itself.
@@ -23,7 +23,7 @@ pub const STOP_WITHIN: Duration = Duration::from_secs(30);
 pub const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// The interval at which a question looks for its answer.
-const LOOK: Duration = Duration::from_millis(50);
+const ANSWER_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The longest wait for the end of a standard input that is not a keyboard.
 pub const KEYBOARD_WITHIN: Duration = Duration::from_millis(200);
@@ -50,7 +50,7 @@ impl Bounds {
 
 /// The answer of the command line for parts that an earlier run has left unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Answer {
+pub enum ResumeChoice {
     /// All unknown parts are done.
     Done,
     /// No unknown part is done: all are repeated.
@@ -59,7 +59,7 @@ pub enum Answer {
     Last(usize),
 }
 
-impl Answer {
+impl ResumeChoice {
     /// Returns how many of `count` unknown parts, the first of which has the index `first`, are done; `None` for a number that is
     /// neither one of these parts nor the part before the first.
     pub fn done(self, first: usize, count: usize) -> Option<usize> {
@@ -71,7 +71,7 @@ impl Answer {
     }
 }
 
-impl FromStr for Answer {
+impl FromStr for ResumeChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -86,7 +86,7 @@ impl FromStr for Answer {
 
 /// An answer of the operator: of the parts in question, the first `done` are done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Answered {
+pub struct ResumeAnswer {
     /// The index of the first part in question.
     pub first: usize,
     /// The number of parts in question.
@@ -106,11 +106,11 @@ pub struct Console<'a> {
     pub aborting: bool,
     /// The parts that are asked about: the index of the first, and their number.
     question: Option<(usize, usize)>,
-    typed: Receiver<Option<Typed>>,
+    typed: Receiver<Option<OperatorInput>>,
     notify: &'a mut dyn FnMut(Value) -> Result<()>,
     progress: &'a mut dyn FnMut(Tally),
     /// A line or stop that has been received and not returned.
-    pending: Option<Typed>,
+    pending: Option<OperatorInput>,
     /// Standard input has ended: there is no operator.
     is_absent: bool,
     /// When the stop of a signal was asked for.
@@ -125,7 +125,7 @@ impl<'a> Console<'a> {
     /// Creates the console of an operator whose input `typed` receives. `notify` prints an event, `progress` shows the
     /// completed part of the work.
     pub fn new(
-        typed: Receiver<Option<Typed>>,
+        typed: Receiver<Option<OperatorInput>>,
         notify: &'a mut dyn FnMut(Value) -> Result<()>,
         progress: &'a mut dyn FnMut(Tally),
     ) -> Self {
@@ -174,11 +174,11 @@ impl<'a> Console<'a> {
     }
 
     /// Waits for the answer to the question that was asked; `None` if the operator stops instead.
-    pub fn answer(&mut self) -> Option<Answered> {
+    pub fn answer(&mut self) -> Option<ResumeAnswer> {
         // An earlier stop was for the work of that time.
         let was_stopping = core::mem::take(&mut self.stopping);
         let answered = loop {
-            match self.listen(LOOK) {
+            match self.listen(ANSWER_CHECK_INTERVAL) {
                 None if !self.stopping => {}
                 answered => break answered,
             }
@@ -189,11 +189,11 @@ impl<'a> Console<'a> {
 
     /// Executes the operator's input within `wait` since the last call: pauses, continues, stops; returns an answer to the
     /// open question.
-    pub fn listen(&mut self, wait: Duration) -> Option<Answered> {
+    pub fn listen(&mut self, wait: Duration) -> Option<ResumeAnswer> {
         loop {
             let (word, text) = match self.next(wait) {
-                Some(Typed::Line(text)) => (Word::parse(&text), text),
-                Some(Typed::Stop) => (Some(Word::Stop), String::new()),
+                Some(OperatorInput::Line(text)) => (OperatorCommand::parse(&text), text),
+                Some(OperatorInput::Stop) => (Some(OperatorCommand::Stop), String::new()),
                 None => {
                     // There is no operator to continue it.
                     if self.is_absent {
@@ -204,29 +204,33 @@ impl<'a> Console<'a> {
             };
             let number: Option<usize> = text.trim().parse().ok();
             let event = match (word, self.question) {
-                (Some(word @ (Word::Stop | Word::Abort)), _) => {
+                (Some(word @ (OperatorCommand::Stop | OperatorCommand::Abort)), _) => {
                     self.stopping = true;
-                    self.aborting |= word == Word::Abort;
+                    self.aborting |= word == OperatorCommand::Abort;
                     self.notify(json!({"event": "stopping"}));
                     if self.question.take().is_some() {
                         return None;
                     }
                     continue;
                 }
-                (Some(Word::Pause | Word::Continue), Some(_)) => {
+                (Some(OperatorCommand::Pause | OperatorCommand::Continue), Some(_)) => {
                     self.hint("answer done, repeat or stop");
                     continue;
                 }
-                (Some(Word::Pause), None) => {
+                (Some(OperatorCommand::Pause), None) => {
                     self.paused = true;
                     json!({"event": "paused"})
                 }
-                (Some(Word::Continue), None) => {
+                (Some(OperatorCommand::Continue), None) => {
                     self.paused = false;
                     json!({"event": "continued"})
                 }
-                (Some(Word::Done), Some((first, count))) => return self.answered(first, count, count),
-                (Some(Word::Repeat), Some((first, count))) => return self.answered(first, count, 0),
+                (Some(OperatorCommand::Done), Some((first, count))) => {
+                    return self.answered(first, count, count);
+                }
+                (Some(OperatorCommand::Repeat), Some((first, count))) => {
+                    return self.answered(first, count, 0);
+                }
                 (None, Some((first, count))) => {
                     let last = number.filter(|last| (first..=first + count).contains(last));
                     if let Some(last) = last {
@@ -244,7 +248,7 @@ impl<'a> Console<'a> {
                     json!({"event": "no_question", "typed": text.trim(), "hint": hint})
                 }
                 _ => {
-                    self.hint(Word::HINT);
+                    self.hint(OperatorCommand::HINT);
                     continue;
                 }
             };
@@ -257,13 +261,13 @@ impl<'a> Console<'a> {
         self.question.is_some()
     }
 
-    fn answered(&mut self, first: usize, count: usize, done: usize) -> Option<Answered> {
+    fn answered(&mut self, first: usize, count: usize, done: usize) -> Option<ResumeAnswer> {
         self.question = None;
-        Some(Answered { first, count, done })
+        Some(ResumeAnswer { first, count, done })
     }
 
     /// Reports an answer.
-    pub fn notify_answered(&mut self, Answered { first, count, done }: Answered) {
+    pub fn notify_answered(&mut self, ResumeAnswer { first, count, done }: ResumeAnswer) {
         let answer = match done {
             0 => json!("repeat"),
             done if done == count => json!("done"),
@@ -273,7 +277,7 @@ impl<'a> Console<'a> {
     }
 
     /// Returns the next line or stop of the operator, within `wait`. `None` after that time, or when standard input has ended.
-    fn next(&mut self, wait: Duration) -> Option<Typed> {
+    fn next(&mut self, wait: Duration) -> Option<OperatorInput> {
         if core::mem::take(&mut self.stops) {
             return Some(self.stop());
         }
@@ -281,8 +285,8 @@ impl<'a> Console<'a> {
             return Some(typed);
         }
         match self.typed.recv_timeout(wait) {
-            Ok(Some(Typed::Line(line))) => Some(Typed::Line(line)),
-            Ok(Some(Typed::Stop)) => Some(self.stop()),
+            Ok(Some(OperatorInput::Line(line))) => Some(OperatorInput::Line(line)),
+            Ok(Some(OperatorInput::Stop)) => Some(self.stop()),
             Ok(None) | Err(RecvTimeoutError::Disconnected) => {
                 self.is_absent = true;
                 None
@@ -291,9 +295,9 @@ impl<'a> Console<'a> {
         }
     }
 
-    fn stop(&mut self) -> Typed {
+    fn stop(&mut self) -> OperatorInput {
         self.stop_at.get_or_insert_with(now);
-        Typed::Stop
+        OperatorInput::Stop
     }
 
     /// Returns whether standard input has ended, or ends within this time, without a line or a stop before that.
@@ -350,7 +354,7 @@ impl<'a> Console<'a> {
 
 /// A word on standard input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Word {
+enum OperatorCommand {
     /// Begin nothing new until `continue`.
     Pause,
     /// Go on after a pause.
@@ -365,7 +369,7 @@ enum Word {
     Repeat,
 }
 
-impl Word {
+impl OperatorCommand {
     /// The words, for a hint.
     const HINT: &str = "type pause, continue or stop; answer questions with done, repeat or stop";
 

@@ -5,16 +5,16 @@ use std::time::Duration;
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, Failure, Frame, Reply, Request, TelemetryBlock};
 
-use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port};
+use crate::devices::fanuc_hmi_modbus::client::{Client, Port, RequestOutcome};
 use cellwire_io::backoff::Backoff;
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::interrupt;
 use cellwire_io::tcp;
 
 /// The address of the telemetry, and the interval at which it is read.
 #[derive(Debug, Clone)]
-pub struct Source {
+pub struct TelemetrySource {
     /// The port over which the controller is reached.
     pub port: Port,
     /// The Modbus unit, 0 to 255.
@@ -28,7 +28,7 @@ pub struct Source {
 /// A client of a controller's telemetry.
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Logger {
-    source: Source,
+    source: TelemetrySource,
     /// The client on its connection, or the reason that there has been none yet.
     client: Result<Client, String>,
     clock: Clock,
@@ -55,16 +55,16 @@ pub enum Reading<'a> {
 
 /// The number of requests in a row without a reply after which the controller counts as gone: a connection to one that was
 /// switched off stays open for a quarter of an hour.
-const MOST_SILENT: u32 = 3;
+const MAX_SILENT: u32 = 3;
 /// An interrupt is seen after this time at the latest.
-const TURN: Duration = Duration::from_millis(100);
+const INTERRUPT_CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 impl Logger {
     /// Opens a client. If the controller does not accept a connection yet, [`run`](Self::run) waits for it.
     ///
     /// # Errors
     /// If the server's name has no address, or the configuration cannot work.
-    pub fn open(source: Source, clock: Clock) -> Result<Self> {
+    pub fn open(source: TelemetrySource, clock: Clock) -> Result<Self> {
         tcp::resolve(source.port.server()).map(drop)?;
         modbus::Client::<1>::new(source.port.config)?;
         let client = Client::open(&source.port).map_err(|error| format!("{error:#}"));
@@ -74,21 +74,21 @@ impl Logger {
     /// Reads blocks until `end`, or until `each` returns false. Where the connection is lost it is opened again.
     ///
     /// # Errors
-    /// [`Lost`] if there is no connection at the end; any error of `each`.
+    /// [`ConnectionLost`] if there is no connection at the end; any error of `each`.
     pub fn run(
         &mut self,
         end: Option<Duration>,
         mut each: impl FnMut(Reading<'_>) -> Result<bool>,
     ) -> Result<()> {
         if let Err(why) = &self.client {
-            let lost = Lost(why.clone());
+            let lost = ConnectionLost(why.clone());
             if !each(Reading::Absent(why))? || !self.reconnect(end, &mut each)? {
                 return Err(lost.into());
             }
         }
         loop {
             let Err(lost) = self.read(end, &mut each) else { return Ok(()) };
-            let Some(Lost(why)) = lost.downcast_ref() else { return Err(lost) };
+            let Some(ConnectionLost(why)) = lost.downcast_ref() else { return Err(lost) };
             self.client = Err(why.clone()); // the controller may accept one connection
             if !each(Reading::Disconnected(why))? || !self.reconnect(end, &mut each)? {
                 return Err(lost);
@@ -102,7 +102,7 @@ impl Logger {
         end: Option<Duration>,
         each: &mut impl FnMut(Reading<'_>) -> Result<bool>,
     ) -> Result<()> {
-        let Source { unit, address, poll, .. } = self.source;
+        let TelemetrySource { unit, address, poll, .. } = self.source;
         let request = Request::ReadHoldingRegisters { address, quantity: TelemetryBlock::QUANTITY };
         let (mut next, mut asked, mut silent) = (self.clock.now(), None, 0);
         loop {
@@ -118,22 +118,22 @@ impl Logger {
             }
             let due = if asked.is_some() { None } else { Some(next) };
             let wait = due.into_iter().chain(end).min().map(|due| due.saturating_sub(now));
-            let wait = wait.map_or(TURN, |wait| wait.min(TURN));
+            let wait = wait.map_or(INTERRUPT_CHECK_INTERVAL, |wait| wait.min(INTERRUPT_CHECK_INTERVAL));
             let Some(answer) = client.answer(unit, Some(wait), block)? else { continue };
             let took = asked.take().map_or(Duration::ZERO, |asked| self.clock.now().saturating_sub(asked));
-            let is_silent = matches!(answer, Answer::Failed(Failure::TimedOut));
+            let is_silent = matches!(answer, RequestOutcome::Failed(Failure::TimedOut));
             silent = if is_silent { silent + 1 } else { 0 };
             let goes_on = match answer {
-                Answer::Replied(Ok(registers)) => {
+                RequestOutcome::Replied(Ok(registers)) => {
                     self.backoff.answered();
                     each(Reading::Registers(&registers, took))?
                 }
-                Answer::Replied(Err(why)) => each(Reading::Failed(&why))?,
-                Answer::Failed(failure) => each(Reading::Failed(&failure.to_string()))?,
-                Answer::Announced => each(Reading::Failed("unit 0 is a broadcast, without a reply"))?,
+                RequestOutcome::Replied(Err(why)) => each(Reading::Failed(&why))?,
+                RequestOutcome::Failed(failure) => each(Reading::Failed(&failure.to_string()))?,
+                RequestOutcome::Announced => each(Reading::Failed("unit 0 is a broadcast, without a reply"))?,
             };
-            if silent >= MOST_SILENT {
-                return Err(Lost(format!("no reply to {silent} requests in a row")).into());
+            if silent >= MAX_SILENT {
+                return Err(ConnectionLost(format!("no reply to {silent} requests in a row")).into());
             }
             if !goes_on {
                 return Ok(());

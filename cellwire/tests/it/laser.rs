@@ -10,7 +10,7 @@ use core::ops::ControlFlow;
 
 use cellwire_io::serial;
 use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
-use robot_session::{Driver, Ended, Serial, Session as _, now};
+use robot_session::{Driver, EndReason, Serial, Session as _, now};
 
 const CUT: u16 = 0x0101;
 const STATUS: u16 = 0x0301;
@@ -57,8 +57,8 @@ fn outcome(host: &mut Host, driver: &mut Driver<Serial>) -> HostEvent {
         });
         match turn.unwrap() {
             ControlFlow::Continue(()) => {}
-            ControlFlow::Break(Ended::ByHandler(event)) => return event,
-            ControlFlow::Break(Ended::ByPeer | Ended::Stalled) => panic!("the port is gone"),
+            ControlFlow::Break(EndReason::ByHandler(event)) => return event,
+            ControlFlow::Break(EndReason::ByPeer | EndReason::Stalled) => panic!("the port is gone"),
         }
     }
 }

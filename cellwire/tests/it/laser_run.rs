@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::thread;
 
-use crate::operated::{PATIENCE, Tool};
+use crate::operated::{TEST_TIMEOUT, Tool};
 
 /// A place for a program, and a robot.
 pub(crate) struct Cell {
@@ -71,7 +71,7 @@ impl Cell {
         let robot = self.robot.as_ref().unwrap();
         let mut queued = 0;
         loop {
-            let wait = if queued < at_least { PATIENCE } else { Duration::from_millis(300) };
+            let wait = if queued < at_least { TEST_TIMEOUT } else { Duration::from_millis(300) };
             match robot.lines.recv_timeout(wait) {
                 Ok(line) if line["event"] == "queued" => queued += line["count"].as_u64().unwrap(),
                 Ok(_) => {}

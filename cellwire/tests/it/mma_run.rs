@@ -11,7 +11,7 @@ use std::thread;
 
 use serde_json::Value;
 
-use crate::operated::{PATIENCE, Tool};
+use crate::operated::{TEST_TIMEOUT, Tool};
 
 /// Waits for a step of the task.
 pub(crate) fn step(tool: &Tool, step: &str) {
@@ -28,7 +28,7 @@ impl Device {
     fn start(name: &str, address: &str, speed: u32) -> Self {
         let speed = format!("speed={speed}");
         let tool = Tool::start(&["simulate", name, "--listen", address, "--set", &speed]);
-        let ready = tool.lines.recv_timeout(PATIENCE).unwrap();
+        let ready = tool.lines.recv_timeout(TEST_TIMEOUT).unwrap();
         let address = ready["listen"].as_str().unwrap().to_owned();
         Self { tool, address }
     }
@@ -204,7 +204,7 @@ fn a_robot_that_refuses_to_move_is_a_question() {
         "--set",
         "refuse_every=3",
     ]);
-    let ready = refusing.lines.recv_timeout(PATIENCE).unwrap();
+    let ready = refusing.lines.recv_timeout(TEST_TIMEOUT).unwrap();
     let mut run = Tool::start(&[
         "run",
         "mma",

@@ -5,14 +5,14 @@ use core::time::Duration;
 use mmacell_task::Step;
 use testkit::link::{self, Delivery, Faults, Link};
 
-use cellwire::demo::mma::cell::{self, Cell, Which};
-use cellwire::demo::mma::central::{Central, Now};
-use cellwire::demo::mma::judged::Judged;
+use cellwire::demo::mma::cell::{self, Cell, CellConnection};
+use cellwire::demo::mma::central::{Central, RunTimes};
+use cellwire::demo::mma::figures::RunFigures;
 use cellwire::demo::mma::verdict::{End, attempts, is_in_order, leaves_open};
 use cellwire_sim::mma::MotionFaults;
 
 /// The switch is looked at this often while the vacuum is on.
-const LOOK: Duration = Duration::from_millis(5);
+const SWITCH_CHECK_INTERVAL: Duration = Duration::from_millis(5);
 
 fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
     let mut central =
@@ -21,14 +21,14 @@ fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
     let mut cell = Cell::new(seed, errors, MotionFaults::default(), device).unwrap();
     let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
     let mut time = Duration::ZERO;
-    let now = |time| Now { wall: time, cell: time };
-    for which in Which::ALL {
+    let now = |time| RunTimes { wall: time, cell: time };
+    for which in CellConnection::ALL {
         cell.connect(which, time);
         central.connected(now(time), which);
     }
     let mut last_step = (Step::AwaitDevices, time);
     while central.step() != Step::Finished {
-        for (which, link) in Which::ALL.into_iter().zip(&mut links) {
+        for (which, link) in CellConnection::ALL.into_iter().zip(&mut links) {
             while let Some(delivery) = link.receive(link::End::B, time) {
                 if let Delivery::Bytes(bytes) = delivery {
                     let (reply, closes) = cell.receive(which, time, &bytes);
@@ -49,7 +49,7 @@ fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
         }
         cell.advance(time);
         central.run(now(time), &cell);
-        for (which, link) in Which::ALL.into_iter().zip(&mut links) {
+        for (which, link) in CellConnection::ALL.into_iter().zip(&mut links) {
             let bytes = central.transmit(which);
             if !bytes.is_empty() {
                 link.send(link::End::A, time, &bytes);
@@ -62,7 +62,7 @@ fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
         }
         let (wall, task) = central.due();
         let deliveries = links.iter().filter_map(Link::next_delivery);
-        let look = if cell.parts().vacuum() { LOOK } else { Duration::from_secs(1) };
+        let look = if cell.parts().vacuum() { SWITCH_CHECK_INTERVAL } else { Duration::from_secs(1) };
         let next = deliveries.chain(wall).chain(task).chain([time + look]).min().unwrap();
         time = next.max(time + Duration::from_micros(1));
         if last_step.0 != central.step() {
@@ -83,7 +83,7 @@ fn check(central: &Central, cell: &Cell, parts: u64) {
     for (number, (steps, end)) in tries.iter().enumerate() {
         assert!(is_in_order(steps, *end), "attempt {number}: {steps:?} {end:?}");
     }
-    let judged = Judged::of(log, record);
+    let judged = RunFigures::of(log, record);
     assert_eq!((judged.attempts, judged.open, judged.cycles.count()), (tries.len() as u64, open, parts));
     assert_eq!((judged.let_go_elsewhere, judged.failures.as_slice()), (0, &[][..]));
     for (n, executed) in [cell.robot().motions(), cell.platform().motions()].into_iter().enumerate() {
@@ -102,7 +102,11 @@ fn two_hundred_parts_with_misses_and_losses() {
     assert!(record.missed > 6 && record.lost > 6, "{} missed, {} lost", record.missed, record.lost);
     assert_eq!(record.dropped, 0);
     // A look at the switch, and the way of the order to the valve.
-    assert!(record.vacuum_after_fall <= LOOK + 2 * Faults::NONE.latency, "{:?}", record.vacuum_after_fall);
+    assert!(
+        record.vacuum_after_fall <= SWITCH_CHECK_INTERVAL + 2 * Faults::NONE.latency,
+        "{:?}",
+        record.vacuum_after_fall
+    );
     let tries = attempts(central.log.steps.iter().map(|(_, step)| *step));
     let given_up = tries.iter().filter(|(_, end)| *end == End::GivenUp).count() as u64;
     assert_eq!(given_up, record.missed + record.lost);

@@ -10,7 +10,7 @@ use std::time::Instant;
 use serde_json::Value;
 
 /// Nothing that is waited for takes this long, also on a machine with a great load.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(90);
+pub(crate) const TEST_TIMEOUT: Duration = Duration::from_secs(90);
 
 /// A program of the tool, with its lines of JSON.
 pub(crate) struct Tool {
@@ -43,13 +43,13 @@ impl Tool {
     }
 
     pub(crate) fn line(&self) -> Value {
-        self.lines.recv_timeout(PATIENCE).expect("a line")
+        self.lines.recv_timeout(TEST_TIMEOUT).expect("a line")
     }
 
     /// Reads the next line of this event.
     pub(crate) fn event(&self, event: &str) -> Value {
         let begin = Instant::now();
-        while begin.elapsed() < PATIENCE {
+        while begin.elapsed() < TEST_TIMEOUT {
             let line = self.line();
             if line["event"] == event {
                 return line;
@@ -69,7 +69,7 @@ impl Tool {
         let status = loop {
             match self.process.try_wait().unwrap() {
                 Some(status) => break status.code(),
-                None => assert!(begin.elapsed() < PATIENCE, "it does not end"),
+                None => assert!(begin.elapsed() < TEST_TIMEOUT, "it does not end"),
             }
             thread::sleep(Duration::from_millis(5));
         };

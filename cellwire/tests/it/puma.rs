@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::real_time::in_real_time;
 use crate::tool::{DEADLINE, Running};
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 use serde_json::Value;
 
 const RUNNING: u8 = 0x80;
@@ -56,7 +56,7 @@ struct Host {
 
 impl Host {
     fn new(settings: &[&str]) -> Self {
-        priority::raise(Rank::Reply);
+        priority::raise(ThreadRole::Reply);
         let mut command = crate::tool::cellwire("simulate puma --listen 127.0.0.1:0 --set restart=100ms");
         for setting in settings {
             command.args(["--set", setting]);

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::operated::{PATIENCE, Tool};
+use crate::operated::{TEST_TIMEOUT, Tool};
 use crate::stop::{Input, Run};
 use crate::{kawasaki_run, laser_run, mma_run};
 
@@ -25,7 +25,7 @@ fn dry_run(arguments: &[String]) -> Value {
 fn wait_for(condition: impl Fn() -> bool) {
     let begin = Instant::now();
     while !condition() {
-        assert!(begin.elapsed() < PATIENCE, "in vain");
+        assert!(begin.elapsed() < TEST_TIMEOUT, "in vain");
         thread::sleep(Duration::from_millis(20));
     }
 }

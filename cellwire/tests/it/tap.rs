@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use crate::tool::{DEADLINE, Running, cellwire, run};
 use cellwire::io::capture::reassembly::{Piece, Reassembly};
-use cellwire::io::capture::{self, Flow, Found, Reading};
+use cellwire::io::capture::{self, CaptureItem, Flow, Reading};
 use cellwire_io::serial;
 use serialport::SerialPort;
 use socket2::SockRef;
@@ -50,7 +50,7 @@ fn kept(path: &Path) -> (BTreeMap<String, Vec<u8>>, bool) {
     let mut flows: BTreeMap<String, (Reassembly, Vec<u8>)> = BTreeMap::new();
     let mut is_whole = true;
     capture::read(Box::new(File::open(path).unwrap()), &Reading::default(), |found| {
-        let Found::Packet(packet) = found else {
+        let CaptureItem::Packet(packet) = found else {
             is_whole = false;
             return Ok(());
         };

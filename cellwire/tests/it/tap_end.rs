@@ -7,7 +7,7 @@ use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use cellwire::io::capture::{self, Flow, Found, Reading};
+use cellwire::io::capture::{self, CaptureItem, Flow, Reading};
 
 use crate::tool::{DEADLINE, Running, cellwire};
 
@@ -79,7 +79,7 @@ fn what_a_capture_lacks_is_a_gap_in_it_and_said_also_at_the_end() {
     });
     let (mut kept, mut first, mut next) = (0, 0, 0);
     capture::read(Box::new(File::open(&file).unwrap()), &Reading::default(), |found| {
-        if let Found::Packet(packet) = found
+        if let CaptureItem::Packet(packet) = found
             && matches!(packet.flow, Flow::Tcp(_, to) if to == server.local_addr().unwrap())
         {
             let segment = packet.segment.unwrap();

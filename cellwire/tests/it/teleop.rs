@@ -24,10 +24,10 @@ use indicatif::ProgressBar;
 use isra_ball::BallConfig;
 use val2_alter::{ErrorCode, HostConfig, Motion};
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const TEST_TIMEOUT: Duration = Duration::from_secs(20);
 
 fn next(events: &Receiver<puma::Notification>) -> puma::Notification {
-    events.recv_timeout(PATIENCE).expect("the robot reports something")
+    events.recv_timeout(TEST_TIMEOUT).expect("the robot reports something")
 }
 
 /// Returns the position of the arm at the beginning of ALTER.
@@ -60,7 +60,7 @@ fn wait_for_end(events: &Receiver<puma::Notification>) -> (ErrorCode, Pose) {
 fn wait_for_motion(host: &Teleop) {
     let mut begin = None;
     loop {
-        let (_, notification) = host.wait(PATIENCE).expect("the host reports something");
+        let (_, notification) = host.wait(TEST_TIMEOUT).expect("the host reports something");
         let Notification::Motion(Motion { transform: Some(transform), .. }) = notification else { continue };
         if *begin.get_or_insert(transform) != transform {
             return;

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::thread;
 
 use robot_session::tls::{Identity, Secure, server};
-use robot_session::{Received, Transport as _, Wait};
+use robot_session::{ReceiveOutcome, Transport as _, Wait};
 use tempfile::TempDir;
 
-use crate::operated::{PATIENCE, Tool};
+use crate::operated::{TEST_TIMEOUT, Tool};
 use crate::settings::cellwire;
 
 /// A folder of certificates of two authorities, `tls` and `other`.
@@ -219,7 +219,9 @@ fn periphery(listener: &TcpListener, certificates: &Path) {
     let config = server(own, Some(&certificates.join("authority.pem"))).unwrap();
     let mut stream = Secure::accept(listener.accept().unwrap().0, config).unwrap();
     let (mut buffer, mut pending) = ([0; 256], Vec::new());
-    while let Received::Bytes(length) = stream.receive(&mut buffer, Wait::limited(PATIENCE)).unwrap() {
+    while let ReceiveOutcome::Bytes(length) =
+        stream.receive(&mut buffer, Wait::limited(TEST_TIMEOUT)).unwrap()
+    {
         pending.extend_from_slice(&buffer[..length]);
         while let Some(end) = pending.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = pending.drain(..=end).collect();

@@ -12,7 +12,7 @@ use crate::message::Exception;
 pub struct Ticket {
     pub(super) number: u64,
     /// The slot in which the client stores the request, and then its reply.
-    pub(super) place: u8,
+    pub(super) slot: u8,
 }
 
 impl Ticket {

@@ -1,6 +1,6 @@
 //! The inputs and actions of a client's machine.
 
-use super::places::Places;
+use super::slot_set::SlotSet;
 
 /// An input of a client's machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -21,7 +21,7 @@ pub enum Input {
     /// The caller has polled the outcome of the request in this slot.
     Taken {
         /// The index of the slot, from 0.
-        place: u8,
+        slot: u8,
     },
     /// Bytes have arrived. Given before they are decoded.
     Received,
@@ -33,20 +33,20 @@ pub enum Input {
         transaction: u16,
         /// Whether the frame can be the reply to the request that
         /// [`ClientMachine::expects`](super::machine::ClientMachine::expects) returns.
-        fit: Fit,
+        fit: ReplyMatch,
     },
     /// The bytes contained something that is not a frame.
     Corrupt,
     /// The request that was due is sent.
-    Sent(Due),
+    Sent(DueRequest),
 }
 
 /// Whether a frame can be the reply to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Fit {
+pub enum ReplyMatch {
     /// The frame answers the request, and cannot be data of another reply: it is longer than such data, or a silence follows
     /// it.
-    Whole,
+    Full,
     /// The frame answers the request, and equals it: a line that returns the bytes sent gives the same.
     Equal,
     /// The frame is an exception, short enough to be data of another reply, and followed by other bytes without a silence.
@@ -55,14 +55,14 @@ pub enum Fit {
     /// nor a silence.
     OpenException,
     /// The frame cannot be the reply.
-    Misfit,
+    Mismatch,
 }
 
 /// The request that a client sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Due {
+pub struct DueRequest {
     /// The slot of the request, from 0.
-    pub place: u8,
+    pub slot: u8,
     /// The transaction of the request; 0 if frames have no transaction.
     pub transaction: u16,
     /// Whether the read before the request is sent, not the request: its reply shows that a device answers on the line.
@@ -77,24 +77,24 @@ pub enum Action {
     /// Stores a new request in this slot.
     Keep {
         /// The index of the slot, from 0.
-        place: u8,
+        slot: u8,
     },
     /// The request that was sent waits for its reply.
     Sent,
     /// Reports that the request in this slot was sent to all units.
     Announced {
         /// The index of the slot, from 0.
-        place: u8,
+        slot: u8,
     },
     /// Reports the reply, which is stored in this slot.
     Replied {
         /// The index of the slot, from 0.
-        place: u8,
+        slot: u8,
     },
     /// Reports that the frame with the request's transaction is not its reply.
     Refused {
         /// The index of the slot, from 0.
-        place: u8,
+        slot: u8,
     },
     /// Reports a reply to no request in flight.
     Stray {
@@ -104,16 +104,16 @@ pub enum Action {
     /// Reports requests that have timed out.
     TimedOut {
         /// The requests without a reply.
-        silent: Places,
+        silent: SlotSet,
         /// The requests with a frame that equals the request, which the line may have returned.
-        returned: Places,
+        returned: SlotSet,
     },
     /// Reports requests that were in flight and others that were not sent.
     Reset {
         /// The requests in flight: whether they were executed is unknown.
-        lost: Places,
+        lost: SlotSet,
         /// The requests that were not sent.
-        not_sent: Places,
+        not_sent: SlotSet,
     },
     /// The bytes in the decoder will not be continued.
     Cut,
@@ -128,11 +128,11 @@ robot_session::inputs!(
     Taken,
     Received,
     Partial,
-    Reply { fit: Fit::Whole } as "Reply",
-    Reply { fit: Fit::Equal } as "Reply(equal)",
-    Reply { fit: Fit::Exception } as "Reply(exception)",
-    Reply { fit: Fit::OpenException } as "Reply(open exception)",
-    Reply { fit: Fit::Misfit } as "Reply(misfit)",
+    Reply { fit: ReplyMatch::Full } as "Reply",
+    Reply { fit: ReplyMatch::Equal } as "Reply(equal)",
+    Reply { fit: ReplyMatch::Exception } as "Reply(exception)",
+    Reply { fit: ReplyMatch::OpenException } as "Reply(open exception)",
+    Reply { fit: ReplyMatch::Mismatch } as "Reply(misfit)",
     Corrupt,
     Sent,
 );

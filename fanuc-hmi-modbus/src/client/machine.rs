@@ -6,10 +6,10 @@ use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine, is_due};
 
 use super::config::{ClientConfig, Rule};
-use super::held::free_transaction;
-pub use super::held::{Held, Stage};
-pub use super::input::{Action, Due, Fit, Input};
-pub use super::places::Places;
+pub use super::input::{Action, DueRequest, Input, ReplyMatch};
+use super::request_state::free_transaction;
+pub use super::request_state::{RequestState, Stage};
+pub use super::slot_set::SlotSet;
 pub use crate::line::Line;
 
 /// The state of a client with `N` request slots.
@@ -20,7 +20,7 @@ pub struct ClientMachine<const N: usize> {
     /// The connection, and the conditions before the next request is sent.
     pub link: ClientLink,
     /// The requests, oldest first; the last are `None`.
-    requests: [Option<Held>; N],
+    requests: [Option<RequestState>; N],
     /// The transaction of the next request, if it is free.
     transaction: u16,
 }
@@ -35,7 +35,7 @@ pub enum ClientLink {
         /// The line's activity: whether bytes are arriving.
         line: Line,
         /// Whether earlier requests allow that something is sent.
-        quiet: Quiet,
+        quiet: QuietTime,
         /// Whether a reply has come that the line cannot have returned, so that a device answers on it. Over TCP always true.
         proven: bool,
     },
@@ -43,7 +43,7 @@ pub enum ClientLink {
 
 /// The time in which nothing is sent, because of an earlier request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Quiet {
+pub enum QuietTime {
     /// The time is over, and the bytes that had arrived until then were read.
     Over,
     /// A late reply may come, or a broadcast is being executed.
@@ -60,7 +60,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
-    type Transmit = Due;
+    type Transmit = DueRequest;
     type Config = ClientConfig;
 
     /// # Errors
@@ -73,7 +73,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
             Input::Disconnected => Some(self.disconnected(config)),
             Input::Timeout => Some(self.timeout(now, config)),
             Input::Request { broadcast, mirrored } => self.request(broadcast, mirrored, config),
-            Input::Taken { place } => self.taken(place),
+            Input::Taken { slot } => self.taken(slot),
             Input::Received => match &mut self.link {
                 ClientLink::Down => None,
                 ClientLink::Up { line, .. } => {
@@ -98,7 +98,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
     }
 
     #[inline(always)]
-    fn transmit(&self, now: Duration, config: &ClientConfig) -> Option<Due> {
+    fn transmit(&self, now: Duration, config: &ClientConfig) -> Option<DueRequest> {
         if !self.may_send(now, config) {
             return None;
         }
@@ -108,23 +108,23 @@ impl<const N: usize> Machine for ClientMachine<N> {
             in_flight += usize::from(held.is_in_flight());
             held.is_queued()
         });
-        let Held { place, stage } = *queued?;
+        let RequestState { slot, stage } = *queued?;
         let transaction = if config.framing.has_transactions() && stage != Stage::QueuedBroadcast {
             free_transaction(&self.requests, self.transaction, config)
         } else {
             0
         };
         let probe = self.needs_probe(stage, config);
-        (in_flight < config.most_in_flight()).then_some(Due { place, transaction, probe })
+        (in_flight < config.most_in_flight()).then_some(DueRequest { slot, transaction, probe })
     }
 
     fn deadline(&self) -> Option<Duration> {
         let ClientLink::Up { line, quiet, .. } = self.link else { return None };
         let end = match quiet {
-            Quiet::Over => None,
-            Quiet::Until { end } => Some(end),
+            QuietTime::Over => None,
+            QuietTime::Until { end } => Some(end),
         };
-        let deadlines = self.held().filter_map(Held::deadline).chain(line.ends_at()).chain(end);
+        let deadlines = self.held().filter_map(RequestState::deadline).chain(line.ends_at()).chain(end);
         deadlines.min().filter(|at| *at < Duration::MAX)
     }
 
@@ -135,7 +135,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let ClientLink::Up { line, quiet, .. } = &mut self.link {
             line.ends_at_mut().into_iter().for_each(&mut f);
-            if let Quiet::Until { end } = quiet {
+            if let QuietTime::Until { end } = quiet {
                 f(end);
             }
         }
@@ -150,10 +150,10 @@ impl<const N: usize> Machine for ClientMachine<N> {
         let ClientLink::Up { line, quiet, .. } = self.link else { return "Disconnected" };
         match (self.in_flight(), quiet, line) {
             (1.., _, _) => "Waiting",
-            (0, Quiet::Until { .. }, _) => "Quiet",
-            (0, Quiet::Over, Line::Busy { .. } | Line::Partial { .. }) => "Receiving",
-            (0, Quiet::Over, Line::Silent) if self.held().any(Held::is_queued) => "Ready",
-            (0, Quiet::Over, Line::Silent) => "Idle",
+            (0, QuietTime::Until { .. }, _) => "Quiet",
+            (0, QuietTime::Over, Line::Busy { .. } | Line::Partial { .. }) => "Receiving",
+            (0, QuietTime::Over, Line::Silent) if self.held().any(RequestState::is_queued) => "Ready",
+            (0, QuietTime::Over, Line::Silent) => "Idle",
         }
     }
 }
@@ -168,23 +168,23 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     /// Returns the requests, oldest first.
-    pub fn held(&self) -> impl Iterator<Item = &Held> {
+    pub fn held(&self) -> impl Iterator<Item = &RequestState> {
         self.requests.iter().map_while(Option::as_ref)
     }
 
     /// Returns the slot for the next request: a free one, or that of the request that expired longest ago.
     #[inline(always)] // twice for a request: before it is written, and when it is kept
-    pub fn free_place(&self) -> Option<u8> {
-        let mut taken = Places::default();
-        self.held().for_each(|held| taken.insert(held.place));
+    pub fn free_slot(&self) -> Option<u8> {
+        let mut taken = SlotSet::default();
+        self.held().for_each(|held| taken.insert(held.slot));
         match taken.first_outside() {
-            place if usize::from(place) < N => Some(place),
-            _ => self.held().find(|held| matches!(held.stage, Stage::Expired { .. })).map(|held| held.place),
+            slot if usize::from(slot) < N => Some(slot),
+            _ => self.held().find(|held| matches!(held.stage, Stage::Expired { .. })).map(|held| held.slot),
         }
     }
 
     /// Returns the request in flight, or whose read before is, that a frame with this transaction belongs to.
-    pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<&Held> {
+    pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<&RequestState> {
         self.held().find(|held| held.waits(transaction, config))
     }
 
@@ -201,9 +201,9 @@ impl<const N: usize> ClientMachine<N> {
         let reset = self.disconnected(config);
         let drain = config.timeout.saturating_add(config.settle);
         let quiet = if config.framing.is_serial() && config.keeps(Rule::DrainFirst) {
-            Quiet::Until { end: now.saturating_add(drain) }
+            QuietTime::Until { end: now.saturating_add(drain) }
         } else {
-            Quiet::Over
+            QuietTime::Over
         };
         self.link = ClientLink::Up { line: Line::Silent, quiet, proven: config.framing.has_transactions() };
         reset
@@ -211,25 +211,25 @@ impl<const N: usize> ClientMachine<N> {
 
     /// Ends a connection. Waiting requests are not sent on the next one unless the caller makes them again.
     fn disconnected(&mut self, config: &ClientConfig) -> Action {
-        let (mut lost, mut not_sent) = (Places::default(), Places::default());
+        let (mut lost, mut not_sent) = (SlotSet::default(), SlotSet::default());
         if self.link != ClientLink::Down {
             for held in self.requests.iter_mut().map_while(Option::as_mut) {
                 match held.stage {
                     Stage::Queued { .. } | Stage::QueuedBroadcast if !config.keeps(Rule::DropQueued) => {}
                     Stage::Queued { .. } | Stage::QueuedBroadcast | Stage::Probing { .. } => {
-                        not_sent.insert(held.place);
+                        not_sent.insert(held.slot);
                         held.stage = Stage::Ended;
                     }
                     Stage::InFlight { .. } if !config.keeps(Rule::EndAtDisconnect) => {}
                     Stage::InFlight { .. } => {
-                        lost.insert(held.place);
+                        lost.insert(held.slot);
                         held.stage = Stage::Ended;
                     }
                     Stage::TimedOut { .. } => held.stage = Stage::Ended,
                     Stage::Ended | Stage::Expired { .. } => {}
                 }
             }
-            let is_expired = |held: &Held| matches!(held.stage, Stage::Expired { .. });
+            let is_expired = |held: &RequestState| matches!(held.stage, Stage::Expired { .. });
             while let Some(index) = self.requests.iter().flatten().position(is_expired) {
                 self.remove(index);
             }
@@ -239,8 +239,8 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     fn request(&mut self, broadcast: bool, mirrored: bool, config: &ClientConfig) -> Option<Action> {
-        let place = self.free_place()?;
-        let expired = self.held().position(|held| held.place == place);
+        let slot = self.free_slot()?;
+        let expired = self.held().position(|held| held.slot == slot);
         if let Some(expired) = expired {
             self.remove(expired);
         }
@@ -251,12 +251,12 @@ impl<const N: usize> ClientMachine<N> {
         let mirrored = mirrored && is_open;
         let stage = if broadcast { Stage::QueuedBroadcast } else { Stage::Queued { mirrored } };
         let free = self.requests.iter_mut().find(|held| held.is_none())?;
-        *free = Some(Held { place, stage });
-        Some(Action::Keep { place })
+        *free = Some(RequestState { slot, stage });
+        Some(Action::Keep { slot })
     }
 
-    fn taken(&mut self, place: u8) -> Option<Action> {
-        let index = self.held().position(|held| held.place == place)?;
+    fn taken(&mut self, slot: u8) -> Option<Action> {
+        let index = self.held().position(|held| held.slot == slot)?;
         let held = self.requests.get_mut(index)?.as_mut()?;
         match held.stage {
             Stage::Ended => drop(self.remove(index)),
@@ -274,9 +274,9 @@ impl<const N: usize> ClientMachine<N> {
     fn may_send(&self, now: Duration, config: &ClientConfig) -> bool {
         let ClientLink::Up { line, quiet, .. } = self.link else { return false };
         let is_quiet = match quiet {
-            Quiet::Over => false,
+            QuietTime::Over => false,
             // Without the rule a late driver sends before it has read the late reply.
-            Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
+            QuietTime::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
         };
         // The rest of a reply is awaited from its first bytes on, not from a silence on. If a line returns the bytes sent,
         // the first bytes must be these.
@@ -293,28 +293,28 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     #[inline(always)]
-    fn sent(&mut self, now: Duration, due: Due, config: &ClientConfig) -> Option<Action> {
-        let Due { place, transaction, probe } = due;
+    fn sent(&mut self, now: Duration, due: DueRequest, config: &ClientConfig) -> Option<Action> {
+        let DueRequest { slot, transaction, probe } = due;
         if !self.may_send(now, config) {
             return None;
         }
-        let stage = self.held().find(|held| held.place == place)?.stage;
+        let stage = self.held().find(|held| held.slot == slot)?.stage;
         if probe != self.needs_probe(stage, config) {
             return None;
         }
         let ClientLink::Up { quiet, .. } = &mut self.link else { return None };
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
-        let held = requests.find(|held| held.place == place)?;
+        let held = requests.find(|held| held.slot == slot)?;
         match stage {
             Stage::Queued { .. } if probe => {
                 held.stage = Stage::Probing { deadline: now.saturating_add(config.timeout), doubtful: false };
-                *quiet = Quiet::Over;
+                *quiet = QuietTime::Over;
                 Some(Action::Sent)
             }
             Stage::Queued { .. } => {
                 let deadline = now.saturating_add(config.timeout);
                 held.stage = Stage::InFlight { transaction, deadline, doubtful: false, returned: false };
-                *quiet = Quiet::Over;
+                *quiet = QuietTime::Over;
                 if config.framing.has_transactions() {
                     self.transaction = config.after(transaction);
                 }
@@ -322,8 +322,8 @@ impl<const N: usize> ClientMachine<N> {
             }
             Stage::QueuedBroadcast => {
                 held.stage = Stage::Ended;
-                *quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
-                Some(Action::Announced { place })
+                *quiet = QuietTime::Until { end: now.saturating_add(config.turnaround) };
+                Some(Action::Announced { slot })
             }
             Stage::Probing { .. }
             | Stage::InFlight { .. }
@@ -334,15 +334,15 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     #[inline(always)]
-    fn reply(&mut self, now: Duration, transaction: u16, fit: Fit, config: &ClientConfig) -> Action {
+    fn reply(&mut self, now: Duration, transaction: u16, fit: ReplyMatch, config: &ClientConfig) -> Action {
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
         let Some(held) = requests.find(|held| held.waits(transaction, config)) else {
             return self.late_reply(transaction);
         };
         let mut is_proof = true;
         let fits = match fit {
-            Fit::Whole => true,
-            Fit::Equal => {
+            ReplyMatch::Full => true,
+            ReplyMatch::Equal => {
                 let is_proven = matches!(self.link, ClientLink::Up { proven: true, .. });
                 // A true reply may follow: an exception, or the reply to the request after the bytes that the line has
                 // returned.
@@ -355,17 +355,17 @@ impl<const N: usize> ClientMachine<N> {
                 is_proof = false;
                 true
             }
-            Fit::Exception | Fit::OpenException => {
+            ReplyMatch::Exception | ReplyMatch::OpenException => {
                 let is_doubtful = matches!(
                     held.stage,
                     Stage::Probing { doubtful: true, .. } | Stage::InFlight { doubtful: true, .. }
                 ) && config.keeps(Rule::DoubtException);
-                if is_doubtful && fit == Fit::OpenException {
+                if is_doubtful && fit == ReplyMatch::OpenException {
                     return Action::Hold;
                 }
                 !is_doubtful
             }
-            Fit::Misfit => !config.keeps(Rule::CheckReply),
+            ReplyMatch::Mismatch => !config.keeps(Rule::CheckReply),
         };
         let is_probe = matches!(held.stage, Stage::Probing { .. });
         // Without a transaction the frame may be a late reply to an earlier request: the right one may still come.
@@ -373,23 +373,23 @@ impl<const N: usize> ClientMachine<N> {
             return Action::Stray { late: None };
         }
         held.stage = if is_probe { Stage::Queued { mirrored: false } } else { Stage::Ended };
-        let place = held.place;
+        let slot = held.slot;
         if let ClientLink::Up { quiet, proven, .. } = &mut self.link {
             *proven |= is_proof;
             if !config.pause.is_zero() {
-                *quiet = Quiet::Until { end: now.saturating_add(config.pause) };
+                *quiet = QuietTime::Until { end: now.saturating_add(config.pause) };
             }
         }
         match fits {
             _ if is_probe => Action::Nothing,
-            true => Action::Replied { place },
-            false => Action::Refused { place },
+            true => Action::Replied { slot },
+            false => Action::Refused { slot },
         }
     }
 
     /// Waits for the rest of the reply as long as for the reply itself.
     fn partial(&mut self, config: &ClientConfig) -> Option<Action> {
-        let until = self.held().find_map(Held::deadline)?;
+        let until = self.held().find_map(RequestState::deadline)?;
         let ClientLink::Up { line: line @ Line::Busy { .. }, .. } = &mut self.link else { return None };
         if config.keeps(Rule::AwaitRest) {
             line.wait_for_rest(until);
@@ -412,7 +412,7 @@ impl<const N: usize> ClientMachine<N> {
 
     #[cold]
     fn late_reply(&mut self, transaction: u16) -> Action {
-        let is_late = |held: &Held| match held.stage {
+        let is_late = |held: &RequestState| match held.stage {
             Stage::TimedOut { transaction: found } | Stage::Expired { transaction: found } => {
                 found == transaction
             }
@@ -424,12 +424,12 @@ impl<const N: usize> ClientMachine<N> {
         };
         let late = self.requests.get_mut(index).and_then(Option::as_mut).map(|held| {
             let stage = core::mem::replace(&mut held.stage, Stage::Ended);
-            (held.place, matches!(stage, Stage::Expired { .. }))
+            (held.slot, matches!(stage, Stage::Expired { .. }))
         });
         if let Some((_, true)) = late {
             self.remove(index);
         }
-        Action::Stray { late: late.map(|(place, _)| place) }
+        Action::Stray { late: late.map(|(slot, _)| slot) }
     }
 
     /// Handles one due deadline: the end of a frame may bring the reply to a request that would time out.
@@ -439,16 +439,16 @@ impl<const N: usize> ClientMachine<N> {
             *line = Line::Silent;
             return if config.keeps(Rule::CutAtSilence) { Action::Cut } else { Action::Nothing };
         }
-        if matches!(quiet, Quiet::Until { end } if is_due(*end, now)) {
-            *quiet = Quiet::Over;
+        if matches!(quiet, QuietTime::Until { end } if is_due(*end, now)) {
+            *quiet = QuietTime::Over;
             return Action::Nothing;
         }
-        let (mut silent, mut equal, mut has_ended) = (Places::default(), Places::default(), false);
+        let (mut silent, mut equal, mut has_ended) = (SlotSet::default(), SlotSet::default(), false);
         for held in self.requests.iter_mut().map_while(Option::as_mut) {
             match held.stage {
                 Stage::InFlight { transaction, deadline, returned, .. } if is_due(deadline, now) => {
                     held.stage = Stage::TimedOut { transaction };
-                    if returned { equal.insert(held.place) } else { silent.insert(held.place) }
+                    if returned { equal.insert(held.slot) } else { silent.insert(held.slot) }
                 }
                 // A missing reply proves nothing: the line may have returned the bytes damaged, or may not have returned them
                 // this time.
@@ -465,13 +465,13 @@ impl<const N: usize> ClientMachine<N> {
         let wait =
             if config.framing.has_transactions() { config.pause } else { config.settle.max(config.pause) };
         if !wait.is_zero() {
-            *quiet = Quiet::Until { end: now.saturating_add(wait) };
+            *quiet = QuietTime::Until { end: now.saturating_add(wait) };
         }
-        let is_probe = silent == Places::default() && equal == Places::default();
+        let is_probe = silent == SlotSet::default() && equal == SlotSet::default();
         if is_probe { Action::Nothing } else { Action::TimedOut { silent, returned: equal } }
     }
 
-    fn remove(&mut self, index: usize) -> Option<Held> {
+    fn remove(&mut self, index: usize) -> Option<RequestState> {
         let mut rest = self.requests.get_mut(index..)?;
         let held = rest.first_mut()?.take()?;
         // Only as far as there are requests, which are few.

@@ -2,24 +2,24 @@
 
 mod config;
 mod event;
-mod held;
 mod input;
 pub mod machine;
-mod place;
-mod places;
+mod request_state;
+mod slot;
+mod slot_set;
 
 use core::ops::Range;
 use core::time::Duration;
 
 use robot_session::Encode as _;
-use robot_session::end::{Core, Echo, End, EventQueue, Room};
+use robot_session::end::{Core, Echo, End, EventQueue, QueueSpace};
 
 pub use config::ClientConfig;
 #[doc(hidden)]
 pub use config::Rule;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
-use machine::{Action, ClientMachine, Due, Fit, Held, Input, Places, Stage};
-use place::{Begins, Misfit, Place};
+use machine::{Action, ClientMachine, DueRequest, Input, ReplyMatch, RequestState, SlotSet, Stage};
+use slot::{MismatchReason, ReplyPrefix, RequestSlot};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
@@ -45,7 +45,7 @@ use crate::message::{PduBuf, Reply, Request};
 #[derive(Debug, Clone)]
 pub struct Client<const N: usize = 8> {
     core: Core<ClientMachine<N>, Decoder, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
-    places: [Place; N],
+    slots: [RequestSlot; N],
     echo: Echo<{ Frame::MAX_LEN }>,
     /// Whether the bytes before those that are read now ended within corruption.
     was_corrupt: bool,
@@ -76,7 +76,7 @@ impl<const N: usize> Client<N> {
         }
         Ok(Self {
             core: Core::new(config, ClientMachine::NEW, Decoder::new(config.framing, Side::Server)),
-            places: [Place::EMPTY; N],
+            slots: [RequestSlot::EMPTY; N],
             echo: Echo::new(config.echo),
             was_corrupt: false,
             waits_for_rest: false,
@@ -92,15 +92,15 @@ impl<const N: usize> Client<N> {
         if broadcast && request.reads() {
             return Err(SessionError::BroadcastRead { function: request.function() });
         }
-        let free = self.core.machine.free_place();
-        let Some((place, kept)) = free.and_then(|free| Some((free, self.places.get_mut(usize::from(free))?)))
+        let free = self.core.machine.free_slot();
+        let Some((slot, kept)) = free.and_then(|free| Some((free, self.slots.get_mut(usize::from(free))?)))
         else {
             PduBuf::new(request)?;
             return Err(SessionError::Full { places: N });
         };
         // A request that cannot be written leaves the previous reply unchanged.
         kept.pdu.put(request)?;
-        let ticket = Ticket { number: self.core.statistics.requests + 1, place };
+        let ticket = Ticket { number: self.core.statistics.requests + 1, slot };
         (kept.ticket, kept.unit) = (ticket, unit);
         let mirrored = request.is_mirrored();
         (kept.quantity, kept.is_reply, kept.is_mirrored) = (request.quantity_read(), false, mirrored);
@@ -112,11 +112,11 @@ impl<const N: usize> Client<N> {
     /// Returns the reply to a request: from its [`ClientEvent::Replied`] on, until another request uses its slot.
     #[inline]
     pub fn reply(&self, ticket: Ticket) -> Option<Reply<'_>> {
-        let place = self.places.get(usize::from(ticket.place))?;
-        if place.ticket != ticket || !place.is_reply {
+        let slot = self.slots.get(usize::from(ticket.slot))?;
+        if slot.ticket != ticket || !slot.is_reply {
             return None;
         }
-        Some(Reply::decode(place.pdu.as_bytes()).ok()?.with_bits(place.quantity))
+        Some(Reply::decode(slot.pdu.as_bytes()).ok()?.with_bits(slot.quantity))
     }
 
     /// Returns the number of requests in flight.
@@ -141,27 +141,27 @@ impl<const N: usize> Client<N> {
     /// Returns whether a frame can be the reply to the request that it seems to belong to; if there is no such request, it
     /// fits.
     #[inline(always)]
-    fn fit(&self, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
+    fn fit(&self, frame: &Frame<&[u8]>) -> Result<ReplyMatch, MismatchReason> {
         match self.core.machine.expects(frame.transaction.unwrap_or(0), &self.core.config) {
-            Some(Held { place, stage: Stage::Probing { .. } }) => self.fit_probe(*place, frame),
-            Some(Held { place, .. }) => self.fit_of(*place, frame),
-            None => Ok(Fit::Whole),
+            Some(RequestState { slot, stage: Stage::Probing { .. } }) => self.fit_probe(*slot, frame),
+            Some(RequestState { slot, .. }) => self.fit_of(*slot, frame),
+            None => Ok(ReplyMatch::Full),
         }
     }
 
     /// Returns whether a frame can be the reply to the read before the request in this slot.
     #[cold]
-    fn fit_probe(&self, place: u8, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
-        let probe = self.places.get(usize::from(place)).map(Place::probe);
-        probe.map_or(Ok(Fit::Whole), |probe| probe.fit(frame, self.core.config.any_unit))
+    fn fit_probe(&self, slot: u8, frame: &Frame<&[u8]>) -> Result<ReplyMatch, MismatchReason> {
+        let probe = self.slots.get(usize::from(slot)).map(RequestSlot::probe);
+        probe.map_or(Ok(ReplyMatch::Full), |probe| probe.fit(frame, self.core.config.any_unit))
     }
 
     /// Returns whether a frame can be the reply to the request in this slot.
     #[inline(always)]
-    fn fit_of(&self, place: u8, frame: &Frame<&[u8]>) -> Result<Fit, Misfit> {
-        match self.places.get(usize::from(place)) {
-            Some(place) => place.fit(frame, self.core.config.any_unit),
-            None => Ok(Fit::Whole),
+    fn fit_of(&self, slot: u8, frame: &Frame<&[u8]>) -> Result<ReplyMatch, MismatchReason> {
+        match self.slots.get(usize::from(slot)) {
+            Some(slot) => slot.fit(frame, self.core.config.any_unit),
+            None => Ok(ReplyMatch::Full),
         }
     }
 
@@ -169,21 +169,21 @@ impl<const N: usize> Client<N> {
     /// or from a later one after noise, unless the whole reply is there.
     #[cold]
     fn holds_partial(&self) -> bool {
-        let Self { core, places, .. } = self;
-        let Some(Held { place, stage }) = core.machine.expects(0, &core.config) else { return false };
-        let Some(place) = places.get(usize::from(*place)) else { return false };
-        let probe = matches!(stage, Stage::Probing { .. }).then(|| place.probe());
-        let place = probe.as_ref().unwrap_or(place);
+        let Self { core, slots, .. } = self;
+        let Some(RequestState { slot, stage }) = core.machine.expects(0, &core.config) else { return false };
+        let Some(slot) = slots.get(usize::from(*slot)) else { return false };
+        let probe = matches!(stage, Stage::Probing { .. }).then(|| slot.probe());
+        let slot = probe.as_ref().unwrap_or(slot);
         let held = core.decoder.held();
         let begins = (0..held.len())
-            .map(|at| place.begins_reply(held.get(at..).unwrap_or_default(), core.config.any_unit));
+            .map(|at| slot.begins_reply(held.get(at..).unwrap_or_default(), core.config.any_unit));
         let mut later = false;
         for (at, begins) in begins.enumerate() {
             match begins {
-                Begins::Part if at == 0 => return true,
-                Begins::Part => later = true,
-                Begins::Whole => return false,
-                Begins::Other => {}
+                ReplyPrefix::Part if at == 0 => return true,
+                ReplyPrefix::Part => later = true,
+                ReplyPrefix::Whole => return false,
+                ReplyPrefix::Other => {}
             }
         }
         later
@@ -199,44 +199,44 @@ impl<const N: usize> Client<N> {
             expected: frame.transaction.and_then(|_| self.core.machine.awaited()),
             unit: frame.unit,
             function: frame.pdu.first().copied().unwrap_or_default() & 0x7F,
-            late: late.and_then(|place| self.ticket(place)),
+            late: late.and_then(|slot| self.ticket(slot)),
             mismatch: match misfit {
-                Some(Misfit::Mismatch(mismatch)) => Some(mismatch),
-                Some(Misfit::Malformed(_)) | None => None,
+                Some(MismatchReason::Mismatch(mismatch)) => Some(mismatch),
+                Some(MismatchReason::Malformed(_)) | None => None,
             },
         });
     }
 
     #[inline(always)]
-    fn replied(&mut self, place: u8, frame: Option<Range<usize>>) {
+    fn replied(&mut self, slot: u8, frame: Option<Range<usize>>) {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
-        let Some(place) = self.places.get_mut(usize::from(place)) else { return };
-        place.keep_reply(frame.pdu);
+        let Some(slot) = self.slots.get_mut(usize::from(slot)) else { return };
+        slot.keep_reply(frame.pdu);
         self.core.statistics.replies += 1;
-        let (ticket, unit) = (place.ticket, frame.unit);
+        let (ticket, unit) = (slot.ticket, frame.unit);
         self.core.push_outcome(ClientEvent::Replied { ticket, unit });
     }
 
     /// Reports the failure of a request that has ended; its slot still has the request.
     #[cold]
-    fn refused(&mut self, place: u8, frame: Option<Range<usize>>) {
+    fn refused(&mut self, slot: u8, frame: Option<Range<usize>>) {
         let Some(range) = frame else { return };
         let wrong_length = self.core.decoder.exception_error(&range);
         let Some(frame) = self.core.decoder.frame(range) else { return };
-        let misfit = match self.fit_of(place, &frame).err() {
-            misfit @ Some(Misfit::Mismatch(Mismatch::Unit { .. })) => misfit,
-            misfit => wrong_length.map(Misfit::Malformed).or(misfit),
+        let misfit = match self.fit_of(slot, &frame).err() {
+            misfit @ Some(MismatchReason::Mismatch(Mismatch::Unit { .. })) => misfit,
+            misfit => wrong_length.map(MismatchReason::Malformed).or(misfit),
         };
         match misfit {
-            Some(Misfit::Malformed(error)) => self.fail(place, Failure::Malformed(error)),
-            Some(Misfit::Mismatch(mismatch)) => self.fail(place, Failure::Refused(mismatch)),
+            Some(MismatchReason::Malformed(error)) => self.fail(slot, Failure::Malformed(error)),
+            Some(MismatchReason::Mismatch(mismatch)) => self.fail(slot, Failure::Refused(mismatch)),
             None => {}
         }
     }
 
     #[cold]
-    fn fail_all(&mut self, places: Places, failure: Failure) {
-        places.iter().for_each(|place| self.fail(place, failure));
+    fn fail_all(&mut self, slots: SlotSet, failure: Failure) {
+        slots.iter().for_each(|slot| self.fail(slot, failure));
     }
 
     #[cold]
@@ -251,15 +251,15 @@ impl<const N: usize> Client<N> {
     }
 
     #[cold]
-    fn fail(&mut self, place: u8, failure: Failure) {
+    fn fail(&mut self, slot: u8, failure: Failure) {
         self.core.statistics.failures += 1;
-        if let Some(ticket) = self.ticket(place) {
+        if let Some(ticket) = self.ticket(slot) {
             self.core.push_outcome(ClientEvent::Failed { ticket, failure });
         }
     }
 
-    fn ticket(&self, place: u8) -> Option<Ticket> {
-        self.places.get(usize::from(place)).map(|place| place.ticket)
+    fn ticket(&self, slot: u8) -> Option<Ticket> {
+        self.slots.get(usize::from(slot)).map(|slot| slot.ticket)
     }
 }
 
@@ -277,7 +277,7 @@ impl<const N: usize> End for Client<N> {
     const MAX_INPUT: usize = EVENTS * Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     /// The outcome of every slot fits the event queue.
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(ClientEvent::Unexpected);
     robot_session::echo!(ClientEvent::Echo);
@@ -297,14 +297,14 @@ impl<const N: usize> End for Client<N> {
                 }
             };
             let frame = self.core.decoder.frame(range.clone())?;
-            let mut fit = self.fit(&frame).unwrap_or(Fit::Misfit);
-            if fit == Fit::Exception {
+            let mut fit = self.fit(&frame).unwrap_or(ReplyMatch::Mismatch);
+            if fit == ReplyMatch::Exception {
                 if self.core.decoder.exception_error(&range).is_some() {
-                    fit = Fit::Misfit;
+                    fit = ReplyMatch::Mismatch;
                 } else if self.core.decoder.is_last(&range) && !self.waits_for_rest {
-                    fit = Fit::Whole;
+                    fit = ReplyMatch::Full;
                 } else if self.core.decoder.is_open(&range) {
-                    fit = Fit::OpenException;
+                    fit = ReplyMatch::OpenException;
                 }
             }
             let transaction = frame.transaction.unwrap_or(0);
@@ -316,13 +316,13 @@ impl<const N: usize> End for Client<N> {
     fn act(&mut self, now: Duration, action: Action, frame: Option<Range<usize>>) {
         match action {
             Action::Nothing | Action::Keep { .. } | Action::Sent => {}
-            Action::Replied { place } => self.replied(place, frame),
-            Action::Announced { place } => {
-                if let Some(ticket) = self.ticket(place) {
+            Action::Replied { slot } => self.replied(slot, frame),
+            Action::Announced { slot } => {
+                if let Some(ticket) = self.ticket(slot) {
                     self.core.push_outcome(ClientEvent::Announced { ticket });
                 }
             }
-            Action::Refused { place } => self.refused(place, frame),
+            Action::Refused { slot } => self.refused(slot, frame),
             Action::Stray { late } => self.stray(late, frame),
             Action::TimedOut { silent, returned } => {
                 self.fail_all(silent, Failure::TimedOut);
@@ -342,16 +342,16 @@ impl<const N: usize> End for Client<N> {
     }
 
     #[inline(always)]
-    fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, due: DueRequest, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..Self::MAX_TRANSMIT)?;
-        let place = self.places.get(usize::from(due.place))?;
+        let slot = self.slots.get(usize::from(due.slot))?;
         let transaction = self.core.decoder.has_transactions().then_some(due.transaction);
-        let probe = due.probe.then(|| place.probe());
-        let place = probe.as_ref().unwrap_or(place);
-        let length = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() }.encode(out).ok()?;
+        let probe = due.probe.then(|| slot.probe());
+        let slot = probe.as_ref().unwrap_or(slot);
+        let length = Frame { transaction, unit: slot.unit, pdu: slot.pdu.as_bytes() }.encode(out).ok()?;
         if transaction.is_none() {
             // A broadcast is not answered.
-            let is_proof = !place.is_mirrored || self.core.config.is_broadcast(place.unit);
+            let is_proof = !slot.is_mirrored || self.core.config.is_broadcast(slot.unit);
             self.echo.sent(out.get(..length).unwrap_or_default(), is_proof);
         }
         Some((length, Input::Sent(due)))
@@ -393,7 +393,7 @@ impl<const N: usize> End for Client<N> {
     fn next_event(&mut self) -> Option<ClientEvent> {
         let event = self.core.events.pop()?;
         if let Some(ticket) = event.outcome_of() {
-            self.tell(Input::Taken { place: ticket.place });
+            self.tell(Input::Taken { slot: ticket.slot });
         }
         Some(event)
     }

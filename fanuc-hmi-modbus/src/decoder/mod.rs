@@ -11,7 +11,7 @@ use crate::framing::Framing;
 use crate::message::function;
 use crate::stream::{CAPACITY, Stream};
 use rtu::Ends;
-use tcp::{EXCEPTION, HEADER, MBAP, SHORTEST};
+use tcp::{EXCEPTION, HEADER, MBAP, MIN_LEN};
 
 /// Finds the frames in a stream, wherever reads split it, and the next frame after corruption.
 ///
@@ -185,8 +185,8 @@ impl Decoder {
                 }
                 Ok(len) => {
                     // The function shows whether the header is right.
-                    let is_short = data.len() < SHORTEST && self.framing.has_transactions();
-                    self.want(if is_short { len.min(SHORTEST) } else { len }, self.stream.start());
+                    let is_short = data.len() < MIN_LEN && self.framing.has_transactions();
+                    self.want(if is_short { len.min(MIN_LEN) } else { len }, self.stream.start());
                     return None;
                 }
                 Err(error) => error,
@@ -232,12 +232,12 @@ impl Decoder {
         let mut length = self.excess;
         for at in 0..self.excess {
             let rest = self.stream.get(start + at..limit).unwrap_or_default();
-            let Some(shortest) = rest.first_chunk::<SHORTEST>() else {
+            let Some(shortest) = rest.first_chunk::<MIN_LEN>() else {
                 if self.stream.has_ended() {
                     length = at;
                     break;
                 }
-                self.want(SHORTEST, start + at);
+                self.want(MIN_LEN, start + at);
                 return None;
             };
             let [t0, t1, p0, p1, l0, l1, _, code] = *shortest;
@@ -284,7 +284,7 @@ impl Decoder {
         if let (Err(tried), false, false) = (next, is_full, self.stream.has_ended()) {
             corruption.tried = tried;
             if self.framing.has_transactions() {
-                let shows = if tcp::is_placed(tried, from, start) { MBAP } else { SHORTEST };
+                let shows = if tcp::is_placed(tried, from, start) { MBAP } else { MIN_LEN };
                 // A full window is decided without them.
                 self.wanted = (tried + shows).min(start + WINDOW);
             }

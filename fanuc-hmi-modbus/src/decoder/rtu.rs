@@ -25,7 +25,7 @@ pub(crate) fn len(data: &[u8], side: Side, finished: bool) -> Result<usize, Deco
 
 /// The index of the byte of an RTU frame that shows its length, by function code, for a client and for a server; 0 if no byte
 /// does.
-static SHOWN: ([u8; PLACES], [u8; PLACES]) = (shown(Side::Client), shown(Side::Server));
+static LENGTH_OFFSETS: ([u8; PLACES], [u8; PLACES]) = (shown(Side::Client), shown(Side::Server));
 
 const fn shown(side: Side) -> [u8; PLACES] {
     let mut shown = [0; PLACES];
@@ -86,8 +86,8 @@ impl Ends {
         limit: usize,
     ) -> Result<usize, usize> {
         let (shown_by, shown): (&[u8], _) = match side {
-            Side::Client => (&[1, 2, 6, 10], &SHOWN.0),
-            Side::Server => (&[1, 2, 3], &SHOWN.1),
+            Side::Client => (&[1, 2, 6, 10], &LENGTH_OFFSETS.0),
+            Side::Server => (&[1, 2, 3], &LENGTH_OFFSETS.1),
         };
         let bytes = stream.get(0..limit).unwrap_or_default();
         for end in tried + 1..=limit {

@@ -12,7 +12,7 @@ pub(super) const MBAP: usize = 6;
 pub(super) const HEADER: usize = MBAP + 10;
 
 /// The number of bytes of the shortest TCP frame.
-pub(super) const SHORTEST: usize = MBAP + 2;
+pub(super) const MIN_LEN: usize = MBAP + 2;
 
 /// The number of bytes of an exception over TCP.
 pub(super) const EXCEPTION: usize = MBAP + EXCEPTION_LENGTH;

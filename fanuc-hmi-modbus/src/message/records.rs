@@ -49,7 +49,7 @@ pub trait Group<'a>: Copy {
     /// The function code.
     const FUNCTION: u8;
     /// The maximum number of bytes of all groups in the message that has their registers.
-    const MOST: usize;
+    const MAX_LEN: usize;
     /// The number of bytes of a group in that message in addition to its registers.
     const AROUND: usize;
 
@@ -78,7 +78,7 @@ fn head(bytes: &[u8]) -> Result<(FileRange, u8, &[u8]), usize> {
 
 impl<'a> Group<'a> for FileRange {
     const FUNCTION: u8 = READ_FILE_RECORD;
-    const MOST: usize = limit::READ_FILES as usize;
+    const MAX_LEN: usize = limit::READ_FILES as usize;
     const AROUND: usize = 2;
 
     fn take(bytes: &'a [u8]) -> Result<(Self, u8, &'a [u8]), usize> {
@@ -103,7 +103,7 @@ impl<'a> Group<'a> for FileRange {
 
 impl<'a> Group<'a> for FileRecord<'a> {
     const FUNCTION: u8 = WRITE_FILE_RECORD;
-    const MOST: usize = limit::WRITE_FILES as usize;
+    const MAX_LEN: usize = limit::WRITE_FILES as usize;
     const AROUND: usize = 7;
 
     fn take(bytes: &'a [u8]) -> Result<(Self, u8, &'a [u8]), usize> {
@@ -129,7 +129,7 @@ impl<'a> Group<'a> for FileRecord<'a> {
 /// The registers of a group that was read.
 impl<'a> Group<'a> for Words<'a> {
     const FUNCTION: u8 = READ_FILE_RECORD;
-    const MOST: usize = FileRange::MOST;
+    const MAX_LEN: usize = FileRange::MAX_LEN;
     const AROUND: usize = FileRange::AROUND;
 
     fn take(bytes: &'a [u8]) -> Result<(Self, u8, &'a [u8]), usize> {
@@ -180,7 +180,7 @@ impl<'a, T: Group<'a>> Records<'a, T> {
         if data.len() != usize::from(count) {
             return Err(length(2 + usize::from(count)));
         }
-        let (mut rest, mut left) = (data, T::MOST);
+        let (mut rest, mut left) = (data, T::MAX_LEN);
         loop {
             let (group, reference, after) =
                 T::take(rest).map_err(|needed| length(found - rest.len() + needed))?;
@@ -205,7 +205,7 @@ impl<'a, T: Group<'a>> Records<'a, T> {
     }
 
     pub(crate) fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let (function, mut left) = (T::FUNCTION, T::MOST);
+        let (function, mut left) = (T::FUNCTION, T::MAX_LEN);
         let quantity = |found, max| EncodeError::Quantity { function, found, max };
         let mut groups = self.iter().map(|group| group.quantity()).peekable();
         if groups.peek().is_none() {

@@ -61,7 +61,7 @@ pub enum Input {
 
 /// The output of a server: its oldest reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Due;
+pub struct DueReply;
 
 /// An action of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -159,7 +159,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
     const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
-    type Transmit = Due;
+    type Transmit = DueReply;
     type Config = ServerConfig;
 
     /// # Errors
@@ -210,10 +210,10 @@ impl<const N: usize> Machine for ServerMachine<N> {
     }
 
     #[inline]
-    fn transmit(&self, _now: Duration, config: &ServerConfig) -> Option<Due> {
+    fn transmit(&self, _now: Duration, config: &ServerConfig) -> Option<DueReply> {
         let ServerLink::Up { line, replies, .. } = self.link else { return None };
         let may_send = line.may_send(config.framing) || !config.keeps(Rule::ReplyAfterSilence);
-        (may_send && replies > 0).then_some(Due)
+        (may_send && replies > 0).then_some(DueReply)
     }
 
     fn deadline(&self) -> Option<Duration> {

@@ -9,13 +9,13 @@ mod replies;
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::end::{Core, Echo, End, EventQueue, Room};
+use robot_session::end::{Core, Echo, End, EventQueue, QueueSpace};
 
 #[doc(hidden)]
 pub use config::Rule;
 pub use config::ServerConfig;
 pub use event::{ServerEvent, ServerStatistics};
-use machine::{Action, Due, Input, ServerMachine};
+use machine::{Action, DueReply, Input, ServerMachine};
 
 use crate::decoder::{Decoder, WINDOW};
 use crate::error::{ConfigError, DecodeError};
@@ -150,7 +150,7 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     /// The number of bytes that fit beside a run of corrupt bytes.
     const MAX_INPUT: usize = Decoder::CAPACITY - WINDOW;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(ServerEvent::Unexpected);
     robot_session::echo!(ServerEvent::Echo);
@@ -199,7 +199,7 @@ impl<R: Registers, const N: usize> End for Server<R, N> {
     }
 
     #[inline]
-    fn write(&mut self, _now: Duration, Due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, DueReply: DueReply, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.first_chunk_mut::<{ Frame::MAX_LEN }>()?;
         let length = self.replies.pop(out)?;
         if !self.core.config.framing.has_transactions() {

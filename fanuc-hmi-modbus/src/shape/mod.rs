@@ -183,7 +183,7 @@ impl<'de> Visitor<'de> for FrameVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-        let mut given = Given::default();
+        let mut given = ObjectValues::default();
         while let Some(key) = map.next_key::<Key>()? {
             let number = match key {
                 Key::Unknown => {
@@ -319,7 +319,7 @@ impl fmt::Display for Key {
 
 /// The values of an object.
 #[derive(Default)]
-struct Given {
+struct ObjectValues {
     numbers: [Option<u16>; Key::NUMBERS],
     list: Option<(Key, List)>,
 }
@@ -337,7 +337,7 @@ enum ShapeError {
     Extra,
 }
 
-impl Given {
+impl ObjectValues {
     fn frame(&self) -> Result<Frame<PduBuf>, ShapeError> {
         let (unit, function) = (self.byte(Key::Unit)?, self.byte(Key::Function)?);
         let pdu = if self.has_only(&[Key::Exception]) {

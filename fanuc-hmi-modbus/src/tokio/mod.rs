@@ -67,12 +67,12 @@ pub fn client<C: Connector>(
 /// The service of the task: it passes on requests, and gives replies to their callers.
 #[derive(Debug)]
 pub struct Requests {
-    made: Vec<(Ticket, Made)>,
+    made: Vec<(Ticket, PendingRequest)>,
 }
 
 /// A request, and the caller that waits for its reply.
 #[derive(Debug)]
-pub struct Made {
+pub struct PendingRequest {
     unit: u8,
     /// The request, which its reply replaces. Boxed, because it moves through two channels.
     pdu: Box<PduBuf>,
@@ -84,14 +84,14 @@ pub struct Made {
 #[non_exhaustive]
 pub enum Event {
     /// The outcome of a request whose future was dropped while it was in flight.
-    Abandoned(Box<Abandoned>),
+    Abandoned(Box<AbandonedRequest>),
     /// A notice of the session, for a log.
     Notice(ClientEvent),
 }
 
 /// A request that is no longer awaited.
 #[derive(Debug, Clone)]
-pub struct Abandoned {
+pub struct AbandonedRequest {
     /// The unit that the request was sent to.
     pub unit: u8,
     /// The PDU of the request.
@@ -337,7 +337,7 @@ impl Client {
 
     async fn ask(&self, request: &Request<'_>) -> Result<Box<PduBuf>, Error> {
         let (unit, pdu) = (self.unit, Box::new(PduBuf::new(request)?));
-        self.handle.call(|reply| Made { unit, pdu, reply }).await?
+        self.handle.call(|reply| PendingRequest { unit, pdu, reply }).await?
     }
 
     /// Makes a request, and reads its reply.

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use robot_session::end::End as _;
 use robot_session::tokio::{Reports, Service};
 
-use super::{Abandoned, Error, Event, Made, Requests};
+use super::{AbandonedRequest, Error, Event, PendingRequest, Requests};
 use crate::client::{ClientEvent, Failure, Ticket};
 use crate::message::Reply;
 
 impl Requests {
     /// Removes and returns the caller's request with this ticket.
-    fn take(&mut self, ticket: Ticket) -> Option<Made> {
+    fn take(&mut self, ticket: Ticket) -> Option<PendingRequest> {
         let at = self.made.iter().position(|(made, _)| *made == ticket)?;
         Some(self.made.swap_remove(at).1)
     }
@@ -25,14 +25,14 @@ type Session = crate::Client<16>;
 
 impl Service for Requests {
     type Session = Session;
-    type Call = Made;
+    type Call = PendingRequest;
     type Event = Event;
 
     fn has_room(&self, session: &Session) -> bool {
         self.made.len() < session.config().in_flight
     }
 
-    fn call(&mut self, session: &mut Session, _now: Duration, call: Made) {
+    fn call(&mut self, session: &mut Session, _now: Duration, call: PendingRequest) {
         if call.reply.is_abandoned() {
             return;
         }
@@ -73,7 +73,7 @@ impl Service for Requests {
                 | Failure::Returned => {}
             }
         }
-        let Some(Made { unit, mut pdu, reply }) = self.take(ticket) else { return };
+        let Some(PendingRequest { unit, mut pdu, reply }) = self.take(ticket) else { return };
         let request = *pdu;
         let outcome = match event {
             ClientEvent::Failed { failure, .. } => Err(failure.into()),
@@ -87,11 +87,11 @@ impl Service for Requests {
         };
         if let Err(outcome) = reply.send(outcome) {
             let outcome = outcome.map(|pdu| *pdu);
-            reports.event(Event::Abandoned(Box::new(Abandoned { unit, request, outcome })));
+            reports.event(Event::Abandoned(Box::new(AbandonedRequest { unit, request, outcome })));
         }
     }
 
-    fn refuse(&mut self, call: Made, why: &Arc<io::Error>) {
+    fn refuse(&mut self, call: PendingRequest, why: &Arc<io::Error>) {
         // As above: nothing was sent.
         let _ = call.reply.send(Err(Error::NotConnected(Arc::clone(why))));
     }

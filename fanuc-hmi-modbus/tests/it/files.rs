@@ -1,7 +1,7 @@
 //! Functions 7, 11, 12, 20, 21 and 24: the serial line of a device, its files and its queues.
 
 use fanuc_hmi_modbus::robot_session::tokio::{Tcp, serve as serve_all};
-use fanuc_hmi_modbus::security::{Access, Guarded};
+use fanuc_hmi_modbus::security::{Access, GuardedRegisters};
 use fanuc_hmi_modbus::tokio::{Error, client};
 use fanuc_hmi_modbus::{
     ClientConfig, CommEvents, EncodeError, Exception, FileRange, FileRecord, Mismatch, Pdu, PduBuf, Records,
@@ -140,7 +140,7 @@ fn a_guard_decides_about_each_run_and_function() {
         Access { function: 7 | 12, address: 0, quantity: 0 } => true,
         _ => false,
     };
-    let mut guarded = Guarded::new(DEVICE, allows);
+    let mut guarded = GuardedRegisters::new(DEVICE, allows);
     let mut code = |request: &Request<'_>| answer(&mut guarded, request).as_bytes()[0];
     for (quantity, expected) in [(2, 20), (3, 0x94)] {
         let range = [FileRange { file: 4, record: 1, quantity }];

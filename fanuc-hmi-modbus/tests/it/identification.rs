@@ -1,6 +1,6 @@
 //! Diagnostics and identification of a device: functions 8, 17 and 43.
 
-use fanuc_hmi_modbus::security::{Access, Guarded};
+use fanuc_hmi_modbus::security::{Access, GuardedRegisters};
 use fanuc_hmi_modbus::{
     DecodeError, DeviceIdentification, DeviceObjects, Exception, Mismatch, Pdu, PduBuf, Registers, Reply,
     Request, Words, WordsMut, limit, serve,
@@ -107,7 +107,7 @@ fn a_guard_decides_about_each_object_and_subfunction() {
         Access { function: 17, address: 0, quantity: 0 } => true,
         _ => false,
     };
-    let mut guarded = Guarded::new(device, allows);
+    let mut guarded = GuardedRegisters::new(device, allows);
     let mut answer = |request: &Request<'_>| {
         let mut out = [0; limit::PDU];
         let length = serve(PduBuf::new(request).unwrap().as_bytes(), &mut guarded, &mut out);

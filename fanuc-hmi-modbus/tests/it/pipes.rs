@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use crate::common::Bank;
 use fanuc_hmi_modbus::robot_session::tokio::Driver;
-use fanuc_hmi_modbus::robot_session::{Ended, Session as _, now};
+use fanuc_hmi_modbus::robot_session::{EndReason, Session as _, now};
 use fanuc_hmi_modbus::{
     Client, ClientConfig, ClientEvent, Failure, Request, Server, ServerConfig, ServerEvent, Words,
 };
@@ -45,7 +45,7 @@ async fn four_requests_in_flight_go_through_a_pipe_of_seven_bytes() {
     };
     let both = async { tokio::join!(serve, ask) };
     let (ended, ()) = tokio::time::timeout(LONG, both).await.expect("neither end hangs");
-    assert_eq!(ended, Ended::ByPeer);
+    assert_eq!(ended, EndReason::ByPeer);
 }
 
 /// A server that does not read costs a request its reply, and no more time than `timeout`.
@@ -59,7 +59,7 @@ async fn a_server_that_does_not_read_times_out() {
     client.request(1, &Request::ReadHoldingRegisters { address: 0, quantity: 1 }).unwrap();
     let turn = driver.turn(&mut client, |_, event| ControlFlow::Break(event));
     let ended = tokio::time::timeout(LONG, turn).await.expect("it does not hang").unwrap();
-    let ControlFlow::Break(Ended::ByHandler(ClientEvent::Failed { failure, .. })) = ended else {
+    let ControlFlow::Break(EndReason::ByHandler(ClientEvent::Failed { failure, .. })) = ended else {
         panic!("{ended:?}")
     };
     assert_eq!(failure, Failure::TimedOut);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use fanuc_hmi_modbus::robot_session::tls::{Identity, client as client_config, server};
 use fanuc_hmi_modbus::robot_session::tokio::Tcp;
 use fanuc_hmi_modbus::robot_session::tokio::tls::{Tls, serve};
-use fanuc_hmi_modbus::security::{Access, Guarded, RoleError, role};
+use fanuc_hmi_modbus::security::{Access, GuardedRegisters, RoleError, role};
 use fanuc_hmi_modbus::tokio::{Client, Error, client};
 use fanuc_hmi_modbus::{ClientConfig, Exception, Server, ServerConfig};
 use proptest::prelude::*;
@@ -70,7 +70,7 @@ async fn a_role_decides_what_a_client_may_do() {
             1..=4 => role != "none",
             _ => role == "engineer" && access.address >= 10,
         };
-        Server::<_>::new(ServerConfig::tcp(), Guarded::new(Bank::new(), allows)).ok()
+        Server::<_>::new(ServerConfig::tcp(), GuardedRegisters::new(Bank::new(), allows)).ok()
     };
     tokio::spawn(serve(listener, 8, config, session, |_, _, _| {}));
     let to = |roles: &[&[u8]], name: &str| -> Client {

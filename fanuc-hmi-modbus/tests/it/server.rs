@@ -11,7 +11,7 @@ use std::thread;
 
 use crate::common::{Bank, MS, bytes, read, transmitted};
 use fanuc_hmi_modbus::robot_session::end::End as _;
-use fanuc_hmi_modbus::robot_session::{Ended, Session, drive};
+use fanuc_hmi_modbus::robot_session::{EndReason, Session, drive};
 use fanuc_hmi_modbus::{
     ConfigError, DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent,
     Words, WordsMut, function, limit, serve,
@@ -242,7 +242,7 @@ fn a_thousand_requests_in_one_write_are_answered_in_order() {
         client.read_to_end(&mut replies).unwrap();
         assert!(replies == requests, "a reply to a write repeats it");
         let (ended, writes, statistics) = server.join().unwrap();
-        assert_eq!((ended, writes), (Ended::ByPeer, 1000));
+        assert_eq!((ended, writes), (EndReason::ByPeer, 1000));
         assert_eq!((statistics.served, statistics.refused, statistics.unexpected), (1000, 0, 0));
     }
 }

@@ -146,8 +146,8 @@ pub(crate) fn text(u: &mut Unstructured<'_>, of: &[u8], length: RangeInclusive<u
 }
 
 /// Generates a list of values.
-pub(crate) fn list<'a, const LEAST: usize, const MOST: usize, T: Arbitrary<'a>>(
+pub(crate) fn list<'a, const MIN: usize, const MAX: usize, T: Arbitrary<'a>>(
     u: &mut Unstructured<'a>,
 ) -> Result<Vec<T>> {
-    (0..u.int_in_range(LEAST..=MOST)?).map(|_| u.arbitrary()).collect()
+    (0..u.int_in_range(MIN..=MAX)?).map(|_| u.arbitrary()).collect()
 }

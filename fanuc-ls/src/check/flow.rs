@@ -3,7 +3,7 @@
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
 
-use super::{Found, Line, What};
+use super::{Findings, Line, LineKind};
 use crate::expression::{Expression, Index, Item, ItemKind};
 use crate::grammar;
 use crate::mistake::{Block, Mistake};
@@ -12,26 +12,26 @@ use crate::operation::Operation;
 use crate::position::Position;
 
 /// A block that is open.
-struct Open<'a> {
+struct OpenBlock<'a> {
     block: Block,
     place: &'a str,
     has_else: bool,
 }
 
-pub(super) fn blocks(lines: &[Line<'_>], found: &mut Found<'_>) {
-    let mut open: Vec<Open<'_>> = Vec::new();
+pub(super) fn blocks(lines: &[Line<'_>], found: &mut Findings<'_>) {
+    let mut open: Vec<OpenBlock<'_>> = Vec::new();
     let mut in_select = false;
     for line in lines {
-        let begin = |block| Open { block, place: line.place, has_else: false };
-        let What::Operation(operation) = &line.what else {
+        let begin = |block| OpenBlock { block, place: line.place, has_else: false };
+        let LineKind::Operation(operation) = &line.what else {
             // A comment may stand among the cases; an instruction that is not understood may be a case, or begin a block.
-            in_select &= !matches!(line.what, What::Motion(_));
-            if matches!(line.what, What::Unknown)
+            in_select &= !matches!(line.what, LineKind::Motion(_));
+            if matches!(line.what, LineKind::Unknown)
                 && line.place.starts_with("IF")
                 && line.place.ends_with("THEN")
             {
                 open.push(begin(Block::If));
-            } else if matches!(line.what, What::Unknown) && line.place.starts_with("FOR") {
+            } else if matches!(line.what, LineKind::Unknown) && line.place.starts_with("FOR") {
                 open.push(begin(Block::For));
             }
             continue;
@@ -46,7 +46,7 @@ pub(super) fn blocks(lines: &[Line<'_>], found: &mut Found<'_>) {
                 }
             }
             Operation::Else => match open.last_mut() {
-                Some(Open { block: Block::If, has_else, .. }) => {
+                Some(OpenBlock { block: Block::If, has_else, .. }) => {
                     if *has_else {
                         found.add(line.place, Mistake::RepeatedElse);
                     }
@@ -73,12 +73,12 @@ pub(super) fn blocks(lines: &[Line<'_>], found: &mut Found<'_>) {
         }
         in_select = matches!(operation, Operation::Select(..) | Operation::Case(..));
     }
-    for Open { block, place, .. } in open {
+    for OpenBlock { block, place, .. } in open {
         found.add(place, Mistake::Open { block });
     }
 }
 
-fn close(block: Block, open: &mut Vec<Open<'_>>, place: &str, found: &mut Found<'_>) {
+fn close(block: Block, open: &mut Vec<OpenBlock<'_>>, place: &str, found: &mut Findings<'_>) {
     match open.iter().rposition(|open| open.block == block) {
         None => found.add(place, Mistake::NotOpen { block }),
         Some(at) => {
@@ -90,17 +90,17 @@ fn close(block: Block, open: &mut Vec<Open<'_>>, place: &str, found: &mut Found<
     }
 }
 
-pub(super) fn labels(lines: &[Line<'_>], found: &mut Found<'_>) {
+pub(super) fn labels(lines: &[Line<'_>], found: &mut Findings<'_>) {
     let mut labels = BTreeSet::new();
     for line in lines {
-        if let What::Operation(Operation::Label(Item { index: Index::Number(number), .. })) = line.what
+        if let LineKind::Operation(Operation::Label(Item { index: Index::Number(number), .. })) = line.what
             && !labels.insert(number)
         {
             found.add(line.place, Mistake::RepeatedLabel { number });
         }
     }
     // One of these lines may be the label.
-    if lines.iter().any(|line| matches!(line.what, What::Unknown) && line.place.contains("LBL[")) {
+    if lines.iter().any(|line| matches!(line.what, LineKind::Unknown) && line.place.contains("LBL[")) {
         return;
     }
     for line in lines {
@@ -119,14 +119,14 @@ fn jumps(line: &Line<'_>) -> Vec<u32> {
         _ => None,
     };
     match &line.what {
-        What::Operation(operation) => match operation.action() {
+        LineKind::Operation(operation) => match operation.action() {
             Operation::Jump(label) | Operation::WaitFor { timeout: Some(label), .. } => {
                 number(label).into_iter().collect()
             }
             Operation::Command { text, .. } => named_labels(text).iter().filter_map(number).collect(),
             _ => Vec::new(),
         },
-        What::Motion(motion) => named_labels(&motion.options).iter().filter_map(number).collect(),
+        LineKind::Motion(motion) => named_labels(&motion.options).iter().filter_map(number).collect(),
         _ => Vec::new(),
     }
 }
@@ -138,12 +138,12 @@ fn named_labels(text: &str) -> Vec<Item> {
 }
 
 /// Reports the first unreachable line after each jump.
-pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Found<'_>) {
+pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Findings<'_>) {
     let mut is_dead = false;
     for line in lines {
         match &line.what {
-            What::Nothing => {}
-            What::Operation(operation) => match operation {
+            LineKind::Nothing => {}
+            LineKind::Operation(operation) => match operation {
                 Operation::Label(_)
                 | Operation::Else
                 | Operation::EndIf
@@ -161,25 +161,27 @@ pub(super) fn unreachable(lines: &[Line<'_>], found: &mut Found<'_>) {
                     is_dead |= is_end;
                 }
             },
-            What::Motion(_) => {
+            LineKind::Motion(_) => {
                 if is_dead {
                     found.add(line.place, Mistake::Unreachable);
                 }
                 is_dead = false;
             }
-            What::Unknown => is_dead = false,
+            LineKind::Unknown => is_dead = false,
         }
     }
 }
 
 /// Finds the first motion with Skip that no condition precedes.
-pub(super) fn skips(lines: &[Line<'_>], found: &mut Found<'_>) {
+pub(super) fn skips(lines: &[Line<'_>], found: &mut Findings<'_>) {
     for line in lines {
         match &line.what {
-            What::Operation(Operation::Command { name: "SKIP CONDITION", .. } | Operation::Call { .. }) => {
+            LineKind::Operation(
+                Operation::Command { name: "SKIP CONDITION", .. } | Operation::Call { .. },
+            ) => {
                 return;
             }
-            What::Motion(motion) if motion.options.contains("Skip,") => {
+            LineKind::Motion(motion) if motion.options.contains("Skip,") => {
                 return found.add(line.place, Mistake::SkipCondition);
             }
             _ => {}
@@ -188,13 +190,13 @@ pub(super) fn skips(lines: &[Line<'_>], found: &mut Found<'_>) {
 }
 
 /// Finds motions to a position of another frame than the program has selected.
-pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, found: &mut Found<'_>) {
+pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, found: &mut Findings<'_>) {
     let (mut frame, mut tool) = (None, None);
     let mut told = BTreeSet::new();
     for line in lines {
         match &line.what {
-            What::Nothing => {}
-            What::Motion(Motion { via, target, .. }) => {
+            LineKind::Nothing => {}
+            LineKind::Motion(Motion { via, target, .. }) => {
                 for target in via.iter().chain([target]) {
                     let Target::Position { number, .. } = target else { continue };
                     let group = positions.get(number).and_then(|position| position.groups.first());
@@ -212,9 +214,9 @@ pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, fo
                     }
                 }
             }
-            What::Operation(Operation::UserFrame(value)) => frame = whole(value),
-            What::Operation(Operation::UserTool(value)) => tool = whole(value),
-            What::Operation(operation) => match operation.action() {
+            LineKind::Operation(Operation::UserFrame(value)) => frame = whole(value),
+            LineKind::Operation(Operation::UserTool(value)) => tool = whole(value),
+            LineKind::Operation(operation) => match operation.action() {
                 Operation::Assign(..)
                 | Operation::Pulse(..)
                 | Operation::Timer(..)
@@ -227,7 +229,7 @@ pub(super) fn frames(lines: &[Line<'_>], positions: &BTreeMap<u32, Position>, fo
                 // A called program, or one that jumps to this label, may have selected another frame or tool.
                 _ => (frame, tool) = (None, None),
             },
-            What::Unknown => (frame, tool) = (None, None),
+            LineKind::Unknown => (frame, tool) = (None, None),
         }
     }
 }

@@ -21,7 +21,7 @@ use crate::position::Position;
 
 /// The known surroundings of a program.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Surroundings {
+pub struct CheckContext {
     /// The names of the programs that it may call, in capitals. None: any may be there.
     pub programs: Option<BTreeSet<String>>,
     /// The names of the controller's macros, in capitals.
@@ -33,7 +33,7 @@ pub struct Surroundings {
     pub file: Option<String>,
 }
 
-impl Surroundings {
+impl CheckContext {
     /// Returns whether a text begins with one of [`instructions`](Self::instructions).
     fn has_instruction(&self, text: &str) -> bool {
         self.instructions.iter().any(|head| {
@@ -55,10 +55,10 @@ impl Surroundings {
 struct Line<'a> {
     /// The text of the instruction.
     place: &'a str,
-    what: What,
+    what: LineKind,
 }
 
-enum What {
+enum LineKind {
     /// Nothing: empty, a comment, a remark, a line of the block of a motion.
     Nothing,
     Motion(Motion),
@@ -68,13 +68,13 @@ enum What {
 }
 
 /// The findings so far, each with its byte.
-struct Found<'a> {
+struct Findings<'a> {
     text: &'a str,
-    around: &'a Surroundings,
+    around: &'a CheckContext,
     found: Vec<(usize, Problem)>,
 }
 
-impl Found<'_> {
+impl Findings<'_> {
     fn add(&mut self, at: &str, mistake: Mistake) {
         self.found.push((offset(self.text, at), Problem::Mistake(mistake)));
     }
@@ -97,29 +97,29 @@ impl Found<'_> {
 }
 
 /// Finds every mistake in a text.
-pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usize, Problem)> {
-    let mut found = Found { text, around, found: Vec::new() };
+pub(crate) fn find(text: &str, parts: &Parts, around: &CheckContext) -> Vec<(usize, Problem)> {
+    let mut found = Findings { text, around, found: Vec::new() };
     let (mut open, mut is_block) = (None, false);
     let lines: Vec<Line<'_>> = { parts.statements(text) }
         .map(|statement| {
             let place = statement.body();
             open = open.filter(|_| statement.is_nested());
             let what = match statement.decode() {
-                Ok(Instruction::Empty | Instruction::Comment(_)) => What::Nothing,
+                Ok(Instruction::Empty | Instruction::Comment(_)) => LineKind::Nothing,
                 Ok(Instruction::Nested(_)) => {
                     let what = nested(statement.text(), &mut open, &mut found);
                     // A line that is only indented as one of a block: no motion is above it.
-                    if is_block { What::Nothing } else { what }
+                    if is_block { LineKind::Nothing } else { what }
                 }
                 Ok(Instruction::Motion(motion)) => {
                     motion::check(&motion, place, &mut found);
-                    What::Motion(motion)
+                    LineKind::Motion(motion)
                 }
                 Ok(_) => read(place, &mut found),
-                Err(_) => What::Unknown,
+                Err(_) => LineKind::Unknown,
             };
             if !statement.is_nested() {
-                is_block = matches!(what, What::Motion(_) | What::Unknown);
+                is_block = matches!(what, LineKind::Motion(_) | LineKind::Unknown);
             }
             Line { place, what }
         })
@@ -132,7 +132,7 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
     flow::unreachable(&lines, &mut found);
     flow::skips(&lines, &mut found);
     flow::frames(&lines, &positions, &mut found);
-    let moves = lines.iter().find(|line| matches!(line.what, What::Motion(_)));
+    let moves = lines.iter().find(|line| matches!(line.what, LineKind::Motion(_)));
     if let (Some(line), Some(mask)) = (moves, &mask)
         && !mask.contains(&true)
     {
@@ -149,27 +149,27 @@ pub(crate) fn find(text: &str, parts: &Parts, around: &Surroundings) -> Vec<(usi
 
 /// Checks a line of the block of a motion, if it ends an instruction; `open` is the offset at which that has begun, if it is
 /// not in this line. Returns the instruction.
-fn nested(line: &str, open: &mut Option<usize>, found: &mut Found<'_>) -> What {
+fn nested(line: &str, open: &mut Option<usize>, found: &mut Findings<'_>) -> LineKind {
     let begin = open.take().unwrap_or(offset(found.text, line));
     let end = offset(found.text, line) + line.trim_end().len();
     let instruction = found.text.get(begin..end).unwrap_or("");
     let Some(instruction) = instruction.strip_suffix(';') else {
         *open = Some(begin);
-        return What::Nothing;
+        return LineKind::Nothing;
     };
     let body = instruction.trim_start().trim_start_matches(|c: char| c.is_ascii_digit());
     match body.strip_prefix(':').map(str::trim) {
         Some(body) if !body.is_empty() && !body.starts_with('!') => read(body, found),
-        _ => What::Nothing,
+        _ => LineKind::Nothing,
     }
 }
 
-fn read(place: &str, found: &mut Found<'_>) -> What {
+fn read(place: &str, found: &mut Findings<'_>) -> LineKind {
     let name = place.split('(').next().unwrap_or("").trim();
     match grammar::operation(place) {
         // A name that the caller knows, even if it is similar to another one. Only the labels in its text are checked.
         Err(_) if found.around.has_instruction(place) || found.around.has_macro(name) => {
-            What::Operation(Operation::Command { name: "", operands: Vec::new(), text: place.into() })
+            LineKind::Operation(Operation::Command { name: "", operands: Vec::new(), text: place.into() })
         }
         Ok(operation) => {
             values::check(&operation, place, found);
@@ -194,8 +194,8 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
                 _ => {}
             }
             match operation {
-                Operation::Remark(_) | Operation::Disabled(_) => What::Nothing,
-                operation => What::Operation(operation),
+                Operation::Remark(_) | Operation::Disabled(_) => LineKind::Nothing,
+                operation => LineKind::Operation(operation),
             }
         }
         Err(trouble) => {
@@ -203,13 +203,13 @@ fn read(place: &str, found: &mut Found<'_>) -> What {
             let missing =
                 if trouble.at.is_empty() { place.get(place.len()..).unwrap_or("") } else { trouble.at };
             found.add_unknown(missing, trouble.at, trouble.mistake);
-            What::Unknown
+            LineKind::Unknown
         }
     }
 }
 
 /// Returns the motion groups that the program has, from its attributes.
-fn mask(text: &str, parts: &Parts, found: &mut Found<'_>) -> Option<Vec<bool>> {
+fn mask(text: &str, parts: &Parts, found: &mut Findings<'_>) -> Option<Vec<bool>> {
     let mut mask = None;
     for (place, attribute) in parts.attributes(text) {
         let Ok(attribute) = attribute else { continue };

@@ -1,12 +1,12 @@
 //! Motions: their targets, speeds and options.
 
-use super::Found;
+use super::Findings;
 use crate::expression::{Index, Item, ItemKind};
 use crate::grammar;
 use crate::mistake::{Expected, Mistake};
 use crate::motion::{Motion, Speed, SpeedUnit, Target, Termination};
 
-pub(super) fn check(motion: &Motion, place: &str, found: &mut Found<'_>) {
+pub(super) fn check(motion: &Motion, place: &str, found: &mut Findings<'_>) {
     for target in [motion.via.as_ref(), Some(&motion.target)].into_iter().flatten() {
         if let Some(mistake) = wrong(target) {
             found.add(place, mistake);
@@ -84,7 +84,7 @@ fn wrong(target: &Target) -> Option<Mistake> {
     (!range.contains(&number)).then_some(Mistake::Range { low: 1, high: 32767 })
 }
 
-fn register_of_number(text: &str, place: &str, found: &mut Found<'_>) {
+fn register_of_number(text: &str, place: &str, found: &mut Findings<'_>) {
     if text == "..." {
         return found.add(place, Mistake::Untaught);
     }

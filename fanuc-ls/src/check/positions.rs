@@ -1,6 +1,6 @@
 //! Positions: checks that each has the values that a controller requires.
 
-use super::Found;
+use super::Findings;
 use crate::mistake::Mistake;
 use crate::parts::{Parts, at};
 use crate::position::{AxisName, AxisUnit, Group};
@@ -8,7 +8,7 @@ use crate::position::{AxisName, AxisUnit, Group};
 const CARTESIAN: [AxisName; 6] =
     [AxisName::X, AxisName::Y, AxisName::Z, AxisName::W, AxisName::P, AxisName::R];
 
-pub(super) fn check(text: &str, parts: &Parts, mask: Option<&[bool]>, found: &mut Found<'_>) {
+pub(super) fn check(text: &str, parts: &Parts, mask: Option<&[bool]>, found: &mut Findings<'_>) {
     for (position, block) in parts.positions(text).zip(&parts.blocks) {
         let (Ok(position), place) = (position, at(text, block)) else { continue };
         let number = position.number;

@@ -1,6 +1,6 @@
 //! Values: checks the numbers of registers, and the types of assignments.
 
-use super::Found;
+use super::Findings;
 use crate::expression::{Expression, Index, Item, ItemKind, Operator};
 use crate::mistake::{Expected, Mistake};
 use crate::operation::Operation;
@@ -17,7 +17,7 @@ enum Kind {
     Any,
 }
 
-pub(super) fn check(operation: &Operation, place: &str, found: &mut Found<'_>) {
+pub(super) fn check(operation: &Operation, place: &str, found: &mut Findings<'_>) {
     let mut mistake = None;
     visit(operation, &mut |part| {
         let wrong = match part {

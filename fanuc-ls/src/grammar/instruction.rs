@@ -5,32 +5,32 @@ use alloc::vec::Vec;
 
 use super::expression::{bracketed, bracketed_of_group, condition, expression, item, system};
 use super::operation::{arguments, assign, in_range};
-use super::table::{Form, Place, ROWS, Row};
-use super::{Parsed, Trouble, blank, end, fail, is_word, keyword, next, or_fail, other, sign};
+use super::table::{Context, Form, ROWS, Row};
+use super::{LocatedMistake, Parsed, blank, end, fail, is_word, keyword, next, or_fail, other, sign};
 use crate::expression::{Expression, Index};
 use crate::mistake::{Expected, Mistake};
 use crate::operation::Operation;
 
 /// The longest text that is read: more than a controller's longest line.
-const LONGEST: usize = 4000;
+const MAX_STATEMENT_LEN: usize = 4000;
 
 /// Reads an instruction to its end.
-pub(crate) fn operation(input: &str) -> Result<Operation, Trouble<'_>> {
+pub(crate) fn operation(input: &str) -> Result<Operation, LocatedMistake<'_>> {
     if let Some(disabled) = input.strip_prefix("//") {
         return Ok(Operation::Disabled(disabled.to_string()));
     }
     if let Some(remark) = input.strip_prefix("--") {
         return Ok(Operation::Remark(remark.to_string()));
     }
-    if input.len() > LONGEST {
-        return Err(Trouble { at: input, mistake: Mistake::TooDeep });
+    if input.len() > MAX_STATEMENT_LEN {
+        return Err(LocatedMistake { at: input, mistake: Mistake::TooDeep });
     }
-    let read = instruction(input, Place::Line).and_then(|(rest, found)| end(rest).map(|_| found));
-    read.map_err(Trouble::of)
+    let read = instruction(input, Context::Line).and_then(|(rest, found)| end(rest).map(|_| found));
+    read.map_err(LocatedMistake::of)
 }
 
 /// Reads an instruction by the table, assignments and macros, which have no row.
-pub(super) fn instruction(input: &str, place: Place) -> Parsed<'_, Operation> {
+pub(super) fn instruction(input: &str, place: Context) -> Parsed<'_, Operation> {
     for row in ROWS {
         for words in row.words {
             let read = if words.starts_with(is_word) {
@@ -39,7 +39,7 @@ pub(super) fn instruction(input: &str, place: Place) -> Parsed<'_, Operation> {
                 next(input, sign(words))
             };
             let Some(rest) = read else { continue };
-            if place == Place::Anywhere && row.place == Place::Line {
+            if place == Context::Anywhere && row.place == Context::Line {
                 return fail(input, Mistake::Expected { what: Expected::Action });
             }
             return form(rest, row.words.first().copied().unwrap_or(""), &row.form);
@@ -156,7 +156,7 @@ fn similar(word: &str, after: &str) -> Option<Mistake> {
     for (row, known) in near {
         let text = known.to_string() + after;
         let fits = row.words.first().is_some_and(|words| next(&text, keyword(words)).is_some())
-            && instruction(&text, Place::Line).is_ok_and(|(rest, _)| end(rest).is_ok());
+            && instruction(&text, Context::Line).is_ok_and(|(rest, _)| end(rest).is_ok());
         match row.form {
             // Anything follows it: that this does shows nothing.
             Form::Text if fits => similar = similar.or(Some(Mistake::Similar { word: known })),

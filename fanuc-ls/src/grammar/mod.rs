@@ -18,29 +18,29 @@ use crate::text::decimal_prefix;
 pub(crate) use expression::item;
 pub(crate) use instruction::{in_capitals, operation};
 pub(crate) use options::{OPTIONS, option, options};
-pub(crate) use table::{Form, Place, ROWS};
+pub(crate) use table::{Context, Form, ROWS};
 
 /// The unread text, and the result.
-pub(crate) type Parsed<'a, T> = IResult<&'a str, T, Trouble<'a>>;
+pub(crate) type Parsed<'a, T> = IResult<&'a str, T, LocatedMistake<'a>>;
 
 /// A mistake, and its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Trouble<'a> {
+pub(crate) struct LocatedMistake<'a> {
     pub(crate) at: &'a str,
     pub(crate) mistake: Mistake,
 }
 
-impl<'a> Trouble<'a> {
+impl<'a> LocatedMistake<'a> {
     pub(crate) fn of(error: nom::Err<Self>) -> Self {
         match error {
             nom::Err::Error(trouble) | nom::Err::Failure(trouble) => trouble,
             // The parsers are the complete ones: this is never made.
-            nom::Err::Incomplete(_) => Trouble { at: "", mistake: Mistake::Unknown },
+            nom::Err::Incomplete(_) => LocatedMistake { at: "", mistake: Mistake::Unknown },
         }
     }
 }
 
-impl<'a> ParseError<&'a str> for Trouble<'a> {
+impl<'a> ParseError<&'a str> for LocatedMistake<'a> {
     // The combinators' own kinds are replaced by `or_fail`, or try the next alternative.
     fn from_error_kind(at: &'a str, _: ErrorKind) -> Self {
         Self { at, mistake: Mistake::Unknown }
@@ -54,24 +54,24 @@ impl<'a> ParseError<&'a str> for Trouble<'a> {
 /// Reads an instruction that is part of another, or of an option of a motion. The table names the parsers of its rows, some
 /// of which read such an instruction by the table again: they do so here.
 fn simple(input: &str) -> Parsed<'_, Operation> {
-    instruction::instruction(input, Place::Anywhere)
+    instruction::instruction(input, Context::Anywhere)
 }
 
 /// Returns an error after which another alternative may fit.
 fn other<T>(at: &str) -> Parsed<'_, T> {
-    Err(nom::Err::Error(Trouble { at, mistake: Mistake::Unknown }))
+    Err(nom::Err::Error(LocatedMistake { at, mistake: Mistake::Unknown }))
 }
 
 /// Fails because no alternative fits: reports this mistake here.
 pub(crate) fn fail<T>(at: &str, mistake: Mistake) -> Parsed<'_, T> {
-    Err(nom::Err::Failure(Trouble { at: blank(at), mistake }))
+    Err(nom::Err::Failure(LocatedMistake { at: blank(at), mistake }))
 }
 
 /// Returns the result of `parser`, or the failure at this place.
 pub(crate) fn or_fail<'a, T>(
     input: &'a str,
     expected: Expected,
-    mut parser: impl Parser<&'a str, Output = T, Error = Trouble<'a>>,
+    mut parser: impl Parser<&'a str, Output = T, Error = LocatedMistake<'a>>,
 ) -> Parsed<'a, T> {
     match parser.parse(input) {
         Err(nom::Err::Error(_)) => fail(input, Mistake::Expected { what: expected }),
@@ -94,7 +94,7 @@ fn is_word(c: char) -> bool {
 }
 
 /// Reads a sign after blanks.
-pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
+pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), Error = LocatedMistake<'a>> {
     move |input: &'a str| match blank(input).strip_prefix(sign) {
         Some(rest) => Ok((rest, ())),
         None => other(input),
@@ -103,7 +103,9 @@ pub(crate) fn sign<'a>(sign: &'static str) -> impl Parser<&'a str, Output = (), 
 
 /// Reads words after blanks, in upper or lower case, with any blanks between them. The last one must be a whole word of the
 /// text.
-pub(crate) fn keyword<'a>(words: &'static str) -> impl Parser<&'a str, Output = (), Error = Trouble<'a>> {
+pub(crate) fn keyword<'a>(
+    words: &'static str,
+) -> impl Parser<&'a str, Output = (), Error = LocatedMistake<'a>> {
     move |input: &'a str| {
         let mut rest = input;
         for word in words.split(' ') {
@@ -120,7 +122,7 @@ pub(crate) fn keyword<'a>(words: &'static str) -> impl Parser<&'a str, Output = 
 /// Returns the text after `parser`'s match, if it matches here.
 pub(crate) fn next<'a>(
     input: &'a str,
-    mut parser: impl Parser<&'a str, Output = (), Error = Trouble<'a>>,
+    mut parser: impl Parser<&'a str, Output = (), Error = LocatedMistake<'a>>,
 ) -> Option<&'a str> {
     parser.parse(input).ok().map(|(rest, ())| rest)
 }

@@ -5,7 +5,7 @@ use alloc::string::ToString;
 use alloc::vec::Vec;
 
 use super::expression::{bracketed, condition, expression, item, name, value};
-use super::{Parsed, Trouble, blank, fail, keyword, next, number, or_fail, other, sign, simple};
+use super::{LocatedMistake, Parsed, blank, fail, keyword, next, number, or_fail, other, sign, simple};
 use crate::expression::{Expression, Index, Item, ItemKind, Operator};
 use crate::mistake::{Expected, Mistake};
 use crate::operation::{Operation, TimerAction};
@@ -15,7 +15,7 @@ pub(super) fn in_range<'a>(
     value: &Expression,
     low: f64,
     high: f64,
-) -> Result<(), nom::Err<Trouble<'a>>> {
+) -> Result<(), nom::Err<LocatedMistake<'a>>> {
     match value.constant() {
         Some(number) if !(low..=high).contains(&number) => {
             fail(at, Mistake::range(low, high)).map(|_: (_, ())| ())

@@ -3,7 +3,7 @@
 use super::expression::{index, item};
 use super::instruction::is_near;
 use super::operation::label_of;
-use super::{Parsed, Trouble, blank, fail, is_word, keyword, next, number, or_fail, sign, simple};
+use super::{LocatedMistake, Parsed, blank, fail, is_word, keyword, next, number, or_fail, sign, simple};
 use crate::expression::ItemKind;
 use crate::mistake::{Expected, Mistake};
 
@@ -65,7 +65,7 @@ pub(crate) static OPTIONS: &[Choice] = &[
 ];
 
 /// Reads the options of a motion; the error is the mistake in the first that does not fit.
-pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
+pub(crate) fn options(input: &str) -> Result<(), LocatedMistake<'_>> {
     let mut rest = input;
     while let Some((after, _)) = option(rest)? {
         rest = after;
@@ -74,7 +74,7 @@ pub(crate) fn options(input: &str) -> Result<(), Trouble<'_>> {
 }
 
 /// Returns the next option, whole, and the text after it; `None` at the end.
-pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
+pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, LocatedMistake<'_>> {
     let mut rest = input;
     if !blank(rest).is_empty() {
         // A comma between two of them is a person's.
@@ -82,7 +82,7 @@ pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
         for choice in OPTIONS {
             for words in choice.words {
                 if let Some(after) = begins(rest, words) {
-                    let (after, ()) = (choice.form)(after).map_err(Trouble::of)?;
+                    let (after, ()) = (choice.form)(after).map_err(LocatedMistake::of)?;
                     let text = blank(rest);
                     return Ok(Some((after, text.get(..text.len() - after.len()).unwrap_or(text))));
                 }
@@ -98,7 +98,7 @@ pub(crate) fn option(input: &str) -> Result<Option<(&str, &str)>, Trouble<'_>> {
             Some(word) => Mistake::Misspelled { word },
             None => Mistake::UnknownOption,
         };
-        return Err(Trouble { at: text, mistake });
+        return Err(LocatedMistake { at: text, mistake });
     }
     Ok(None)
 }

@@ -11,7 +11,7 @@ use crate::operation::Operation;
 pub(crate) struct Row {
     pub(crate) words: &'static [&'static str],
     pub(crate) form: Form,
-    pub(crate) place: Place,
+    pub(crate) place: Context,
 }
 
 /// The form of the text after the words of an instruction.
@@ -38,19 +38,19 @@ pub(crate) enum Form {
 
 /// The context of an instruction.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum Context {
     /// On a line of its own.
     Line,
     /// As a line, and after a condition and its comma.
     Anywhere,
 }
 
-const fn row(words: &'static [&'static str], form: Form, place: Place) -> Row {
+const fn row(words: &'static [&'static str], form: Form, place: Context) -> Row {
     Row { words, form, place }
 }
 
+use Context::{Anywhere, Line};
 use Form::{Alone, Condition, Index, IndexOfGroup, Own, Set, State, Text, Value};
-use Place::{Anywhere, Line};
 
 /// The instructions that begin with a word. A statement that begins with a register or an output is an assignment.
 pub(crate) static ROWS: &[Row] = &[

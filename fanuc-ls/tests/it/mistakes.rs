@@ -1,6 +1,6 @@
 //! Programs with one mistake each: it is found, at its line. Programs without one: nothing is found.
 
-use fanuc_ls::{Document, Level, Mistake, Problem, Rules, Surroundings, Warning};
+use fanuc_ls::{CheckContext, Document, Level, Mistake, Problem, Rules, Warning};
 
 /// Returns a sound program, with one text put into one of its sections; and the line at which the text begins.
 pub(crate) fn program(section: &str, text: &str) -> (String, usize) {
@@ -266,9 +266,9 @@ fn what_the_table_does_not_have_is_a_hint_unless_it_is_named() {
         ("L P[1] PLASMA FINE", "unknown_option"),
     ];
     let heads = ["TRACER", "TRACKS", "SENDS", "WELDER", "GLUE", "ACCT", "PLASMA"];
-    let named = Surroundings {
+    let named = CheckContext {
         instructions: heads.iter().map(ToString::to_string).collect(),
-        ..Surroundings::default()
+        ..CheckContext::default()
     };
     for (text, kind) in hints {
         let (program, first) = program("mn", text);
@@ -292,7 +292,7 @@ fn what_the_table_does_not_have_is_a_hint_unless_it_is_named() {
 #[test]
 fn a_macro_may_be_named_as_an_instruction_nearly_is() {
     let (program, first) = program("mn", "CELL R1");
-    let known = Surroundings { macros: ["CALK A".to_owned()].into(), ..Surroundings::default() };
+    let known = CheckContext { macros: ["CALK A".to_owned()].into(), ..CheckContext::default() };
     assert_eq!(found(&program), [(first, "misspelled".to_owned(), Level::Error)]);
     let program = program.replace("CELL R1", "CALK A");
     assert_eq!(Document::decode(&program).unwrap().findings_among(&Rules::default(), &known), []);
@@ -302,7 +302,7 @@ fn a_macro_may_be_named_as_an_instruction_nearly_is() {
 fn the_file_and_the_program_have_one_name() {
     let document = Document::decode("/PROG  WELD_1\n/MN\n/END\n").unwrap();
     let found = |file: Option<&str>| {
-        let around = Surroundings { file: file.map(str::to_owned), ..Surroundings::default() };
+        let around = CheckContext { file: file.map(str::to_owned), ..CheckContext::default() };
         let findings = document.findings_among(&Rules::default(), &around);
         findings.iter().map(|f| (f.line, f.column, f.problem)).collect::<Vec<_>>()
     };
@@ -316,7 +316,7 @@ fn what_is_around_a_program_is_known_by_name() {
         program("mn", "CALL WELD_ON(1)\nIF R[1]=1,CALL MISSING\nRUN Logger\nCALL SR[1]\nOpen hand 1");
     let names = |names: &[&str]| names.iter().map(ToString::to_string).collect();
     let (programs, macros) = (Some(names(&["WELD_ON", "LOGGER"])), names(&["OPEN HAND 1"]));
-    let around = Surroundings { programs, macros, ..Surroundings::default() };
+    let around = CheckContext { programs, macros, ..CheckContext::default() };
     let findings = Document::decode(&program).unwrap().findings_among(&Rules::default(), &around);
     let found: Vec<_> = findings.iter().map(|finding| (finding.line, finding.problem)).collect();
     assert_eq!(found, [(first + 1, Problem::Mistake(Mistake::MissingProgram))]);

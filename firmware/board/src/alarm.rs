@@ -8,7 +8,7 @@ use critical_section::Mutex;
 use crate::{chip, core_of, now};
 
 /// The longest time of an alarm: for a later deadline the session is called early, and returns the deadline again.
-const LONGEST: Duration = Duration::from_secs(60);
+const MAX_ALARM: Duration = Duration::from_secs(60);
 
 /// The two times.
 #[derive(Clone, Copy)]
@@ -32,7 +32,7 @@ pub(crate) fn set(change: impl FnOnce(&mut Times)) {
         // The main loop looks at its own before it sleeps.
         let later = [times.session, times.main].into_iter().flatten().filter(|at| *at > now);
         match later.min() {
-            Some(at) => chip::set_alarm((at - now).min(LONGEST)),
+            Some(at) => chip::set_alarm((at - now).min(MAX_ALARM)),
             None => chip::clear_alarm(),
         }
     });

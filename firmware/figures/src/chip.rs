@@ -9,12 +9,12 @@ use heapless::Vec;
 use crate::measure;
 
 /// The longest transmission of an end.
-pub(crate) const LONGEST: usize = 4096;
+pub(crate) const MAX_TRANSMISSION_LEN: usize = 4096;
 
 static NOW: Mutex<Cell<Duration>> = Mutex::new(Cell::new(Duration::ZERO));
 static ALARM: Mutex<Cell<Option<Duration>>> = Mutex::new(Cell::new(None));
 static RECEIVED: Mutex<Cell<Option<u8>>> = Mutex::new(Cell::new(None));
-static SENT: Mutex<RefCell<Vec<u8, LONGEST>>> = Mutex::new(RefCell::new(Vec::new()));
+static SENT: Mutex<RefCell<Vec<u8, MAX_TRANSMISSION_LEN>>> = Mutex::new(RefCell::new(Vec::new()));
 
 /// Returns the time of the world.
 pub fn now() -> Duration {
@@ -64,7 +64,7 @@ pub(crate) fn send(byte: u8) -> bool {
 }
 
 /// Appends the bytes sent since the last call to `behind`; returns their number.
-pub(crate) fn take_sent(behind: &mut Vec<u8, LONGEST>) -> usize {
+pub(crate) fn take_sent(behind: &mut Vec<u8, MAX_TRANSMISSION_LEN>) -> usize {
     critical_section::with(|cs| {
         let mut sent = SENT.borrow_ref_mut(cs);
         behind.extend_from_slice(&sent).expect("the peer reads each answer");

@@ -11,12 +11,12 @@ pub use cortex_m_rt::entry;
 
 /// A number of instructions, and the number of ticks that they take.
 pub(crate) const TICKS: (u64, u64) = (40, 64);
-const MOST: u32 = (1 << 24) - 1;
+const MAX_COUNT: u32 = (1 << 24) - 1;
 
 pub(crate) fn init() {
     let mut timer = Peripherals::take().expect("the board is started once").SYST;
     timer.set_clock_source(SystClkSource::Core);
-    timer.set_reload(MOST);
+    timer.set_reload(MAX_COUNT);
     timer.clear_current();
     timer.enable_counter();
 }
@@ -27,7 +27,7 @@ pub(crate) fn ticks() -> u32 {
 
 /// Returns the elapsed ticks: the counter counts down.
 pub(crate) fn elapsed(since: u32) -> u32 {
-    since.wrapping_sub(SYST::get_current()) & MOST
+    since.wrapping_sub(SYST::get_current()) & MAX_COUNT
 }
 
 pub(crate) fn trigger_session() {

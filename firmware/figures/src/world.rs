@@ -7,7 +7,7 @@ use critical_section::Mutex;
 use heapless::Vec;
 use static_cell::StaticCell;
 
-use crate::chip::{self, LONGEST};
+use crate::chip::{self, MAX_TRANSMISSION_LEN};
 use crate::peer::{self, Peer};
 use crate::{core_of, measure, uart};
 
@@ -19,12 +19,12 @@ struct World {
     /// The time of a byte on the line.
     byte: Duration,
     /// The bytes from the peer: their number, how many have arrived, and when the next one arrives.
-    to_board: [u8; LONGEST],
+    to_board: [u8; MAX_TRANSMISSION_LEN],
     length: usize,
     come: usize,
     comes_at: Duration,
     /// The bytes from the board, and the time at which all have arrived.
-    to_peer: Vec<u8, LONGEST>,
+    to_peer: Vec<u8, MAX_TRANSMISSION_LEN>,
     is_there_at: Duration,
 }
 
@@ -42,7 +42,7 @@ pub(crate) fn start(baud: u32) {
     let world = WORLD.init_with(|| World {
         peer: peer::start(),
         byte: Duration::from_nanos(11_000_000_000 / u64::from(baud)),
-        to_board: [0; LONGEST],
+        to_board: [0; MAX_TRANSMISSION_LEN],
         length: 0,
         come: 0,
         comes_at: Duration::ZERO,

@@ -22,7 +22,7 @@ pub const UNIT: u8 = 1;
 /// The number of holding registers.
 pub const REGISTERS: usize = 200;
 /// Room for the longest frame.
-pub const ROOM: usize = 260;
+pub const BUFFER_LEN: usize = 260;
 
 /// The number of times that each request is served.
 const ROUNDS: u32 = 500;
@@ -55,13 +55,13 @@ const CASES: [Case; 9] = [
 
 /// A frame in memory.
 struct Frame {
-    bytes: [u8; ROOM],
+    bytes: [u8; BUFFER_LEN],
     length: usize,
 }
 
 impl Frame {
     fn of(case: &Case, is_tcp: bool) -> Self {
-        let mut frame = Self { bytes: [0; ROOM], length: 0 };
+        let mut frame = Self { bytes: [0; BUFFER_LEN], length: 0 };
         let pdu = case.pdu.len() as u8 + case.data;
         if is_tcp {
             [0, 1, 0, 0, 0, pdu + 1].into_iter().for_each(|byte| frame.push(byte));
@@ -83,7 +83,7 @@ impl Frame {
 
 /// Serves every request, and prints of each its name, the ticks that all rounds took, and the reply's length and a checksum;
 /// then how many bytes of stack were used.
-pub fn run(is_tcp: bool, mut serve: impl FnMut(&[u8], &mut [u8; ROOM]) -> usize) -> ! {
+pub fn run(is_tcp: bool, mut serve: impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize) -> ! {
     let Some(peripherals) = Peripherals::take() else { fail() };
     let mut clock = peripherals.SYST;
     clock.set_clock_source(SystClkSource::Core);
@@ -93,7 +93,7 @@ pub fn run(is_tcp: bool, mut serve: impl FnMut(&[u8], &mut [u8; ROOM]) -> usize)
         if is_tcp && case.is_damaged {
             continue;
         }
-        let (request, mut reply, mut length) = (Frame::of(case, is_tcp), [0; ROOM], 0);
+        let (request, mut reply, mut length) = (Frame::of(case, is_tcp), [0; BUFFER_LEN], 0);
         clock.clear_current();
         let begin = cortex_m::peripheral::SYST::get_current();
         for _ in 0..ROUNDS {
@@ -120,9 +120,9 @@ pub fn run(is_tcp: bool, mut serve: impl FnMut(&[u8], &mut [u8; ROOM]) -> usize)
 /// Makes one call, in the same way for each server.
 #[inline(never)]
 fn once(
-    serve: &mut impl FnMut(&[u8], &mut [u8; ROOM]) -> usize,
+    serve: &mut impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize,
     request: &[u8],
-    reply: &mut [u8; ROOM],
+    reply: &mut [u8; BUFFER_LEN],
 ) -> usize {
     serve(request, reply)
 }

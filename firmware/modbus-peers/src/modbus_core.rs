@@ -4,11 +4,11 @@ use modbus_core::{
     Data, Exception, ExceptionResponse, FunctionCode, Request, RequestPdu, Response, ResponsePdu, rtu, tcp,
 };
 
-use crate::{REGISTERS, ROOM, UNIT};
+use crate::{BUFFER_LEN, REGISTERS, UNIT};
 
 /// Returns a server of frames that are known to be whole: the crate's `decode_request` searches for a frame, and takes byte
 /// 4 for the byte count of function 16, which is byte 6.
-pub fn serve_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+pub fn serve_rtu() -> impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize {
     let mut registers = [0; REGISTERS];
     move |request, reply| {
         let Some(length) = request.len().checked_sub(3) else { return 0 };
@@ -16,7 +16,7 @@ pub fn serve_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
         if frame.slave != UNIT {
             return 0;
         }
-        let mut data = [0; ROOM];
+        let mut data = [0; BUFFER_LEN];
         let pdu = answer(&mut registers, Request::try_from(frame.pdu), frame.pdu, &mut data);
         let hdr = rtu::Header { slave: frame.slave };
         rtu::server::encode_response(rtu::ResponseAdu { hdr, pdu }, reply).unwrap_or(0)
@@ -24,14 +24,14 @@ pub fn serve_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
 }
 
 /// Returns a server of the frame at the beginning of a stream.
-pub fn serve_tcp() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+pub fn serve_tcp() -> impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize {
     let mut registers = [0; REGISTERS];
     move |request, reply| {
         let Ok(Some(adu)) = tcp::server::decode_request(request) else { return 0 };
         if adu.hdr.unit_id != UNIT {
             return 0;
         }
-        let mut data = [0; ROOM];
+        let mut data = [0; BUFFER_LEN];
         let RequestPdu(pdu) = adu.pdu;
         let pdu = answer(&mut registers, Ok(pdu), &[], &mut data);
         tcp::server::encode_response(tcp::ResponseAdu { hdr: adu.hdr, pdu }, reply).unwrap_or(0)
@@ -43,7 +43,7 @@ fn answer<'a>(
     registers: &mut [u16; REGISTERS],
     request: Result<Request<'_>, modbus_core::Error>,
     pdu: &[u8],
-    data: &'a mut [u8; ROOM],
+    data: &'a mut [u8; BUFFER_LEN],
 ) -> ResponsePdu<'a> {
     let refuse = |function, exception| ResponsePdu(Err(ExceptionResponse { function, exception }));
     let Ok(request) = request else {

@@ -5,7 +5,7 @@ use core::time::Duration;
 use fanuc_hmi_modbus::robot_session::{Session as _, Step, Steps};
 use fanuc_hmi_modbus::{Exception, Frame, Registers, Server, ServerConfig, Words, WordsMut};
 
-use crate::{REGISTERS, ROOM, UNIT, fail};
+use crate::{BUFFER_LEN, REGISTERS, UNIT, fail};
 
 struct Bank([u16; REGISTERS]);
 
@@ -25,7 +25,7 @@ impl Registers for Bank {
 }
 
 /// Serves a request as a board does: the bytes, on a serial line the silence after them, and all outputs.
-pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize {
     let Ok(mut server) = Server::<_, 1>::new(config, Bank([0; REGISTERS])) else { fail() };
     let mut now = Duration::ZERO;
     server.handle_connected(now);
@@ -48,7 +48,7 @@ pub fn session(config: ServerConfig) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> us
 }
 
 /// Returns a server of frames that are known to be whole.
-pub fn codec_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+pub fn codec_rtu() -> impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize {
     let mut bank = Bank([0; REGISTERS]);
     move |request, reply| match Frame::decode_rtu_whole(request) {
         Ok(frame) if frame.unit == UNIT => frame.serve(&mut bank, reply).unwrap_or(0),
@@ -57,7 +57,7 @@ pub fn codec_rtu() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
 }
 
 /// Returns a server of the frame at the beginning of a stream.
-pub fn codec_tcp() -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+pub fn codec_tcp() -> impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize {
     let mut bank = Bank([0; REGISTERS]);
     move |request, reply| match Frame::decode_tcp(request) {
         Ok(Some((frame, _))) if frame.unit == UNIT => frame.serve(&mut bank, reply).unwrap_or(0),

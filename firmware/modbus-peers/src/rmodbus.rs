@@ -4,15 +4,15 @@ use rmodbus::server::ModbusFrame;
 use rmodbus::server::storage::ModbusStorage;
 use rmodbus::{ErrorKind, ModbusProto, VectorTrait};
 
-use crate::{REGISTERS, ROOM, UNIT};
+use crate::{BUFFER_LEN, REGISTERS, UNIT};
 
 /// The output of its replies, a vector: the cheapest one possible.
-struct Out<'a> {
-    bytes: &'a mut [u8; ROOM],
+struct ReplyBuffer<'a> {
+    bytes: &'a mut [u8; BUFFER_LEN],
     length: usize,
 }
 
-impl VectorTrait<u8> for Out<'_> {
+impl VectorTrait<u8> for ReplyBuffer<'_> {
     fn push(&mut self, value: u8) -> Result<(), ErrorKind> {
         *self.bytes.get_mut(self.length).ok_or(ErrorKind::OOB)? = value;
         self.length += 1;
@@ -54,7 +54,7 @@ impl VectorTrait<u8> for Out<'_> {
         if let Some(more) = self.bytes.get_mut(self.length..new_len) {
             more.fill(value);
         }
-        self.length = new_len.min(ROOM);
+        self.length = new_len.min(BUFFER_LEN);
         Ok(())
     }
 
@@ -66,11 +66,11 @@ impl VectorTrait<u8> for Out<'_> {
 }
 
 /// Returns a server as in the crate's documentation.
-pub fn serve(is_tcp: bool) -> impl FnMut(&[u8], &mut [u8; ROOM]) -> usize {
+pub fn serve(is_tcp: bool) -> impl FnMut(&[u8], &mut [u8; BUFFER_LEN]) -> usize {
     let mut storage = ModbusStorage::<0, 0, 0, REGISTERS>::new();
     let framing = if is_tcp { ModbusProto::TcpUdp } else { ModbusProto::Rtu };
     move |request, reply| {
-        let mut out = Out { bytes: reply, length: 0 };
+        let mut out = ReplyBuffer { bytes: reply, length: 0 };
         let mut frame = ModbusFrame::new(UNIT, request, framing, &mut out);
         if frame.parse().is_err() {
             return 0;

@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 use laser_eb90::ErrorCodes;
 use serde_json::Value;
 
-use super::{Said, TWICE};
+use super::{MIN_SIGHTINGS, SentMessage};
 
 /// An answer that comes later comes after an execution.
 const AT_ONCE: Duration = Duration::from_millis(150);
@@ -18,7 +18,7 @@ const NO_TIME: Duration = Duration::from_micros(1);
 
 /// A command word, and the observations of it.
 #[derive(Default)]
-struct Word {
+struct CommandWord {
     word: u16,
     times: usize,
     /// The number of times that the word was in a frame with others.
@@ -30,11 +30,11 @@ struct Word {
 }
 
 /// Returns the words of a conversation.
-pub(super) fn draft(said: &[Said]) -> Result<String> {
-    let mut words: Vec<Word> = Vec::new();
+pub(super) fn draft(said: &[SentMessage]) -> Result<String> {
+    let mut words: Vec<CommandWord> = Vec::new();
     let mut codes: Vec<(u16, usize)> = Vec::new();
     let mut asked: Option<(Vec<u16>, Duration)> = None;
-    for Said { side, message, time } in said {
+    for SentMessage { side, message, time } in said {
         let found = words_of(message);
         if *side == "host" {
             for word in &found {
@@ -78,7 +78,7 @@ pub(super) fn draft(said: &[Said]) -> Result<String> {
 }
 
 /// Writes the error codes: those that are a default by its name, the others by the names that are left.
-fn errors(text: &mut String, codes: Vec<(u16, usize)>, words: &[Word]) -> Result<()> {
+fn errors(text: &mut String, codes: Vec<(u16, usize)>, words: &[CommandWord]) -> Result<()> {
     let ErrorCodes { bad_checksum, bad_frame, unknown_command, bad_batch, bad_parameters, queue_full } =
         ErrorCodes::default();
     // A machine that works answers a full queue most often.
@@ -119,7 +119,7 @@ fn times(count: usize) -> String {
 }
 
 /// Returns the class of a word, the reason, and whether it is a guess.
-fn class(word: &Word) -> (&'static str, String, &'static str) {
+fn class(word: &CommandWord) -> (&'static str, String, &'static str) {
     let mut answers = word.answers.clone();
     answers.sort_unstable();
     let usual = answers.get(answers.len() / 2).copied();
@@ -140,12 +140,12 @@ fn class(word: &Word) -> (&'static str, String, &'static str) {
 }
 
 fn doubt(seen: usize) -> &'static str {
-    if seen < TWICE { "? " } else { "" }
+    if seen < MIN_SIGHTINGS { "? " } else { "" }
 }
 
-fn known(words: &mut Vec<Word>, word: u16) -> &mut Word {
+fn known(words: &mut Vec<CommandWord>, word: u16) -> &mut CommandWord {
     let at = words.iter().position(|known| known.word == word).unwrap_or_else(|| {
-        words.push(Word { word, ..Word::default() });
+        words.push(CommandWord { word, ..CommandWord::default() });
         words.len() - 1
     });
     #[expect(clippy::indexing_slicing, reason = "it is there, or was pushed")]

@@ -15,11 +15,11 @@ use super::{Finding, Stream};
 use cellwire_links::codec;
 
 /// The least number of observations that count: a single one may be chance.
-const TWICE: usize = 2;
+const MIN_SIGHTINGS: usize = 2;
 
 /// A message of a conversation.
 #[derive(Debug, Clone)]
-struct Said {
+struct SentMessage {
     side: &'static str,
     message: Value,
     /// When it began to arrive; zero if the capture has no times.
@@ -57,7 +57,7 @@ pub fn toml_text(text: &str) -> String {
 }
 
 /// Returns the messages of both ends, in sequence.
-fn said(finding: &Finding, streams: &[Stream], settings: &Map<String, Value>) -> Result<Vec<Said>> {
+fn said(finding: &Finding, streams: &[Stream], settings: &Map<String, Value>) -> Result<Vec<SentMessage>> {
     let mut all = Vec::new();
     for (stream, sides) in streams.iter().zip(&finding.senders) {
         let parts: Vec<Vec<&[u8]>> = stream.parts.iter().map(|part| vec![part.as_slice()]).collect();
@@ -71,7 +71,7 @@ fn said(finding: &Finding, streams: &[Stream], settings: &Map<String, Value>) ->
                 let arrived = stream.arrivals.partition_point(|(place, _)| *place < end);
                 let time = arrived.checked_sub(1).and_then(|at| stream.arrivals.get(at));
                 let time = time.map_or(Duration::ZERO, |(_, time)| *time);
-                found.push((begin, Said { side, message: serde_json::from_str(&json)?, time }));
+                found.push((begin, SentMessage { side, message: serde_json::from_str(&json)?, time }));
             }
         }
         found.sort_by_key(|(begin, _)| *begin);

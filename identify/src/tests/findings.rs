@@ -8,16 +8,16 @@ fn is(link: &str, streams: &[Stream], expected: &str) {
     let Finding { settings, options, messages, bytes, bits, senders, .. } = &finding;
     let mut text = format!("{}\n", json!(settings));
     text += &format!("{messages:?} messages, {bytes:?} bytes, {bits:.0} bits, from {senders:?}");
-    for (by, decided) in [("bytes", Decided::ByBytes), ("values", Decided::ByValues)] {
+    for (by, decided) in [("bytes", DecidedBy::ByBytes), ("values", DecidedBy::ByValues)] {
         let names = options.iter().filter(|it| it.decided == decided).map(|it| it.name.as_str());
         text += &format!("\nby {by}: {}", names.collect::<Vec<_>>().join(" "));
     }
     for option in options {
-        if let Decided::Not { others, message } = &option.decided {
+        if let DecidedBy::Not { others, message } = &option.decided {
             let message = message.as_deref().unwrap_or("nothing");
             let values: Vec<&Value> = others.iter().map(|it| &it.value).collect();
             text += &format!("\n{}: or {}; {message} decides", option.name, json!(values));
-            for Other { value, fewer, inexact } in others.iter().filter(|it| it.fewer + it.inexact > 0) {
+            for OtherValue { value, fewer, inexact } in others.iter().filter(|it| it.fewer + it.inexact > 0) {
                 text += &format!("\n{value}: {fewer} bytes less, {inexact} otherwise");
             }
         }

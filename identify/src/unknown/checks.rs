@@ -34,7 +34,7 @@ const FROM_END: usize = 3;
 const FIRST: usize = 8;
 const BEFORE: usize = 3;
 /// The number of messages that try a guess before all do.
-const FEW: usize = 6;
+const TRIAL_MESSAGES: usize = 6;
 
 /// A sum or a CRC.
 #[derive(Clone, Copy)]
@@ -183,7 +183,8 @@ fn agrees(
         })
     };
     let pairs = bodies.iter().zip(values).filter_map(|(body, value)| Some((body, (*value)?)));
-    let few: Vec<u32> = pairs.clone().take(FEW).filter_map(|(body, value)| difference(body, value)).collect();
+    let few: Vec<u32> =
+        pairs.clone().take(TRIAL_MESSAGES).filter_map(|(body, value)| difference(body, value)).collect();
     let constant = few.iter().copied().max_by_key(|it| few.iter().filter(|other| *other == it).count())?;
     if few.iter().filter(|it| **it == constant).count() * 2 < few.len()
         || matches!(kind, Kind::Crc(_)) && constant != 0

@@ -34,11 +34,11 @@ const SHIFTED: usize = 2;
 /// The share of the best score that a division needs: nearly equal ones may be shifted against each other, so the fields of their
 /// messages decide.
 const NEARLY: f64 = 0.85;
-const KEPT: usize = 4;
+const MAX_DIVISIONS: usize = 4;
 /// If messages begin with arrivals, a division needs to save less.
 const LESS: f64 = 0.5;
 /// The share of beginnings of messages and of arrivals that must coincide.
-const TOGETHER: f64 = 0.7;
+const MIN_AGREEMENT: f64 = 0.7;
 /// The weight of the whole stream's frequencies in the prediction of the next symbol at a place, in symbols.
 const PRIOR: f64 = 2.0;
 /// The number of bits that must be saved for a place to depend on the kind.
@@ -51,12 +51,12 @@ type OfKind = (Option<u32>, u32);
 pub(super) struct Division {
     pub(super) messages: Vec<Vec<u8>>,
     /// The rank before the messages' fields are compared.
-    pub(super) rank: Rank,
+    pub(super) rank: DivisionRank,
 }
 
 /// The evidence for a division beside the bits that it saves, the most important first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Rank {
+pub(super) struct DivisionRank {
     /// Messages begin where bytes arrive: a message is sent at once.
     pub(super) together: bool,
     /// The first message begins with the capture.
@@ -111,7 +111,7 @@ pub(super) fn divide(stream: &Stream) -> Vec<Division> {
     let least = |it: &Division| most * if it.rank.together { LESS } else { NEARLY };
     found.retain(|(bits, it)| *bits > 0.0 && *bits >= least(it));
     found.sort_by(|(a, of_a), (b, of_b)| of_b.rank.cmp(&of_a.rank).then(b.total_cmp(a)));
-    found.truncate(KEPT);
+    found.truncate(MAX_DIVISIONS);
     found.into_iter().map(|(_, division)| division).collect()
 }
 
@@ -221,8 +221,8 @@ impl Bounds {
         let (begin, end) = marks_of(&all);
         let alike = all.iter().filter(|it| it.starts_with(&begin) && it.ends_with(&end)).count();
         let closing = |byte: &u8| byte.is_ascii_control() || b">)]};".contains(byte);
-        let rank = Rank {
-            together: arrivals.iter().any(|arrivals| self.agreement(arrivals) >= TOGETHER),
+        let rank = DivisionRank {
+            together: arrivals.iter().any(|arrivals| self.agreement(arrivals) >= MIN_AGREEMENT),
             begins: self.cuts.first().and_then(|cuts| cuts.first()) == Some(&0),
             closes: symbols.is_text && end.last().is_some_and(closing),
             alike: alike * 100 / all.len().max(1),

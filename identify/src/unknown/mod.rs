@@ -21,7 +21,7 @@ pub use nearest::{Nearest, nearest};
 
 /// The visible structure of the bytes of one end.
 #[derive(Debug, Clone, Serialize)]
-pub struct Seen {
+pub struct StreamStructure {
     /// The number of messages that the bytes are divided into.
     pub messages: usize,
     /// The lengths of the shortest and the longest message, in bytes.
@@ -47,17 +47,17 @@ pub struct Seen {
 }
 
 /// The number of messages of a stream that are examined.
-const MOST: usize = 200;
+const MAX_MESSAGES: usize = 200;
 /// A capture may have corrupt bytes: the share of messages, in percent, that must have a property.
 pub(crate) const SHARE: usize = 85;
 
 /// Returns the visible structure of each stream that has any.
-pub fn look(streams: &[Stream]) -> Vec<Seen> {
+pub fn look(streams: &[Stream]) -> Vec<StreamStructure> {
     streams.iter().filter_map(seen).collect()
 }
 
 /// Returns the structure of the one among nearly equal divisions in whose messages most is found.
-fn seen(stream: &Stream) -> Option<Seen> {
+fn seen(stream: &Stream) -> Option<StreamStructure> {
     let found = divide::divide(stream).into_iter().rev().filter_map(|division| {
         let seen = of_messages(&division.messages)?;
         let check = seen.check.as_ref().is_some_and(|it| it.constant == 0);
@@ -69,9 +69,9 @@ fn seen(stream: &Stream) -> Option<Seen> {
     found.max_by_key(|(rank, _)| *rank).map(|(_, seen)| seen)
 }
 
-fn of_messages(messages: &[Vec<u8>]) -> Option<Seen> {
+fn of_messages(messages: &[Vec<u8>]) -> Option<StreamStructure> {
     let count = messages.len();
-    let messages: Vec<&[u8]> = messages.iter().map(Vec::as_slice).take(MOST).collect();
+    let messages: Vec<&[u8]> = messages.iter().map(Vec::as_slice).take(MAX_MESSAGES).collect();
     let (begin, end) = messages::marks(&messages);
     let doubled = messages::doubled(&messages, begin.len(), &end);
     let check = checks::find(&messages, end.len(), doubled);
@@ -86,7 +86,18 @@ fn of_messages(messages: &[Vec<u8>]) -> Option<Seen> {
     let shortest = messages.iter().map(|it| it.len()).min()?;
     let longest = messages.iter().map(|it| it.len()).max()?;
     let lengths = [shortest, longest];
-    Some(Seen { messages: count, lengths, begin, end, doubled, constant, check, length, counters, numbers })
+    Some(StreamStructure {
+        messages: count,
+        lengths,
+        begin,
+        end,
+        doubled,
+        constant,
+        check,
+        length,
+        counters,
+        numbers,
+    })
 }
 
 fn real(count: usize) -> f64 {

@@ -12,7 +12,7 @@ use cellwire_links::codec;
 use cellwire_links::link::Link;
 
 /// The errors of a decoder for bytes in which it finds no beginning of a message.
-const NOTHING: [&str; 9] = [
+const NO_BEGINNING: [&str; 9] = [
     "garbage",
     "start_mark",
     "noise",
@@ -89,7 +89,7 @@ fn near(
             Ok(_) => whole += 1,
             Err(error) => {
                 let kind = error.get("kind").and_then(Value::as_str).unwrap_or_default();
-                if !NOTHING.contains(&kind) {
+                if !NO_BEGINNING.contains(&kind) {
                     *kinds.entry(kind.to_owned()).or_default() += 1;
                 }
             }

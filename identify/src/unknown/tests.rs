@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::super::Sender;
 use super::*;
 
-fn look_at(messages: impl Iterator<Item = Vec<u8>>) -> Seen {
+fn look_at(messages: impl Iterator<Item = Vec<u8>>) -> StreamStructure {
     let stream =
         Stream { sender: Sender::Unknown, parts: vec![messages.flatten().collect()], arrivals: vec![] };
     look(&[stream]).remove(0)

@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{ByteDecoder, Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::end::{ByteDecoder, Core, CoreOf, Echo, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, EchoError, Unexpected};
 
 pub use config::BallConfig;
@@ -108,7 +108,7 @@ impl End for Ball {
     // The buffer of a serial port. Requests that have piled up there have one answer.
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Packet::LEN;
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(BallEvent::Unexpected);
     robot_session::echo!(BallEvent::Echo);

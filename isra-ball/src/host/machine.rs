@@ -24,12 +24,12 @@ pub enum HostMachine {
     /// There is no connection.
     Disconnected,
     /// There is a connection, and the ball is polled.
-    Connected(Polling),
+    Connected(PollingState),
 }
 
 /// The state during a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Polling {
+pub struct PollingState {
     /// The state of the last poll, and the time of the next one.
     pub poll: Poll,
     /// The values of the last packet that was reported as new.
@@ -133,7 +133,9 @@ impl Machine for HostMachine {
     #[inline(always)] // where the input is known, little of it is left
     fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
         match (&mut *self, input) {
-            (_, Input::Connected) => Ok(self.close(Self::Connected(Polling::begin(now, config)), config)),
+            (_, Input::Connected) => {
+                Ok(self.close(Self::Connected(PollingState::begin(now, config)), config))
+            }
             (_, Input::Disconnected) => Ok(self.close(Self::Disconnected, config)),
             (Self::Disconnected, Input::Timeout) => Ok(Action::Nothing),
             (Self::Connected(polling), Input::Timeout) => Ok(polling.expire(now, config)),
@@ -201,8 +203,8 @@ impl HostMachine {
     /// stale.
     pub fn live_until(&self) -> Option<Duration> {
         match self {
-            Self::Connected(Polling { values: Values::Live { until }, .. }) => Some(*until),
-            Self::Connected(Polling { values: Values::Stale, .. }) | Self::Disconnected => None,
+            Self::Connected(PollingState { values: Values::Live { until }, .. }) => Some(*until),
+            Self::Connected(PollingState { values: Values::Stale, .. }) | Self::Disconnected => None,
         }
     }
 
@@ -226,7 +228,7 @@ impl HostMachine {
     }
 }
 
-impl Polling {
+impl PollingState {
     fn begin(now: Duration, config: &HostConfig) -> Self {
         let drain = if config.keeps(Rule::DrainFirst) { config.quiet() } else { Duration::ZERO };
         Self {

@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, EchoError, Unexpected};
 
 pub use config::HostConfig;
@@ -138,7 +138,7 @@ impl End for Host {
     const MAX_INPUT: usize = 256;
     const MAX_TRANSMIT: usize = 1;
     /// Between a poll and the next: values that become stale, the poll's own, and its values that become stale.
-    const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 0, read: 0, transmit: 3 };
 
     robot_session::core!(HostEvent::Unexpected);
     robot_session::echo!(HostEvent::Echo);

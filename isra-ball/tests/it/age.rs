@@ -10,7 +10,7 @@ const MS: Duration = Duration::from_millis(1);
 
 /// The fate of the packet that answers a poll.
 #[derive(Clone, Copy, PartialEq)]
-enum Fate {
+enum PacketFate {
     New,
     Old,
     Corrupt,
@@ -18,7 +18,7 @@ enum Fate {
 }
 
 #[derive(Debug, Default, PartialEq)]
-struct Seen {
+struct AgeStatistics {
     new: u32,
     stale: u32,
     unasked: u32,
@@ -31,7 +31,7 @@ struct Seen {
 }
 
 /// Simulates ten seconds of a ball that measures when it is polled, and whose packets are this late.
-fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Seen {
+fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> PacketFate) -> AgeStatistics {
     ten_seconds_called(|at| at, late, fate)
 }
 
@@ -39,10 +39,10 @@ fn ten_seconds(late: impl Fn(u32) -> Duration, fate: impl Fn(u32) -> Fate) -> Se
 fn ten_seconds_called(
     called: impl Fn(Duration) -> Duration,
     late: impl Fn(u32) -> Duration,
-    fate: impl Fn(u32) -> Fate,
-) -> Seen {
+    fate: impl Fn(u32) -> PacketFate,
+) -> AgeStatistics {
     let mut host = Host::new(HostConfig::default()).unwrap();
-    let (mut seen, mut asked, mut now) = (Seen::default(), 0, Duration::ZERO);
+    let (mut seen, mut asked, mut now) = (AgeStatistics::default(), 0, Duration::ZERO);
     let mut line: VecDeque<(Duration, [u8; 12])> = VecDeque::new();
     // The times at which the values of each packet were measured, by their number.
     let mut measured = Vec::new();
@@ -56,7 +56,7 @@ fn ten_seconds_called(
         host.handle_timeout(now);
         if host.poll_transmit(now, &mut [0]).is_some() {
             let number = u16::try_from(asked).unwrap().to_le_bytes().map(u8::cast_signed);
-            let status = if fate(asked) == Fate::Old { Status::Old } else { Status::Fresh };
+            let status = if fate(asked) == PacketFate::Old { Status::Old } else { Status::Fresh };
             let packet = Packet {
                 sensor_type: 0,
                 sensor: 0,
@@ -67,8 +67,8 @@ fn ten_seconds_called(
             };
             let mut bytes = [0; 12];
             packet.encode(&mut bytes).unwrap();
-            bytes[11] ^= u8::from(fate(asked) == Fate::Corrupt);
-            if fate(asked) != Fate::Lost {
+            bytes[11] ^= u8::from(fate(asked) == PacketFate::Corrupt);
+            if fate(asked) != PacketFate::Lost {
                 line.push_back((now + timing::exchange_time(9600) + late(asked), bytes));
             }
             measured.push(now);
@@ -109,9 +109,9 @@ fn ten_seconds_called(
 /// uses them may be 20 ms late.
 #[test]
 fn a_packet_that_is_missing_makes_nothing_stale() {
-    for fate in [Fate::Old, Fate::Corrupt, Fate::Lost] {
+    for fate in [PacketFate::Old, PacketFate::Corrupt, PacketFate::Lost] {
         for late in 0..=13 {
-            let fate = |n| if n % 4 == 3 { fate } else { Fate::New };
+            let fate = |n| if n % 4 == 3 { fate } else { PacketFate::New };
             let seen = ten_seconds(|_| late * MS, fate);
             assert_eq!((seen.stale, seen.unasked), (0, 0), "{late} ms");
             assert!(seen.new > 180, "{late} ms: {seen:?}");
@@ -119,7 +119,7 @@ fn a_packet_that_is_missing_makes_nothing_stale() {
             assert!(seen.oldest <= 130 * MS, "{late} ms: {seen:?}");
         }
     }
-    let two_old = ten_seconds(|_| 13 * MS, |n| if n % 3 == 0 { Fate::New } else { Fate::Old });
+    let two_old = ten_seconds(|_| 13 * MS, |n| if n % 3 == 0 { PacketFate::New } else { PacketFate::Old });
     assert_eq!((two_old.stale, two_old.unasked), (0, 0), "{two_old:?}");
 }
 
@@ -130,7 +130,7 @@ fn values_of_a_ball_that_is_late_each_time_are_never_too_old_nor_used_for_long()
     let max_age = HostConfig::default().max_age;
     let window = HostConfig::default().reply_window() - timing::exchange_time(9600);
     for late in (0..=1200).map(|late| late * MS) {
-        let seen = ten_seconds(|_| late, |_| Fate::New);
+        let seen = ten_seconds(|_| late, |_| PacketFate::New);
         if late < window {
             assert!(seen.new > 300 && seen.unasked == 0, "{late:?}: {seen:?}");
         } else {
@@ -145,7 +145,7 @@ fn values_of_a_ball_that_is_late_each_time_are_never_too_old_nor_used_for_long()
 fn a_ball_that_becomes_late_is_stale_in_time() {
     let max_age = HostConfig::default().max_age;
     for late in (15..=600).map(|late| late * MS) {
-        let seen = ten_seconds(|n| if n < 100 { Duration::ZERO } else { late }, |_| Fate::New);
+        let seen = ten_seconds(|n| if n < 100 { Duration::ZERO } else { late }, |_| PacketFate::New);
         assert!(seen.stale > 0 && seen.unasked > 10, "{late:?}: {seen:?}");
         assert!(seen.oldest <= max_age, "{late:?}: {seen:?}");
     }
@@ -158,7 +158,7 @@ fn late_values_of_a_host_that_is_called_late_are_found_out() {
     let max_age = HostConfig::default().max_age;
     let called = |at: Duration| if at.as_millis() % 500 < 10 { at + 60 * MS } else { at };
     for late in (0..=1200).map(|late| late * MS) {
-        let seen = ten_seconds_called(called, |_| late, |_| Fate::New);
+        let seen = ten_seconds_called(called, |_| late, |_| PacketFate::New);
         assert!(seen.too_old <= 2 * max_age, "{late:?}: {seen:?}");
     }
 }

@@ -13,7 +13,9 @@ use core::time::Duration;
 use std::io::{self, ErrorKind};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 
-use kawasaki_msg::robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
+use kawasaki_msg::robot_session::{
+    Driver, EndReason, ReceiveOutcome, SendOutcome, Session as _, Transport, Wait, drive, now,
+};
 use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work, motion};
 
 /// Runs an example: `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
@@ -39,7 +41,7 @@ pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u3
     // The order outlives a connection: with the next one it goes on.
     loop {
         let ended = drive(&mut pc, listener.accept()?.0, |_, event| until_over(&event))?;
-        if let Ended::ByHandler(Some(outcome)) = ended {
+        if let EndReason::ByHandler(Some(outcome)) = ended {
             return Ok(outcome?);
         }
     }
@@ -52,7 +54,7 @@ pub(crate) fn pc_udp<S: JobSource>(socket: UdpSocket, jobs: S) -> Result<u32, Bo
     let mut peer = Udp { socket, peer: None };
     loop {
         let ended = drive(&mut pc, &mut peer, |_, event| until_over(&event))?;
-        if let Ended::ByHandler(Some(outcome)) = ended {
+        if let EndReason::ByHandler(Some(outcome)) = ended {
             return Ok(outcome?);
         }
     }
@@ -118,7 +120,7 @@ pub(crate) fn robot<W: Work + Send + 'static>(
             });
             match turn {
                 Ok(ControlFlow::Continue(())) => {}
-                Ok(ControlFlow::Break(kawasaki_msg::robot_session::Ended::ByHandler(true))) => {
+                Ok(ControlFlow::Break(kawasaki_msg::robot_session::EndReason::ByHandler(true))) => {
                     (is_over, since) = (true, now());
                 }
                 _ => break,
@@ -146,27 +148,27 @@ struct Udp {
 }
 
 impl Transport for Udp {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         self.socket.set_read_timeout(wait.limit.map(|wait| wait.max(Duration::from_micros(1))))?;
         match self.socket.recv_from(buffer) {
             Ok((length, peer)) => {
                 self.peer = Some(peer);
-                Ok(Received::Bytes(length))
+                Ok(ReceiveOutcome::Bytes(length))
             }
             // The peer does not listen yet, or nothing came in time.
-            Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(Received::Nothing),
+            Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(ReceiveOutcome::Nothing),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                Ok(Received::Nothing)
+                Ok(ReceiveOutcome::Nothing)
             }
             Err(error) => Err(error),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         if let Some(peer) = self.peer {
             // A datagram that is lost is sent again in the next cycle.
             let _ = self.socket.send_to(bytes, peer);
         }
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 }

@@ -1,6 +1,6 @@
 //! The drawing: its jobs are straight lines.
 
-use super::work::{Fields, Fit, Work};
+use super::work::{FieldVisitor, VisitResult, Work};
 use crate::error::FieldFault;
 
 /// One straight line. An order is one picture, and its jobs are lines (thesis, section 11).
@@ -20,7 +20,7 @@ pub struct Line {
 impl Work for Line {
     type Ranges = Bounds;
 
-    fn fields<F: Fields>(&mut self, &Bounds { min, max }: &Bounds, fields: &mut F) -> Fit {
+    fn fields<F: FieldVisitor>(&mut self, &Bounds { min, max }: &Bounds, fields: &mut F) -> VisitResult {
         fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
         fields.whole("x1", &mut self.start.x, min.x..=max.x)?;
         fields.whole("y1", &mut self.start.y, min.y..=max.y)?;

@@ -2,20 +2,20 @@
 
 use core::ops::RangeInclusive;
 
-use super::work::{Fields, Fit, Unfit, Work};
+use super::work::{FieldVisitor, Unfit, VisitResult, Work};
 use crate::error::{ConfigError, FieldError};
 use crate::number::{self, Decimal};
 use crate::text::{Name, Text};
 
 /// The maximum number of bytes of a job's own fields when read, with the mark before each field and two marks after them.
-pub(crate) const LONGEST: usize = 1024;
+pub(crate) const MAX_FIELDS_LEN: usize = 1024;
 
 /// Checks that each field of a job can have a value; returns the maximum number of bytes of all fields, with a separator for
 /// each.
 pub(crate) fn check<W: Work>(ranges: &W::Ranges) -> Result<usize, ConfigError> {
     let Layout { longest: found, empty, .. } = Layout::of::<W>(ranges);
     // Blanks and zeros may surround them.
-    let limit = LONGEST - 64;
+    let limit = MAX_FIELDS_LEN - 64;
     match empty {
         Some(field) => Err(ConfigError::EmptyRange { field }),
         None if found > limit => Err(ConfigError::JobTooLong { found, limit }),
@@ -46,7 +46,7 @@ impl Layout {
         layout
     }
 
-    fn add(&mut self, name: &str, is_empty: bool, longest: usize) -> Fit {
+    fn add(&mut self, name: &str, is_empty: bool, longest: usize) -> VisitResult {
         self.count += 1;
         self.longest += longest + 1;
         if is_empty && self.empty.is_none() {
@@ -56,14 +56,19 @@ impl Layout {
     }
 }
 
-impl Fields for Layout {
-    fn decimal(&mut self, name: &str, _: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit {
+impl FieldVisitor for Layout {
+    fn decimal(&mut self, name: &str, _: &mut i32, places: u8, range: RangeInclusive<i32>) -> VisitResult {
         let (min, max) = range.into_inner();
         let longest = number::len(min, places).max(number::len(max, places));
         self.add(name, min > max || places > Decimal::MAX_PLACES, longest)
     }
 
-    fn text<const N: usize>(&mut self, name: &str, _: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        _: &mut Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> VisitResult {
         let (min, max) = (*length.start(), N.min(*length.end()));
         self.add(name, min > max, max)
     }
@@ -78,7 +83,7 @@ impl Fields for Layout {
         name: &str,
         _: &mut T,
         range: RangeInclusive<T>,
-    ) -> Fit {
+    ) -> VisitResult {
         let (min, max) = range.into_inner();
         self.decimal(name, &mut 0, 0, min.into()..=max.into())
     }

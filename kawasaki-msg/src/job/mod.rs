@@ -7,9 +7,9 @@ mod work;
 mod writer;
 
 pub use drawing::{Bounds, JobKind, Line, Point};
-pub(crate) use layout::{LONGEST, check};
-pub(crate) use reader::{Unread, read};
-pub use work::{Fields, Fit, Unfit, Work};
+pub(crate) use layout::{MAX_FIELDS_LEN, check};
+pub(crate) use reader::{ReadError, read};
+pub use work::{FieldVisitor, Unfit, VisitResult, Work};
 pub(crate) use writer::write;
 
 /// One job of an order, as a queue stores it.

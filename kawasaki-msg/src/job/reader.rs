@@ -3,14 +3,14 @@
 use core::ops::RangeInclusive;
 
 use super::layout;
-use super::work::{Fields, Fit, Unfit, Work};
+use super::work::{FieldVisitor, Unfit, VisitResult, Work};
 use crate::error::{FieldError, FieldFault};
 use crate::number::{Decimal, Fault};
 use crate::text::{Name, Text};
 use crate::value::Values;
 
 /// The reason that values are not a job.
-pub(crate) enum Unread {
+pub(crate) enum ReadError {
     /// The first field that does not fit.
     Field(FieldError),
     /// There are more values than this many fields.
@@ -19,13 +19,13 @@ pub(crate) enum Unread {
 
 /// Reads a job from values that are exactly its fields.
 #[inline(always)]
-pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges, work: &mut W) -> Result<(), Unread> {
+pub(crate) fn read<W: Work>(values: Values<'_>, ranges: &W::Ranges, work: &mut W) -> Result<(), ReadError> {
     let mut reader = Reader { values, error: None };
     *work = W::default();
     match (work.fields(ranges, &mut reader), reader.error) {
-        (Err(Unfit(())), Some(error)) => Err(Unread::Field(error)),
+        (Err(Unfit(())), Some(error)) => Err(ReadError::Field(error)),
         (Ok(()), _) if reader.values.is_empty() => Ok(()),
-        _ => Err(Unread::Count(layout::count::<W>(ranges))),
+        _ => Err(ReadError::Count(layout::count::<W>(ranges))),
     }
 }
 
@@ -35,9 +35,15 @@ struct Reader<'v> {
     error: Option<FieldError>,
 }
 
-impl Fields for Reader<'_> {
+impl FieldVisitor for Reader<'_> {
     #[inline(always)] // places and range are known where a job names them
-    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit {
+    fn decimal(
+        &mut self,
+        name: &str,
+        value: &mut i32,
+        places: u8,
+        range: RangeInclusive<i32>,
+    ) -> VisitResult {
         let (min, max) = range.into_inner();
         match self.values.number(places) {
             Ok(units) if min <= units && units <= max => {
@@ -48,7 +54,12 @@ impl Fields for Reader<'_> {
         }
     }
 
-    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        text: &mut Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> VisitResult {
         let (min, max) = (*length.start(), N.min(*length.end()));
         let Some(field) = self.values.text() else { return Err(self.misfit(name, FieldFault::Missing)) };
         let found = field.as_bytes().len();

@@ -8,7 +8,7 @@ use crate::text::{Name, Text};
 /// place.
 ///
 /// ```
-/// use kawasaki_msg::{Fields, Fit, Text, Work};
+/// use kawasaki_msg::{FieldVisitor, VisitResult, Text, Work};
 ///
 /// /// Move a pallet: where to, with which tool, how fast.
 /// #[derive(Clone, Copy, Default)]
@@ -21,7 +21,7 @@ use crate::text::{Name, Text};
 /// impl Work for PalletMove {
 ///     type Ranges = ();
 ///
-///     fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Fit {
+///     fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> VisitResult {
 ///         for (joint, name) in self.joints.iter_mut().zip(["j1", "j2", "j3", "j4", "j5", "j6"]) {
 ///             fields.decimal(name, joint, 3, -360_000..=360_000)?;
 ///         }
@@ -39,15 +39,15 @@ pub trait Work: Copy + Default {
     ///
     /// # Errors
     /// The error of a visit, returned at once.
-    fn fields<F: Fields>(&mut self, ranges: &Self::Ranges, fields: &mut F) -> Fit;
+    fn fields<F: FieldVisitor>(&mut self, ranges: &Self::Ranges, fields: &mut F) -> VisitResult;
 }
 
 /// The result of a visit: whether the field fits.
-pub type Fit = Result<(), Unfit>;
+pub type VisitResult = Result<(), Unfit>;
 
 /// A visitor of the fields of a [`Work`]: it reads each field from a message, writes it into one, or lists it. The ranges
 /// include both ends and are checked in both directions.
-pub trait Fields {
+pub trait FieldVisitor {
     /// Visits a number with up to `places` decimals, 0 to 9, in whole units of the last decimal: 1500 with 3 places is `1.5`.
     ///
     /// Written with exactly this many decimals, `1.500`, and without a point if `places` is 0. Other forms can be read:
@@ -57,14 +57,20 @@ pub trait Fields {
     ///
     /// # Errors
     /// If the field is missing or does not fit.
-    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit;
+    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>)
+    -> VisitResult;
 
     /// Visits a text of this many characters, which is not changed; blanks are part of it. The four marks and characters
     /// outside the dialect's character set are not allowed.
     ///
     /// # Errors
     /// If the field is missing or does not fit.
-    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit;
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        text: &mut Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> VisitResult;
 
     /// Refuses a field for a reason that the caller has found.
     fn refuse(&mut self, error: FieldError) -> Unfit;
@@ -79,7 +85,7 @@ pub trait Fields {
         name: &str,
         value: &mut T,
         range: RangeInclusive<T>,
-    ) -> Fit {
+    ) -> VisitResult {
         let (min, max) = range.into_inner();
         let mut number = (*value).into();
         self.decimal(name, &mut number, 0, min.into()..=max.into())?;
@@ -96,7 +102,7 @@ fn no_value(name: &str, found: i32) -> FieldError {
     FieldError { field: Name::of(name), fault: FieldFault::Value { found } }
 }
 
-/// The error of a field that does not fit: the visitor has its name and the reason. Made by [`Fields::refuse`].
+/// The error of a field that does not fit: the visitor has its name and the reason. Made by [`FieldVisitor::refuse`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a field of the job does not fit")]
 pub struct Unfit(pub(crate) ());

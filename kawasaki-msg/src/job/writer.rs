@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use super::work::{Fields, Fit, Unfit, Work};
+use super::work::{FieldVisitor, Unfit, VisitResult, Work};
 use crate::error::{EncodeError, FieldError, FieldFault};
 use crate::number::Decimal;
 use crate::text::{Name, Text};
@@ -11,7 +11,7 @@ use crate::writer::Writer;
 /// Writes the fields; a job without any has an empty one.
 #[inline(always)]
 pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Writer<'_>) {
-    let mut fields = Written { writer: &mut *writer, is_empty: true, error: None };
+    let mut fields = FieldWriter { writer: &mut *writer, is_empty: true, error: None };
     let visited = work.fields(ranges, &mut fields);
     let (is_empty, error) = (fields.is_empty, fields.error);
     if let Err(Unfit(())) = visited {
@@ -22,15 +22,21 @@ pub(crate) fn write<W: Work>(mut work: W, ranges: &W::Ranges, writer: &mut Write
     }
 }
 
-struct Written<'w, 'o> {
+struct FieldWriter<'w, 'o> {
     writer: &'w mut Writer<'o>,
     is_empty: bool,
     error: Option<FieldError>,
 }
 
-impl Fields for Written<'_, '_> {
+impl FieldVisitor for FieldWriter<'_, '_> {
     #[inline(always)] // places and range are known where a job names them
-    fn decimal(&mut self, name: &str, value: &mut i32, places: u8, range: RangeInclusive<i32>) -> Fit {
+    fn decimal(
+        &mut self,
+        name: &str,
+        value: &mut i32,
+        places: u8,
+        range: RangeInclusive<i32>,
+    ) -> VisitResult {
         let (min, max) = range.into_inner();
         if *value < min || max < *value {
             return Err(self.out_of_range(name, [*value, min, max].map(|units| Decimal { units, places })));
@@ -40,7 +46,12 @@ impl Fields for Written<'_, '_> {
         Ok(())
     }
 
-    fn text<const N: usize>(&mut self, name: &str, text: &mut Text<N>, length: RangeInclusive<usize>) -> Fit {
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        text: &mut Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> VisitResult {
         let (min, max) = (*length.start(), N.min(*length.end()));
         let found = text.as_bytes().len();
         if !(min..=max).contains(&found) {
@@ -62,7 +73,7 @@ impl Fields for Written<'_, '_> {
     }
 }
 
-impl Written<'_, '_> {
+impl FieldWriter<'_, '_> {
     #[cold]
     fn out_of_range(&mut self, name: &str, [found, min, max]: [Decimal; 3]) -> Unfit {
         self.unfit(name, FieldFault::OutOfRange { found, min, max })

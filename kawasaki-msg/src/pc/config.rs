@@ -2,7 +2,7 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::numbering::{Ahead, Numbering};
+use crate::numbering::{AheadJobs, Numbering};
 use crate::packet::Limits;
 use crate::role::Role;
 use crate::timing;
@@ -106,7 +106,7 @@ impl PcConfig {
             true => max / 2,
             false => max - 1,
         };
-        if self.cumulative_acks { window } else { window.min(Ahead::MAX) }
+        if self.cumulative_acks { window } else { window.min(AheadJobs::MAX) }
     }
 }
 

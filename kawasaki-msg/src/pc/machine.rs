@@ -7,8 +7,8 @@ use robot_session::end::{Expiry, is_due};
 
 use super::config::{PcConfig, Rule, Takeover};
 pub use super::state::{
-    Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
-    Reaction, Rejection, Reply, Report, Rest, Sent, Stage, Start,
+    Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Link, Machine, Order, Outcome,
+    Reaction, Rejection, Reply, Report, RobotOrder, SentAnswer, Stage, Start, UnsentJobs,
 };
 use crate::content::{FromPc, FromRobot, Status};
 use crate::phase::Phase;
@@ -172,7 +172,8 @@ impl Machine {
     fn on_connected(&mut self, now: Duration, config: &PcConfig) -> Action {
         self.on_disconnected();
         let silent_at = now.saturating_add(config.silence);
-        self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing, close: false };
+        self.link =
+            Link::Connected { silent_at, reply: Reply::Nothing, robot: RobotOrder::Nothing, close: false };
         Action::Nothing
     }
 
@@ -247,7 +248,7 @@ impl Machine {
         }
         let start = match self.link {
             // The order is another's, even if it has no jobs: some may be executed ahead.
-            Link::Connected { robot: Known::In { order: active }, .. }
+            Link::Connected { robot: RobotOrder::In { order: active }, .. }
                 if active == order && config.keeps(Rule::LearnIdentity) =>
             {
                 Start::Foreign { order }
@@ -342,7 +343,7 @@ impl Machine {
             | Order::Running { stage: Stage::Active, .. } => None,
             Order::Starting { number, start, .. } => match start {
                 Start::Unsent | Start::Lost
-                    if robot == Known::Nothing && config.keeps(Rule::LearnIdentity) =>
+                    if robot == RobotOrder::Nothing && config.keeps(Rule::LearnIdentity) =>
                 {
                     None
                 }
@@ -364,7 +365,7 @@ impl Machine {
         }
     }
 
-    fn on_sent(&mut self, now: Duration, sent: Sent, config: &PcConfig) -> Option<Action> {
+    fn on_sent(&mut self, now: Duration, sent: SentAnswer, config: &PcConfig) -> Option<Action> {
         let request = self.request(config).filter(|_| sent.request);
         let Link::Connected { reply: reply @ Reply::Due { .. }, .. } = &mut self.link else { return None };
         let Reply::Due { contents, .. } = core::mem::replace(reply, Reply::Nothing) else { return None };
@@ -389,15 +390,15 @@ impl Machine {
             let index = contents.jobs_from.map_or(before, |from| from.max(executed) + sent.jobs);
             self.count.sent = before.max(index);
             match sent.rest {
-                Rest::Later => {}
-                Rest::End => {
+                UnsentJobs::Later => {}
+                UnsentJobs::End => {
                     self.count.total = Some(index);
                     if config.end_when_done && executed == index {
                         *stage = Stage::Ending;
                     }
                 }
                 // The jobs before it are executed; no later one is ever asked for.
-                Rest::Unfit => *stage = Stage::Ending,
+                UnsentJobs::Unfit => *stage = Stage::Ending,
             }
         }
         Some(Action::Sent)

@@ -3,7 +3,9 @@
 use core::time::Duration;
 
 use super::config::{PcConfig, Rule, Takeover};
-use super::state::{Action, Count, Known, Link, Machine, Order, Outcome, Rejection, Reply, Stage, Start};
+use super::state::{
+    Action, Count, Link, Machine, Order, Outcome, Rejection, Reply, RobotOrder, Stage, Start,
+};
 use crate::content::{FromRobot, Status};
 use crate::numbering::Numbering;
 use crate::phase::Phase;
@@ -160,7 +162,7 @@ impl Machine {
 
     fn learn(&mut self, order: u16) {
         if let Link::Connected { robot, .. } = &mut self.link {
-            *robot = Known::In { order };
+            *robot = RobotOrder::In { order };
         }
     }
 

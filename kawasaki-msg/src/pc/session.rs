@@ -1,14 +1,14 @@
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, Unexpected};
 
 use super::config::PcConfig;
 use super::event::PcEvent;
 use super::source::{JobSource, Supply};
 use super::state::{
-    Action, Answer, CommandOutcome, Commands, Input, Machine, Outcome, Reaction, Rejection, Report, Rest,
-    Sent,
+    Action, Answer, CommandOutcome, Commands, Input, Machine, Outcome, Reaction, Rejection, Report,
+    SentAnswer, UnsentJobs,
 };
 #[cfg(feature = "tokio")]
 use super::state::{Order, Start};
@@ -18,7 +18,7 @@ use crate::error::{ConfigError, EncodeError, MessageError, SessionError};
 use crate::job::{self, Job, Work};
 use crate::message::Message;
 use crate::numbering::Numbering;
-use crate::packet::{Packet, Room as PacketRoom};
+use crate::packet::{AddResult as PacketRoom, Packet};
 use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
@@ -252,7 +252,7 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
         order: u16,
         (from, until): (u32, u32),
         packet: &mut Packet<'_>,
-        sent: &mut Sent,
+        sent: &mut SentAnswer,
     ) {
         let numbering = self.core.config.numbering();
         let Some(source) = &mut self.source else { return };
@@ -260,13 +260,13 @@ impl<S: JobSource, const MESSAGE: usize> Pc<S, MESSAGE> {
             let work = match source.job(index) {
                 Supply::Job(work) => work,
                 Supply::Later => return,
-                Supply::End => return sent.rest = Rest::End,
+                Supply::End => return sent.rest = UnsentJobs::End,
             };
             let job = Job { order, number: numbering.next(index), work };
             match packet.push_job(&job, &self.ranges) {
                 Ok(PacketRoom::Added) => sent.jobs += 1,
                 Err(EncodeError::Field(error)) => {
-                    sent.rest = Rest::Unfit;
+                    sent.rest = UnsentJobs::Unfit;
                     return self.core.push_outcome(PcEvent::JobUnfit { order, index, error });
                 }
                 Ok(PacketRoom::Full) | Err(_) => return,
@@ -314,7 +314,7 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
     /// Longer than any message, so that a datagram that is too long is noticed.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(PcEvent::Unexpected);
 
@@ -404,11 +404,11 @@ impl<S: JobSource, const MESSAGE: usize> End for Pc<S, MESSAGE> {
     /// Returns a buffer shorter than [`Limits::packet`](crate::Limits) is too small.
     fn write(&mut self, _now: Duration, mut answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.core.config.limits.packet)?;
-        let mut sent = Sent::default();
+        let mut sent = SentAnswer::default();
         if let (Some(index), Some(source)) = (answer.last, &mut self.source)
             && matches!(source.job(index), Supply::End)
         {
-            (answer, sent.rest) = (answer.at_end(), Rest::End);
+            (answer, sent.rest) = (answer.at_end(), UnsentJobs::End);
         }
         let mut packet = Packet::new(out, self.core.config.limits, self.core.config.dialect);
         if let Some(status) = answer.status {

@@ -4,7 +4,7 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot, Status};
-use crate::numbering::Ahead;
+use crate::numbering::AheadJobs;
 use crate::phase::Phase;
 
 /// A PC's machine, which listens without an order at first. The session has the bytes, the lines of the jobs, the values of
@@ -36,7 +36,7 @@ pub enum Link {
         /// The reply to the robot.
         reply: Reply,
         /// The order that the robot is in.
-        robot: Known,
+        robot: RobotOrder,
         /// Whether the connection is to be closed, and the caller was not asked to yet.
         close: bool,
     },
@@ -74,7 +74,7 @@ pub struct Contents {
 
 /// The order that the robot is in, as it has reported on this connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Known {
+pub enum RobotOrder {
     /// The robot has reported no order.
     Nothing,
     /// The robot has reported its order.
@@ -156,7 +156,7 @@ pub struct Count {
     /// The number of jobs of the order; `None` until the source has shown it.
     pub total: Option<u32>,
     /// The jobs after `executed` that were executed ahead of others.
-    pub ahead: Ahead,
+    pub ahead: AheadJobs,
     /// Whether corrupt bytes came: an acknowledgement may be lost.
     pub is_unsure: bool,
     /// Whether a change of `executed` or `queued` is not reported yet.
@@ -223,7 +223,7 @@ pub enum Input {
         index: u32,
     },
     /// The answer that was due is sent.
-    Sent(Sent),
+    Sent(SentAnswer),
     /// The change of the state has been reported.
     Reported,
 }
@@ -247,7 +247,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// Returns the answer that ends the order; its [`Sent::rest`] is [`Rest::End`].
+    /// Returns the answer that ends the order; its [`SentAnswer::rest`] is [`UnsentJobs::End`].
     #[must_use]
     pub fn at_end(self) -> Self {
         let status = self.status.map(|status| Status { phase: Phase::Ending, ..status });
@@ -257,7 +257,7 @@ impl Answer {
 
 /// The contents of an answer that was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Sent {
+pub struct SentAnswer {
     /// Whether the order's request to the robot was in it.
     pub request: bool,
     /// The number of commands in the answer, oldest first.
@@ -265,12 +265,12 @@ pub struct Sent {
     /// The number of jobs in the answer.
     pub jobs: u32,
     /// The reason that no more jobs were in it.
-    pub rest: Rest,
+    pub rest: UnsentJobs,
 }
 
 /// The fate of the jobs that were due and are not in an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Rest {
+pub enum UnsentJobs {
     /// The jobs do not fit, or are not computed yet.
     #[default]
     Later,

@@ -3,7 +3,7 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::numbering::{Ahead, Numbering};
+use crate::numbering::{AheadJobs, Numbering};
 use crate::packet::Limits;
 use crate::robot::state::RecoveryStep;
 use crate::role::Role;
@@ -132,7 +132,7 @@ impl RobotConfig {
     pub(crate) fn check(&self, work: usize, held: usize, capacity: usize) -> Result<(), ConfigError> {
         let individual = self.acks == Acks::Individual;
         self.dialect.check(self.max_number, self.datagrams, [individual.then_some(Role::JobAck), None])?;
-        let limit = Ahead::MAX as usize;
+        let limit = AheadJobs::MAX as usize;
         if individual && capacity > limit {
             return Err(ConfigError::LongQueue { capacity, limit });
         }

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use super::config::{Acks, RobotConfig, Rule};
 use super::state::{Action, Flow, Gap, Link, Machine, Order, Recovery, Rejection, Stage, Starts};
-use crate::numbering::Ahead;
+use crate::numbering::AheadJobs;
 
 impl Machine {
     /// Handles a job: "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet
@@ -35,7 +35,7 @@ impl Machine {
         if number == next {
             // The job was executed ahead of the others before the list was cleared.
             let is_executed = self.ahead.contains(self.queued - self.executed);
-            let can_ack = config.acks != Acks::Individual || self.queued - self.acked < Ahead::MAX;
+            let can_ack = config.acks != Acks::Individual || self.queued - self.acked < AheadJobs::MAX;
             if !(is_executed || room && can_ack) {
                 if *flow != Flow::Full {
                     *flow = Flow::Full;
@@ -101,7 +101,7 @@ impl Machine {
             let stage = Stage::Intake { flow: Flow::Asking, gap: Gap::Closed, recovery };
             self.order = Order::Active { number: order, stage };
             (self.queued, self.executed) = (0, 0);
-            (self.ahead, self.acked, self.acked_ahead) = (Ahead::default(), 0, Ahead::default());
+            (self.ahead, self.acked, self.acked_ahead) = (AheadJobs::default(), 0, AheadJobs::default());
             self.replies.start = Some(order);
             return Action::Started;
         };

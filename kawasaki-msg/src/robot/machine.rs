@@ -7,11 +7,11 @@ use robot_session::end::{Expiry, is_due};
 
 use super::config::{Acks, RobotConfig, Rule};
 pub use super::state::{
-    Action, Cycle, Due, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep, Rejection,
-    Replies, Report, Sent, Stage, Starts,
+    Action, Cycle, DuePacket, EndedOrder, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
+    Rejection, Replies, Report, SentPacket, Stage, Starts,
 };
 use crate::content::FromPc;
-use crate::numbering::Ahead;
+use crate::numbering::AheadJobs;
 use crate::phase::Phase;
 use crate::timing;
 
@@ -21,7 +21,7 @@ impl robot_session::end::Machine for Machine {
     type Input = Input;
     type Action = Action;
     /// [`Machine::acks`] has the acknowledgements.
-    type Transmit = Due;
+    type Transmit = DuePacket;
     type Config = RobotConfig;
 
     /// # Errors
@@ -48,7 +48,7 @@ impl robot_session::end::Machine for Machine {
         action.ok_or_else(|| self.unexpected(&input))
     }
 
-    fn transmit(&self, now: Duration, config: &RobotConfig) -> Option<Due> {
+    fn transmit(&self, now: Duration, config: &RobotConfig) -> Option<DuePacket> {
         let is_ready =
             matches!(self.link, Link::Connected { cycle: Cycle::Ready { at, .. }, .. } if is_due(at, now));
         is_ready.then(|| self.due(now, config))
@@ -133,9 +133,9 @@ impl Machine {
             order: Order::Idle,
             queued: 0,
             executed: 0,
-            ahead: Ahead::default(),
+            ahead: AheadJobs::default(),
             acked: 0,
-            acked_ahead: Ahead::default(),
+            acked_ahead: AheadJobs::default(),
             ended: None,
             replies: Replies::default(),
             starts,
@@ -221,7 +221,7 @@ impl Machine {
         // The status reports it all; a start whose answer was lost is repeated.
         (self.replies.status, self.replies.start) = (true, None);
         // The status covers the jobs that are executed in order; those executed ahead may not have arrived.
-        (self.acked, self.acked_ahead) = (self.executed, Ahead::default());
+        (self.acked, self.acked_ahead) = (self.executed, AheadJobs::default());
         if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
             // No time passes without a connection: a pause may be over since.
             flow.end_pause(now);
@@ -451,7 +451,7 @@ impl Machine {
             ended.rotate_right(1);
             ended[0] = order;
         }
-        self.ended = Some(Ended { order, executed: config.numbering().number(self.executed) });
+        self.ended = Some(EndedOrder { order, executed: config.numbering().number(self.executed) });
         (self.replies.status, self.replies.end, self.replies.pause) = (true, true, false);
         Action::Over
     }

@@ -8,7 +8,7 @@ use crate::role::{Field, Role};
 
 /// The message that was read last.
 #[derive(Debug)]
-pub(super) struct Received<W> {
+pub(super) struct ReceivedMessage<W> {
     pub(super) role: Role,
     pub(super) params: Params,
     /// A job's own fields.
@@ -17,7 +17,7 @@ pub(super) struct Received<W> {
     pub(super) error: Option<MessageError>,
 }
 
-impl<W: Work> Received<W> {
+impl<W: Work> ReceivedMessage<W> {
     pub(super) fn new() -> Self {
         Self { role: Role::Filler, params: Params::default(), work: W::default(), error: None }
     }

@@ -1,20 +1,20 @@
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, Unexpected};
 use robot_work_queue::{NoWake, Wake};
 
 use super::config::{Acks, RobotConfig};
 use super::event::{OF_ORDER, RobotEvent};
-use super::received::Received;
-use super::state::{Action, Due, Input, Machine, RecoveryStep, Report, Sent};
+use super::received::ReceivedMessage;
+use super::state::{Action, DuePacket, Input, Machine, RecoveryStep, Report, SentPacket};
 use crate::content::FromRobot;
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, SessionError};
 use crate::job::{self, Work};
 use crate::message::Message;
 use crate::motion::Jobs;
-use crate::packet::{Packet, Room as PacketRoom};
+use crate::packet::{AddResult as PacketRoom, Packet};
 use crate::params::Params;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
@@ -52,7 +52,7 @@ pub struct Robot<'q, W: Work, const MESSAGE: usize = 256, R: Wake = NoWake> {
     pub(super) core: CoreOf<Self>,
     pub(super) ranges: W::Ranges,
     pub(super) jobs: Jobs<'q, W, R>,
-    pub(super) received: Received<W>,
+    pub(super) received: ReceivedMessage<W>,
     low_water: usize,
 }
 
@@ -92,7 +92,7 @@ impl<'q, W: Work, const MESSAGE: usize, R: Wake> Robot<'q, W, MESSAGE, R> {
             ranges,
             low_water: config.low_water.unwrap_or(jobs.writer.capacity() / 2),
             jobs,
-            received: Received::new(),
+            received: ReceivedMessage::new(),
         })
     }
 
@@ -193,7 +193,7 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
     /// Longer than any message, so that a datagram that is too long is noticed.
     const MAX_INPUT: usize = 2 * Message::MAX_LEN;
     const MAX_TRANSMIT: usize = MESSAGE;
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(RobotEvent::Unexpected);
 
@@ -307,7 +307,7 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
     }
 
     /// Returns a buffer shorter than [`Limits::packet`](crate::Limits) and `MESSAGE` is too small.
-    fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, due: DuePacket, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.get_mut(..self.core.config.limits.packet.min(MESSAGE))?;
         let mut packet = Packet::new(out, self.core.config.limits, self.core.config.dialect);
         let mut send = |message: FromRobot| {
@@ -315,7 +315,7 @@ impl<W: Work, const MESSAGE: usize, R: Wake> End for Robot<'_, W, MESSAGE, R> {
             packet.push(role, &params) == Ok(PacketRoom::Added)
         };
         let (machine, config) = (&self.core.machine, &self.core.config);
-        let (mut sent, mut all_acked) = (Sent::default(), true);
+        let (mut sent, mut all_acked) = (SentPacket::default(), true);
         for (count, ack) in machine.acks(&due, config) {
             if !send(ack) {
                 all_acked = config.acks != Acks::Individual;

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use crate::content::{FromPc, FromRobot};
-use crate::numbering::Ahead;
+use crate::numbering::AheadJobs;
 
 /// A robot's machine. The session has the bytes, the job lines, the queue itself, the events and the statistics.
 ///
@@ -19,13 +19,13 @@ pub struct Machine {
     /// The count up to which all jobs are executed.
     pub executed: u32,
     /// The jobs after `executed` that are executed, if jobs overtake one another.
-    pub ahead: Ahead,
+    pub ahead: AheadJobs,
     /// The count up to which all jobs are acknowledged.
     pub acked: u32,
     /// The jobs after `acked` that are acknowledged.
-    pub acked_ahead: Ahead,
+    pub acked_ahead: AheadJobs,
     /// The order that ended last; `None` since the robot's start.
-    pub ended: Option<Ended>,
+    pub ended: Option<EndedOrder>,
     /// The messages that the next packet must contain.
     pub replies: Replies,
     /// The orders that may begin.
@@ -177,7 +177,7 @@ pub enum Recovery {
 
 /// An order that is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Ended {
+pub struct EndedOrder {
     /// The number of the order, from 1.
     pub order: u16,
     /// The last executed job of the order, 1 to 9999; `None` if no job was executed.
@@ -251,7 +251,7 @@ pub enum Input {
     /// The second reset of the motion program: the order.
     ResetOrder,
     /// The packet that was due is sent.
-    Sent(Sent),
+    Sent(SentPacket),
     /// The change of the state has been reported.
     Reported,
 }
@@ -259,7 +259,7 @@ pub enum Input {
 /// The packet that is due: acknowledgements, and these messages in this sequence; a filler if nothing is due. A message
 /// without space waits for the next cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Due {
+pub struct DuePacket {
     /// Executed jobs are acknowledged even if they are not a k-th one.
     pub all_acks: bool,
     /// The answer to a start; `None` if it is not due.
@@ -276,7 +276,7 @@ pub struct Due {
 
 /// The contents of a packet that was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Sent {
+pub struct SentPacket {
     /// Cumulative: the increase of the number of acknowledged jobs; individual: the number of acknowledgements.
     pub acked: u32,
     /// Whether the answer to a start was in it.

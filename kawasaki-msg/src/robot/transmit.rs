@@ -3,15 +3,15 @@
 use core::time::Duration;
 
 use super::config::{Acks, RobotConfig, Rule};
-use super::state::{Action, Cycle, Due, Flow, Link, Machine, Order, Recovery, Sent, Stage};
+use super::state::{Action, Cycle, DuePacket, Flow, Link, Machine, Order, Recovery, SentPacket, Stage};
 use crate::content::{FromRobot, Status};
-use crate::numbering::Ahead;
+use crate::numbering::AheadJobs;
 
 impl Machine {
     /// Returns the messages of the packet that is due.
-    pub(super) fn due(&self, now: Duration, config: &RobotConfig) -> Due {
+    pub(super) fn due(&self, now: Duration, config: &RobotConfig) -> DuePacket {
         let numbering = config.numbering();
-        let Link::Connected { synced, status_at, .. } = self.link else { return Due::default() };
+        let Link::Connected { synced, status_at, .. } = self.link else { return DuePacket::default() };
         let asks = synced
             && matches!(self.order, Order::Active { stage: Stage::Intake { flow: Flow::Asking, .. }, .. });
         let has_status = self.replies.status || now >= status_at;
@@ -23,7 +23,7 @@ impl Machine {
             active,
             executed: ended.executed,
         });
-        Due {
+        DuePacket {
             all_acks: is_idle || self.executed == self.queued,
             start: self.replies.start.map(|active| FromRobot::OrderAck { active }),
             end,
@@ -38,7 +38,7 @@ impl Machine {
 
     /// Returns the acknowledgements in a packet, each with the number of jobs that it is the first to cover: every k-th job,
     /// or all "at least when there is nothing else to send" (thesis, section 11.2) or to execute.
-    pub fn acks(&self, due: &Due, config: &RobotConfig) -> impl Iterator<Item = (u32, FromRobot)> {
+    pub fn acks(&self, due: &DuePacket, config: &RobotConfig) -> impl Iterator<Item = (u32, FromRobot)> {
         let order = if let Order::Active { number, .. } = self.order {
             Some(number)
         } else {
@@ -65,7 +65,7 @@ impl Machine {
     /// Returns the counts of the executed jobs that are not acknowledged, the lowest number first.
     fn unacked(&self, config: &RobotConfig) -> impl Iterator<Item = u32> {
         let max = u32::from(config.max_number);
-        let last = if self.ahead.is_empty() { self.executed } else { self.executed + Ahead::MAX };
+        let last = if self.ahead.is_empty() { self.executed } else { self.executed + AheadJobs::MAX };
         let last = last.min(self.acked + max);
         // The numbers begin again after this count.
         let wrap = (self.acked - self.acked % max + max).min(last);
@@ -76,7 +76,12 @@ impl Machine {
             .filter(move |count| is_executed(*count) && !self.acked_ahead.contains(count - self.acked - 1))
     }
 
-    pub(super) fn on_sent(&mut self, now: Duration, sent: Sent, config: &RobotConfig) -> Option<Action> {
+    pub(super) fn on_sent(
+        &mut self,
+        now: Duration,
+        sent: SentPacket,
+        config: &RobotConfig,
+    ) -> Option<Action> {
         let Link::Connected { cycle: cycle @ Cycle::Ready { .. }, status_at, .. } = &mut self.link else {
             return None;
         };

@@ -20,21 +20,21 @@ pub enum LastOrder {
     /// No job of an order was sent.
     None,
     /// The program ended before the order: [`Pc::resume`](super::Pc::resume) continues it, and no job is executed twice.
-    Active(Kept),
+    Active(JournalEntry),
     /// The order has ended before its last job: it was interrupted, or a job did not fit. Its first `executed` jobs are
     /// executed, and no others: [`Pc::go_on`](super::Pc::go_on) begins an order with the rest.
-    Stopped(Kept),
+    Stopped(JournalEntry),
     /// All jobs of the order are executed. If the order is started again, they are executed again.
-    Complete(Kept),
+    Complete(JournalEntry),
     /// The outcome of the jobs from `executed` to `sent` is unknown
     /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece: [`Pc::go_on`](super::Pc::go_on)
     /// continues after the last job that was evidently executed.
-    Unknown(Kept),
+    Unknown(JournalEntry),
 }
 
 /// The progress of an order, or its last progress once it has ended.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Kept {
+pub struct JournalEntry {
     /// The number of the order, from 1.
     pub order: u16,
     /// The index of the order's first job in the list of jobs: 0, unless it continues an order that was stopped. The counts
@@ -48,7 +48,7 @@ pub struct Kept {
     pub ahead: Vec<u32>,
 }
 
-impl Kept {
+impl JournalEntry {
     /// Returns the number of jobs of the list that are known to be executed, all of them from its first on: by this order and
     /// the stopped ones before it.
     pub const fn done(&self) -> u32 {
@@ -57,7 +57,7 @@ impl Kept {
 }
 
 /// Stores the progress of an order, before the robot can receive it.
-pub trait Keep: Send + 'static {
+pub trait ProgressStore: Send + 'static {
     /// Stores the progress durably: even across a loss of power, if the program is to survive that. `last` is never
     /// [`LastOrder::None`].
     ///
@@ -67,7 +67,7 @@ pub trait Keep: Send + 'static {
 }
 
 /// Stores nothing: an order ends with the program.
-impl Keep for () {
+impl ProgressStore for () {
     async fn keep(&mut self, _last: &LastOrder) -> io::Result<()> {
         Ok(())
     }
@@ -100,7 +100,7 @@ const LAST_WRITE: Duration = Duration::from_secs(1);
 /// The interval at which the lock of a journal is tried again.
 const RETRY: Duration = Duration::from_millis(10);
 /// The size at which the file is rewritten with its last line.
-const LONGEST: u64 = 1 << 20;
+const REWRITE_SIZE: u64 = 1 << 20;
 
 impl Journal {
     /// Opens a journal, or creates one; returns it with the last order. One program has it at a time.
@@ -170,7 +170,7 @@ impl Writer {
         self.file.write_all(self.line.as_bytes())?;
         self.file.sync_data()?;
         self.length += self.line.len() as u64;
-        if self.length > LONGEST {
+        if self.length > REWRITE_SIZE {
             self.begin_anew()?;
         }
         Ok(())
@@ -190,7 +190,7 @@ impl Writer {
     }
 }
 
-impl Keep for Journal {
+impl ProgressStore for Journal {
     async fn keep(&mut self, last: &LastOrder) -> io::Result<()> {
         if let Some((written, result)) = self.written().await
             && written == *last
@@ -213,7 +213,7 @@ impl Keep for Journal {
 /// Writes the words of a line of the journal.
 impl fmt::Display for LastOrder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Kept { order, first, executed, sent, ahead }, end) = match self {
+        let (JournalEntry { order, first, executed, sent, ahead }, end) = match self {
             Self::None => return Ok(()),
             Self::Active(kept) => (kept, ""),
             Self::Stopped(kept) => (kept, " stopped"),
@@ -231,7 +231,7 @@ impl FromStr for LastOrder {
 
     fn from_str(line: &str) -> io::Result<Self> {
         let wrong = || damaged(line);
-        let (numbers, last): (_, fn(Kept) -> Self) = match line.rsplit_once(' ') {
+        let (numbers, last): (_, fn(JournalEntry) -> Self) = match line.rsplit_once(' ') {
             Some((numbers, "stopped")) => (numbers, Self::Stopped),
             Some((numbers, "complete")) => (numbers, Self::Complete),
             Some((numbers, "unknown")) => (numbers, Self::Unknown),
@@ -244,12 +244,12 @@ impl FromStr for LastOrder {
         let ahead = words.map(str::parse).collect();
         match (order, first, executed, sent, ahead) {
             (Ok(order), Ok(first), Ok(executed), Ok(sent), Ok(ahead)) => {
-                let kept = Kept { order, first, executed, sent, ahead };
+                let kept = JournalEntry { order, first, executed, sent, ahead };
                 let fits = executed <= sent && kept.ahead.iter().all(|index| *index < sent);
                 match last(kept) {
                     _ if !fits => Err(wrong()),
                     // The robot has none of its jobs.
-                    Self::Stopped(Kept { first: 0, sent: 0, .. }) => Ok(Self::None),
+                    Self::Stopped(JournalEntry { first: 0, sent: 0, .. }) => Ok(Self::None),
                     last => Ok(last),
                 }
             }

@@ -43,10 +43,10 @@ use std::vec::Vec;
 
 use robot_session::tokio::{self as session, Closed, Connector, Handle, Outcome, Task, UdpListen, watch};
 
-pub use journal::{Journal, Keep, Kept, LastOrder};
-pub use robot::{Job, Motion, Queueing, Robot, RobotError, SpawnedRobot, robot};
-use service::{Begun, Call};
-pub use service::{Orders, Source};
+pub use journal::{Journal, JournalEntry, LastOrder, ProgressStore};
+pub use robot::{Job, Motion, Robot, RobotError, RobotService, SpawnedRobot, robot};
+use service::{Call, OrderStart};
+pub use service::{Orders, TaskSource};
 
 use crate::dialect::Dialect;
 use crate::error::{ConfigError, FieldError, SessionError};
@@ -58,7 +58,7 @@ use crate::pc::{CommandOutcome, LargePc, PcConfig, Supply};
 ///
 /// All events of the session are those of the [`handle`](Self::handle).
 #[derive(Debug)]
-pub struct Pc<W: Job, K: Keep> {
+pub struct Pc<W: Job, K: ProgressStore> {
     handle: Handle<Orders<W, K>>,
 }
 
@@ -69,7 +69,7 @@ pub struct Pc<W: Job, K: Keep> {
 pub fn pc<W, K, C>(config: PcConfig, keep: K, connector: C) -> Result<Spawned<W, K, C>, ConfigError>
 where
     W: Job,
-    K: Keep,
+    K: ProgressStore,
     C: Connector,
 {
     pc_with_ranges(config, Default::default(), keep, connector)
@@ -87,7 +87,7 @@ pub fn pc_with_ranges<W, K, C>(
 ) -> Result<Spawned<W, K, C>, ConfigError>
 where
     W: Job,
-    K: Keep,
+    K: ProgressStore,
     C: Connector,
 {
     let session = LargePc::with_ranges(config, ranges)?;
@@ -122,12 +122,12 @@ pub struct Progress {
 #[must_use = "without its future, the outcome of the order is an event alone"]
 pub struct Order {
     progress: watch::Receiver<Progress>,
-    outcome: Outcome<Result<Over, Error>>,
+    outcome: Outcome<Result<OrderResult, Error>>,
 }
 
 /// An order that is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Over {
+pub struct OrderResult {
     /// The number of jobs of the order that were executed, from the first on.
     pub executed: u32,
     /// Whether all jobs were executed.
@@ -151,7 +151,7 @@ pub enum Error {
     #[error("no connection for order {}: {why}; it can be resumed", kept.order)]
     GivenUp {
         /// The progress of the order, for [`Pc::resume`].
-        kept: Kept,
+        kept: JournalEntry,
         /// The last failure of a connection.
         why: Arc<io::Error>,
     },
@@ -174,7 +174,7 @@ pub enum Error {
     Closed(#[from] Closed),
 }
 
-impl<W: Job, K: Keep> Pc<W, K> {
+impl<W: Job, K: ProgressStore> Pc<W, K> {
     /// Begins an order. If it cannot begin, that is its outcome.
     ///
     /// # Errors
@@ -192,26 +192,31 @@ impl<W: Job, K: Keep> Pc<W, K> {
         order: u16,
         source: impl FnMut(u32) -> Supply<W> + Send + 'static,
     ) -> Result<Order, Closed> {
-        self.begin(Kept { order, ..Kept::default() }, None, Box::new(source)).await
+        self.begin(JournalEntry { order, ..JournalEntry::default() }, None, Box::new(source)).await
     }
 
     /// Continues an order that an earlier PC has begun, with the same list of jobs: as [`Pc::resume`](crate::Pc::resume).
     ///
     /// # Errors
     /// The task has ended.
-    pub async fn resume(&self, begun: Kept, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
+    pub async fn resume(&self, begun: JournalEntry, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
         let (ahead, jobs) = (begun.ahead.clone(), all_of(jobs.into(), begun.first));
         self.begin(begun, Some(ahead), Box::new(jobs)).await
     }
 
     /// Begins an order with the remaining jobs of an earlier order that was stopped, from the same list: those after the
-    /// first [`done`](Kept::done).
+    /// first [`done`](JournalEntry::done).
     ///
     /// # Errors
     /// The task has ended.
-    pub async fn go_on(&self, order: u16, stopped: Kept, jobs: impl Into<Vec<W>>) -> Result<Order, Closed> {
+    pub async fn go_on(
+        &self,
+        order: u16,
+        stopped: JournalEntry,
+        jobs: impl Into<Vec<W>>,
+    ) -> Result<Order, Closed> {
         let first = stopped.done();
-        let kept = Kept { order, first, ..Kept::default() };
+        let kept = JournalEntry { order, first, ..JournalEntry::default() };
         self.begin(kept, None, Box::new(all_of(jobs.into(), first))).await
     }
 
@@ -219,7 +224,7 @@ impl<W: Job, K: Keep> Pc<W, K> {
     ///
     /// # Errors
     /// See [`Error`].
-    pub async fn run(&self, order: u16, jobs: impl Into<Vec<W>>) -> Result<Over, Error> {
+    pub async fn run(&self, order: u16, jobs: impl Into<Vec<W>>) -> Result<OrderResult, Error> {
         self.start(order, jobs).await?.await
     }
 
@@ -254,19 +259,19 @@ impl<W: Job, K: Keep> Pc<W, K> {
 
     async fn begin(
         &self,
-        kept: Kept,
+        kept: JournalEntry,
         resumed: Option<Vec<u32>>,
         source: Box<dyn FnMut(u32) -> Supply<W> + Send>,
     ) -> Result<Order, Closed> {
         let (known, progress) = watch::channel(Progress { executed: kept.executed, queued: 0 });
-        let source = Source(source);
-        let call = |reply| Call::Start(Begun { kept, resumed, source, known, reply });
+        let source = TaskSource(source);
+        let call = |reply| Call::Start(OrderStart { kept, resumed, source, known, reply });
         let outcome = self.handle.begin(call).await?;
         Ok(Order { progress, outcome })
     }
 }
 
-impl<W: Job, K: Keep> Clone for Pc<W, K> {
+impl<W: Job, K: ProgressStore> Clone for Pc<W, K> {
     fn clone(&self) -> Self {
         Self { handle: self.handle.clone() }
     }
@@ -290,7 +295,7 @@ impl Order {
 }
 
 impl Future for Order {
-    type Output = Result<Over, Error>;
+    type Output = Result<OrderResult, Error>;
 
     fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         Pin::new(&mut self.outcome).poll(context).map(|outcome| outcome?)

@@ -21,7 +21,7 @@ use crate::robot::{LargeRobot, RobotConfig, RobotEvent};
 /// All events of the session are those of the [`handle`](Self::handle).
 #[derive(Debug)]
 pub struct Robot<W: Job> {
-    handle: Handle<Queueing<W>>,
+    handle: Handle<RobotService<W>>,
 }
 
 /// The requirements on a job of a task.
@@ -44,13 +44,13 @@ pub fn robot<W: Job, C: Connector>(
     let (jobs, motion) = motion::boxed_with(capacity, max, Hook(queued.clone()), Hook(completed.clone()))
         .map_err(|_| ConfigError::Queue { capacity, max })?;
     let session = LargeRobot::with_ranges(config, jobs, ranges)?;
-    let service = Queueing(core::marker::PhantomData);
+    let service = RobotService(core::marker::PhantomData);
     let (handle, task) = session::spawn_woken_by(completed, session, service, connector);
     Ok((Robot { handle }, Motion { motion, queued }, task))
 }
 
 /// A handle, its motion task's end, and its task.
-pub type SpawnedRobot<W, C> = (Robot<W>, Motion<W>, Task<Queueing<W>, C>);
+pub type SpawnedRobot<W, C> = (Robot<W>, Motion<W>, Task<RobotService<W>, C>);
 
 impl<W: Job> Robot<W> {
     /// Clears the queue of all jobs but the one that is being executed; those not executed come again. Ends an alarm.
@@ -70,7 +70,7 @@ impl<W: Job> Robot<W> {
     }
 
     /// Returns the generic handle: events, the state of the connection, shutdown.
-    pub const fn handle(&self) -> &Handle<Queueing<W>> {
+    pub const fn handle(&self) -> &Handle<RobotService<W>> {
         &self.handle
     }
 }
@@ -144,7 +144,7 @@ impl Wake for Hook {
 }
 
 /// The service of a [`Robot`].
-pub struct Queueing<W>(core::marker::PhantomData<fn() -> W>);
+pub struct RobotService<W>(core::marker::PhantomData<fn() -> W>);
 
 /// A call of a [`Robot`].
 #[derive(Debug)]
@@ -167,7 +167,7 @@ pub enum RobotError {
     Closed(#[from] Closed),
 }
 
-impl<W: Job> Service for Queueing<W> {
+impl<W: Job> Service for RobotService<W> {
     type Session = LargeRobot<'static, W, Hook>;
     type Call = Call;
     type Event = RobotEvent;
@@ -194,7 +194,7 @@ impl<W: Job> Service for Queueing<W> {
     fn refuse(&mut self, _call: Call, _why: &Arc<io::Error>) {}
 }
 
-impl<W> fmt::Debug for Queueing<W> {
+impl<W> fmt::Debug for RobotService<W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Queueing")
     }

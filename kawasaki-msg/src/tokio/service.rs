@@ -10,16 +10,16 @@ use std::vec::Vec;
 
 use robot_session::tokio::{Reply, Reports, Service, watch};
 
-use super::journal::{Keep, Kept, LastOrder};
-use super::{Error, Job, Over, Progress};
+use super::journal::{JournalEntry, LastOrder, ProgressStore};
+use super::{Error, Job, OrderResult, Progress};
 use crate::error::FieldError;
 use crate::job::Work;
 use crate::pc::{CommandOutcome, JobSource, LargePc, PcEvent, Supply};
 
 /// The task's source of the jobs of an order.
-pub struct Source<W>(pub(super) Box<dyn FnMut(u32) -> Supply<W> + Send>);
+pub struct TaskSource<W>(pub(super) Box<dyn FnMut(u32) -> Supply<W> + Send>);
 
-impl<W: Work> JobSource for Source<W> {
+impl<W: Work> JobSource for TaskSource<W> {
     type Work = W;
 
     fn job(&mut self, index: u32) -> Supply<W> {
@@ -27,7 +27,7 @@ impl<W: Work> JobSource for Source<W> {
     }
 }
 
-impl<W> fmt::Debug for Source<W> {
+impl<W> fmt::Debug for TaskSource<W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Source").finish_non_exhaustive()
     }
@@ -41,7 +41,7 @@ pub struct Orders<W, K> {
     kept: (u16, u32),
     /// The index of the order's first job in the caller's list.
     first: u32,
-    active: Option<Active>,
+    active: Option<ActiveOrder>,
     /// The order that has ended. `None` if no part of it was sent: the journal stays as it is.
     ended: Option<LastOrder>,
     commands: VecDeque<Reply<Result<CommandOutcome, Error>>>,
@@ -50,9 +50,9 @@ pub struct Orders<W, K> {
 
 /// The caller that waits for the order.
 #[derive(Debug)]
-struct Active {
+struct ActiveOrder {
     known: watch::Sender<Progress>,
-    reply: Reply<Result<Over, Error>>,
+    reply: Reply<Result<OrderResult, Error>>,
     unfit: Option<(u32, FieldError)>,
 }
 
@@ -60,7 +60,7 @@ struct Active {
 #[derive(Debug)]
 pub enum Call<W> {
     /// Begins an order, or continues one.
-    Start(Begun<W>),
+    Start(OrderStart<W>),
     /// Ends the order when the queue is empty.
     End(Reply<Result<(), Error>>),
     /// Ends the order after the job that is being executed.
@@ -71,16 +71,16 @@ pub enum Call<W> {
 
 /// An order that is to begin.
 #[derive(Debug)]
-pub struct Begun<W> {
-    pub(super) kept: Kept,
+pub struct OrderStart<W> {
+    pub(super) kept: JournalEntry,
     /// The jobs that were executed ahead of others, if the order has begun before.
     pub(super) resumed: Option<Vec<u32>>,
-    pub(super) source: Source<W>,
+    pub(super) source: TaskSource<W>,
     pub(super) known: watch::Sender<Progress>,
-    pub(super) reply: Reply<Result<Over, Error>>,
+    pub(super) reply: Reply<Result<OrderResult, Error>>,
 }
 
-type Session<W> = LargePc<Source<W>>;
+type Session<W> = LargePc<TaskSource<W>>;
 
 impl<W, K> Orders<W, K> {
     pub(super) fn new(keep: K) -> Self {
@@ -89,12 +89,12 @@ impl<W, K> Orders<W, K> {
     }
 
     /// Returns the progress of the order of a session, or its last progress once it has ended.
-    fn progress(&self, session: &Session<W>) -> Kept
+    fn progress(&self, session: &Session<W>) -> JournalEntry
     where
         W: Work,
     {
         let (executed, sent) = (session.executed(), session.sent());
-        Kept {
+        JournalEntry {
             order: session.order().unwrap_or(0),
             first: self.first,
             executed,
@@ -104,29 +104,29 @@ impl<W, K> Orders<W, K> {
     }
 
     /// Ends the order with an outcome. If the outcome is not awaited, it is an event.
-    fn end(&mut self, outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<Over, Error>) {
-        if let Some(Active { reply, unfit, .. }) = self.active.take() {
+    fn end(&mut self, outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<OrderResult, Error>) {
+        if let Some(ActiveOrder { reply, unfit, .. }) = self.active.take() {
             let _ = reply.send(outcome(unfit));
         }
     }
 }
 
-impl<W: Job, K: Keep> Service for Orders<W, K> {
+impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
     type Session = Session<W>;
     type Call = Call<W>;
     type Event = PcEvent;
 
     fn call(&mut self, session: &mut Session<W>, _now: Duration, call: Call<W>) {
         match call {
-            Call::Start(Begun { reply, .. }) if reply.is_abandoned() => {}
-            Call::Start(Begun { kept, resumed, source, known, reply }) => {
+            Call::Start(OrderStart { reply, .. }) if reply.is_abandoned() => {}
+            Call::Start(OrderStart { kept, resumed, source, known, reply }) => {
                 let begun = match resumed {
                     None => session.start(kept.order, source),
                     Some(ahead) => session.resume(kept.order, source, kept.executed, kept.sent, ahead),
                 };
                 match begun {
                     Ok(()) => {
-                        (self.active, self.ended) = (Some(Active { known, reply, unfit: None }), None);
+                        (self.active, self.ended) = (Some(ActiveOrder { known, reply, unfit: None }), None);
                         self.first = kept.first;
                     }
                     Err(error) => drop(reply.send(Err(error.into()))),
@@ -159,11 +159,11 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
             }
             PcEvent::OrderOver { order, executed, complete } => {
                 let ended = if complete { LastOrder::Complete } else { LastOrder::Stopped };
-                self.ended = Some(ended(Kept { order, ..self.progress(session) }));
-                self.end(|unfit| Ok(Over { executed, complete, unfit }));
+                self.ended = Some(ended(JournalEntry { order, ..self.progress(session) }));
+                self.end(|unfit| Ok(OrderResult { executed, complete, unfit }));
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
-                self.ended = Some(LastOrder::Unknown(Kept { order, ..self.progress(session) }));
+                self.ended = Some(LastOrder::Unknown(JournalEntry { order, ..self.progress(session) }));
                 self.end(|_| Err(Error::OutcomeUnknown { executed, sent }));
             }
             PcEvent::OrderRefused { active, given_up: true, .. } => {
@@ -209,7 +209,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
             let _ = reply.send(Err(Error::NotConnected(Arc::clone(why))));
         }
         let kept = self.progress(session);
-        let Kept { order, executed, sent, .. } = kept;
+        let JournalEntry { order, executed, sent, .. } = kept;
         let why = Arc::clone(why);
         if session.forget() {
             // The order can be resumed: it stays stored.
@@ -224,7 +224,7 @@ impl<W: Job, K: Keep> Service for Orders<W, K> {
     fn refuse(&mut self, call: Call<W>, why: &Arc<io::Error>) {
         let error = Error::NotConnected(Arc::clone(why));
         match call {
-            Call::Start(Begun { reply, .. }) => drop(reply.send(Err(error))),
+            Call::Start(OrderStart { reply, .. }) => drop(reply.send(Err(error))),
             Call::End(reply) | Call::Interrupt(reply) => drop(reply.send(Err(error))),
             Call::Command { reply, .. } => drop(reply.send(Err(error))),
         }

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use arbitrary::{Arbitrary, Error, Unstructured};
 use kawasaki_msg::{
-    Charset, Dialect, Entry, Field, Fields, Job, JobKind, Line, Message, Role, Text, Unfit, Work,
+    Charset, Dialect, Entry, Field, FieldVisitor, Job, JobKind, Line, Message, Role, Text, Unfit, Work,
 };
 use proptest::prelude::*;
 use proptest::strategy::ValueTree as _;
@@ -80,7 +80,7 @@ struct Mixed {
 impl Work for Mixed {
     type Ranges = i32;
 
-    fn fields<F: Fields>(&mut self, most: &i32, fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, most: &i32, fields: &mut F) -> Result<(), Unfit> {
         fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
         fields.decimal("angle", &mut self.angle, 3, -2..=*most)?;
         fields.text("tool", &mut self.tool, 1..=9)

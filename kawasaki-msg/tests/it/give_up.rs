@@ -7,7 +7,7 @@ use std::io;
 use std::sync::{Arc, Mutex};
 
 use kawasaki_msg::robot_session::tokio::{Dial, GIVE_UP_AFTER, Reconnect};
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Over, Pc, pc};
+use kawasaki_msg::tokio::{Error, Journal, JournalEntry, LastOrder, OrderResult, Pc, ProgressStore, pc};
 use kawasaki_msg::{JobKind, Line, PcConfig, PcEvent, Point, SessionError};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream, duplex};
 use tokio::time::{Instant, sleep, timeout};
@@ -27,7 +27,10 @@ fn jobs(count: i32) -> Vec<Line> {
 type Connecting = Pin<Box<dyn Future<Output = io::Result<DuplexStream>> + Send>>;
 
 /// Returns a PC whose connections lead to the ends that `robot` returns.
-fn a_pc<K: Keep>(keep: K, mut robot: impl FnMut(DuplexStream) -> Option<()> + Send + 'static) -> Pc<Line, K> {
+fn a_pc<K: ProgressStore>(
+    keep: K,
+    mut robot: impl FnMut(DuplexStream) -> Option<()> + Send + 'static,
+) -> Pc<Line, K> {
     let dial = Dial(move || {
         let (near, far) = duplex(1 << 16);
         let is_there = robot(far).is_some();
@@ -95,7 +98,7 @@ async fn an_order_whose_robot_is_gone_is_given_up_and_can_be_resumed() {
     drop(robot);
     let (outcome, time) = timed(order).await;
     let Err(Error::GivenUp { kept, .. }) = outcome else { panic!("{outcome:?}") };
-    assert_eq!(kept, Kept { order: 50, first: 0, executed: 1, sent: 5, ahead: vec![] });
+    assert_eq!(kept, JournalEntry { order: 50, first: 0, executed: 1, sent: 5, ahead: vec![] });
     assert!((GIVE_UP_AFTER..GIVE_UP_AFTER + S).contains(&time), "{time:?}");
     let mut unknown = false;
     while let Ok(event) = events.try_recv() {
@@ -116,7 +119,7 @@ async fn an_order_whose_robot_is_gone_is_given_up_and_can_be_resumed() {
     let packet = exchange(&mut robot, "<Tila$9#50$2$5$3$#>").await;
     assert!(!packet.contains("<Tyo$") && !packet.contains("<TilausAlkaa$"), "{packet}");
     exchange(&mut robot, "<TyoKuittaus$4#50$5#><LoppuKuittaus$6#50$0$5#>").await;
-    assert_eq!(timed(order).await.0.unwrap(), Over { executed: 5, complete: true, unfit: None });
+    assert_eq!(timed(order).await.0.unwrap(), OrderResult { executed: 5, complete: true, unfit: None });
 }
 
 /// On the same handle, as soon as the order is given up: the session has discarded it.
@@ -147,7 +150,7 @@ async fn a_robot_that_takes_no_order_costs_it() {
     let Err(Error::GivenUp { kept, why }) = outcome else { panic!("{outcome:?}") };
     assert_eq!(
         (kept, why.to_string()),
-        (Kept { order: 50, ..Kept::default() }, "the robot is silent".into())
+        (JournalEntry { order: 50, ..JournalEntry::default() }, "the robot is silent".into())
     );
     assert!(time < GIVE_UP_AFTER + 2 * PcConfig::tcp().silence, "{time:?}");
 }
@@ -159,7 +162,7 @@ enum Disk {
     Hangs,
 }
 
-impl Keep for Disk {
+impl ProgressStore for Disk {
     async fn keep(&mut self, _: &LastOrder) -> io::Result<()> {
         match self {
             Self::Fails => Err(io::Error::other("the disk is full")),

@@ -15,7 +15,9 @@ use std::sync::Arc;
 use std::thread;
 
 use kawasaki_msg::robot_session::tokio::Listen;
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Over, Pc, pc, pc_with_ranges};
+use kawasaki_msg::tokio::{
+    Error, Journal, JournalEntry, LastOrder, OrderResult, Pc, ProgressStore, pc, pc_with_ranges,
+};
 use kawasaki_msg::{Bounds, Job, JobKind, Line, PcConfig, PcEvent, Point, RobotConfig, SessionError};
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
@@ -31,7 +33,7 @@ fn jobs(count: i32) -> Vec<Line> {
 }
 
 /// Returns a PC that listens, and its address.
-async fn listening<K: Keep>(at: SocketAddr, keep: K) -> (Pc<Line, K>, SocketAddr, JoinHandle<()>) {
+async fn listening<K: ProgressStore>(at: SocketAddr, keep: K) -> (Pc<Line, K>, SocketAddr, JoinHandle<()>) {
     let listen = Listen::bind(at).await.unwrap();
     let address = listen.address().unwrap();
     let (pc, task) = pc(PcConfig::tcp(), keep, listen).unwrap();
@@ -90,7 +92,7 @@ async fn an_order_has_progress_and_an_end() {
     }
     assert_eq!(last, 300);
     let over = timeout(LONG, order).await.unwrap().unwrap();
-    assert_eq!(over, Over { executed: 300, complete: true, unfit: None });
+    assert_eq!(over, OrderResult { executed: 300, complete: true, unfit: None });
     assert_eq!(executed(robot), jobs(300));
 }
 
@@ -119,7 +121,7 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
                 pc.handle().shutdown().await;
                 match over.unwrap() {
                     // Killed before the robot had begun: there is nothing to continue.
-                    Over { executed: 0, complete: false, .. } => {}
+                    OrderResult { executed: 0, complete: false, .. } => {}
                     over => break over,
                 }
             }
@@ -131,9 +133,9 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     };
     is_over.store(true, Ordering::SeqCst);
     assert!(runs > 3, "{runs}");
-    assert_eq!(over, Over { executed: 600, complete: true, unfit: None });
+    assert_eq!(over, OrderResult { executed: 600, complete: true, unfit: None });
     assert_eq!(executed(working.unwrap()), jobs(600));
-    let over = Kept { order: 7, first: 0, executed: 600, sent: 600, ahead: vec![] };
+    let over = JournalEntry { order: 7, first: 0, executed: 600, sent: 600, ahead: vec![] };
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(over));
 }
 
@@ -142,7 +144,7 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
 async fn nothing_is_sent_that_was_not_kept() {
     #[derive(Debug, Clone)]
     struct Disk(Arc<Semaphore>, Arc<AtomicUsize>);
-    impl Keep for Disk {
+    impl ProgressStore for Disk {
         fn keep(&mut self, last: &LastOrder) -> impl Future<Output = io::Result<()>> + Send {
             let Self(works, full) = self.clone();
             let has_jobs = matches!(last, LastOrder::Active(kept) if kept.sent > 0);
@@ -165,7 +167,7 @@ async fn nothing_is_sent_that_was_not_kept() {
     assert!(early.await.is_err(), "the robot has jobs that were not kept");
     disk.0.add_permits(1);
     let over = timeout(LONG, order).await.unwrap().unwrap();
-    assert_eq!(over, Over { executed: 20, complete: true, unfit: None });
+    assert_eq!(over, OrderResult { executed: 20, complete: true, unfit: None });
     assert!(disk.1.load(Ordering::SeqCst) > 3);
     assert_eq!(executed(robot), jobs(20));
 }
@@ -205,7 +207,7 @@ fn a_journal_counts_to_its_last_whole_line() {
     let (journal, last) = Journal::open(&path).unwrap();
     assert_eq!(
         last,
-        LastOrder::Active(Kept { order: 7, first: 0, executed: 3, sent: 12, ahead: vec![5, 6] })
+        LastOrder::Active(JournalEntry { order: 7, first: 0, executed: 3, sent: 12, ahead: vec![5, 6] })
     );
     assert!(Journal::open(&path).is_err(), "one program has it");
     drop(journal);
@@ -213,7 +215,7 @@ fn a_journal_counts_to_its_last_whole_line() {
     for sent in 0..200_000 {
         let (mut journal, last) = Journal::open(&path).unwrap();
         assert!(matches!(last, LastOrder::Active(_)));
-        let mut kept = Kept { order: 7, first: 0, executed: 3, sent: sent + 3, ahead: Vec::new() };
+        let mut kept = JournalEntry { order: 7, first: 0, executed: 3, sent: sent + 3, ahead: Vec::new() };
         let until = if sent == 0 { 3 } else { 1 };
         for _ in 0..until {
             block_on.block_on(journal.keep(&LastOrder::Active(kept.clone()))).unwrap();
@@ -236,7 +238,7 @@ fn a_journal_says_how_its_last_order_has_ended() {
     let path = folder.path().join("journal");
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::None);
-    let kept = || Kept { order: 7, first: 2, executed: 3, sent: 6, ahead: vec![4] };
+    let kept = || JournalEntry { order: 7, first: 2, executed: 3, sent: 6, ahead: vec![4] };
     for (text, last) in [
         ("7 2 3 6 4", LastOrder::Active(kept())),
         ("7 2 3 6 4 stopped", LastOrder::Stopped(kept())),
@@ -252,7 +254,7 @@ fn a_journal_says_how_its_last_order_has_ended() {
     fs::write(&path, line("7 0 0 0 stopped")).unwrap();
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::None, "none of its jobs was sent");
     fs::write(&path, line("8 3 0 0 stopped")).unwrap();
-    let rest = Kept { order: 8, first: 3, ..Kept::default() };
+    let rest = JournalEntry { order: 8, first: 3, ..JournalEntry::default() };
     assert_eq!(
         Journal::open(&path).unwrap().1,
         LastOrder::Stopped(rest),
@@ -268,7 +270,7 @@ fn a_changed_digit_in_a_journal_is_damage() {
     let block_on = tokio::runtime::Builder::new_current_thread().build().unwrap();
     let (mut journal, _) = Journal::open(&path).unwrap();
     for sent in [5, 17] {
-        let last = LastOrder::Active(Kept { order: 7, first: 0, executed: 3, sent, ahead: vec![4] });
+        let last = LastOrder::Active(JournalEntry { order: 7, first: 0, executed: 3, sent, ahead: vec![4] });
         block_on.block_on(journal.keep(&last)).unwrap();
     }
     drop(journal);
@@ -293,6 +295,6 @@ fn a_changed_digit_in_a_journal_is_damage() {
     fs::write(&path, &text).unwrap();
     assert_eq!(
         Journal::open(&path).unwrap().1,
-        LastOrder::Active(Kept { order: 7, first: 0, executed: 3, sent: 17, ahead: vec![4] })
+        LastOrder::Active(JournalEntry { order: 7, first: 0, executed: 3, sent: 17, ahead: vec![4] })
     );
 }

@@ -4,9 +4,9 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Bounds, Charset, ConfigError, Decimal, DecodeError, Dialect, EncodeError, FieldError, FieldFault, Fields,
-    Job, JobKind, LargeRobot, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent, Point, Robot,
-    RobotConfig, RobotEvent, Text, Unfit, Work,
+    Bounds, Charset, ConfigError, Decimal, DecodeError, Dialect, EncodeError, FieldError, FieldFault,
+    FieldVisitor, Job, JobKind, LargeRobot, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent, Point,
+    Robot, RobotConfig, RobotEvent, Text, Unfit, Work,
 };
 use proptest::prelude::*;
 
@@ -23,7 +23,7 @@ struct Mixed {
 impl Work for Mixed {
     type Ranges = ();
 
-    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         fields.whole("whole", &mut self.whole, i32::MIN..=i32::MAX)?;
         fields.decimal("angle", &mut self.angle, 3, -2_000_000..=2_000_000)?;
         fields.whole("speed", &mut self.speed, 1..=100)?;
@@ -316,7 +316,7 @@ fn a_layout_is_checked() {
     impl Work for Long {
         type Ranges = ();
 
-        fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+        fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
             self.0.iter_mut().try_for_each(|text| fields.text("text", text, 0..=255))
         }
     }
@@ -423,7 +423,7 @@ struct Numbers(i32, i32);
 impl Work for Numbers {
     type Ranges = u8;
 
-    fn fields<F: Fields>(&mut self, places: &u8, fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, places: &u8, fields: &mut F) -> Result<(), Unfit> {
         fields.decimal("decimal", &mut self.0, *places, -1_000_000_000..=1_000_000_000)?;
         fields.whole("whole", &mut self.1, 0..=9)
     }
@@ -436,7 +436,7 @@ struct Any([Text<255>; 2], i32);
 impl Work for Any {
     type Ranges = u8;
 
-    fn fields<F: Fields>(&mut self, places: &u8, fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, places: &u8, fields: &mut F) -> Result<(), Unfit> {
         fields.text("first", &mut self.0[0], 0..=255)?;
         fields.decimal("number", &mut self.1, *places, i32::MIN..=i32::MAX)?;
         fields.text("last", &mut self.0[1], 0..=255)

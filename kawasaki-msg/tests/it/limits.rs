@@ -2,7 +2,7 @@
 
 use kawasaki_msg::robot_session::Session;
 use kawasaki_msg::{
-    Bounds, Charset, ConfigError, Decimal, Dialect, EncodeError, FieldError, FieldFault, Fields, Job,
+    Bounds, Charset, ConfigError, Decimal, Dialect, EncodeError, FieldError, FieldFault, FieldVisitor, Job,
     LargePc, Limits, Line, Message, MessageError, Name, Pc, PcConfig, Point, Robot, RobotConfig, Supply,
     Text, Unfit, Work, Writer,
 };
@@ -18,7 +18,7 @@ impl Work for Texts {
     /// The last one's length.
     type Ranges = Lengths;
 
-    fn fields<F: Fields>(&mut self, lengths: &Lengths, fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, lengths: &Lengths, fields: &mut F) -> Result<(), Unfit> {
         for text in &mut self.first {
             fields.text("first", text, 0..=lengths.first)?;
         }

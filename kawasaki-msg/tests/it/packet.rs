@@ -1,7 +1,8 @@
 //! The packet builder beside the source's own program.
 
 use kawasaki_msg::{
-    Charset, Dialect, EncodeError, Field, Fields, Job, Limits, Packet, Room, Text, Unfit, Work, Writer,
+    AddResult, Charset, Dialect, EncodeError, Field, FieldVisitor, Job, Limits, Packet, Text, Unfit, Work,
+    Writer,
 };
 
 /// The program of figure 3, a line a line: the lengths of `x.send_data`, and `.retval`.
@@ -55,7 +56,7 @@ pub(super) struct Filling(usize);
 impl Work for Filling {
     type Ranges = ();
 
-    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         let mut rest = self.0;
         loop {
             let length = rest.min(255);
@@ -75,12 +76,12 @@ pub(super) fn fillings() -> Dialect {
     Dialect::new(table.leak()).unwrap()
 }
 
-pub(super) fn push(packet: &mut Packet<'_>, own: usize) -> Result<Room, EncodeError> {
+pub(super) fn push(packet: &mut Packet<'_>, own: usize) -> Result<AddResult, EncodeError> {
     packet.push_job(&Job { order: 0, number: 1, work: Filling(own) }, &())
 }
 
 /// Adds a message of this length.
-fn push_length(packet: &mut Packet<'_>, length: usize) -> Result<Room, EncodeError> {
+fn push_length(packet: &mut Packet<'_>, length: usize) -> Result<AddResult, EncodeError> {
     // `<X$n#1$…#>` with as many digits as it takes.
     let digits = (1..5).find(|digits| (length - 6 - digits).to_string().len() == *digits).unwrap();
     push(packet, length - 6 - digits - "1$".len())
@@ -114,7 +115,7 @@ fn the_empty_string_of_the_figure_cannot_happen() {
     let mut buffer = [0; 4096];
     let mut ours = Packet::new(&mut buffer, Limits::TCP, fillings());
     assert!(ours.is_empty() && ours.elements().next().is_none());
-    assert_eq!(push_length(&mut ours, 255), Ok(Room::Added));
+    assert_eq!(push_length(&mut ours, 255), Ok(AddResult::Added));
     assert_eq!(ours.elements().map(<[u8]>::len).collect::<Vec<_>>(), [255]);
 }
 
@@ -122,9 +123,9 @@ fn the_empty_string_of_the_figure_cannot_happen() {
 fn a_full_packet_is_a_value_and_an_impossible_message_an_error() {
     let mut buffer = [0; 4096];
     let mut packet = Packet::new(&mut buffer, Limits::UDP, fillings());
-    assert_eq!(push_length(&mut packet, 1400), Ok(Room::Added));
-    assert_eq!(push_length(&mut packet, 73), Ok(Room::Full));
-    assert_eq!(push_length(&mut packet, 72), Ok(Room::Added), "a shorter one still fits");
+    assert_eq!(push_length(&mut packet, 1400), Ok(AddResult::Added));
+    assert_eq!(push_length(&mut packet, 73), Ok(AddResult::Full));
+    assert_eq!(push_length(&mut packet, 72), Ok(AddResult::Added), "a shorter one still fits");
     assert_eq!(push_length(&mut packet, 1473), Err(EncodeError::TooLong { length: 1473, limit: 1472 }));
     assert_eq!(push_length(&mut packet, 4097), Err(EncodeError::TooLong { length: 4097, limit: 1472 }));
     assert_eq!(packet.as_bytes().len(), 1472);
@@ -135,9 +136,9 @@ fn a_short_buffer_is_a_lower_limit() {
     let mut buffer = [0; 30];
     let mut packet = Packet::new(&mut buffer, Limits::TCP, fillings());
     assert_eq!(push_length(&mut packet, 31), Err(EncodeError::TooLong { length: 31, limit: 30 }));
-    assert_eq!(push_length(&mut packet, 20), Ok(Room::Added));
-    assert_eq!(push_length(&mut packet, 11), Ok(Room::Full));
-    assert_eq!(push_length(&mut packet, 30), Ok(Room::Full), "an empty packet would hold it");
+    assert_eq!(push_length(&mut packet, 20), Ok(AddResult::Added));
+    assert_eq!(push_length(&mut packet, 11), Ok(AddResult::Full));
+    assert_eq!(push_length(&mut packet, 30), Ok(AddResult::Full), "an empty packet would hold it");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use bytes::{BufMut, BytesMut};
 use kawasaki_msg::robot_session::{Decoder as _, Encode as _, Session as _};
 use kawasaki_msg::{
-    Charset, DecodeError, Decoder, EncodeError, Job, Limits, Line, Message, Packet, Room, Values,
+    AddResult, Charset, DecodeError, Decoder, EncodeError, Job, Limits, Line, Message, Packet, Values,
 };
 use proptest::prelude::*;
 
@@ -250,7 +250,7 @@ proptest! {
             let own: String = (0..length).map(|at| if at % 256 == 255 { '$' } else { 'x' }).collect();
             let message = format!("<X${}#1${own}#>", length + 2);
             let fits = expected.len() + message.len() <= limits.packet;
-            prop_assert_eq!(room, if fits { Room::Added } else { Room::Full });
+            prop_assert_eq!(room, if fits { AddResult::Added } else { AddResult::Full });
             if fits {
                 expected.extend(message.into_bytes());
             }

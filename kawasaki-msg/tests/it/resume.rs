@@ -188,7 +188,7 @@ fn what_no_order_can_be_is_refused() {
 #[test]
 fn the_state_is_that_after_a_lost_connection() {
     use kawasaki_msg::robot_session::end::Machine as _;
-    use pc::machine::{Input, Machine, Sent};
+    use pc::machine::{Input, Machine, SentAnswer};
     let config = PcConfig { max_number: 63, ..PcConfig::tcp() };
     let now = Duration::from_secs(1);
     let mut lost = Machine::default();
@@ -208,7 +208,7 @@ fn the_state_is_that_after_a_lost_connection() {
         // As many jobs as are requested, up to four.
         let answer = lost.transmit(2 * now, &config).expect("an answer is due");
         let jobs = answer.jobs.map_or(0, |(from, _)| 4 - from);
-        let sent = Sent { request: answer.request.is_some(), jobs, ..Sent::default() };
+        let sent = SentAnswer { request: answer.request.is_some(), jobs, ..SentAnswer::default() };
         lost.on(2 * now, Input::Sent(sent), &config).unwrap();
         while lost.report().is_some() {
             lost.on(2 * now, Input::Reported, &config).unwrap();

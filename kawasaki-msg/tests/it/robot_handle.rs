@@ -8,7 +8,7 @@ use core::time::Duration;
 use std::sync::Arc;
 
 use kawasaki_msg::robot_session::tokio::{Link, Listen, Reconnect, Tcp};
-use kawasaki_msg::tokio::{Motion, Over, Pc, Robot, RobotError, pc, robot};
+use kawasaki_msg::tokio::{Motion, OrderResult, Pc, Robot, RobotError, pc, robot};
 use kawasaki_msg::{JobKind, Line, PcConfig, Point, RobotConfig, RobotEvent, SessionError};
 use tokio::io::copy_bidirectional;
 use tokio::net::{TcpListener, TcpStream};
@@ -62,7 +62,7 @@ async fn an_order_is_executed_and_the_task_ends() {
     let (robot, motion) = a_robot(address);
     let executed = working(motion, Duration::ZERO);
     let over = timeout(LONG, pc.run(50, jobs(300))).await.unwrap().unwrap();
-    assert_eq!(over, Over { executed: 300, complete: true, unfit: None });
+    assert_eq!(over, OrderResult { executed: 300, complete: true, unfit: None });
     robot.handle().shutdown().await;
     assert_eq!(timeout(LONG, executed).await.unwrap().unwrap(), jobs(300));
     assert!(matches!(robot.clear_queue().await, Err(RobotError::Closed(_))));
@@ -86,7 +86,7 @@ async fn every_job_is_executed_once_however_often_the_connection_is_cut() {
     let (robot, motion) = a_robot(at);
     let executed = working(motion, Duration::ZERO);
     let over = timeout(LONG, pc.run(50, jobs(1500))).await.unwrap().unwrap();
-    assert_eq!(over, Over { executed: 1500, complete: true, unfit: None });
+    assert_eq!(over, OrderResult { executed: 1500, complete: true, unfit: None });
     assert!(cuts.load(Ordering::Relaxed) > 5, "{cuts:?}");
     robot.handle().shutdown().await;
     assert_eq!(timeout(LONG, executed).await.unwrap().unwrap(), jobs(1500));

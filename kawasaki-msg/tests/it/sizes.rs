@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Acks, Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, Entry, Field, Job, JobKind, LargePc,
-    Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig, RobotEvent, Role, Room,
+    Acks, AddResult, Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, Entry, Field, Job, JobKind,
+    LargePc, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig, RobotEvent, Role,
 };
 
 type Lines = &'static [Line];
@@ -94,7 +94,7 @@ fn a_robot_of_any_size_queues_the_same() {
         start: Point::new(i32::from(n) * -977, 5),
         end: Point::new(i32::from(n) * 7919, 0),
     };
-    while packet.push_job(&Job { order: 50, number, work: line(number) }, &ranges) == Ok(Room::Added) {
+    while packet.push_job(&Job { order: 50, number, work: line(number) }, &ranges) == Ok(AddResult::Added) {
         number += 1;
     }
     let jobs = packet.as_bytes().to_vec();

@@ -9,7 +9,9 @@ use std::io;
 use std::sync::Arc;
 
 use kawasaki_msg::robot_session::tokio::{Dial, Link, Reconnect};
-use kawasaki_msg::tokio::{Error, Journal, Keep, Kept, LastOrder, Order, Over, Pc, RobotError, pc, robot};
+use kawasaki_msg::tokio::{
+    Error, Journal, JournalEntry, LastOrder, Order, OrderResult, Pc, ProgressStore, RobotError, pc, robot,
+};
 use kawasaki_msg::{
     CommandOutcome, Dialect, Entry, Field, JobKind, LargePc, Line, PcConfig, Point, RobotConfig, RobotEvent,
     Role, SessionError, Supply, Takeover,
@@ -72,9 +74,9 @@ macro_rules! gated {
     }};
 }
 
-type Session = Box<LargePc<kawasaki_msg::tokio::Source<Line>>>;
+type Session = Box<LargePc<kawasaki_msg::tokio::TaskSource<Line>>>;
 
-fn a_pc<K: Keep>(config: PcConfig, keep: K) -> (Pc<Line, K>, Gate, JoinHandle<Session>) {
+fn a_pc<K: ProgressStore>(config: PcConfig, keep: K) -> (Pc<Line, K>, Gate, JoinHandle<Session>) {
     let (gate, dial) = gated!();
     let (pc, task) = pc(config, keep, dial).unwrap();
     (pc, gate, tokio::spawn(task.run()))
@@ -85,7 +87,7 @@ async fn kill<T>(task: JoinHandle<T>) {
     assert!(task.await.is_err());
 }
 
-async fn outcome(order: Order) -> Result<Over, Error> {
+async fn outcome(order: Order) -> Result<OrderResult, Error> {
     timeout(LONG, order).await.expect("an outcome")
 }
 
@@ -114,7 +116,7 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     kill(task).await;
     drop(order);
     let (journal, last) = Journal::open(&path).unwrap();
-    let kept = Kept { order: 50, first: 0, executed: 0, sent: 4, ahead: vec![1] };
+    let kept = JournalEntry { order: 50, first: 0, executed: 0, sent: 4, ahead: vec![1] };
     assert_eq!(last, LastOrder::Active(kept.clone()));
 
     let (pc, gate, task) = a_pc(config, journal);
@@ -125,32 +127,32 @@ async fn a_program_that_was_killed_finds_in_its_journal_how_far_its_order_is() {
     let packet = robot.exchange(&(acks + "<TyoPyynto$4#50$5#>")).await;
     assert!(packet.contains("<Tyo$14#50$5$1$4$0$0$0#>"), "{packet}");
     robot.exchange("<TyoKuittaus$4#50$5#><LoppuKuittaus$6#50$0$5#>").await;
-    assert_eq!(outcome(order).await.unwrap(), Over { executed: 5, complete: true, unfit: None });
+    assert_eq!(outcome(order).await.unwrap(), OrderResult { executed: 5, complete: true, unfit: None });
     kill(task).await;
-    let kept = Kept { order: 50, first: 0, executed: 5, sent: 5, ahead: vec![] };
+    let kept = JournalEntry { order: 50, first: 0, executed: 5, sent: 5, ahead: vec![] };
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(kept), "what is over is not resumed");
 }
 
 #[tokio::test]
 async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
-    const MOST: u64 = 1 << 20;
+    const REWRITE_SIZE: u64 = 1 << 20;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let length = || std::fs::metadata(&path).unwrap().len();
     // A line of half of it: "50 0 1 20000", jobs of 4 digits, each after a blank, the checksum of ten bytes, and the end of
     // the line.
     let mut kept =
-        Kept { order: 50, first: 0, executed: 1, sent: 20_000, ahead: vec![1000; (1 << 19) / 5 - 4] };
+        JournalEntry { order: 50, first: 0, executed: 1, sent: 20_000, ahead: vec![1000; (1 << 19) / 5 - 4] };
     let (mut journal, _) = Journal::open(&path).unwrap();
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
-    assert_eq!(length(), MOST / 2);
+    assert_eq!(length(), REWRITE_SIZE / 2);
     kept.executed = 2;
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
-    assert_eq!(length(), MOST);
+    assert_eq!(length(), REWRITE_SIZE);
     // It would be longer than that: the last line is left.
     kept.executed = 3;
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
-    assert_eq!(length(), MOST / 2);
+    assert_eq!(length(), REWRITE_SIZE / 2);
     drop(journal);
     let (mut journal, last) = Journal::open(&path).unwrap();
     assert_eq!(last, LastOrder::Active(kept.clone()));
@@ -159,8 +161,8 @@ async fn a_journal_has_the_last_that_was_kept_and_no_more_than_a_mebibyte() {
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
     kept.executed = 5;
     journal.keep(&LastOrder::Active(kept.clone())).await.unwrap();
-    assert_eq!(length(), MOST / 2);
-    let last = LastOrder::Active(Kept { order: 51, ..Kept::default() });
+    assert_eq!(length(), REWRITE_SIZE / 2);
+    let last = LastOrder::Active(JournalEntry { order: 51, ..JournalEntry::default() });
     journal.keep(&last).await.unwrap();
     drop(journal);
     assert_eq!(Journal::open(&path).unwrap().1, last);
@@ -172,7 +174,7 @@ async fn a_change_whose_future_was_dropped_is_written_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
     let (mut journal, _) = Journal::open(&path).unwrap();
-    let kept = |sent| LastOrder::Active(Kept { order: 50, sent, ..Kept::default() });
+    let kept = |sent| LastOrder::Active(JournalEntry { order: 50, sent, ..JournalEntry::default() });
     for sent in 1..=20 {
         let mut context = Context::from_waker(Waker::noop());
         let first = kept(sent);
@@ -220,7 +222,7 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
     pc.end().await.unwrap();
     assert!(robot.exchange("<Huuhaa$0##>").await.contains("<TilausLoppuu$2#50#>"));
     robot.exchange("<LoppuKuittaus$6#50$0$2#>").await;
-    assert_eq!(outcome(order).await.unwrap(), Over { executed: 2, complete: true, unfit: None });
+    assert_eq!(outcome(order).await.unwrap(), OrderResult { executed: 2, complete: true, unfit: None });
     let error = pc.end().await.unwrap_err();
     assert!(matches!(error, Error::Call(SessionError::NoOrder)), "{error:?}");
 
@@ -238,7 +240,7 @@ async fn an_order_has_the_outcome_that_the_robot_reports() {
 async fn a_journal_has_the_outcome_of_its_last_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("journal");
-    let kept = |executed, sent| Kept { order: 50, first: 0, executed, sent, ahead: vec![] };
+    let kept = |executed, sent| JournalEntry { order: 50, first: 0, executed, sent, ahead: vec![] };
     let ends: [(&[&str], LastOrder); 3] = [
         (&[IDLE, STARTED, "<TyoKuittaus$4#50$1#>", IDLE], LastOrder::Unknown(kept(1, 3))),
         (&["<Tila$6#9$2$$$#>", "<TilausKuittaus$1#9#>"], LastOrder::Active(kept(0, 0))),
@@ -370,7 +372,7 @@ async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
     robot.exchange(STARTED).await;
     pc.interrupt().await.unwrap();
     robot.exchange(&end("<TyoKuittaus$4#50$2#>", 2)).await;
-    assert_eq!(outcome(order).await.unwrap(), Over { executed: 2, complete: false, unfit: None });
+    assert_eq!(outcome(order).await.unwrap(), OrderResult { executed: 2, complete: false, unfit: None });
     pc.handle().shutdown().await;
     task.await.unwrap();
 
@@ -400,7 +402,7 @@ async fn an_order_with_the_rest_goes_on_after_one_that_was_stopped() {
     let order = pc.resume(kept, jobs(5)).await.unwrap();
     robot.exchange("<Tila$9#50$2$1$2$#>").await;
     robot.exchange(&end("<TyoKuittaus$4#50$3#>", 3)).await;
-    assert_eq!(outcome(order).await.unwrap(), Over { executed: 3, complete: true, unfit: None });
+    assert_eq!(outcome(order).await.unwrap(), OrderResult { executed: 3, complete: true, unfit: None });
     pc.handle().shutdown().await;
     task.await.unwrap();
     let last = Journal::open(&path).unwrap().1;

@@ -19,7 +19,7 @@ pub struct ControllerMachine {
     /// The work on the last frame.
     pub work: Work,
     /// The state of the line.
-    pub line: Receiving,
+    pub line: LineState,
 }
 
 /// The controller's work on the last frame.
@@ -59,18 +59,18 @@ pub struct Fault {
 
 /// The state of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Receiving {
+pub enum LineState {
     /// There is no connection.
     Disconnected,
     /// There is a connection, and no bytes came since the last silence.
     Silent,
     /// Bytes came since the last silence.
-    Bytes(Stretch),
+    Bytes(Burst),
 }
 
 /// Bytes between two silences.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Stretch {
+pub struct Burst {
     /// The time at which the line counts as silent.
     pub silent_at: Duration,
     /// Whether the beginning of a frame is held.
@@ -157,13 +157,13 @@ impl Machine for ControllerMachine {
     /// # Errors
     /// An input that the state does not allow. Neither line nor host can cause one.
     fn on(&mut self, now: Duration, input: Input, config: &ControllerConfig) -> Result<Action, Unexpected> {
-        use {Action::Nothing, Input as On, Receiving as Line, Work as Is};
+        use {Action::Nothing, Input as On, LineState as Line, Work as Is};
         let answer = |answer| {
             let due = timing::end_of_tick(now, config.tick);
             (Is::Answering { answer, due }, Action::Answer(answer))
         };
         // A frame that is accepted ends the corruption before it.
-        let good = |stretch| Line::Bytes(Stretch { fault: None, ..stretch });
+        let good = |burst| Line::Bytes(Burst { fault: None, ..burst });
         let idle = Is::Listening { rest: false };
         let is_good = matches!(input, On::Queued { .. } | On::Refused(_) | On::Immediate { .. });
         if is_good && !self.trusts(config) {
@@ -183,20 +183,20 @@ impl Machine for ControllerMachine {
             }
             (work, Line::Silent, On::Bytes) => {
                 let silent_at = now.saturating_add(config.silence);
-                (work, Line::Bytes(Stretch { silent_at, partial: false, fault: None }), Nothing)
+                (work, Line::Bytes(Burst { silent_at, partial: false, fault: None }), Nothing)
             }
-            (work, Line::Bytes(stretch), On::Bytes) => {
+            (work, Line::Bytes(burst), On::Bytes) => {
                 let silent_at = now.saturating_add(config.silence);
-                (work, Line::Bytes(Stretch { silent_at, ..stretch }), Nothing)
+                (work, Line::Bytes(Burst { silent_at, ..burst }), Nothing)
             }
             // No silence is awaited any more.
-            (work @ Is::Answering { .. }, Line::Bytes(stretch), On::Read { partial: false })
-                if is_due(stretch.silent_at, now) =>
+            (work @ Is::Answering { .. }, Line::Bytes(burst), On::Read { partial: false })
+                if is_due(burst.silent_at, now) =>
             {
                 (work, Line::Silent, Nothing)
             }
-            (work, Line::Bytes(stretch), On::Read { partial }) => {
-                (work, Line::Bytes(Stretch { partial, ..stretch }), Nothing)
+            (work, Line::Bytes(burst), On::Read { partial }) => {
+                (work, Line::Bytes(Burst { partial, ..burst }), Nothing)
             }
             (work, Line::Silent, On::Read { partial: false }) => (work, Line::Silent, Nothing),
             // The execution had no client left to answer.
@@ -205,7 +205,7 @@ impl Machine for ControllerMachine {
             }
             (
                 work @ (Is::Listening { .. } | Is::Answering { .. }),
-                Line::Bytes(stretch),
+                Line::Bytes(burst),
                 On::Corrupt { refusal, bytes, begun },
             ) => {
                 let (work, is_answered) = match work {
@@ -213,45 +213,45 @@ impl Machine for ControllerMachine {
                     // tail.
                     Is::Listening { rest: true } if config.keeps(Rule::IgnoreRest) => {
                         let begins = begun && bytes >= Fault::HEAD;
-                        let is_enough = stretch.fault.is_none() || bytes >= Fault::ENOUGH;
+                        let is_enough = burst.fault.is_none() || bytes >= Fault::MIN_BYTES;
                         (Is::Listening { rest: !begins }, begins && is_enough)
                     }
                     Is::Listening { .. } => (work, true),
                     // Two answers to one frame would make the host send it again, and the robot execute it twice.
                     Is::Answering { .. } | Is::Executing { .. } => (work, false),
                 };
-                let fault = stretch.fault.unwrap_or(Fault { refusal, bytes: 0, is_answered });
+                let fault = burst.fault.unwrap_or(Fault { refusal, bytes: 0, is_answered });
                 let fault = Fault {
-                    bytes: fault.bytes.saturating_add(bytes).min(Fault::ENOUGH),
+                    bytes: fault.bytes.saturating_add(bytes).min(Fault::MIN_BYTES),
                     is_answered: fault.is_answered || is_answered,
                     ..fault
                 };
-                (work, Line::Bytes(Stretch { fault: Some(fault), ..stretch }), Nothing)
+                (work, Line::Bytes(Burst { fault: Some(fault), ..burst }), Nothing)
             }
             // The host waits for the answer to this frame, and for no older one.
             (
                 Is::Listening { .. } | Is::Answering { .. },
-                Line::Bytes(stretch @ Stretch { fault: Some(fault), .. }),
+                Line::Bytes(burst @ Burst { fault: Some(fault), .. }),
                 On::Untrusted,
             ) if fault.is_enough() => {
                 let fault = Some(Fault { is_answered: true, ..fault });
-                (idle, Line::Bytes(Stretch { fault, ..stretch }), Nothing)
+                (idle, Line::Bytes(Burst { fault, ..burst }), Nothing)
             }
             // A frame that comes before the last one is answered shows that the host has stopped waiting for that answer.
-            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(stretch), On::Queued { word }) => {
+            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(burst), On::Queued { word }) => {
                 let (work, action) = answer(Answer::Echo(word));
-                (work, good(stretch), action)
+                (work, good(burst), action)
             }
-            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(stretch), On::Refused(refusal)) => {
+            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(burst), On::Refused(refusal)) => {
                 let (work, action) = answer(Answer::Error(refusal));
-                (work, good(stretch), action)
+                (work, good(burst), action)
             }
-            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(stretch), On::Immediate { word }) => {
-                (Is::Executing { word, connected: true }, good(stretch), Action::Execute)
+            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(burst), On::Immediate { word }) => {
+                (Is::Executing { word, connected: true }, good(burst), Action::Execute)
             }
             (
                 Is::Listening { .. },
-                Line::Bytes(Stretch { fault: Some(fault @ Fault { is_answered: true, .. }), .. }),
+                Line::Bytes(Burst { fault: Some(fault @ Fault { is_answered: true, .. }), .. }),
                 On::Timeout,
             ) if fault.is_enough() || !config.keeps(Rule::IgnoreShort) => {
                 let (work, action) = answer(Answer::Error(fault.refusal));
@@ -318,15 +318,15 @@ impl Machine for ControllerMachine {
         if let Work::Answering { due, .. } = &mut self.work {
             f(due);
         }
-        if let Receiving::Bytes(stretch) = &mut self.line {
-            f(&mut stretch.silent_at);
+        if let LineState::Bytes(burst) = &mut self.line {
+            f(&mut burst.silent_at);
         }
     }
 
     fn name(&self) -> &'static str {
         match (self.line, self.work) {
-            (Receiving::Disconnected, Work::Listening { .. } | Work::Answering { .. }) => "Disconnected",
-            (Receiving::Disconnected, Work::Executing { .. }) => "DisconnectedExecuting",
+            (LineState::Disconnected, Work::Listening { .. } | Work::Answering { .. }) => "Disconnected",
+            (LineState::Disconnected, Work::Executing { .. }) => "DisconnectedExecuting",
             (_, Work::Executing { .. }) => "Executing",
             (_, Work::Answering { .. }) => "Answering",
             (line, Work::Listening { rest }) => match line.fault() {
@@ -340,11 +340,11 @@ impl Machine for ControllerMachine {
 
 impl ControllerMachine {
     /// A controller without a connection.
-    pub const NEW: Self = Self { work: Work::Listening { rest: false }, line: Receiving::Disconnected };
+    pub const NEW: Self = Self { work: Work::Listening { rest: false }, line: LineState::Disconnected };
 
     /// Returns whether there is a connection: without one no bytes are read.
     pub fn is_connected(&self) -> bool {
-        self.line != Receiving::Disconnected
+        self.line != LineState::Disconnected
     }
 
     /// Returns whether a good frame is accepted. After corrupt bytes it is not, before the line is silent: it may be
@@ -355,7 +355,7 @@ impl ControllerMachine {
 
     /// Returns the answer to put on the line. The answer waits while the rest of a frame may come.
     fn due(&self, now: Duration) -> Option<Answer> {
-        let is_receiving = matches!(self.line, Receiving::Bytes(Stretch { partial: true, .. }));
+        let is_receiving = matches!(self.line, LineState::Bytes(Burst { partial: true, .. }));
         match self.work {
             Work::Answering { answer, due } if is_due(due, now) && !is_receiving => Some(answer),
             Work::Answering { .. } | Work::Listening { .. } | Work::Executing { .. } => None,
@@ -366,27 +366,27 @@ impl ControllerMachine {
     /// nothing holds up.
     fn silent_at(&self) -> Option<Duration> {
         match (self.work, self.line) {
-            (Work::Listening { .. }, Receiving::Bytes(stretch))
-            | (Work::Answering { .. }, Receiving::Bytes(stretch @ Stretch { partial: true, .. })) => {
-                Some(stretch.silent_at)
+            (Work::Listening { .. }, LineState::Bytes(burst))
+            | (Work::Answering { .. }, LineState::Bytes(burst @ Burst { partial: true, .. })) => {
+                Some(burst.silent_at)
             }
             (Work::Listening { .. } | Work::Executing { .. } | Work::Answering { .. }, _) => None,
         }
     }
 }
 
-impl Receiving {
+impl LineState {
     /// Returns the state at `now`: unchanged, unless the line has become silent.
     fn at(self, now: Duration) -> Self {
         match self {
-            Self::Bytes(stretch) if is_due(stretch.silent_at, now) => Self::Silent,
+            Self::Bytes(burst) if is_due(burst.silent_at, now) => Self::Silent,
             Self::Disconnected | Self::Silent | Self::Bytes(_) => self,
         }
     }
 
     fn fault(self) -> Option<Fault> {
         match self {
-            Self::Bytes(stretch) => stretch.fault,
+            Self::Bytes(burst) => burst.fault,
             Self::Disconnected | Self::Silent => None,
         }
     }
@@ -394,12 +394,12 @@ impl Receiving {
 
 impl Fault {
     /// The length of the shortest frame: fewer bytes are not a frame.
-    pub const ENOUGH: u8 = 8;
+    pub const MIN_BYTES: u8 = 8;
     /// The length of a head.
     const HEAD: u8 = 3;
 
     fn is_enough(self) -> bool {
-        self.bytes >= Self::ENOUGH
+        self.bytes >= Self::MIN_BYTES
     }
 }
 

@@ -6,7 +6,7 @@ mod verdict;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, Echo, End, EventQueue, Machine as _, Room};
+use robot_session::end::{Core, Echo, End, EventQueue, Machine as _, QueueSpace};
 use robot_session::{Decoder as _, EchoError, Encode as _, Unexpected};
 use robot_work_queue::{NoWake, Wake, Writer};
 
@@ -225,7 +225,7 @@ where
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     /// Its single outcome was taken when the previous instruction was answered.
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(ControllerEvent::Unexpected);
     robot_session::echo!(ControllerEvent::Echo);

@@ -22,13 +22,13 @@ pub enum HostLink {
         quiet_until: Duration,
     },
     /// A frame is in flight.
-    Awaiting(Sent),
+    Awaiting(FrameInFlight),
     /// An error code came, or nothing: the frame is sent again.
     Resending {
         /// The frame that is sent again.
         batch: Batch,
         /// The number of times that the frame was sent.
-        tries: Tries,
+        tries: SendCounts,
         /// The time at which the line has settled, and the frame is sent.
         not_before: Duration,
     },
@@ -38,7 +38,7 @@ pub enum HostLink {
         /// The frame whose echo may come.
         batch: Batch,
         /// The number of times that the frame was sent.
-        tries: Tries,
+        tries: SendCounts,
         /// The time after which the echo cannot come any more.
         until: Duration,
     },
@@ -64,11 +64,11 @@ pub struct Batch {
 
 /// A frame in flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Sent {
+pub struct FrameInFlight {
     /// The frame, apart from its bytes.
     pub batch: Batch,
     /// The number of times that the frame was sent before, and their results.
-    pub tries: Tries,
+    pub tries: SendCounts,
     /// The time by which the last byte of the frame has certainly been received.
     pub received_by: Duration,
     /// The time from which an error code refers to the whole frame.
@@ -83,7 +83,7 @@ pub struct Sent {
 
 /// The number of times that a frame was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Tries {
+pub struct SendCounts {
     /// The number of resends, because of an error code or silence.
     pub resends: u8,
     /// The number of earlier transmissions that brought no answer.
@@ -94,7 +94,7 @@ pub struct Tries {
 
 /// The frame that is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Due {
+pub enum DueFrame {
     /// The next frame, for the first time.
     Next,
     /// The last frame, again.
@@ -107,7 +107,7 @@ pub enum Action {
     /// The session has nothing to do.
     Nothing,
     /// Counts the frame, and drops the bytes that came before: they are not an answer to it.
-    Sent(Due),
+    Sent(DueFrame),
     /// Reports the outcome of a frame.
     Report(Batch, Outcome),
     /// Reports an answer to no frame in flight.
@@ -193,8 +193,8 @@ impl HostLink {
 }
 
 impl Batch {
-    pub(super) const fn done(self, tries: Tries, now: Duration) -> (HostLink, Action) {
-        let Tries { resends, unanswered, .. } = tries;
+    pub(super) const fn done(self, tries: SendCounts, now: Duration) -> (HostLink, Action) {
+        let SendCounts { resends, unanswered, .. } = tries;
         let done = Outcome::Done { resends, unanswered };
         (HostLink::Idle { quiet_until: now }, Action::Report(self, done))
     }
@@ -208,9 +208,9 @@ impl Batch {
     }
 }
 
-impl Sent {
+impl FrameInFlight {
     /// Creates a frame whose last byte leaves the port at `left` if nothing pauses.
-    pub(super) fn new(batch: Batch, tries: Tries, left: Duration, config: &HostConfig) -> Self {
+    pub(super) fn new(batch: Batch, tries: SendCounts, left: Duration, config: &HostConfig) -> Self {
         let sent = Self {
             batch,
             tries,

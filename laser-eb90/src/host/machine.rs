@@ -6,7 +6,7 @@ use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine, is_due};
 
 use super::config::{HostConfig, Rule};
-pub use super::link::{Action, Batch, Due, HostLink, Outcome, Sent, Tries, UnknownReason};
+pub use super::link::{Action, Batch, DueFrame, FrameInFlight, HostLink, Outcome, SendCounts, UnknownReason};
 use crate::words::{Class, Refusal};
 
 /// The host's machine: one frame at a time, and the next only after the answer to the last (§3(5)).
@@ -67,7 +67,7 @@ impl Machine for HostMachine {
     const EXPIRY: Expiry = Expiry::BeforeTransmit;
     type Input = Input;
     type Action = Action;
-    type Transmit = Due;
+    type Transmit = DueFrame;
     type Config = HostConfig;
 
     /// # Errors
@@ -97,17 +97,21 @@ impl Machine for HostMachine {
             }
             (link, On::Sent { line }) => {
                 let (due, batch, tries) = match (self.due(now), link, self.next) {
-                    (Some(due @ Due::Next), _, Some(next)) => (due, next, Tries::default()),
-                    (Some(due @ Due::Again), Is::Resending { batch, tries, .. }, _) => (due, *batch, *tries),
+                    (Some(due @ DueFrame::Next), _, Some(next)) => (due, next, SendCounts::default()),
+                    (Some(due @ DueFrame::Again), Is::Resending { batch, tries, .. }, _) => {
+                        (due, *batch, *tries)
+                    }
                     _ => return Err(self.unexpected(&input)),
                 };
                 self.next = self.next.filter(|next| *next != batch);
-                let sent = Sent::new(batch, tries, now.saturating_add(line), config);
+                let sent = FrameInFlight::new(batch, tries, now.saturating_add(line), config);
                 (Is::Awaiting(sent), Action::Sent(due))
             }
             (Is::Awaiting(sent), On::Transmitted) => (Is::Awaiting(sent.transmitted(now, config)), Nothing),
             (Is::Awaiting(sent), On::Answer { word, refusal }) => sent.answered(now, word, refusal, config),
-            (Is::Awaiting(sent), On::Corrupt) => (Is::Awaiting(Sent { corrupt: true, ..*sent }), Nothing),
+            (Is::Awaiting(sent), On::Corrupt) => {
+                (Is::Awaiting(FrameInFlight { corrupt: true, ..*sent }), Nothing)
+            }
             (Is::Awaiting(sent), On::Timeout) => sent.overdue(now, config),
             (
                 Is::Resending { batch, tries, not_before: until } | Is::AwaitingRest { batch, tries, until },
@@ -148,7 +152,7 @@ impl Machine for HostMachine {
         Ok(action)
     }
 
-    fn transmit(&self, now: Duration, _config: &HostConfig) -> Option<Due> {
+    fn transmit(&self, now: Duration, _config: &HostConfig) -> Option<DueFrame> {
         self.due(now)
     }
 
@@ -219,7 +223,7 @@ impl HostMachine {
     /// Returns whether an answer with this word belongs to the query that was sent last.
     pub fn is_asked(&self, word: u16) -> bool {
         match self.link {
-            HostLink::Awaiting(Sent { batch, .. })
+            HostLink::Awaiting(FrameInFlight { batch, .. })
             | HostLink::Resending { batch, .. }
             | HostLink::AwaitingRest { batch, .. } => batch.class == Class::Query && batch.word == word,
             HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => false,
@@ -244,10 +248,10 @@ impl HostMachine {
 
     /// Returns the frame to put on the line.
     #[inline]
-    fn due(&self, now: Duration) -> Option<Due> {
+    fn due(&self, now: Duration) -> Option<DueFrame> {
         match self.link {
-            HostLink::Idle { quiet_until } if is_due(quiet_until, now) => self.next.map(|_| Due::Next),
-            HostLink::Resending { not_before, .. } if is_due(not_before, now) => Some(Due::Again),
+            HostLink::Idle { quiet_until } if is_due(quiet_until, now) => self.next.map(|_| DueFrame::Next),
+            HostLink::Resending { not_before, .. } if is_due(not_before, now) => Some(DueFrame::Again),
             HostLink::Disconnected { .. }
             | HostLink::Idle { .. }
             | HostLink::Awaiting(_)

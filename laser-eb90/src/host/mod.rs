@@ -7,14 +7,14 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, EchoError, Encode as _, Unexpected};
 
 use self::buffers::{Buffer, Buffers};
 pub use self::config::HostConfig;
 #[doc(hidden)]
 pub use self::config::Rule;
-use self::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome, UnknownReason};
+use self::machine::{Action, Batch, DueFrame, HostLink, HostMachine, Input, Outcome, UnknownReason};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, EncodeError, SessionError};
 use crate::frame::Frame;
@@ -235,7 +235,7 @@ impl End for Host {
     const END: &'static str = "host";
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-    const ROOM: Room = Room { connect: 0, read: 0, transmit: EVENTS };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 0, read: 0, transmit: EVENTS };
 
     robot_session::core!(HostEvent::Unexpected);
     robot_session::echo!(HostEvent::Echo);
@@ -279,8 +279,8 @@ impl End for Host {
                 self.core.decoder.clear();
                 self.core.statistics.frames += 1;
                 match due {
-                    Due::Next => self.frames.swap(),
-                    Due::Again => self.core.statistics.resends += 1,
+                    DueFrame::Next => self.frames.swap(),
+                    DueFrame::Again => self.core.statistics.resends += 1,
                 }
             }
             Action::Report(batch, outcome) => self.report(batch, outcome),
@@ -291,10 +291,10 @@ impl End for Host {
         }
     }
 
-    fn write(&mut self, _: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _: Duration, due: DueFrame, out: &mut [u8]) -> Option<(usize, Input)> {
         let frame = match due {
-            Due::Next => self.frames.next(),
-            Due::Again => self.frames.last(),
+            DueFrame::Next => self.frames.next(),
+            DueFrame::Again => self.frames.last(),
         };
         let config = &self.core.config;
         let len = Frame::new(frame.as_bytes(), &config.profile).encode(out).ok()?;

@@ -299,9 +299,9 @@ fn what_came_before_a_frame_was_sent_is_no_part_of_its_answer() {
 }
 
 /// An instruction of any kind.
-struct Any;
+struct AnyInstruction;
 
-impl TryFrom<Instruction<'_>> for Any {
+impl TryFrom<Instruction<'_>> for AnyInstruction {
     type Error = ();
 
     fn try_from(_: Instruction<'_>) -> Result<Self, ()> {
@@ -320,7 +320,7 @@ fn word(word: u16) -> Vec<u8> {
 
 #[test]
 fn an_instruction_that_cannot_be_executed_is_answered_with_its_error_code() {
-    let (writer, _reader) = robot_work_queue::boxed::<Any>(4, 99).unwrap();
+    let (writer, _reader) = robot_work_queue::boxed::<AnyInstruction>(4, 99).unwrap();
     let mut controller = Controller::new(ControllerConfig::default(), writer).unwrap();
     controller.handle_connected(Duration::ZERO);
     let (now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);

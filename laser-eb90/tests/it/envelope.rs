@@ -3,7 +3,7 @@
 use laser_eb90::robot_session::Encode as _;
 use laser_eb90::{DecodeError, Frame, MAX_PAYLOAD, Profile, Width};
 
-const LONGEST: usize = 256;
+const MAX_FRAME_LEN: usize = 256;
 
 /// Returns a tag, and bytes none of which is 90h, and most of which weigh differently in the sum.
 fn payload(length: usize) -> Vec<u8> {
@@ -50,12 +50,12 @@ fn is_read(payload: &[u8]) {
 
 #[test]
 fn a_payload_of_each_length_is_read() {
-    (1..=LONGEST).for_each(|length| is_read(&payload(length)));
+    (1..=MAX_FRAME_LEN).for_each(|length| is_read(&payload(length)));
 }
 
 #[test]
 fn a_90h_at_each_place_is_read_and_the_byte_after_it_as_well() {
-    for length in 2..=LONGEST {
+    for length in 2..=MAX_FRAME_LEN {
         for place in 1..length {
             let mut marked = payload(length);
             marked[place] = 0x90;
@@ -77,15 +77,15 @@ fn a_90h_at_each_two_places_is_read() {
 
 #[test]
 fn a_90h_that_is_not_doubled_is_found_at_each_place() {
-    for place in 1..LONGEST {
-        let (mut bytes, _) = frame(&payload(LONGEST));
+    for place in 1..MAX_FRAME_LEN {
+        let (mut bytes, _) = frame(&payload(MAX_FRAME_LEN));
         bytes[4 + place] = 0x90;
         // The checksum is right.
-        let sum: u16 = bytes[4..4 + LONGEST].iter().map(|byte| u16::from(*byte)).sum();
-        bytes[4 + LONGEST + 2..].copy_from_slice(&sum.to_le_bytes());
+        let sum: u16 = bytes[4..4 + MAX_FRAME_LEN].iter().map(|byte| u16::from(*byte)).sum();
+        bytes[4 + MAX_FRAME_LEN + 2..].copy_from_slice(&sum.to_le_bytes());
         let error = DecodeError::Stuffing { offset: 5 + place, found: bytes[5 + place] };
         // The last one is followed by the mark of the tail: it is a doubled one, and the byte after them is one more.
-        let expected = if place == LONGEST - 1 { Ok(None) } else { Err(error) };
+        let expected = if place == MAX_FRAME_LEN - 1 { Ok(None) } else { Err(error) };
         assert_eq!(Frame::decode(&bytes, &mut [0; MAX_PAYLOAD], &Profile::default()), expected);
     }
 }

@@ -83,9 +83,9 @@ fn words_are_loaded_at_run_time() {
     }
 }
 
-struct Any;
+struct AnyInstruction;
 
-impl TryFrom<Instruction<'_>> for Any {
+impl TryFrom<Instruction<'_>> for AnyInstruction {
     type Error = ();
 
     fn try_from(_: Instruction<'_>) -> Result<Self, ()> {
@@ -99,7 +99,7 @@ fn what_cannot_work_is_no_configuration() {
     assert_eq!(host(HostConfig { batch: 0, ..HostConfig::default() }), Err(ConfigError::NoBatch));
     assert_eq!(host(HostConfig { baud: 0, ..HostConfig::default() }), Err(ConfigError::NoBaud));
     assert_eq!(host(HostConfig::default()), Ok(()));
-    let (writer, _reader) = robot_work_queue::boxed::<Any>(4, 99).unwrap();
+    let (writer, _reader) = robot_work_queue::boxed::<AnyInstruction>(4, 99).unwrap();
     let config = ControllerConfig { batch: 0, ..ControllerConfig::default() };
     assert_eq!(Controller::new(config, writer).map(drop), Err(ConfigError::NoBatch));
 }

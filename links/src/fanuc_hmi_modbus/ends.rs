@@ -9,8 +9,8 @@ use robot_session::end::Rules;
 use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
-use crate::end::{By, Call, End, EndRow, Once, Owner, Room, called};
-use crate::given::Given;
+use crate::end::{Act, Call, End, EndRow, Owner, PairedItem, PendingLimit, called};
+use crate::given::GivenFields;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[
@@ -42,13 +42,13 @@ impl<const N: usize> Owner for Client<N> {
         called(client.request(frame.unit, &frame.pdu.request()?))
     })];
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Call("request"),
-        ends: &[By::Event("replied"), By::Event("failed"), By::Event("announced")],
-        room: Room::Most(N as u64),
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Call("request"),
+        ends: &[Act::Event("replied"), Act::Event("failed"), Act::Event("announced")],
+        room: PendingLimit::Most(N as u64),
     }];
 
-    fn new(given: Given, rules: Rules<client::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<client::Rule>) -> Result<Self> {
         Ok(Self::new(client_config(given)?.with_rules(rules))?)
     }
 
@@ -64,7 +64,7 @@ impl<const N: usize> Owner for Server<Tables, N> {
     type End = Self;
     type Rule = server::Rule;
 
-    fn new(mut given: Given, rules: Rules<server::Rule>) -> Result<Self> {
+    fn new(mut given: GivenFields, rules: Rules<server::Rule>) -> Result<Self> {
         let (framing, baud) = transport(&mut given)?;
         let made = match framing.as_str() {
             "tcp" => ServerConfig::tcp(),
@@ -77,7 +77,7 @@ impl<const N: usize> Owner for Server<Tables, N> {
 }
 
 /// Returns the configuration of a client.
-pub(super) fn client_config(mut given: Given) -> Result<ClientConfig> {
+pub(super) fn client_config(mut given: GivenFields) -> Result<ClientConfig> {
     let (framing, baud) = transport(&mut given)?;
     given.configure(match framing.as_str() {
         "tcp" => ClientConfig::tcp(),
@@ -87,7 +87,7 @@ pub(super) fn client_config(mut given: Given) -> Result<ClientConfig> {
 }
 
 /// Returns the framing and the rate of a serial line, on which the other defaults depend: `framing` and `baud`.
-fn transport(given: &mut Given) -> Result<(String, u32)> {
+fn transport(given: &mut GivenFields) -> Result<(String, u32)> {
     let framing = given.0.get("framing").map(String::deserialize).transpose()?;
     Ok((framing.unwrap_or_else(|| "tcp".into()), given.take("baud")?.unwrap_or(19_200)))
 }

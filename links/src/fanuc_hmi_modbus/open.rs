@@ -3,24 +3,24 @@
 use serde_json::Value;
 
 use super::options::{Frames, ViewSettings};
-use crate::link::{Carrier, Deciding, Open, Place};
+use crate::link::{Carrier, DecidingMessage, OpenSettings, ShownSetting};
 use crate::settings;
 
 const BLOCK: &str = "a reply of the 37 registers of the telemetry block, of a robot that is not at its origin, or several while its counter counts";
 
-pub(super) const OPEN: Open = Open {
+pub(super) const OPEN: OpenSettings = OpenSettings {
     settings: &["framing", "word_order"],
     beside: &[("view", "telemetry")],
     places,
     place_names: &["unit", "address"],
     guess: None,
     deciding: &[
-        Deciding {
+        DecidingMessage {
             side: "server",
             about: BLOCK,
             message: r#"{"transaction":1,"unit":1,"function":3,"telemetry":{"life_counter":100000,"override":100,"position":[123.456,-50.0,300.25],"wpr":[180.0,0.0,45.0],"quaternion":[0.0,0.9238795,0.3826834,0.0],"velocity":[12.5,0.0,-3.75],"quaternion_rate":[0.0,0.01,-0.02,0.0]}}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "server",
             about: BLOCK,
             message: r#"{"unit":1,"function":3,"telemetry":{"life_counter":100000,"override":100,"position":[123.456,-50.0,300.25],"wpr":[180.0,0.0,45.0],"quaternion":[0.0,0.9238795,0.3826834,0.0],"velocity":[12.5,0.0,-3.75],"quaternion_rate":[0.0,0.01,-0.02,0.0]}}"#,
@@ -50,7 +50,7 @@ pub(super) const OPEN: Open = Open {
             |message: &Value| u32::try_from(message.pointer("/telemetry/life_counter")?.as_u64()?).ok();
         match (counter(before), counter(message)) {
             // A robot that is off counts no more.
-            (Some(before), Some(now)) if before != now && now.wrapping_sub(before) < SOON => COUNTS,
+            (Some(before), Some(now)) if before != now && now.wrapping_sub(before) < MAX_GROWTH => COUNTS,
             (Some(before), Some(now)) if before != now => -COUNTS,
             _ => 0.0,
         }
@@ -59,7 +59,7 @@ pub(super) const OPEN: Open = Open {
 };
 
 /// Between two polls a life counter grows by less.
-const SOON: u32 = 10_000;
+const MAX_GROWTH: u32 = 10_000;
 /// Words in the wrong order count up so once in 2 to the power of twice this.
 const COUNTS: f64 = 4.0;
 /// The registers of the block.
@@ -81,7 +81,7 @@ fn reads_block(request: &Value) -> bool {
 }
 
 /// Returns the unit that the client requests, and the address of the block, if there is only one.
-fn places(messages: &[(&'static str, Value)]) -> Vec<Place> {
+fn places(messages: &[(&'static str, Value)]) -> Vec<ShownSetting> {
     let units = numbers(messages, "unit", |_| true);
     let addresses = numbers(messages, "address", reads_block);
     let only = |found: &[u64], name, why| match *found {

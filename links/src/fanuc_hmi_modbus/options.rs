@@ -1,6 +1,6 @@
 //! The settings of codec and client in the tool.
 
-use crate::settings::{self, Configure, Fields, Setting};
+use crate::settings::{self, Configure, FieldVisitor, Setting};
 use fanuc_hmi_modbus::{ClientConfig, Framing, WordOrder};
 
 /// The frames of a connection.
@@ -40,7 +40,7 @@ impl ViewSettings {
 }
 
 impl Configure for ViewSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { frames, telemetry, word_order, unit, address } = self;
         self::frames(fields, frames);
         let about = "show a reply of 37 registers as the telemetry block";
@@ -59,7 +59,7 @@ impl Configure for ViewSettings {
 pub struct ClientSettings<'a>(pub &'a mut ClientConfig);
 
 impl Configure for ClientSettings<'_> {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         fields.without(&["framing", "in_flight"], |fields| self.0.configure(fields));
     }
 }
@@ -83,13 +83,13 @@ pub fn client_settings_of(configs: impl IntoIterator<Item = ClientConfig>) -> Ve
 }
 
 /// Visits the setting `framing`.
-pub fn frames(fields: &mut impl Fields, frames: &mut Frames) {
+pub fn frames(fields: &mut impl FieldVisitor, frames: &mut Frames) {
     let about = "with MBAP headers, or as on a serial line";
     fields.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
 }
 
 /// Visits the setting `word_order`.
-pub fn word_order(fields: &mut impl Fields, order: &mut WordOrder) {
+pub fn word_order(fields: &mut impl FieldVisitor, order: &mut WordOrder) {
     let choices = [("low_first", WordOrder::LowFirst), ("high_first", WordOrder::HighFirst)];
     fields.choice("word_order", &choices, "which register of a 32-bit value comes first", order);
 }

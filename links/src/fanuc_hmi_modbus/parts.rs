@@ -1,6 +1,6 @@
 use serde_json::Value;
 
-use crate::explain::{Part, Parts, Read, count};
+use crate::explain::{Part, Parts, ReadMessage, count};
 
 /// The fields of the telemetry block: the number of values in a list (0 for a field that is not a list), and the bytes of each.
 const TELEMETRY: &[(&str, usize, usize)] = &[
@@ -13,7 +13,7 @@ const TELEMETRY: &[(&str, usize, usize)] = &[
     ("quaternion_rate", 4, 4),
 ];
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let (mut parts, message) = (Parts::new(read.bytes), read.message);
     let crc = if message.get("transaction").is_some() {
         parts.take(2, "/transaction", "FM-69");

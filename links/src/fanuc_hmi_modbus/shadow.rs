@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 use super::ends::client_config;
 use super::options::{Frames, ViewSettings};
 use crate::codec;
-use crate::given::Given;
+use crate::given::GivenFields;
 use crate::settings;
-use crate::shadow::{Report, Seen, Setup, Shadow, UNSEEN, ms};
+use crate::shadow::{LineEvent, Report, Setup, Shadow, UNSEEN, ms};
 
 const CLIENT: &str = "client";
 const SERVER: &str = "server";
@@ -20,7 +20,7 @@ const SERVER: &str = "server";
 const REMEMBERED: usize = 16;
 
 pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
-    let (Given(mut client), Given(server)) = (setup.given(CLIENT), setup.given(SERVER));
+    let (GivenFields(mut client), GivenFields(server)) = (setup.given(CLIENT), setup.given(SERVER));
     client.remove("places");
     // Both ends have the same frames.
     for shared in ["framing", "baud", "broadcast"] {
@@ -36,7 +36,7 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
     if let Some(baud) = setup.baud.filter(|_| setup.is_serial) {
         client.insert("baud".into(), baud.into());
     }
-    let config = client_config(Given(client))?;
+    let config = client_config(GivenFields(client))?;
     let (is_known, since, open, malformed) = (false, None, Vec::new(), 0);
     Ok(Box::new(Modbus { config, is_known, since, open, malformed, quiet_until: Duration::ZERO }))
 }
@@ -65,39 +65,39 @@ struct Request {
 }
 
 impl Shadow for Modbus {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
-        if let Seen::Message { .. } = seen {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
+        if let LineEvent::Message { .. } = seen {
             self.since.get_or_insert(report.now);
         }
         match *seen {
-            Seen::Opened | Seen::Closed | Seen::Missed { .. } => {
-                self.is_known = matches!(seen, Seen::Opened) && !self.is_serial();
+            LineEvent::Opened | LineEvent::Closed | LineEvent::Missed { .. } => {
+                self.is_known = matches!(seen, LineEvent::Opened) && !self.is_serial();
                 self.since = None;
                 (self.open, self.malformed) = (Vec::new(), 0);
                 self.quiet_until = Duration::ZERO;
             }
-            Seen::Message { from: CLIENT, message, .. } => {
+            LineEvent::Message { from: CLIENT, message, .. } => {
                 match codec::read(message.clone()) {
                     Ok(frame) => self.ask(frame, report),
                     // Beyond address 65535.
                     Err(_) => self.malformed += 1,
                 }
             }
-            Seen::Message { from: SERVER, message, .. } => {
+            LineEvent::Message { from: SERVER, message, .. } => {
                 if let Some(frame) = reply(message) {
                     self.answer(&frame, report);
                 }
             }
-            Seen::Corrupt { from: CLIENT, error, .. } => {
+            LineEvent::Corrupt { from: CLIENT, error, .. } => {
                 let kinds =
                     ["function", "pdu_length", "quantity", "byte_count", "coil_value", "reference_type"];
                 let is_kind = |kind: &str| error.get("kind").is_some_and(|found| found == kind);
                 self.malformed += u32::from(kinds.into_iter().any(is_kind));
             }
-            Seen::Corrupt { from: SERVER, .. } => {
+            LineEvent::Corrupt { from: SERVER, .. } => {
                 self.open.iter_mut().for_each(|request| request.is_damaged = true);
             }
-            Seen::Corrupt { .. } | Seen::Message { .. } | Seen::Bytes { .. } => {}
+            LineEvent::Corrupt { .. } | LineEvent::Message { .. } | LineEvent::Bytes { .. } => {}
         }
     }
 

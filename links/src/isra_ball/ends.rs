@@ -5,8 +5,8 @@ use isra_ball::{Ball, BallConfig, ENQ, Host, HostConfig, HostEvent, Keys, ball, 
 use robot_session::end::Rules;
 use serde::Deserialize;
 
-use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};
-use crate::given::Given;
+use crate::end::{Act, Call, EndRow, Owner, PairedItem, PendingLimit, done, live_until};
+use crate::given::GivenFields;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Ball>()];
 
@@ -14,13 +14,13 @@ impl Owner for Host {
     type End = Self;
     type Rule = host::Rule;
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Sent,
-        ends: &[By::Event("new"), By::Event("old"), By::Event("missed")],
-        room: Room::Most(1),
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Sent,
+        ends: &[Act::Event("new"), Act::Event("old"), Act::Event("missed")],
+        room: PendingLimit::Most(1),
     }];
 
-    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
@@ -35,16 +35,20 @@ impl Owner for Ball {
     type Rule = ball::Rule;
 
     const CALLS: &'static [Call<Self>] = &[("measure", |ball, _, argument| {
-        let Measured { force, moment, keys } = Measured::deserialize(argument)?;
+        let MeasuredValues { force, moment, keys } = MeasuredValues::deserialize(argument)?;
         done(ball.measure(force, moment, keys))
     })];
 
-    const ONCE: &'static [Once] = &[
-        Once { begins: By::Byte(ENQ), ends: &[By::Sent, By::Connection], room: Room::Merged },
-        Once { begins: By::Sent, ends: &[By::Event("reply")], room: Room::Most(1) },
+    const PAIRED: &'static [PairedItem] = &[
+        PairedItem {
+            begins: Act::Byte(ENQ),
+            ends: &[Act::Sent, Act::Connection],
+            room: PendingLimit::Merged,
+        },
+        PairedItem { begins: Act::Sent, ends: &[Act::Event("reply")], room: PendingLimit::Most(1) },
     ];
 
-    fn new(given: Given, rules: Rules<ball::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<ball::Rule>) -> Result<Self> {
         let made = given.configure(BallConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
@@ -52,7 +56,7 @@ impl Owner for Ball {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Measured {
+struct MeasuredValues {
     force: [i8; 3],
     moment: [i8; 3],
     keys: Keys,

@@ -36,7 +36,7 @@ pub const LINK: Link = Link {
     clauses: &[("checksum", "IB-6"), ("incomplete", "IB-17"), ("noise", "IB-15")],
     parts: parts::parts,
     #[cfg(feature = "captures")]
-    open: crate::link::Open::NOTHING,
+    open: crate::link::OpenSettings::NOTHING,
     #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,

@@ -7,7 +7,7 @@ use isra_ball::HostConfig;
 use isra_ball::timing::transmission_time;
 use serde_json::Value;
 
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
+use crate::shadow::{JITTER, LineEvent, Report, Setup, Shadow, UNSEEN, ms};
 
 const HOST: &str = "host";
 const BALL: &str = "ball";
@@ -18,10 +18,10 @@ const PACKET: usize = 12;
 pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
     let baud = setup.baud().unwrap_or(HostConfig::default().baud);
     let host = setup.config(HOST, HostConfig { baud, ..HostConfig::default() }, &[])?;
-    Ok(Box::new(Polled { host, poll: Poll::Unknown, last: None, fresh_at: None }))
+    Ok(Box::new(PollState { host, poll: Poll::Unknown, last: None, fresh_at: None }))
 }
 
-struct Polled {
+struct PollState {
     host: HostConfig,
     poll: Poll,
     /// The last packet.
@@ -45,14 +45,14 @@ enum Poll {
     },
 }
 
-impl Shadow for Polled {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+impl Shadow for PollState {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened => (self.poll, self.fresh_at) = (Poll::None { before: None }, None),
-            Seen::Closed | Seen::Missed { .. } => {
+            LineEvent::Opened => (self.poll, self.fresh_at) = (Poll::None { before: None }, None),
+            LineEvent::Closed | LineEvent::Missed { .. } => {
                 (self.poll, self.last, self.fresh_at) = (Poll::Unknown, None, None);
             }
-            Seen::Bytes { from: HOST, bytes } => {
+            LineEvent::Bytes { from: HOST, bytes } => {
                 for byte in bytes {
                     match *byte {
                         ENQ => self.ask(report),
@@ -60,8 +60,8 @@ impl Shadow for Polled {
                     }
                 }
             }
-            Seen::Message { message, .. } => self.answer(message, report),
-            Seen::Bytes { .. } | Seen::Corrupt { .. } => {}
+            LineEvent::Message { message, .. } => self.answer(message, report),
+            LineEvent::Bytes { .. } | LineEvent::Corrupt { .. } => {}
         }
     }
 
@@ -88,7 +88,7 @@ impl Shadow for Polled {
     }
 }
 
-impl Polled {
+impl PollState {
     /// Returns the longest time from a poll to its packet (§7.1).
     fn window(&self) -> Duration {
         transmission_time(1 + PACKET, self.host.baud).saturating_add(self.host.max_delay)

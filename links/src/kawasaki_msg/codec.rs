@@ -10,7 +10,7 @@ use super::options::CodecSettings;
 use super::plant::repeated_name;
 use super::roles::Roles;
 use crate::codec::{self, Codec, EncodeError, Kind, codec, message};
-use crate::link::Accepted;
+use crate::link::AcceptedMessage;
 use crate::settings;
 
 /// Creates the codec of either side: both send the same messages. The settings are those of [`CodecSettings`].
@@ -28,7 +28,7 @@ pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
 }
 
 /// Accepts blanks around the length, and zeros before it; as roles, fields that the plant does not use.
-pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
+pub(super) fn tolerates(it: &AcceptedMessage<'_>) -> bool {
     let plain = || {
         let data = it.bytes.iter().position(|byte| *byte == b'#')?;
         let (head, data) = it.bytes.split_at_checked(data)?;

@@ -13,10 +13,10 @@ use robot_work_queue::Reader;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::layout::{AnyValue, AnyWork, Holds, Layout};
+use super::layout::{AnyValue, AnyWork, FieldType, Layout};
 use super::plant::Plant;
-use crate::end::{Call, Called, EndRow, Owner, called, done};
-use crate::given::Given;
+use crate::end::{Call, CallResult, EndRow, Owner, called, done};
+use crate::given::GivenFields;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Pc>(), EndRow::of::<Robot>()];
@@ -26,7 +26,7 @@ const SLOTS: usize = 256;
 
 /// The PC, and the jobs of its order.
 struct Pc {
-    pc: LargePc<Source>,
+    pc: LargePc<SharedJobs>,
     layout: Layout,
     jobs: Rc<RefCell<Jobs>>,
 }
@@ -40,18 +40,18 @@ struct Jobs {
 
 /// The supplier of jobs that the session calls.
 #[derive(Debug)]
-struct Source(Rc<RefCell<Jobs>>);
+struct SharedJobs(Rc<RefCell<Jobs>>);
 
 impl Owner for Pc {
-    type End = LargePc<Source>;
+    type End = LargePc<SharedJobs>;
     type Rule = pc::Rule;
 
     const CALLS: &'static [Call<Self>] = &[
         ("start", |owner, _, argument| {
-            owner.begin(argument, |pc, Begun { order, .. }, source| pc.start(order, source))
+            owner.begin(argument, |pc, StartArgs { order, .. }, source| pc.start(order, source))
         }),
         ("resume", |owner, _, argument| {
-            owner.begin(argument, |pc, Begun { order, executed, sent, ahead, .. }, source| {
+            owner.begin(argument, |pc, StartArgs { order, executed, sent, ahead, .. }, source| {
                 pc.resume(order, source, executed, sent, ahead)
             })
         }),
@@ -63,12 +63,12 @@ impl Owner for Pc {
         ("end", |owner, _, _| called(owner.pc.end())),
         ("interrupt", |owner, _, _| called(owner.pc.interrupt())),
         ("command", |owner, _, argument| {
-            let Commanded { id, value } = Commanded::deserialize(argument)?;
+            let CommandArgs { id, value } = CommandArgs::deserialize(argument)?;
             called(owner.pc.command(id, value))
         }),
     ];
 
-    fn new(mut given: Given, rules: Rules<pc::Rule>) -> Result<Self> {
+    fn new(mut given: GivenFields, rules: Rules<pc::Rule>) -> Result<Self> {
         let (dialect, layout) = plant(&mut given)?;
         let made = PcConfig { dialect, takeover: Takeover::Interrupt, ..PcConfig::tcp() }.with_rules(rules);
         let pc = LargePc::with_ranges(given.configure(made)?, layout.clone())?;
@@ -78,7 +78,7 @@ impl Owner for Pc {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Begun {
+struct StartArgs {
     order: u16,
     jobs: Value,
     /// More may come.
@@ -94,20 +94,21 @@ struct Begun {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Commanded {
+struct CommandArgs {
     id: u8,
     #[serde(default)]
     value: i32,
 }
 
-type Begin = fn(&mut LargePc<Source>, Begun, Source) -> Result<(), kawasaki_msg::SessionError>;
+type StartCall =
+    fn(&mut LargePc<SharedJobs>, StartArgs, SharedJobs) -> Result<(), kawasaki_msg::SessionError>;
 
 impl Pc {
-    fn begin(&mut self, argument: &Value, begin: Begin) -> Called {
-        let begun = Begun::deserialize(argument)?;
+    fn begin(&mut self, argument: &Value, begin: StartCall) -> CallResult {
+        let begun = StartArgs::deserialize(argument)?;
         let jobs = Jobs { jobs: read(&self.layout, &begun.jobs)?, is_open: begun.open };
         let jobs = Rc::new(RefCell::new(jobs));
-        let result = begin(&mut self.pc, begun, Source(Rc::clone(&jobs)));
+        let result = begin(&mut self.pc, begun, SharedJobs(Rc::clone(&jobs)));
         if result.is_ok() {
             self.jobs = jobs;
         }
@@ -115,7 +116,7 @@ impl Pc {
     }
 }
 
-impl JobSource for Source {
+impl JobSource for SharedJobs {
     type Work = AnyWork;
 
     fn job(&mut self, index: u32) -> Supply<AnyWork> {
@@ -128,14 +129,14 @@ impl JobSource for Source {
     }
 }
 
-impl borrow::Borrow<LargePc<Source>> for Pc {
-    fn borrow(&self) -> &LargePc<Source> {
+impl borrow::Borrow<LargePc<SharedJobs>> for Pc {
+    fn borrow(&self) -> &LargePc<SharedJobs> {
         &self.pc
     }
 }
 
-impl borrow::BorrowMut<LargePc<Source>> for Pc {
-    fn borrow_mut(&mut self) -> &mut LargePc<Source> {
+impl borrow::BorrowMut<LargePc<SharedJobs>> for Pc {
+    fn borrow_mut(&mut self) -> &mut LargePc<SharedJobs> {
         &mut self.pc
     }
 }
@@ -175,7 +176,7 @@ impl Owner for Robot {
         ("abandon", |owner, _, _| done(owner.motion = None)),
     ];
 
-    fn new(mut given: Given, rules: Rules<robot::Rule>) -> Result<Self> {
+    fn new(mut given: GivenFields, rules: Rules<robot::Rule>) -> Result<Self> {
         let (dialect, layout) = plant(&mut given)?;
         let slots: Option<usize> = given.take("queue")?;
         let made = given.configure(RobotConfig { dialect, ..RobotConfig::tcp() }.with_rules(rules))?;
@@ -259,7 +260,7 @@ impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
 }
 
 /// Reads the agreements of both ends that are not settings: `charset`, `messages` and `job` of a configuration.
-pub(super) fn plant(given: &mut Given) -> Result<(Dialect, Layout)> {
+pub(super) fn plant(given: &mut GivenFields) -> Result<(Dialect, Layout)> {
     let mut plant = Plant::default();
     plant.charset = given.take("charset")?.unwrap_or(plant.charset);
     plant.job = given.take("job")?;
@@ -276,8 +277,8 @@ fn read(layout: &Layout, jobs: &Value) -> Result<Vec<AnyWork>> {
         for (place, field) in layout.fields().iter().enumerate() {
             let value = given.get(&field.name).with_context(|| format!("{job} has no {}", field.name))?;
             let value = match field.holds {
-                Holds::Number { .. } => AnyValue::Number(i32::deserialize(value)?),
-                Holds::Text { .. } => {
+                FieldType::Number { .. } => AnyValue::Number(i32::deserialize(value)?),
+                FieldType::Text { .. } => {
                     let text = value.as_str().and_then(Text::new);
                     AnyValue::Text(text.with_context(|| format!("{value} cannot be in a job"))?)
                 }

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use kawasaki_msg::{
-    Bounds, Charset, DATA, Decimal, Dialect, END, FieldError, FieldFault, Fields, Message, MessageError,
-    Name, SEPARATOR, START, Text, Unfit, Work,
+    Bounds, Charset, DATA, Decimal, Dialect, END, FieldError, FieldFault, FieldVisitor, Message,
+    MessageError, Name, SEPARATOR, START, Text, Unfit, Work,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::bytes::written;
-use crate::settings::Refused;
+use crate::settings::RefusedSetting;
 
 /// The most fields of a job.
 pub const MAX_FIELDS: usize = 24;
@@ -31,14 +31,14 @@ pub struct Field {
     /// The name that people use for the field; it is not on the wire.
     pub name: String,
     /// The type and range of the value.
-    pub holds: Holds,
+    pub holds: FieldType,
     /// The value of the field if a job does not give one; `None`: every job must give one.
     pub default: Option<AnyValue>,
 }
 
 /// The type and range of a field's value. The ranges include both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Holds {
+pub enum FieldType {
     /// A number, in units of its last decimal.
     Number {
         /// The number of decimals, 0 to 9.
@@ -75,7 +75,7 @@ pub enum AnyValue {
 /// The field as it is in a file of settings.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-struct Given {
+struct GivenField {
     name: String,
     kind: Kind,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -101,7 +101,7 @@ impl Layout {
     pub fn line(Bounds { min, max }: Bounds) -> Self {
         let number = |name: &str, min, max| Field {
             name: name.into(),
-            holds: Holds::Number { places: 0, min, max },
+            holds: FieldType::Number { places: 0, min, max },
             default: None,
         };
         let (x, y) = (|name| number(name, min.x, max.x), |name| number(name, min.y, max.y));
@@ -112,7 +112,7 @@ impl Layout {
     ///
     /// # Errors
     /// The contradiction, with the name of the setting.
-    pub fn read(given: &[Value], charset: Charset) -> Result<Self, Refused> {
+    pub fn read(given: &[Value], charset: Charset) -> Result<Self, RefusedSetting> {
         let mut fields: Vec<Field> = Vec::new();
         if given.is_empty() || given.len() > MAX_FIELDS {
             return Err(refused("job", &format!("a job has 1 to {MAX_FIELDS} fields, not {}", given.len())));
@@ -122,7 +122,7 @@ impl Layout {
             let title =
                 value.get("name").and_then(Value::as_str).map(|name| format!(" `{}`", name.escape_debug()));
             let what = format!("field {}{} of a job", place + 1, title.unwrap_or_default());
-            let found = Given::deserialize(value)
+            let found = GivenField::deserialize(value)
                 .map_err(|error| {
                     let error = error.to_string();
                     // The line of the file is that of the key.
@@ -154,16 +154,23 @@ impl Layout {
             });
             let number = |units, places| Value::from(Decimal { units, places }.to_string());
             let (kind, places, range, length) = match field.holds {
-                Holds::Number { places: 0, min, max } => {
+                FieldType::Number { places: 0, min, max } => {
                     (Kind::Whole, None, Some([min.into(), max.into()]), None)
                 }
-                Holds::Number { places, min, max } => {
+                FieldType::Number { places, min, max } => {
                     (Kind::Decimal, Some(places), Some([number(min, places), number(max, places)]), None)
                 }
-                Holds::Text { min, max } => (Kind::Text, None, None, Some([min, max])),
+                FieldType::Text { min, max } => (Kind::Text, None, None, Some([min, max])),
             };
             let default = default.map(Value::from);
-            serde_json::to_value(Given { name: field.name.clone(), kind, places, range, length, default })
+            serde_json::to_value(GivenField {
+                name: field.name.clone(),
+                kind,
+                places,
+                range,
+                length,
+                default,
+            })
         };
         self.0.iter().enumerate().filter_map(|field_at| field(field_at).ok()).collect()
     }
@@ -177,7 +184,7 @@ impl Layout {
     pub fn is_line(&self) -> bool {
         let line = Self::default();
         let is_alike = |(field, of_line): (&Field, &Field)| {
-            field.name == of_line.name && matches!(field.holds, Holds::Number { places: 0, .. })
+            field.name == of_line.name && matches!(field.holds, FieldType::Number { places: 0, .. })
         };
         self.0.len() == line.0.len() && self.0.iter().zip(&*line.0).all(is_alike)
     }
@@ -200,7 +207,7 @@ impl Layout {
                     Some(FieldFault::Reserved { found })
                 }
                 Ok(byte) => {
-                    let is_text = matches!(field.holds, Holds::Text { .. });
+                    let is_text = matches!(field.holds, FieldType::Text { .. });
                     (is_text && !charset.has(byte)).then_some(FieldFault::Character { found: c })
                 }
             });
@@ -222,7 +229,7 @@ impl Layout {
     /// Returns a value in its form on the wire.
     pub fn show(&self, place: usize, work: &AnyWork) -> String {
         match (self.0.get(place).map(|field| field.holds), work.get(place)) {
-            (Some(Holds::Number { places, .. }), AnyValue::Number(units)) => {
+            (Some(FieldType::Number { places, .. }), AnyValue::Number(units)) => {
                 Decimal { units, places }.to_string()
             }
             (_, AnyValue::Number(units)) => units.to_string(),
@@ -240,7 +247,7 @@ impl Default for Layout {
     }
 }
 
-impl Given {
+impl GivenField {
     /// Returns the field; or the invalid key, and the reason.
     fn field(self, charset: Charset) -> Result<Field, (&'static str, String)> {
         let Self { name, kind, places, range, length, default } = self;
@@ -262,7 +269,7 @@ impl Given {
             if min > max || max > MAX_TEXT {
                 return Err(("length", format!("give [LEAST, MOST] characters, of 0 to {MAX_TEXT}")));
             }
-            Holds::Text { min, max }
+            FieldType::Text { min, max }
         } else {
             let places = match (kind, places) {
                 (Kind::Whole, _) => 0,
@@ -277,7 +284,7 @@ impl Given {
             if min > max {
                 return Err(("range", "the range is empty: give [LEAST, MOST]".into()));
             }
-            Holds::Number { places, min, max }
+            FieldType::Number { places, min, max }
         };
         let field = Field { name, holds, default: None };
         let Some(default) = default else { return Ok(field) };
@@ -291,7 +298,7 @@ impl Given {
 
 /// Returns the end of a range, in units of the last decimal.
 fn units(value: &Value, places: u8) -> Result<i32, (&'static str, String)> {
-    let holds = Holds::Number { places, min: i32::MIN, max: i32::MAX };
+    let holds = FieldType::Number { places, min: i32::MIN, max: i32::MAX };
     let any = Layout([Field { name: "range".into(), holds, default: None }].into());
     match any.job(&[&plain(value)], Charset::Ascii).map(|job| job.get(0)) {
         Ok(AnyValue::Number(units)) => Ok(units),
@@ -312,8 +319,8 @@ fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-fn refused(name: &str, text: &str) -> Refused {
-    Refused { name: name.into(), text: text.into() }
+fn refused(name: &str, text: &str) -> RefusedSetting {
+    RefusedSetting { name: name.into(), text: text.into() }
 }
 
 impl AnyWork {
@@ -338,15 +345,15 @@ impl AnyWork {
 impl Work for AnyWork {
     type Ranges = Layout;
 
-    fn fields<F: Fields>(&mut self, layout: &Layout, fields: &mut F) -> Result<(), Unfit> {
+    fn fields<F: FieldVisitor>(&mut self, layout: &Layout, fields: &mut F) -> Result<(), Unfit> {
         for (Field { name, holds, .. }, value) in layout.fields().iter().zip(&mut self.values) {
             match *holds {
-                Holds::Number { places, min, max } => {
+                FieldType::Number { places, min, max } => {
                     let mut units = if let AnyValue::Number(units) = value { *units } else { 0 };
                     fields.decimal(name, &mut units, places, min..=max)?;
                     *value = AnyValue::Number(units);
                 }
-                Holds::Text { min, max } => {
+                FieldType::Text { min, max } => {
                     let mut text = if let AnyValue::Text(text) = value { *text } else { Text::EMPTY };
                     fields.text(name, &mut text, min..=max)?;
                     *value = AnyValue::Text(text);

@@ -5,13 +5,13 @@ use kawasaki_msg::Dialect;
 use serde_json::Value;
 
 use super::rust::rust;
-use crate::link::{Deciding, Open};
+use crate::link::{DecidingMessage, OpenSettings};
 
-pub(super) const OPEN: Open = Open {
+pub(super) const OPEN: OpenSettings = OpenSettings {
     settings: &["charset"],
     beside: &[],
     guess: None,
-    deciding: &[Deciding {
+    deciding: &[DecidingMessage {
         side: "pc",
         about: "a name or field with a letter beyond ASCII",
         message: r#"{"name":"Määrä","fields":["1"]}"#,
@@ -19,7 +19,7 @@ pub(super) const OPEN: Open = Open {
     reads_more: &[],
     rust: |given, _| rust(given),
     notes,
-    ..Open::NOTHING
+    ..OpenSettings::NOTHING
 };
 
 /// Returns the names that the default table of messages does not have.

@@ -1,7 +1,7 @@
 //! The settings of the codec and of both ends in the tool.
 
 use super::plant::Plant;
-use crate::settings::{Configure, Fields};
+use crate::settings::{Configure, FieldVisitor};
 use kawasaki_msg::{PcConfig, RobotConfig};
 
 /// The settings of `decode` and `encode`.
@@ -14,7 +14,7 @@ pub struct CodecSettings {
 }
 
 impl Configure for CodecSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { plant, roles } = self;
         let about = "message objects have a role and values instead of a name and fields";
         fields.flag("roles", about, roles);
@@ -23,12 +23,12 @@ impl Configure for CodecSettings {
 }
 
 /// Offers the settings of a robot that do not follow from the plant.
-pub fn robot_settings(fields: &mut impl Fields, config: &mut RobotConfig) {
+pub fn robot_settings(fields: &mut impl FieldVisitor, config: &mut RobotConfig) {
     fields.without(&["limits", "datagrams", "max_number", "acks"], |fields| config.configure(fields));
 }
 
 /// Offers the settings of a PC that do not follow from the plant.
-pub fn pc_settings(fields: &mut impl Fields, config: &mut PcConfig) {
+pub fn pc_settings(fields: &mut impl FieldVisitor, config: &mut PcConfig) {
     let agreed = ["limits", "datagrams", "max_number", "cumulative_acks"];
     fields.without(&agreed, |fields| config.configure(fields));
 }

@@ -1,6 +1,6 @@
-use crate::explain::{Part, Parts, Read};
+use crate::explain::{Part, Parts, ReadMessage};
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let mut parts = Parts::new(read.bytes);
     // As roles, which value is in which field is the plant's.
     let is_plain = read.message.get("name").is_some();

@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 
 use super::layout::{AnyWork, Layout};
 use crate::json;
-use crate::settings::{Configure, Fields, Refused};
+use crate::settings::{Configure, FieldVisitor, RefusedSetting};
 
 /// The agreement of both ends of a plant.
 #[derive(Debug, Clone)]
@@ -49,7 +49,7 @@ struct Message {
 /// A message as a configuration of the reference has it.
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Given {
+struct GivenMessage {
     name: String,
     #[serde(default)]
     header: Vec<FieldSetting>,
@@ -80,7 +80,7 @@ impl Default for Plant {
 }
 
 impl Configure for Plant {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { charset, udp, limits, max_number, acks, bounds, job, messages } = self;
         let choices = [("ascii", Charset::Ascii), ("latin1", Charset::Latin1)];
         fields.choice("charset", &choices, "the characters of names and fields", charset);
@@ -110,7 +110,7 @@ impl Configure for Plant {
 }
 
 impl Configure for Message {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         const FIELDS: &str =
             "a list of order, number, work, queued, executed, ended, phase, unused, or =TEXT";
         let Self { default: _, sent, name, header, fields: own } = self;
@@ -157,9 +157,9 @@ impl Plant {
                 }
                 (None, None) => anyhow::bail!("no message has the role {role}"),
             };
-            let (sent, Given { name, header, fields }) = match given {
-                Value::Null => (false, Given::default()),
-                given => (true, Given::deserialize(&given)?),
+            let (sent, GivenMessage { name, header, fields }) = match given {
+                Value::Null => (false, GivenMessage::default()),
+                given => (true, GivenMessage::deserialize(&given)?),
             };
             self.messages.insert(role, Message { default, sent, name, header, fields });
         }
@@ -218,7 +218,7 @@ impl Plant {
 }
 
 /// Returns the refusal of the setting that an error is about.
-fn refused(error: ConfigError) -> Refused {
+fn refused(error: ConfigError) -> RefusedSetting {
     let name = match error {
         ConfigError::MaxNumber { .. } => "max_number".into(),
         ConfigError::Limits { .. } => "limits".into(),
@@ -244,7 +244,7 @@ fn refused(error: ConfigError) -> Refused {
         }
         _ => String::new(),
     };
-    Refused { text: format!("{name}: {error}{advice}"), name }
+    RefusedSetting { text: format!("{name}: {error}{advice}"), name }
 }
 
 impl Message {

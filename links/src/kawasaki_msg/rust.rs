@@ -6,7 +6,7 @@ use anyhow::Result;
 use kawasaki_msg::{Charset, Decimal, Dialect, Entry};
 use serde_json::{Map, Value};
 
-use super::layout::{Holds, Layout};
+use super::layout::{FieldType, Layout};
 use super::options::CodecSettings;
 use crate::settings;
 
@@ -23,8 +23,8 @@ pub(super) fn rust(given: &Map<String, Value>) -> Result<String> {
         used.extend(["ConfigError", "Dialect", "Entry", "Field", "Role"]);
     }
     if work.is_some() {
-        used.extend(["Fields", "Fit", "Work"]);
-        if layout.fields().iter().any(|field| matches!(field.holds, Holds::Text { .. })) {
+        used.extend(["FieldVisitor", "VisitResult", "Work"]);
+        if layout.fields().iter().any(|field| matches!(field.holds, FieldType::Text { .. })) {
             used.push("Text");
         }
     }
@@ -65,7 +65,7 @@ fn work(layout: &Layout) -> Result<String> {
     for field in layout.fields() {
         let (name, identifier) = (&field.name, identifier(&field.name));
         match field.holds {
-            Holds::Number { places, min, max } => {
+            FieldType::Number { places, min, max } => {
                 let [least, most] = [min, max].map(|units| Decimal { units, places });
                 let unit = if places == 0 { String::new() } else { format!(", in units of 1e-{places}") };
                 writeln!(members, "    /// {least} to {most}{unit}.\n    pub {identifier}: i32,")?;
@@ -73,7 +73,7 @@ fn work(layout: &Layout) -> Result<String> {
                     "fields.decimal({name:?}, &mut self.{identifier}, {places}, {min}..={max})"
                 ));
             }
-            Holds::Text { min, max } => {
+            FieldType::Text { min, max } => {
                 writeln!(members, "    /// {min} to {max} characters.\n    pub {identifier}: Text<{max}>,")?;
                 visits.push(format!("fields.text({name:?}, &mut self.{identifier}, {min}..={max})"));
             }
@@ -81,7 +81,7 @@ fn work(layout: &Layout) -> Result<String> {
     }
     let visits = visits.join("?;\n        ");
     Ok(format!(
-        "/// A job of the plant.\n#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]\npub struct Job {{\n{members}}}\n\nimpl Work for Job {{\n    type Ranges = ();\n\n    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Fit {{\n        {visits}\n    }}\n}}"
+        "/// A job of the plant.\n#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]\npub struct Job {{\n{members}}}\n\nimpl Work for Job {{\n    type Ranges = ();\n\n    fn fields<F: FieldVisitor>(&mut self, (): &(), fields: &mut F) -> VisitResult {{\n        {visits}\n    }}\n}}"
     ))
 }
 

@@ -5,7 +5,7 @@ use serde::de::DeserializeSeed;
 use serde_json::{Map, Value};
 
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message};
-use crate::settings::{self, Configure, Fields};
+use crate::settings::{self, Configure, FieldVisitor};
 
 /// Creates the codec of either direction: both have the same frames.
 ///
@@ -24,7 +24,7 @@ pub(super) struct Options {
 }
 
 impl Configure for Options {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { profile, words } = self;
         profile.configure(fields);
         let shape = "{commands: [{first, last, class}], errors: {bad_checksum, …}}";

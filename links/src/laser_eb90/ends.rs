@@ -12,8 +12,8 @@ use robot_work_queue::Reader;
 use serde::Deserialize as _;
 use serde_json::Value;
 
-use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};
-use crate::given::Given;
+use crate::end::{Act, Call, EndRow, Owner, PairedItem, PendingLimit, called, done};
+use crate::given::GivenFields;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>(), EndRow::of::<Robot>()];
@@ -23,8 +23,8 @@ const QUEUE: usize = 8;
 const MAX_NUMBER: u16 = 9999;
 
 /// The outcomes of instructions; a withdrawn instruction has no outcome.
-const TOLD: &[By<'static>] =
-    &[By::Event("done"), By::Event("answer"), By::Event("refused"), By::Event("unknown")];
+const OUTCOMES: &[Act<'static>] =
+    &[Act::Event("done"), Act::Event("answer"), Act::Event("refused"), Act::Event("unknown")];
 
 impl Owner for Host {
     type End = Self;
@@ -39,12 +39,12 @@ impl Owner for Host {
         ("resume", |host, _, _| done(host.resume())),
     ];
 
-    const ONCE: &'static [Once] = &[
-        Once { begins: By::Call("submit"), ends: TOLD, room: Room::Most(u64::MAX) },
-        Once { begins: By::Sent, ends: TOLD, room: Room::Merged },
+    const PAIRED: &'static [PairedItem] = &[
+        PairedItem { begins: Act::Call("submit"), ends: OUTCOMES, room: PendingLimit::Most(u64::MAX) },
+        PairedItem { begins: Act::Sent, ends: OUTCOMES, room: PendingLimit::Merged },
     ];
 
-    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<host::Rule>) -> Result<Self> {
         let baud = given.0.get("baud").map(u32::deserialize).transpose()?;
         let made = HostConfig::at_baud(baud.unwrap_or(laser_eb90::timing::BAUD));
         let made = given.configure(made.with_rules(rules))?;
@@ -89,13 +89,13 @@ impl Owner for Robot {
         }),
     ];
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Event("execute"),
-        ends: &[By::Call("answer"), By::Call("refuse")],
-        room: Room::Silent,
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Event("execute"),
+        ends: &[Act::Call("answer"), Act::Call("refuse")],
+        room: PendingLimit::Silent,
     }];
 
-    fn new(mut given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
+    fn new(mut given: GivenFields, rules: Rules<controller::Rule>) -> Result<Self> {
         let room = given.take("queue")?.unwrap_or(QUEUE);
         let made = given.configure(ControllerConfig::default().with_rules(rules))?;
         let (writer, motion) = robot_work_queue::boxed(room, MAX_NUMBER)?;

@@ -3,26 +3,26 @@
 use laser_eb90::{Profile, Tags, Tail};
 use serde_json::{Map, Value, json};
 
-use crate::link::{Deciding, Guess, Open};
+use crate::link::{DecidingMessage, Guess, OpenSettings};
 use crate::settings;
 
-pub(super) const OPEN: Open = Open {
+pub(super) const OPEN: OpenSettings = OpenSettings {
     settings: &["tail", "flag", "tags", "checksum", "checksum_negated", "checksum_with_flag", "byte_order"],
     beside: &[],
     guess: Some(Guess { setting: "tags", with: &["tail", "flag"], values: tags }),
     deciding: &[
-        Deciding { side: "controller", about: "any frame", message: r#"{"items":[{"i16":[257]}]}"# },
-        Deciding {
+        DecidingMessage { side: "controller", about: "any frame", message: r#"{"items":[{"i16":[257]}]}"# },
+        DecidingMessage {
             side: "host",
             about: "a frame with floats",
             message: r#"{"items":[{"i16":[257]},{"f32":[100.0,-50.5,250.0,0.5,90.0,-45.25]}]}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "host",
             about: "a frame with a text",
             message: r#"{"items":[{"char":"PROGRAM ONE IS READY TO BE RUN BY THE HOST"}]}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "host",
             about: "a frame with bytes that are not text",
             message: r#"{"items":[{"u8":[0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15]}]}"#,
@@ -50,14 +50,14 @@ pub(super) const OPEN: Open = Open {
             "use laser_eb90::{{ByteOrder, Flag, Profile, Tags, Tail, Width}};\n\npub fn profile() -> Profile {{\n    {profile}\n}}"
         ))
     },
-    ..Open::NOTHING
+    ..OpenSettings::NOTHING
 };
 
 const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];
 const FLAG: u8 = 0xF0;
 const MARK: u8 = 0x90;
 /// The number of payloads that are examined.
-const MOST: usize = 400;
+const MAX_PAYLOADS: usize = 400;
 /// The maximum number of types of each size: one of four bytes, one of two, two of one.
 const SIZES: [(usize, usize); 3] = [(4, 1), (2, 1), (1, 2)];
 /// The number of values that are suggested.
@@ -70,7 +70,7 @@ type Sizes = Vec<(u8, usize)>;
 fn tags(given: &Map<String, Value>, streams: &[&[u8]]) -> Vec<Value> {
     let Ok(profile) = settings::read("laser", Profile::default(), given) else { return Vec::new() };
     let payloads: Vec<Vec<u8>> =
-        streams.iter().flat_map(|bytes| payloads(bytes, &profile)).take(MOST).collect();
+        streams.iter().flat_map(|bytes| payloads(bytes, &profile)).take(MAX_PAYLOADS).collect();
     let mut found = Vec::new();
     search(&payloads, Vec::new(), &mut found);
     found.sort_by_key(|(whole, sizes)| (core::cmp::Reverse(*whole), sizes.len()));

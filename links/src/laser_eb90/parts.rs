@@ -1,11 +1,11 @@
 use serde_json::Value;
 
-use crate::explain::{Part, Parts, Read};
+use crate::explain::{Part, Parts, ReadMessage};
 
 /// DLE: doubled in the payload.
 const STUFFED: u8 = 0x90;
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let mut parts = Parts::stuffed(read.bytes, 3, STUFFED);
     parts.take(3, "head", "LE-7");
     let items = read.message["items"].as_array().map(Vec::as_slice).unwrap_or_default();

@@ -8,8 +8,8 @@ use mmacell_proto::{
 use robot_session::end::{End as _, Rules};
 use serde::Deserialize as _;
 
-use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};
-use crate::given::Given;
+use crate::end::{Act, Call, EndRow, Owner, PairedItem, PendingLimit, called, done};
+use crate::given::GivenFields;
 
 pub(super) const ENDS: &[EndRow] =
     &[EndRow::of::<Central<PlatformPose>>(), EndRow::of::<Device<PlatformPose>>()];
@@ -23,19 +23,19 @@ impl Owner for Central<PlatformPose> {
         ("abort", |central, now, _| done(central.abort(now))),
     ];
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Call("request"),
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Call("request"),
         ends: &[
-            By::Event("done"),
-            By::Event("status"),
-            By::Event("refused"),
-            By::Event("aborted"),
-            By::All("closed"),
+            Act::Event("done"),
+            Act::Event("status"),
+            Act::Event("refused"),
+            Act::Event("aborted"),
+            Act::All("closed"),
         ],
-        room: Room::Most(1),
+        room: PendingLimit::Most(1),
     }];
 
-    fn new(given: Given, rules: Rules<central::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<central::Rule>) -> Result<Self> {
         let made = given.configure(CentralConfig::DEFAULT.with_rules(rules))?;
         Ok(Self::new(made)?)
     }
@@ -56,19 +56,19 @@ impl Owner for Device<PlatformPose> {
         ("fail", |device, _, argument| done(device.fail(ErrorCode::deserialize(argument)?))),
     ];
 
-    const ONCE: &'static [Once] = &[Once {
-        begins: By::Event("asked"),
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Event("asked"),
         ends: &[
-            By::Call("accept"),
-            By::Call("refuse"),
-            By::All("rejected"),
-            By::All("closed"),
-            By::Connection,
+            Act::Call("accept"),
+            Act::Call("refuse"),
+            Act::All("rejected"),
+            Act::All("closed"),
+            Act::Connection,
         ],
-        room: Room::Silent,
+        room: PendingLimit::Silent,
     }];
 
-    fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<device::Rule>) -> Result<Self> {
         let made = given.configure(DeviceConfig::DEFAULT.with_rules(rules))?;
         Ok(Self::new(made)?)
     }

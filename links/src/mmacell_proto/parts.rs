@@ -1,9 +1,9 @@
-use crate::explain::{Part, Parts, Read, count};
+use crate::explain::{Part, Parts, ReadMessage, count};
 
 /// The bytes that end a number.
 const NO_DIGITS: &[u8] = b"+-TFOC\r\n";
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let (mut line, message) = (Line(Parts::new(read.bytes)), read.message);
     let axes = count(message, "axes");
     match message["command"].as_str() {

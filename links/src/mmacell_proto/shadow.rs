@@ -7,7 +7,7 @@ use anyhow::Result;
 use mmacell_proto::CentralConfig;
 use serde_json::Value;
 
-use crate::shadow::{Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{LineEvent, Report, Setup, Shadow, ms};
 
 const CENTRAL: &str = "central";
 
@@ -28,7 +28,7 @@ struct Cell {
     /// When a command was seen first.
     since: Option<Duration>,
     /// The commands without a reply, oldest first.
-    open: VecDeque<Open>,
+    open: VecDeque<OpenCommand>,
     axes: Axes,
     /// The device has reported rest after the `OK` to a motion, and was not seen moving.
     is_at_rest: bool,
@@ -36,7 +36,7 @@ struct Cell {
     percent: Option<u64>,
 }
 
-struct Open {
+struct OpenCommand {
     at: Duration,
     /// `None` if the line is not a command.
     command: Option<Value>,
@@ -55,28 +55,28 @@ enum Axes {
 }
 
 impl Shadow for Cell {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened | Seen::Closed => {
+            LineEvent::Opened | LineEvent::Closed => {
                 self.forget();
-                (self.is_known, self.since) = (matches!(seen, Seen::Opened), None);
+                (self.is_known, self.since) = (matches!(seen, LineEvent::Opened), None);
             }
-            Seen::Missed { .. } => {
+            LineEvent::Missed { .. } => {
                 self.since = None;
                 self.forget();
                 (self.is_known, self.axes, self.percent) = (false, Axes::Unknown, None);
             }
-            Seen::Message { from: CENTRAL, message, .. } => self.ask(Some(message.clone()), report),
+            LineEvent::Message { from: CENTRAL, message, .. } => self.ask(Some(message.clone()), report),
             // A line that is not a command is answered all the same.
-            Seen::Corrupt { from: CENTRAL, .. } => self.ask(None, report),
-            Seen::Message { from, message, .. } => self.answer(from, message, report),
+            LineEvent::Corrupt { from: CENTRAL, .. } => self.ask(None, report),
+            LineEvent::Message { from, message, .. } => self.answer(from, message, report),
             // It was a reply.
-            Seen::Corrupt { .. } => {
+            LineEvent::Corrupt { .. } => {
                 if self.open.pop_front().is_some_and(|open| open.name() != "STA") {
                     (self.axes, self.percent) = (Axes::Unknown, None);
                 }
             }
-            Seen::Bytes { .. } => {}
+            LineEvent::Bytes { .. } => {}
         }
     }
 
@@ -110,7 +110,7 @@ impl Shadow for Cell {
     }
 }
 
-impl Open {
+impl OpenCommand {
     fn name(&self) -> &str {
         self.command.as_ref().and_then(|command| command["command"].as_str()).unwrap_or("a line")
     }
@@ -131,7 +131,7 @@ impl Cell {
             report.rule(CENTRAL, "MM-4", text);
         }
         self.since.get_or_insert(report.now);
-        self.open.push_back(Open { at: report.now, command, is_missed: false });
+        self.open.push_back(OpenCommand { at: report.now, command, is_missed: false });
     }
 
     fn answer(&mut self, device: &'static str, reply: &Value, report: &mut Report<'_>) {

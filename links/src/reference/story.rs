@@ -13,7 +13,7 @@ use crate::vectors::unhex;
 
 /// An input of a session.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Do {
+pub enum StoryInput {
     /// The caller has made a connection.
     Connected,
     /// The caller reports that the connection is lost.
@@ -35,7 +35,7 @@ pub enum Do {
     },
 }
 
-impl Do {
+impl StoryInput {
     /// Returns the input as a step has it: an object with one key.
     pub fn json(&self) -> String {
         match self {
@@ -71,7 +71,7 @@ impl Do {
 
 /// The driver's actions that a step omits.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Omits {
+pub struct OmittedActions {
     /// Whether it does not poll for bytes to transmit: `hold`.
     pub transmit: bool,
     /// Whether it takes no event: `keep`.
@@ -80,7 +80,7 @@ pub struct Omits {
 
 /// The result of a step.
 #[derive(Debug, Default)]
-pub struct Done {
+pub struct StepResult {
     /// The refusal of a call, as JSON; `None` if no call was refused.
     pub refused: Option<String>,
     /// The events that were polled, as JSON.
@@ -93,16 +93,21 @@ pub struct Done {
 ///
 /// # Errors
 /// If the end has no such call.
-pub fn step(end: &mut dyn End, now: Duration, input: &Do, omits: Omits) -> Result<Done> {
-    let mut done = Done::default();
+pub fn step(
+    end: &mut dyn End,
+    now: Duration,
+    input: &StoryInput,
+    omits: OmittedActions,
+) -> Result<StepResult> {
+    let mut done = StepResult::default();
     match input {
-        Do::Connected => end.handle_connected(now),
-        Do::Disconnected => end.handle_disconnected(now),
-        Do::Input(bytes) => end.handle_input(now, bytes),
-        Do::Timeout => end.handle_timeout(now),
-        Do::Transmitted => end.handle_transmitted(now),
-        Do::Nothing => {}
-        Do::Call { name, argument } => {
+        StoryInput::Connected => end.handle_connected(now),
+        StoryInput::Disconnected => end.handle_disconnected(now),
+        StoryInput::Input(bytes) => end.handle_input(now, bytes),
+        StoryInput::Timeout => end.handle_timeout(now),
+        StoryInput::Transmitted => end.handle_transmitted(now),
+        StoryInput::Nothing => {}
+        StoryInput::Call { name, argument } => {
             done.refused = end.call(now, name, argument)?.err().map(|json| json::spaced(&json));
         }
     }
@@ -133,9 +138,9 @@ pub fn step(end: &mut dyn End, now: Duration, input: &Do, omits: Omits) -> Resul
 /// Never: everything in the line can be written as JSON.
 pub fn line(
     now: Duration,
-    input: &Do,
-    omits: Omits,
-    done: &Done,
+    input: &StoryInput,
+    omits: OmittedActions,
+    done: &StepResult,
     deadline: Option<Duration>,
     state: &str,
 ) -> Result<String> {
@@ -191,8 +196,8 @@ impl Story {
         let mut end = (link.end(&self.end)?.make)(&self.config, None)?;
         for (number, step) in (1..).zip(&self.steps) {
             let now = Duration::from_nanos(step.at);
-            let omits = Omits { transmit: step.hold, events: step.keep };
-            let done = self::step(&mut *end, now, &Do::read(&step.input)?, omits)?;
+            let omits = OmittedActions { transmit: step.hold, events: step.keep };
+            let done = self::step(&mut *end, now, &StoryInput::read(&step.input)?, omits)?;
             let values = |texts: &[String]| -> serde_json::Result<Vec<Value>> {
                 texts.iter().map(|text| serde_json::from_str(text)).collect()
             };

@@ -4,10 +4,10 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
-use val2_alter::{DLE, Decoder, Framing, HostMessage, Message, Received, RobotMessage};
+use val2_alter::{DLE, Decoder, Framing, HostMessage, Message, ReceivedMessage, RobotMessage};
 
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
-use crate::link::Accepted;
+use crate::link::AcceptedMessage;
 use crate::settings;
 
 /// Returns the codec of the messages of the `robot` or the `host`. The settings are the fields of [`Framing`].
@@ -25,7 +25,7 @@ pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dy
 
 /// Returns whether a difference is tolerated: more DLEs before a message; or one less, if it was the checksum of the
 /// previous one. The source does not state which bytes may follow the control byte of an end, and a start may lack its mark.
-pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
+pub(super) fn tolerates(it: &AcceptedMessage<'_>) -> bool {
     let Some([_, written @ ..]) = it.written else { return false };
     let is_open = it.message["kind"] == "end" || it.message["marked"] == false;
     let ignores = it.settings.get("ignore_spare_select").is_some_and(|ignores| ignores == true);
@@ -45,7 +45,7 @@ fn side<M: Message + Serialize + DeserializeOwned + 'static>(framing: Framing) -
 impl<M: Message + Serialize + DeserializeOwned> Messages for Side<M> {
     type Decoder = Decoder<M>;
 
-    fn show(&self, received: Received<M>, json: &mut Vec<u8>) -> Kind {
+    fn show(&self, received: ReceivedMessage<M>, json: &mut Vec<u8>) -> Kind {
         message(&received.message, json)
     }
 

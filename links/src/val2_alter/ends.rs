@@ -9,7 +9,7 @@ use val2_alter::{
 };
 
 use crate::end::{Call, EndRow, Owner, called, done};
-use crate::given::Given;
+use crate::given::GivenFields;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Controller>(), EndRow::of::<Host>()];
 
@@ -26,7 +26,7 @@ impl Owner for Host {
         ("exception", |host, now, code| called(host.exception(now, Exception::deserialize(code)?))),
     ];
 
-    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
@@ -50,7 +50,7 @@ impl Owner for Controller {
         }),
     ];
 
-    fn new(given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<controller::Rule>) -> Result<Self> {
         let made = given.configure(ControllerConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }

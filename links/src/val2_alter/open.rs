@@ -2,35 +2,35 @@
 
 use val2_alter::Framing;
 
-use crate::link::{Deciding, Open};
+use crate::link::{DecidingMessage, OpenSettings};
 use crate::settings;
 
-pub(super) const OPEN: Open = Open {
+pub(super) const OPEN: OpenSettings = OpenSettings {
     settings: &["leading_dle", "negated_sum", "stuffed_checksum", "ignore_spare_select"],
     beside: &[],
     guess: None,
     deciding: &[
-        Deciding {
+        DecidingMessage {
             side: "robot",
             about: "a message whose checksum is neither 00h nor 80h",
             message: r#"{"kind":"start","mode":23,"data":[]}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "robot",
             about: "a message whose checksum is 10h",
             message: r#"{"kind":"motion","phase":"running","error":0,"segment_status":2,"segment":110,"percent":32,"transform":null}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "host",
             about: "a message whose checksum is 10h",
             message: r#"{"kind":"reply","exception":0,"values":[15,null,null,null,null,null]}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "robot",
             about: "a message whose checksum is 10h",
             message: r#"{"kind":"motion","phase":"running","error":0,"segment_status":2,"segment":110,"percent":0,"transform":null}"#,
         },
-        Deciding {
+        DecidingMessage {
             side: "host",
             about: "a message whose checksum is 10h",
             message: r#"{"kind":"reply","exception":0,"values":[239,null,null,null,null,null]}"#,
@@ -44,5 +44,5 @@ pub(super) const OPEN: Open = Open {
             "use val2_alter::{{Framing, LeadingDle}};\n\npub fn framing() -> Framing {{\n    {framing}\n}}"
         ))
     },
-    ..Open::NOTHING
+    ..OpenSettings::NOTHING
 };

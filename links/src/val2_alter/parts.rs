@@ -1,9 +1,9 @@
-use crate::explain::{Part, Parts, Read, count};
+use crate::explain::{Part, Parts, ReadMessage, count};
 
 const DLE: u8 = 0x10;
 const STX: u8 = 0x02;
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let mark = read.bytes.iter().position(|byte| *byte == STX).map_or(0, |stx| stx + 1);
     let mut parts = Parts::stuffed(read.bytes, mark, DLE);
     parts.take(mark, "start mark", "AL-5");
@@ -41,7 +41,7 @@ pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
 }
 
 /// Takes the control byte, which has those of these values that the message contains; `error` is the clause of the error code.
-fn control(parts: &mut Parts<'_>, read: &Read<'_>, names: &[&str], error: &'static str) {
+fn control(parts: &mut Parts<'_>, read: &ReadMessage<'_>, names: &[&str], error: &'static str) {
     let mut there = names.iter().filter(|name| read.message.pointer(name).is_some());
     if let Some(first) = there.next() {
         parts.take(1, *first, "4");

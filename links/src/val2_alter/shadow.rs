@@ -7,7 +7,7 @@ use serde_json::Value;
 use val2_alter::HostConfig;
 use val2_alter::timing::{CYCLE, transmission_time};
 
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
+use crate::shadow::{JITTER, LineEvent, Report, Setup, Shadow, UNSEEN, ms};
 
 const ROBOT: &str = "robot";
 const HOST: &str = "host";
@@ -30,7 +30,7 @@ struct Alter {
     baud: u32,
     phase: Phase,
     /// The last message of the controller that is to be answered.
-    asked: Option<Asked>,
+    asked: Option<ControllerMessage>,
     /// The mode of the last start message; `None` if unknown.
     mode: Option<u64>,
     /// The last reply has moved an axis: the host has not stopped.
@@ -54,7 +54,7 @@ enum Phase {
     Running,
 }
 
-struct Asked {
+struct ControllerMessage {
     at: Duration,
     is_start: bool,
     is_interrupted: bool,
@@ -62,39 +62,39 @@ struct Asked {
     sure: Duration,
     /// An answer that ends later is late.
     closes: Duration,
-    answer: Option<Answer>,
+    answer: Option<HostAnswer>,
     /// The host sent bytes that are not an answer.
     is_damaged: bool,
 }
 
-struct Answer {
+struct HostAnswer {
     /// A good answer of the right kind, in time; `None` if it may have begun before its window.
     is_read: Option<bool>,
     exception: u64,
 }
 
 impl Shadow for Alter {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened | Seen::Closed | Seen::Missed { .. } => {
-                let is_open = matches!(seen, Seen::Opened);
+            LineEvent::Opened | LineEvent::Closed | LineEvent::Missed { .. } => {
+                let is_open = matches!(seen, LineEvent::Opened);
                 self.phase = if is_open { Phase::Off } else { Phase::Unknown };
                 (self.asked, self.last, self.loose) = (None, None, 0);
             }
-            Seen::Message { from: ROBOT, length, message } => {
+            LineEvent::Message { from: ROBOT, length, message } => {
                 self.loose = self.loose.saturating_sub(length);
                 self.told(length, message, report);
             }
-            Seen::Bytes { from: ROBOT, bytes } => self.loose += bytes.len() as u64,
-            Seen::Message { from: HOST, length, message } => self.answered(length, message, report),
-            Seen::Corrupt { from: HOST, .. } => {
+            LineEvent::Bytes { from: ROBOT, bytes } => self.loose += bytes.len() as u64,
+            LineEvent::Message { from: HOST, length, message } => self.answered(length, message, report),
+            LineEvent::Corrupt { from: HOST, .. } => {
                 if let Some(asked) = &mut self.asked {
                     asked.is_damaged = true;
                 }
             }
             // The contents of the message are unknown.
-            Seen::Corrupt { from: ROBOT, .. } => (self.phase, self.asked) = (Phase::Unknown, None),
-            Seen::Bytes { .. } | Seen::Corrupt { .. } | Seen::Message { .. } => {}
+            LineEvent::Corrupt { from: ROBOT, .. } => (self.phase, self.asked) = (Phase::Unknown, None),
+            LineEvent::Bytes { .. } | LineEvent::Corrupt { .. } | LineEvent::Message { .. } => {}
         }
     }
 
@@ -190,8 +190,15 @@ impl Alter {
         let closes = report.now.saturating_add(line).saturating_add(window).saturating_add(SLACK);
         let is_interrupted = message["phase"] == "interrupted";
         let (answer, is_damaged) = (None, false);
-        self.asked =
-            Some(Asked { at: report.now, is_start, is_interrupted, sure, closes, answer, is_damaged });
+        self.asked = Some(ControllerMessage {
+            at: report.now,
+            is_start,
+            is_interrupted,
+            sure,
+            closes,
+            answer,
+            is_damaged,
+        });
     }
 
     /// Checks the cycle: standard messages are 28 ms apart.
@@ -213,7 +220,7 @@ impl Alter {
     }
 
     /// Follows the controller's reaction to the answer to its previous message.
-    fn outcome(&self, before: &Asked, message: &Value, report: &mut Report<'_>) {
+    fn outcome(&self, before: &ControllerMessage, message: &Value, report: &mut Report<'_>) {
         let kind = message["kind"].as_str().unwrap_or_default();
         let error = message["error"].as_u64().unwrap_or_default();
         let is_interrupted = message["phase"] == "interrupted";
@@ -301,7 +308,7 @@ impl Alter {
             // It may have begun before its window.
             (true, earliest) => (now >= earliest && now < asked.sure).then_some(true),
         };
-        asked.answer = Some(Answer { is_read, exception });
+        asked.answer = Some(HostAnswer { is_read, exception });
         match (is_start, is_read, word) {
             (true, Some(true), "accept") => (self.phase, self.last) = (Phase::Running, Some(now)),
             (true, Some(true), "refuse") => (self.phase, self.asked) = (Phase::Off, None),

@@ -7,8 +7,8 @@ use val2_viewer::{
     ENQ, Host, HostConfig, Workstation, WorkstationConfig, WorkstationEvent, host, workstation,
 };
 
-use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};
-use crate::given::Given;
+use crate::end::{Act, Call, EndRow, Owner, PairedItem, PendingLimit, done, live_until};
+use crate::given::GivenFields;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Workstation>(), EndRow::of::<Host>()];
 
@@ -19,12 +19,16 @@ impl Owner for Host {
     const CALLS: &'static [Call<Self>] =
         &[("set_pose", |host, now, argument| done(host.set_pose(now, <[i16; 12]>::deserialize(argument)?)))];
 
-    const ONCE: &'static [Once] = &[
-        Once { begins: By::Byte(ENQ), ends: &[By::Sent, By::Connection], room: Room::Merged },
-        Once { begins: By::Sent, ends: &[By::Event("sent")], room: Room::Most(1) },
+    const PAIRED: &'static [PairedItem] = &[
+        PairedItem {
+            begins: Act::Byte(ENQ),
+            ends: &[Act::Sent, Act::Connection],
+            room: PendingLimit::Merged,
+        },
+        PairedItem { begins: Act::Sent, ends: &[Act::Event("sent")], room: PendingLimit::Most(1) },
     ];
 
-    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
@@ -36,10 +40,13 @@ impl Owner for Workstation {
 
     const CALLS: &'static [Call<Self>] = &[("draw", |workstation, now, _| done(workstation.draw(now)))];
 
-    const ONCE: &'static [Once] =
-        &[Once { begins: By::Sent, ends: &[By::Event("pose"), By::Event("missed")], room: Room::Most(1) }];
+    const PAIRED: &'static [PairedItem] = &[PairedItem {
+        begins: Act::Sent,
+        ends: &[Act::Event("pose"), Act::Event("missed")],
+        room: PendingLimit::Most(1),
+    }];
 
-    fn new(given: Given, rules: Rules<workstation::Rule>) -> Result<Self> {
+    fn new(given: GivenFields, rules: Rules<workstation::Rule>) -> Result<Self> {
         let made = given.configure(WorkstationConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }

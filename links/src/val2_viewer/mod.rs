@@ -39,7 +39,7 @@ pub const LINK: Link = Link {
     ],
     parts: parts::parts,
     #[cfg(feature = "captures")]
-    open: crate::link::Open::NOTHING,
+    open: crate::link::OpenSettings::NOTHING,
     #[cfg(feature = "captures")]
     shadow: shadow::shadow,
     ends: ends::ENDS,

@@ -1,6 +1,6 @@
-use crate::explain::{Part, Parts, Read, count};
+use crate::explain::{Part, Parts, ReadMessage, count};
 
-pub(super) fn parts(read: &Read<'_>) -> Vec<Part> {
+pub(super) fn parts(read: &ReadMessage<'_>) -> Vec<Part> {
     let mut parts = Parts::new(read.bytes);
     parts.take(6, "head", "3");
     parts.until(b",", "/count", "VV-10");

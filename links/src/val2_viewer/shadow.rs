@@ -6,7 +6,7 @@ use anyhow::Result;
 use serde_json::Value;
 use val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
+use crate::shadow::{JITTER, LineEvent, Report, Setup, Shadow, UNSEEN, ms};
 
 const HOST: &str = "host";
 const WORKSTATION: &str = "workstation";
@@ -46,15 +46,15 @@ enum Request {
 }
 
 impl Shadow for Viewer {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened => {
+            LineEvent::Opened => {
                 (self.request, self.sent, self.holds) = (Request::None, Some(report.now), [None; 2]);
             }
-            Seen::Closed | Seen::Missed { .. } => {
+            LineEvent::Closed | LineEvent::Missed { .. } => {
                 (self.request, self.sent, self.count, self.holds) = (Request::Unknown, None, None, [None; 2]);
             }
-            Seen::Bytes { from, bytes } => {
+            LineEvent::Bytes { from, bytes } => {
                 for byte in bytes {
                     self.handshake(from, *byte, report);
                     if from == WORKSTATION && *byte == ENQ {
@@ -62,9 +62,9 @@ impl Shadow for Viewer {
                     }
                 }
             }
-            Seen::Message { message, .. } => self.answer(message, report),
+            LineEvent::Message { message, .. } => self.answer(message, report),
             // A whole line that cannot be read was the answer (VV-26).
-            Seen::Corrupt { error, .. } => {
+            LineEvent::Corrupt { error, .. } => {
                 let kind = error["kind"].as_str().unwrap_or_default();
                 if ["checksum", "format", "number", "too_long"].contains(&kind)
                     && !matches!(self.request, Request::Unknown)

@@ -5,7 +5,7 @@ use cellwire_links::explain::explain;
 use cellwire_links::fanuc_hmi_modbus::client_settings;
 use cellwire_links::kawasaki_msg::layout::Layout;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
-use cellwire_links::settings::{self, Configure, Fields, Setting, line_of};
+use cellwire_links::settings::{self, Configure, FieldVisitor, Setting, line_of};
 use kawasaki_msg::{Charset, PcConfig, RobotConfig};
 use serde_json::json;
 
@@ -65,7 +65,7 @@ fn an_item_is_a_line() {
 struct Both(RobotConfig, PcConfig);
 
 impl Configure for Both {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         fields.group("robot", |fields| robot_settings(fields, &mut self.0));
         fields.group("pc", |fields| pc_settings(fields, &mut self.1));
     }

@@ -1,6 +1,6 @@
 //! Every vector of `reference/vectors`, explained: its parts are its bytes, each value has its own, and each clause is there.
 
-use cellwire_links::explain::{Explained, explain};
+use cellwire_links::explain::{Explanation, explain};
 use cellwire_links::vectors::{Vector, vectors};
 use cellwire_links::{LINKS, Link};
 use serde_json::Value;
@@ -12,7 +12,7 @@ fn of(link: &Link) -> Vec<Vector> {
     vectors(format!("{}/../reference/vectors/{}.json", env!("CARGO_MANIFEST_DIR"), link.name)).unwrap()
 }
 
-fn explained(link: &Link, vector: &Vector) -> Vec<Explained> {
+fn explained(link: &Link, vector: &Vector) -> Vec<Explanation> {
     let side = link.side(vector.from.as_deref()).unwrap();
     explain(link, side, &vector.options, &vector.bytes).unwrap()
 }

@@ -1,14 +1,14 @@
 //! A plant of Kawasaki's messages: its table, its jobs, and both ends' configurations in it.
 
 use cellwire_links::Link;
-use cellwire_links::kawasaki_msg::layout::{Field, Holds, Layout};
+use cellwire_links::kawasaki_msg::layout::{Field, FieldType, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{self, Refused};
+use cellwire_links::settings::{self, RefusedSetting};
 use cellwire_links::shadow::Setup;
 use kawasaki_msg::{Acks, Charset, FieldFault, Limits, PcConfig, RobotConfig, Role, Takeover};
 use serde_json::{Map, Value, json};
 
-fn plant(given: Value) -> Result<Plant, Refused> {
+fn plant(given: Value) -> Result<Plant, RefusedSetting> {
     settings::read("kawasaki-msg", Plant::default(), given.as_object().unwrap())
 }
 
@@ -76,7 +76,7 @@ fn the_fields_of_a_message_are_shown_and_read_by_their_names() {
     assert!(refused.text.contains("`nummer` is not a field"), "{refused}");
 }
 
-fn read(table: &Value) -> Result<Layout, Refused> {
+fn read(table: &Value) -> Result<Layout, RefusedSetting> {
     Layout::read(core::slice::from_ref(table), Charset::Ascii)
 }
 
@@ -90,10 +90,10 @@ fn a_job_s_fields_are_given_as_they_were_read() {
     ];
     assert_eq!(Layout::read(&tables, Charset::Ascii).unwrap().given(), tables);
     let within = plant(json!({"bounds": {"min": {"x": -5}, "max": {"x": 7}}})).unwrap().layout().unwrap();
-    let x = Holds::Number { places: 0, min: -5, max: 7 };
+    let x = FieldType::Number { places: 0, min: -5, max: 7 };
     assert_eq!(within.fields()[1], Field { name: "x1".into(), holds: x, default: None });
     let any = read(&json!({"name": "parts", "kind": "whole"})).unwrap();
-    let widest = Holds::Number { places: 0, min: -9_999_999, max: 9_999_999 };
+    let widest = FieldType::Number { places: 0, min: -9_999_999, max: 9_999_999 };
     assert_eq!(any.fields()[0].holds, widest);
     for (table, why) in [
         (json!({"name": "", "kind": "text"}), "a name has 1 to 15 letters, digits and _"),

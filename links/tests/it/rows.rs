@@ -3,7 +3,7 @@
 use cellwire_links::codec::{Item, Stream};
 use cellwire_links::end::EndRow;
 use cellwire_links::explain::{Part, explain};
-use cellwire_links::link::Accepted;
+use cellwire_links::link::AcceptedMessage;
 use cellwire_links::reference::field::Field;
 use cellwire_links::vectors::Vector;
 use serde_json::{Value, json};
@@ -125,7 +125,7 @@ fn a_link_tolerates_what_its_source_leaves_open() {
         ("val2-alter", &any, &end, &[16, 2, 6], none, false),
     ];
     for (name, settings, message, bytes, written, accepts) in table {
-        let it = Accepted { settings: settings.as_object().unwrap(), message, bytes, written };
+        let it = AcceptedMessage { settings: settings.as_object().unwrap(), message, bytes, written };
         assert_eq!(link(name).accepts(&it), accepts, "{name}: {it:?}");
     }
 }

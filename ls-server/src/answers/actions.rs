@@ -13,7 +13,7 @@ use lsp_types::{
 use super::diagnostics::{diagnostic, found};
 use super::rename::changed;
 use crate::answer::{Answer, document};
-use crate::document::{Document, Found};
+use crate::document::{Document, FoundProblem};
 use crate::edits;
 use crate::files::stem;
 use crate::folder::Folder;
@@ -32,7 +32,7 @@ pub(crate) fn actions(folder: &Folder, params: CodeActionParams) -> Answer<Optio
     };
     let mut actions = Vec::new();
     if is_wanted(&CodeActionKind::QUICKFIX) {
-        let there = |(_, place): &&Found| place.start <= range.end && range.start <= place.end;
+        let there = |(_, place): &&FoundProblem| place.start <= range.end && range.start <= place.end;
         for (problem, place) in found(folder, document).iter().filter(there).take(MAX_FIXES) {
             let Some((title, edits)) = fix(document, *problem, place).filter(|(_, edits)| !edits.is_empty())
             else {

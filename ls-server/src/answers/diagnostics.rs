@@ -10,7 +10,7 @@ use lsp_types::{
 };
 use serde_json::Value;
 
-use crate::document::{Document, Found};
+use crate::document::{Document, FoundProblem};
 use crate::folder::Folder;
 use crate::position::Converter;
 
@@ -89,11 +89,11 @@ pub(crate) fn diagnostic(
 }
 
 /// Returns the problems of a document, each with its range.
-pub(crate) fn found(folder: &Folder, document: &Document) -> Rc<[Found]> {
+pub(crate) fn found(folder: &Folder, document: &Document) -> Rc<[FoundProblem]> {
     document.found(folder.changes(), || find(folder, document))
 }
 
-fn find(folder: &Folder, document: &Document) -> Vec<Found> {
+fn find(folder: &Folder, document: &Document) -> Vec<FoundProblem> {
     let text = document.text();
     match document.program() {
         Ok(program) => {

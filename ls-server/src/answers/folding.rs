@@ -49,7 +49,7 @@ fn sections(document: &Document, folds: &mut Folds) {
 }
 
 /// The kind of a block that is open, and its first line.
-type Open = (Block, usize);
+type OpenBlock = (Block, usize);
 /// The first and the last line of a SELECT or of comments.
 type Run = (usize, usize);
 
@@ -61,7 +61,7 @@ enum Block {
 
 fn blocks(document: &Document, folds: &mut Folds) {
     let Some(program) = document.unfinished_program() else { return };
-    let mut open: Vec<Open> = Vec::new();
+    let mut open: Vec<OpenBlock> = Vec::new();
     let (mut select, mut comments): (Option<Run>, Option<Run>) = (None, None);
     for statement in program.statements().filter(|statement| !statement.is_nested()) {
         let body = statement.body();
@@ -99,7 +99,7 @@ fn blocks(document: &Document, folds: &mut Folds) {
 }
 
 /// Folds a block up to the line before its end; `goes_on` begins the next part.
-fn close(block: Block, line: usize, open: &mut Vec<Open>, folds: &mut Folds, goes_on: bool) {
+fn close(block: Block, line: usize, open: &mut Vec<OpenBlock>, folds: &mut Folds, goes_on: bool) {
     let Some(at) = open.iter().rposition(|(open, _)| *open == block) else { return };
     if let Some((_, start)) = open.get(at) {
         folds.push(*start, line - 1, None);

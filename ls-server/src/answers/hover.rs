@@ -29,9 +29,9 @@ pub(crate) fn hover(folder: &Folder, params: HoverParams) -> Answer<Option<Hover
     }))
 }
 
-type Shown = (Range<usize>, String);
+type HoverText = (Range<usize>, String);
 
-fn item(folder: &Folder, document: &Document, offset: usize) -> Option<Shown> {
+fn item(folder: &Folder, document: &Document, offset: usize) -> Option<HoverText> {
     let found = document.index().reference_at(offset)?;
     let Reference { kind, number, .. } = found;
     let item = (kind, number);
@@ -140,7 +140,7 @@ fn configured(configuration: &Configuration) -> Option<String> {
 }
 
 /// Returns the program of a call.
-fn program(folder: &Folder, document: &Document, offset: usize) -> Option<Shown> {
+fn program(folder: &Folder, document: &Document, offset: usize) -> Option<HoverText> {
     let place = document.index().programs().find(|place| (place.start..=place.end).contains(&offset))?;
     let name = document.at(&place);
     let text = match folder.program(document, name) {
@@ -164,7 +164,7 @@ fn described(document: &Document) -> String {
 }
 
 /// Returns the form of the instruction, the option or the macro at a byte.
-fn words(folder: &Folder, document: &Document, program: &Program, offset: usize) -> Option<Shown> {
+fn words(folder: &Folder, document: &Document, program: &Program, offset: usize) -> Option<HoverText> {
     let name = program.place(program.name());
     if (name.start..=name.end).contains(&offset) {
         return Some((name, described(document)));

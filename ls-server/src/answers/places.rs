@@ -5,7 +5,7 @@ use lsp_types::{
     GotoDefinitionResponse, Location, ReferenceParams,
 };
 
-use super::target::{Named, Target};
+use super::target::{Mention, Target};
 use crate::answer::{Answer, document};
 use crate::folder::Folder;
 
@@ -60,7 +60,7 @@ pub(crate) fn highlight(
     let document = document(folder, &at.text_document.uri)?;
     let Some((target, _)) = Target::at(document, document.offset(at.position)) else { return Ok(None) };
     let converter = document.converter();
-    let highlight = |named: &Named<'_>| DocumentHighlight {
+    let highlight = |named: &Mention<'_>| DocumentHighlight {
         range: converter.range(&named.place),
         kind: Some(if named.is_set { DocumentHighlightKind::WRITE } else { DocumentHighlightKind::READ }),
     };
@@ -68,9 +68,9 @@ pub(crate) fn highlight(
 }
 
 /// Returns the places as locations; those of one document are consecutive.
-fn locations<'a>(places: impl Iterator<Item = Named<'a>>) -> Vec<Location> {
+fn locations<'a>(places: impl Iterator<Item = Mention<'a>>) -> Vec<Location> {
     let mut converter = None;
-    let location = |named: Named<'a>| {
+    let location = |named: Mention<'a>| {
         let document = named.document;
         let (_, converter) = match converter.take() {
             Some((uri, known)) if uri == document.uri() => converter.insert((uri, known)),

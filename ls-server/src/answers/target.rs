@@ -19,7 +19,7 @@ pub(crate) enum Target {
 
 /// A place where a target is named.
 #[derive(Debug, Clone)]
-pub(crate) struct Named<'a> {
+pub(crate) struct Mention<'a> {
     pub(crate) document: &'a Document,
     pub(crate) place: Range<usize>,
     /// Whether the place is the label itself, the position in `/POS`, or the name after `/PROG`.
@@ -44,7 +44,7 @@ impl Target {
     }
 
     /// Returns every reference to the target: in the document, or in every program of its controller.
-    pub(crate) fn places<'a>(&'a self, folder: &'a Folder, document: &'a Document) -> Vec<Named<'a>> {
+    pub(crate) fn places<'a>(&'a self, folder: &'a Folder, document: &'a Document) -> Vec<Mention<'a>> {
         let others = folder.neighbours(document);
         let is_alone = matches!(self, Self::Item(item) if is_local(*item));
         let documents = others.filter(|other| !is_alone || other.uri() == document.uri());
@@ -52,11 +52,11 @@ impl Target {
     }
 
     /// Returns every reference to the target in one document.
-    pub(crate) fn within<'a>(&self, document: &'a Document) -> Vec<Named<'a>> {
+    pub(crate) fn within<'a>(&self, document: &'a Document) -> Vec<Mention<'a>> {
         let index = document.index();
         match self {
             Self::Item(item) => { index.references_to(*item) }
-                .map(|found| Named {
+                .map(|found| Mention {
                     document,
                     place: shown(&found),
                     is_definition: found.is_definition,
@@ -64,7 +64,7 @@ impl Target {
                 })
                 .collect(),
             Self::Program(name) => {
-                let named = |(place, is_definition): (Range<usize>, bool)| Named {
+                let named = |(place, is_definition): (Range<usize>, bool)| Mention {
                     document,
                     place,
                     is_definition,

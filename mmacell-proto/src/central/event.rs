@@ -15,7 +15,7 @@ pub enum CentralEvent<P> {
     /// A notice: there is a connection, and a command may be requested.
     Connected,
     /// The device has executed the command, or has started it. The outcome of a [`Command::Close`] is
-    /// [`Closing::Agreed`] instead.
+    /// [`CloseReason::Agreed`] instead.
     Done {
         /// The command that was executed or started.
         command: Command<P>,
@@ -39,10 +39,10 @@ pub enum CentralEvent<P> {
         /// The command that was not sent.
         command: Command<P>,
     },
-    /// The connection has ended: close it, unless the reason is [`Closing::Disconnected`].
+    /// The connection has ended: close it, unless the reason is [`CloseReason::Disconnected`].
     Closed {
         /// The reason that the connection has ended.
-        reason: Closing,
+        reason: CloseReason,
         /// The outcome of the command that was not finished.
         unfinished: Unfinished<P>,
     },
@@ -55,7 +55,7 @@ pub enum CentralEvent<P> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
-pub enum Closing {
+pub enum CloseReason {
     /// The device has agreed to a [`Command::Close`].
     Agreed,
     /// The reply was overdue: the device did not answer in time.
@@ -102,21 +102,21 @@ pub enum Progress {
     /// The device is at rest within tolerance of its target, with its servo motors on.
     Arrived,
     /// The device is at rest, and the motion has failed.
-    Missed(Miss),
+    Missed(MissReason),
 }
 
 /// The way in which a motion has failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
-pub enum Miss {
+pub enum MissReason {
     /// The device is at rest elsewhere than at its target.
     Elsewhere,
     /// The servo motors are off.
     ServoOff,
 }
 
-impl fmt::Display for Closing {
+impl fmt::Display for CloseReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Agreed => f.write_str("the device has agreed to close it"),
@@ -129,7 +129,7 @@ impl fmt::Display for Closing {
     }
 }
 
-impl fmt::Display for Miss {
+impl fmt::Display for MissReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Elsewhere => "it is at rest elsewhere",

@@ -20,7 +20,7 @@ use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine, is_due};
 
 use super::config::{CentralConfig, Rule};
-use super::event::{CentralEvent as Event, Closing, Miss, Progress, Unfinished};
+use super::event::{CentralEvent as Event, CloseReason, MissReason, Progress, Unfinished};
 use crate::error::DecodeError;
 use crate::message::{Command, Mode, Reply, Status};
 use crate::pose::Pose;
@@ -79,7 +79,7 @@ pub enum Motion<P> {
         /// The goal of the last motion: the pose that the device is expected to have.
         target: Target<P>,
         /// The pose of the device since it accepted a motion last.
-        pose: Place<P>,
+        pose: KnownPose<P>,
     },
 }
 
@@ -96,7 +96,7 @@ pub enum Target<P> {
 
 /// The pose of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Place<P> {
+pub enum KnownPose<P> {
     /// The pose is not known.
     Unknown,
     /// A known pose.
@@ -176,7 +176,7 @@ impl<P: Pose> Machine for CentralMachine<P> {
                 A::Nothing
             }
             (L::Awaiting { deadline, .. }, I::Timeout) if is_due(*deadline, now) => {
-                A::Report(self.end(Closing::Timeout, config))
+                A::Report(self.end(CloseReason::Timeout, config))
             }
             (&L::Sending { command }, I::Abort) => {
                 self.link = L::Idle;
@@ -186,19 +186,19 @@ impl<P: Pose> Machine for CentralMachine<P> {
                 self.link = L::Idle;
                 A::Report(Event::Aborted { command })
             }
-            (L::Awaiting { .. }, I::Abort) => A::Report(self.end(Closing::Aborted, config)),
+            (L::Awaiting { .. }, I::Abort) => A::Report(self.end(CloseReason::Aborted, config)),
             (L::Idle | L::Sending { .. }, I::Reply(_)) if !config.keeps(Rule::StrayEnds) => A::Nothing,
             // The next one could be taken for another command's.
-            (L::Idle | L::Sending { .. }, I::Reply(_)) => A::Report(self.end(Closing::Mismatch, config)),
+            (L::Idle | L::Sending { .. }, I::Reply(_)) => A::Report(self.end(CloseReason::Mismatch, config)),
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(error)) => {
-                A::Report(self.end(Closing::Malformed(*error), config))
+                A::Report(self.end(CloseReason::Malformed(*error), config))
             }
             (L::Down | L::Ended, I::Connected) => {
                 self.open(config);
                 A::Connected { before: None }
             }
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Connected) => {
-                let before = Some(self.end(Closing::Disconnected, config));
+                let before = Some(self.end(CloseReason::Disconnected, config));
                 self.open(config);
                 A::Connected { before }
             }
@@ -207,7 +207,7 @@ impl<P: Pose> Machine for CentralMachine<P> {
                 A::Nothing
             }
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Disconnected) => {
-                let event = self.end(Closing::Disconnected, config);
+                let event = self.end(CloseReason::Disconnected, config);
                 self.link = L::Down;
                 A::Report(event)
             }
@@ -276,7 +276,7 @@ impl<P: Pose> CentralMachine<P> {
         }
     }
 
-    fn end(&mut self, reason: Closing, config: &CentralConfig) -> Event<P> {
+    fn end(&mut self, reason: CloseReason, config: &CentralConfig) -> Event<P> {
         let unfinished = match self.link {
             CentralLink::Sending { command } => Unfinished::NotSent(command),
             CentralLink::Awaiting { command, .. } if config.keeps(Rule::UnknownWhenSent) => {
@@ -302,11 +302,11 @@ impl<P: Pose> CentralMachine<P> {
                 Event::Status { status: *status, motion: self.observe(status, config) }
             }
             (Command::Status, Reply::Ok) | (_, Reply::Status(_)) => {
-                return Action::Report(self.end(Closing::Mismatch, config));
+                return Action::Report(self.end(CloseReason::Mismatch, config));
             }
             (Command::Close, Reply::Ok) => {
                 self.link = CentralLink::Ended;
-                let (reason, unfinished) = (Closing::Agreed, Unfinished::Nothing);
+                let (reason, unfinished) = (CloseReason::Agreed, Unfinished::Nothing);
                 return Action::Report(Event::Closed { reason, unfinished });
             }
             (_, Reply::Ok) => {
@@ -327,7 +327,7 @@ impl<P: Pose> CentralMachine<P> {
             }
             (
                 Command::Move { mode: Mode::Relative, pose: by },
-                Motion::Rest { pose: Place::At(pose), .. },
+                Motion::Rest { pose: KnownPose::At(pose), .. },
             ) => {
                 let target = pose.plus(by).map_or(Target::Unknown, Target::At);
                 Motion::Starting { target, believed_from }
@@ -385,7 +385,7 @@ impl<P: Pose> CentralMachine<P> {
                     (Motion::Starting { .. }, Progress::Still | Progress::Missed(_)) => {
                         (motion, Progress::Starting)
                     }
-                    (_, progress) => (Motion::Rest { target, pose: Place::At(status.pose) }, progress),
+                    (_, progress) => (Motion::Rest { target, pose: KnownPose::At(status.pose) }, progress),
                 }
             }
         };
@@ -396,7 +396,7 @@ impl<P: Pose> CentralMachine<P> {
 
 impl<P> Motion<P> {
     /// A state in which nothing is known.
-    pub const NONE: Self = Self::Rest { target: Target::None, pose: Place::Unknown };
+    pub const NONE: Self = Self::Rest { target: Target::None, pose: KnownPose::Unknown };
 }
 
 impl<P: Pose> Target<P> {
@@ -405,10 +405,10 @@ impl<P: Pose> Target<P> {
         let servo = status.servo || !config.keeps(Rule::ServoOn);
         match self {
             Self::None => Progress::Still,
-            Self::Unknown | Self::At(_) if !servo => Progress::Missed(Miss::ServoOff),
+            Self::Unknown | Self::At(_) if !servo => Progress::Missed(MissReason::ServoOff),
             Self::Unknown => Progress::Still,
             Self::At(pose) if status.pose.is_near(pose, config.tolerance) => Progress::Arrived,
-            Self::At(_) => Progress::Missed(Miss::Elsewhere),
+            Self::At(_) => Progress::Missed(MissReason::Elsewhere),
         }
     }
 }

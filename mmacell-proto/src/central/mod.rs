@@ -6,13 +6,13 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, End, EventQueue, Room};
+use robot_session::end::{Core, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, Encode as _};
 
 pub use self::config::CentralConfig;
 #[doc(hidden)]
 pub use self::config::Rule;
-pub use self::event::{CentralEvent, Closing, Miss, Progress, Unfinished};
+pub use self::event::{CentralEvent, CloseReason, MissReason, Progress, Unfinished};
 use self::machine::{Action, CentralLink, CentralMachine, Input};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, SessionError};
@@ -124,7 +124,7 @@ impl<P: Pose> End for Central<P> {
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Command::<P>::MAX_LEN;
     /// Two outcomes at most: the connection before, and this one.
-    const ROOM: Room = Room { connect: 2, ..Room::NONE };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 2, ..QueueSpace::NONE };
 
     robot_session::core!(CentralEvent::Unexpected);
 

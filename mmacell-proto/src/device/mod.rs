@@ -6,7 +6,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, End, EventQueue, Room};
+use robot_session::end::{Core, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, Encode as _};
 
 pub use self::config::DeviceConfig;
@@ -152,7 +152,7 @@ impl<P: Pose> End for Device<P> {
     const MAX_INPUT: usize = BACKLOG - Line::MAX_LEN;
     const MAX_TRANSMIT: usize = Reply::<P>::MAX_LEN;
     /// An order and the end of the connection.
-    const ROOM: Room = Room { connect: 2, read: 2, transmit: 0 };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 2, read: 2, transmit: 0 };
 
     robot_session::core!(DeviceEvent::Unexpected);
 

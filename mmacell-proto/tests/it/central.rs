@@ -5,8 +5,8 @@ use core::time::Duration;
 use crate::common::{HOME, MS, ZERO, by, central, central_with, closed, connect, go, pose, receive, send};
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent as Event, Closing, Command, ConfigError, DecodeError, Dialect,
-    EncodeError, ErrorCode, Miss, NoPose, Progress, RobotPose, SessionError, Status, Unfinished,
+    Central, CentralConfig, CentralEvent as Event, CloseReason, Command, ConfigError, DecodeError, Dialect,
+    EncodeError, ErrorCode, MissReason, NoPose, Progress, RobotPose, SessionError, Status, Unfinished,
 };
 
 const S: Duration = Duration::from_secs(1);
@@ -35,7 +35,7 @@ fn nothing_is_requested_while_an_outcome_waits() {
     send(&mut c, ZERO, Command::Stop);
     c.handle_connected(ZERO);
     assert_eq!(c.request(Command::Stop), Err(SessionError::Busy), "the end of the connection before waits");
-    assert_eq!(c.poll_event(), Some(closed(Closing::Disconnected, Unfinished::Unknown(Command::Stop))));
+    assert_eq!(c.poll_event(), Some(closed(CloseReason::Disconnected, Unfinished::Unknown(Command::Stop))));
     assert_eq!(c.request(Command::Stop), Ok(()), "a notice may wait");
     assert_eq!(c.poll_event(), Some(Event::Connected));
 }
@@ -46,7 +46,7 @@ fn no_connection_is_begun_while_there_is_no_room_for_its_outcomes() {
     for _ in 0..5 {
         c.handle_connected(ZERO);
     }
-    let closing = closed(Closing::Disconnected, Unfinished::Nothing);
+    let closing = closed(CloseReason::Disconnected, Unfinished::Nothing);
     let waiting: Vec<_> = core::iter::from_fn(|| c.poll_event()).collect();
     assert_eq!(waiting, [closing; 4], "of the connections that were begun");
     assert_eq!(c.request(Command::Stop), Err(SessionError::NotConnected), "the last one was not");
@@ -88,7 +88,7 @@ fn silence_ends_the_connection_and_the_outcome_is_unknown() {
     c.handle_timeout(deadline - Duration::from_nanos(1));
     assert_eq!(c.poll_event(), None);
     c.handle_timeout(deadline);
-    assert_eq!(c.poll_event(), Some(closed(Closing::Timeout, Unfinished::Unknown(go(HOME)))));
+    assert_eq!(c.poll_event(), Some(closed(CloseReason::Timeout, Unfinished::Unknown(go(HOME)))));
     assert_eq!(c.poll_timeout(), None);
     assert!(c.is_ended());
     c.handle_input(deadline, b"OK\r\n");
@@ -128,7 +128,7 @@ fn a_timeout_for_ever_saturates() {
 #[test]
 fn anything_but_one_good_reply_of_the_right_kind_ends_the_connection() {
     let status = "OKF+000.000+000.000+000.000+00.0000T+00100+00000\r\n";
-    let mismatch = |unfinished| closed(Closing::Mismatch, unfinished);
+    let mismatch = |unfinished| closed(CloseReason::Mismatch, unfinished);
     let mut c = central();
     assert_eq!(receive(&mut c, ZERO, b"OK\r\n"), mismatch(Unfinished::Nothing), "unsolicited");
     let mut c = central();
@@ -139,7 +139,7 @@ fn anything_but_one_good_reply_of_the_right_kind_ends_the_connection() {
     assert_eq!(receive(&mut c, ZERO, status.as_bytes()), mismatch(Unfinished::Unknown(Command::Stop)));
     let mut c = central();
     send(&mut c, ZERO, Command::Stop);
-    let malformed = Closing::Malformed(DecodeError::UnknownReply { found: *b"Ok" });
+    let malformed = CloseReason::Malformed(DecodeError::UnknownReply { found: *b"Ok" });
     assert_eq!(receive(&mut c, ZERO, b"Ok\r\n"), closed(malformed, Unfinished::Unknown(Command::Stop)));
     let mut c = central();
     c.request(Command::Stop).unwrap();
@@ -154,7 +154,7 @@ fn anything_but_one_good_reply_of_the_right_kind_ends_the_connection() {
     let mut c = central_with::<NoPose>(CentralConfig::DEFAULT);
     send(&mut c, ZERO, Command::Status);
     c.handle_input(ZERO, b"OKF\r\n");
-    let Some(Event::Closed { reason: Closing::Malformed(error), .. }) = c.poll_event() else { panic!() };
+    let Some(Event::Closed { reason: CloseReason::Malformed(error), .. }) = c.poll_event() else { panic!() };
     assert_eq!(error.to_string(), "the line ends at byte 3, where no axis is expected");
 }
 
@@ -165,11 +165,11 @@ fn nothing_of_a_connection_leaks_into_the_next() {
     c.handle_input(ZERO, b"OK\r\nER+00");
     assert_eq!(c.poll_event(), Some(Event::Done { command: go(pose(5.0)) }));
     send(&mut c, ZERO, Command::Status);
-    let before = closed(Closing::Disconnected, Unfinished::Unknown(Command::Status));
+    let before = closed(CloseReason::Disconnected, Unfinished::Unknown(Command::Status));
     assert_eq!(connect(&mut c), Some(before));
     assert_eq!(query(&mut c, ZERO, false, 1.0, true), Progress::Still, "neither half a line nor a target");
     c.handle_disconnected(ZERO);
-    assert_eq!(c.poll_event(), Some(closed(Closing::Disconnected, Unfinished::Nothing)));
+    assert_eq!(c.poll_event(), Some(closed(CloseReason::Disconnected, Unfinished::Nothing)));
     c.handle_input(ZERO, b"OK\r\n");
     let Some(Event::Unexpected(unexpected)) = c.poll_event() else { panic!("without a connection") };
     assert_eq!(unexpected.to_string(), "Reply is not expected in the state Down");
@@ -187,7 +187,7 @@ fn a_command_is_aborted_before_and_after_it_is_sent() {
     assert_eq!(c.poll_transmit(ZERO, &mut [0; 64]), None, "it is never sent");
     send(&mut c, ZERO, go(pose(2.0)));
     c.abort(ZERO);
-    assert_eq!(c.poll_event(), Some(closed(Closing::Aborted, Unfinished::Unknown(go(pose(2.0))))));
+    assert_eq!(c.poll_event(), Some(closed(CloseReason::Aborted, Unfinished::Unknown(go(pose(2.0))))));
     assert!(c.is_ended());
 }
 
@@ -200,7 +200,7 @@ fn close_is_agreed_or_refused() {
     assert_eq!(receive(&mut c, ZERO, b"ER+00009\r\n"), event);
     assert!(c.is_idle());
     send(&mut c, ZERO, Command::Close);
-    assert_eq!(receive(&mut c, ZERO, b"OK\r\n"), closed(Closing::Agreed, Unfinished::Nothing));
+    assert_eq!(receive(&mut c, ZERO, b"OK\r\n"), closed(CloseReason::Agreed, Unfinished::Nothing));
     assert!(c.is_ended());
 }
 
@@ -258,7 +258,7 @@ fn a_motion_has_not_ended_before_it_has_begun() {
     assert_eq!(query(&mut c, 100 * MS, false, 1.0, true), Progress::Starting);
     assert_eq!(
         query(&mut c, 101 * MS, false, 1.0, true),
-        Progress::Missed(Miss::Elsewhere),
+        Progress::Missed(MissReason::Elsewhere),
         "it never began"
     );
 
@@ -278,13 +278,17 @@ fn at_rest_is_not_arrived() {
     let missed = Progress::Missed;
     let mut c = started(go(pose(5.0)), MS);
     query(&mut c, 2 * MS, true, 2.0, true);
-    assert_eq!(query(&mut c, 3 * MS, false, 2.0, true), missed(Miss::Elsewhere), "it stopped half-way");
-    assert_eq!(query(&mut c, 4 * MS, false, 4.989, true), missed(Miss::Elsewhere), "11 µm");
-    assert_eq!(query(&mut c, 4 * MS, false, 5.011, true), missed(Miss::Elsewhere), "11 µm");
+    assert_eq!(query(&mut c, 3 * MS, false, 2.0, true), missed(MissReason::Elsewhere), "it stopped half-way");
+    assert_eq!(query(&mut c, 4 * MS, false, 4.989, true), missed(MissReason::Elsewhere), "11 µm");
+    assert_eq!(query(&mut c, 4 * MS, false, 5.011, true), missed(MissReason::Elsewhere), "11 µm");
     assert_eq!(query(&mut c, 4 * MS, false, 5.010, true), Progress::Arrived, "10 µm");
-    assert_eq!(query(&mut c, 5 * MS, false, 5.0, false), missed(Miss::ServoOff));
+    assert_eq!(query(&mut c, 5 * MS, false, 5.0, false), missed(MissReason::ServoOff));
     assert_eq!(query(&mut c, 5 * MS, true, 6.0, true), Progress::Moving, "somebody else moves it");
-    assert_eq!(query(&mut c, 5 * MS, false, 6.0, true), missed(Miss::Elsewhere), "away from its target");
+    assert_eq!(
+        query(&mut c, 5 * MS, false, 6.0, true),
+        missed(MissReason::Elsewhere),
+        "away from its target"
+    );
 }
 
 #[test]
@@ -313,7 +317,7 @@ fn a_relative_motion_leads_from_where_the_device_rested() {
 fn after_a_reset_only_the_device_knows_where_home_is() {
     let mut c = started(Command::Reset, MS);
     assert_eq!(query(&mut c, 2 * MS, false, 0.0, true), Progress::Starting);
-    assert_eq!(query(&mut c, 101 * MS, false, 0.0, false), Progress::Missed(Miss::ServoOff));
+    assert_eq!(query(&mut c, 101 * MS, false, 0.0, false), Progress::Missed(MissReason::ServoOff));
     assert_eq!(query(&mut c, 101 * MS, false, 0.0, true), Progress::Still);
 }
 

@@ -12,7 +12,7 @@ use crate::common::{
 };
 use mmacell_proto::device::machine::Axes;
 use mmacell_proto::robot_session::end::End as _;
-use mmacell_proto::robot_session::{Ended, Session, drive};
+use mmacell_proto::robot_session::{EndReason, Session, drive};
 use mmacell_proto::{
     CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig,
     DeviceEvent as Event, Dialect, EncodeError, ErrorCode, Line, NoPose, Order, PlatformPose, Progress,
@@ -262,7 +262,7 @@ fn a_thousand_commands_in_one_write_are_answered_in_order() {
     assert_eq!((replies.next(), replies.next()), (Some("OK"), None));
     writer.join().unwrap().unwrap();
     let (ended, statistics) = device.join().unwrap();
-    assert_eq!(ended, Ended::ByHandler(DeviceClosing::Agreed));
+    assert_eq!(ended, EndReason::ByHandler(DeviceClosing::Agreed));
     assert_eq!((statistics.replies, statistics.rejected), (1001, 0));
 }
 

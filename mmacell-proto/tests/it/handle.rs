@@ -13,7 +13,8 @@ use mmacell_proto::robot_session::tokio::{Dial, Driver, GIVE_UP_AFTER, Reconnect
 use mmacell_proto::robot_session::{Session as _, now};
 use mmacell_proto::tokio::{Device as Robot, Error, central};
 use mmacell_proto::{
-    CentralConfig, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Miss, Order, Progress, RobotPose,
+    CentralConfig, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, MissReason, Order, Progress,
+    RobotPose,
 };
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
@@ -74,7 +75,7 @@ async fn a_motion_is_waited_for_until_it_has_arrived() {
     let status = timeout(LONG, robot.move_to(pose(100.0))).await.unwrap().unwrap();
     assert_eq!((status.pose, status.moving, status.servo), (pose(100.0), false, true));
     let missed = timeout(LONG, robot.move_to(pose(13.0))).await.unwrap();
-    assert!(matches!(missed, Err(Error::Missed(Miss::Elsewhere))), "{missed:?}");
+    assert!(matches!(missed, Err(Error::Missed(MissReason::Elsewhere))), "{missed:?}");
     let refused = timeout(LONG, robot.move_to(pose(999.0))).await.unwrap();
     assert!(matches!(refused, Err(Error::Refused(ErrorCode::Servo1))), "{refused:?}");
     // Others ask meanwhile, and one of them stops it.

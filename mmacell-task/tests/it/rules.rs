@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use crate::common::*;
 use mmacell_proto::{
-    BLOW, CentralEvent, Closing, Command, ErrorCode, Miss, Progress, Status, Unfinished, VACUUM,
+    BLOW, CentralEvent, CloseReason, Command, ErrorCode, MissReason, Progress, Status, Unfinished, VACUUM,
 };
 use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig};
 use proptest::prelude::*;
@@ -91,15 +91,15 @@ fn the_events_of_a_connection_are_translated() {
     let refused = CentralEvent::Refused { command: Command::Stop, error: ErrorCode::Other(77) };
     let failed = |failure| Some(Event::Failed { device: Device::Robot, failure });
     assert_eq!(from(refused), failed(Failure::Refused(ErrorCode::Other(77))));
-    let motion = Progress::Missed(Miss::ServoOff);
+    let motion = Progress::Missed(MissReason::ServoOff);
     let event = CentralEvent::Status { status: status(ErrorCode::None), motion };
     assert_eq!(from(event), Some(Event::Status { device: Device::Robot, motion }));
     let event = CentralEvent::Status { status: status(ErrorCode::Servo2), motion: Progress::Arrived };
     assert_eq!(from(event), failed(Failure::Error(ErrorCode::Servo2)));
     assert_eq!(from(CentralEvent::Aborted { command: Command::Stop }), failed(Failure::Aborted));
     let closed = |reason| from(CentralEvent::Closed { reason, unfinished: Unfinished::Nothing });
-    assert_eq!(closed(Closing::Timeout), failed(Failure::Lost));
-    assert_eq!(closed(Closing::Agreed), Some(Event::Done(Device::Robot)));
+    assert_eq!(closed(CloseReason::Timeout), failed(Failure::Lost));
+    assert_eq!(closed(CloseReason::Agreed), Some(Event::Done(Device::Robot)));
     assert_eq!(from(CentralEvent::Connected), None);
 }
 
@@ -109,10 +109,10 @@ fn a_motion_that_has_not_arrived_fails_the_step() {
     let device = Device::Robot;
     for step in [Step::AwaitHome, Step::AwaitCamera1, Step::AwaitCamera2, Step::AwaitPick, Step::AwaitPlace] {
         for (motion, miss) in [
-            (Progress::Missed(Miss::Elsewhere), Miss::Elsewhere),
-            (Progress::Missed(Miss::ServoOff), Miss::ServoOff),
+            (Progress::Missed(MissReason::Elsewhere), MissReason::Elsewhere),
+            (Progress::Missed(MissReason::ServoOff), MissReason::ServoOff),
             // At rest, and the session does not know where it should be.
-            (Progress::Still, Miss::Elsewhere),
+            (Progress::Still, MissReason::Elsewhere),
         ] {
             let mut task = task_at(step);
             poll(&mut task, ZERO);
@@ -331,7 +331,7 @@ fn an_end_after_a_fault_waits_for_those_that_can_move() {
     }
     assert_eq!(task.step(), Step::Faulted);
     poll(&mut task, ZERO);
-    task.handle_event(ZERO, progress(Device::Robot, Progress::Missed(Miss::Elsewhere)));
+    task.handle_event(ZERO, progress(Device::Robot, Progress::Missed(MissReason::Elsewhere)));
     assert_eq!(task.step(), Step::Closing);
 }
 
@@ -347,7 +347,7 @@ fn event() -> impl Strategy<Value = Option<Event>> {
         2 => any::<bool>().prop_map(|high| Some(Event::Switch { high })),
         2 => device().prop_map(|device| Some(Event::Ready(device))),
         1 => device().prop_map(|device| Some(Event::Done(device))),
-        1 => (device(), prop::sample::select(vec![Progress::Still, Progress::Arrived, Progress::Moving, Progress::Missed(Miss::Elsewhere)]))
+        1 => (device(), prop::sample::select(vec![Progress::Still, Progress::Arrived, Progress::Moving, Progress::Missed(MissReason::Elsewhere)]))
             .prop_map(|(device, motion)| Some(progress(device, motion))),
         1 => (device(), failures).prop_map(|(device, failure)| Some(Event::Failed { device, failure })),
         1 => prop::sample::select(vec![PART, SLOT, Event::NotFound, Event::Next, Event::Finish, Event::Recover, Event::Abort])
@@ -462,7 +462,7 @@ fn a_fault_is_a_sentence() {
         "the robot has refused an order (generic error (1)): it may still be moving"
     );
     assert_eq!(
-        device(Device::Platform, Failure::Missed(Miss::ServoOff)),
+        device(Device::Platform, Failure::Missed(MissReason::ServoOff)),
         "the platform has not arrived: its servo motors are off"
     );
     assert_eq!(device(Device::Vision, Failure::Lost), "the vision system is not connected any more");

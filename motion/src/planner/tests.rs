@@ -9,7 +9,7 @@ fn planner() -> Planner {
 fn linear(planner: &Planner, x: f64, y: f64, blend: f64) -> Move {
     let home = planner.arm.forward(&HOME);
     let goal = Goal::Pose(Pose { position: [x, y, 200.0], ..home }, None);
-    Move { goal, way: Way::Linear, pace: Pace::Path(100.0), ramp: 0.2, blend }
+    Move { goal, way: PathKind::Linear, pace: Pace::Path(100.0), ramp: 0.2, blend }
 }
 
 #[test]
@@ -87,8 +87,13 @@ fn a_corner_is_rounded_the_more_the_less_the_next_motion_waits() {
 fn joints_arrive_together_and_the_slowest_one_decides() {
     let mut planner = planner();
     let goal = [90.0, 19.0, 0.0, 0.0, -90.0, 0.0];
-    let motion =
-        Move { goal: Goal::Joints(goal), way: Way::Joint, pace: Pace::Share(0.5), ramp: 0.1, blend: 0.0 };
+    let motion = Move {
+        goal: Goal::Joints(goal),
+        way: PathKind::Joint,
+        pace: Pace::Share(0.5),
+        ramp: 0.1,
+        blend: 0.0,
+    };
     let (_, end) = planner.add(0.0, &motion).unwrap();
     assert!((end - 0.5).abs() < 1e-9, "90° at half of 450°/s, and the ramp: {end}");
     let middle = planner.at(end / 2.0);
@@ -113,7 +118,7 @@ fn an_arc_goes_through_its_point() {
     let (_, begin) = planner.add(0.0, &start).unwrap();
     // Around (400, 0): from 450 through (400, 50) to 350.
     let goal = Goal::Pose(Pose { position: [350.0, 0.0, 200.0], ..home }, None);
-    let arc = Move { goal, way: Way::Arc([400.0, 50.0, 200.0]), ..start };
+    let arc = Move { goal, way: PathKind::Arc([400.0, 50.0, 200.0]), ..start };
     let (_, end) = planner.add(begin, &arc).unwrap();
     let length = core::f64::consts::PI * 50.0;
     assert!((end - begin - length / 100.0 - 0.2).abs() < 0.01, "{}", end - begin);
@@ -125,7 +130,7 @@ fn an_arc_goes_through_its_point() {
         highest = highest.max(y);
     }
     assert!(highest > 49.9, "through the via point, not around the other side");
-    let line = Move { goal, way: Way::Arc([450.0, 0.0, 200.0]), ..start };
+    let line = Move { goal, way: PathKind::Arc([450.0, 0.0, 200.0]), ..start };
     assert_eq!(planner.add(end, &line), Err(MoveError::Arc));
 }
 
@@ -133,7 +138,7 @@ fn an_arc_goes_through_its_point() {
 fn a_short_motion_gets_its_speed_and_loses_it_in_its_time() {
     let mut planner = planner();
     let goal = Goal::Joints([0.5, 0.0, 0.0, 0.0, -90.0, 0.0]);
-    let motion = Move { goal, way: Way::Joint, pace: Pace::Share(1.0), ramp: 0.2, blend: 0.0 };
+    let motion = Move { goal, way: PathKind::Joint, pace: Pace::Share(1.0), ramp: 0.2, blend: 0.0 };
     let (_, end) = planner.add(0.0, &motion).unwrap();
     let at: Vec<f64> = (0..=26).map(|n| planner.at(0.008 * f64::from(n))[0]).collect();
     let speeds: Vec<f64> = at.windows(2).map(|pair| (pair[1] - pair[0]) / 0.008).collect();
@@ -162,13 +167,13 @@ fn a_tool_without_an_arm_goes_anywhere_and_stops_where_it_is_told() {
 /// Returns a tool without an arm at rest at this position at time 0.
 fn tool_at(place: Pose) -> Planner {
     let mut planner = planner().anywhere();
-    let there = Move { pace: Pace::Time(1.0), ..to(place, Way::Linear, Pace::Share(1.0)) };
+    let there = Move { pace: Pace::Time(1.0), ..to(place, PathKind::Linear, Pace::Share(1.0)) };
     let (_, end) = planner.add(-2.0, &there).unwrap();
     is_at(planner.pose(end), place);
     planner
 }
 
-fn to(place: Pose, way: Way, pace: Pace) -> Move {
+fn to(place: Pose, way: PathKind, pace: Pace) -> Move {
     Move { goal: Goal::Pose(place, None), way, pace, ramp: 0.2, blend: 0.0 }
 }
 
@@ -185,11 +190,11 @@ fn in_the_middle_of_its_time_a_line_is_in_the_middle_of_its_way_and_of_its_turn(
     let middle = turned([10.0, 15.0, 30.0], [80.0, 10.0, -50.0]);
     let goal = turned([20.0, 30.0, 60.0], [130.0, 60.0, -150.0]); // 245 mm
     let paces = [
-        (Way::Linear, Pace::Turn(35.0), 2.0),
-        (Way::Linear, Pace::Path(1e6), 70.0 / FASTEST_TURN), // the turn takes longer than the way
-        (Way::Linear, Pace::Path(100.0), 60_000f64.sqrt() / 100.0),
-        (Way::Joint, Pace::Share(0.5), 70.0 / FASTEST_TURN / 0.5),
-        (Way::Joint, Pace::Share(0.1), 70.0 / FASTEST_TURN / 0.1),
+        (PathKind::Linear, Pace::Turn(35.0), 2.0),
+        (PathKind::Linear, Pace::Path(1e6), 70.0 / FASTEST_TURN), // the turn takes longer than the way
+        (PathKind::Linear, Pace::Path(100.0), 60_000f64.sqrt() / 100.0),
+        (PathKind::Joint, Pace::Share(0.5), 70.0 / FASTEST_TURN / 0.5),
+        (PathKind::Joint, Pace::Share(0.1), 70.0 / FASTEST_TURN / 0.1),
     ];
     for (way, pace, cruise) in paces {
         let mut planner = tool_at(start);
@@ -213,7 +218,7 @@ fn an_arc_is_that_of_the_circle_through_its_points() {
     };
     for way in [200.0, -160.0] {
         let mut planner = tool_at(place(0.0));
-        let arc = to(place(200.0), Way::Arc(place(way / 4.0).position), Pace::Time(2.0));
+        let arc = to(place(200.0), PathKind::Arc(place(way / 4.0).position), Pace::Time(2.0));
         let (_, end) = planner.add(0.0, &arc).unwrap();
         for (time, share) in [(0.6, 0.25), (end / 2.0, 0.5), (end, 1.0)] {
             is_at(planner.pose(time), place(way * share));
@@ -225,7 +230,7 @@ fn an_arc_is_that_of_the_circle_through_its_points() {
 #[test]
 fn an_arc_has_three_places_that_are_not_on_one_line() {
     let arc = |via: [f64; 3], [x, y, z]: [f64; 3]| {
-        let goal = to(Pose::shift(x, y, z), Way::Arc(via), Pace::Time(1.0));
+        let goal = to(Pose::shift(x, y, z), PathKind::Arc(via), Pace::Time(1.0));
         let mut planner = tool_at(Pose::IDENTITY);
         let (_, end) = planner.add(0.0, &goal)?;
         is_at(planner.pose(end), Pose::shift(x, y, z));
@@ -259,7 +264,7 @@ fn a_place_that_says_how_the_arm_is_folded_has_those_joints() {
     for solution in folded {
         for turns in [[0, 0, 0], [1, -1, 0], [-1, 0, 1], [0, 1, -1]] {
             let goal = Goal::Pose(pose, Some((solution.posture, turns)));
-            let motion = Move { goal, ..to(pose, Way::Joint, Pace::Time(1.0)) };
+            let motion = Move { goal, ..to(pose, PathKind::Joint, Pace::Time(1.0)) };
             let mut planner = Planner::new(arm, Limits::ANY, HOME);
             let (_, end) = planner.add(0.0, &motion).unwrap();
             let [j1, j2, j3, wrist @ ..] = solution.joints;
@@ -270,7 +275,7 @@ fn a_place_that_says_how_the_arm_is_folded_has_those_joints() {
         // On a line the arm stays folded as it is.
         let mut planner = Planner::new(arm, Limits::ANY, joints);
         let goal = Goal::Pose(pose, Some((solution.posture, [1, 1, 1])));
-        planner.add(0.0, &Move { goal, ..to(pose, Way::Linear, Pace::Time(1.0)) }).unwrap();
+        planner.add(0.0, &Move { goal, ..to(pose, PathKind::Linear, Pace::Time(1.0)) }).unwrap();
         assert!(planner.target().iter().zip(joints).all(|(a, b)| (a - b).abs() < 1e-6), "{solution:?}");
     }
 }
@@ -282,7 +287,7 @@ fn a_place_that_the_arm_does_not_reach_folded_so_is_refused() {
     let add = |front| {
         let goal = Goal::Pose(pose, Some((Posture { flip: false, up: true, front }, [0; 3])));
         Planner::new(Arm::LR_MATE_200ID, Limits::ANY, HOME)
-            .add(0.0, &Move { goal, ..to(pose, Way::Joint, Pace::Time(1.0)) })
+            .add(0.0, &Move { goal, ..to(pose, PathKind::Joint, Pace::Time(1.0)) })
             .map(|_| ())
     };
     assert_eq!(add(true), Ok(()));

@@ -14,13 +14,13 @@ use embedded_io::{ErrorType, ReadReady, WriteReady};
 use crate::{Clock, Session, embedded_io as blocking, embedded_io_async as waiting};
 
 /// The size of a driver's buffers.
-pub(super) const MOST: usize = 4096;
+pub(super) const BUFFER_LEN: usize = 4096;
 
 /// The bytes for a port, and the events and transmissions of a driver, in sequence.
 pub(super) struct Driven<E> {
     /// The bytes that have arrived and are not read yet.
     pub(super) received: Vec<u8>,
-    pub(super) done: Vec<Done<E>>,
+    pub(super) done: Vec<DriverOutput<E>>,
 }
 
 impl<E> Default for Driven<E> {
@@ -29,7 +29,7 @@ impl<E> Default for Driven<E> {
     }
 }
 
-pub(super) enum Done<E> {
+pub(super) enum DriverOutput<E> {
     Event(E),
     Sent(Vec<u8>),
 }
@@ -38,14 +38,18 @@ impl<E> Driven<E> {
     /// Does the work that the session has at `now`, with the loop over `embedded-io`.
     pub(super) fn poll(&mut self, session: &mut impl Session<Event = E>, now: Duration) {
         let shared = RefCell::new(self);
-        let mut driver = blocking::Driver::<_, _, MOST, MOST>::new(Port(&shared), || now);
+        let mut driver = blocking::Driver::<_, _, BUFFER_LEN, BUFFER_LEN>::new(Port(&shared), || now);
         let _ = driver.poll(session, |_, event| note(&shared, event)).unwrap();
     }
 
     /// As [`poll`](Self::poll), under the loop over `embedded-io-async`: woken, then until it waits.
     pub(super) fn turn(&mut self, session: &mut impl Session<Event = E>, now: Duration) {
         let shared = RefCell::new(self);
-        let mut driver = waiting::Driver::<_, _, _, MOST, MOST>::new(Port(&shared), Port(&shared), Now(now));
+        let mut driver = waiting::Driver::<_, _, _, BUFFER_LEN, BUFFER_LEN>::new(
+            Port(&shared),
+            Port(&shared),
+            FixedClock(now),
+        );
         let mut woken = true;
         loop {
             let wake = poll_fn(|_| if core::mem::take(&mut woken) { Poll::Ready(()) } else { Poll::Pending });
@@ -58,7 +62,7 @@ impl<E> Driven<E> {
 }
 
 fn note<E>(shared: &RefCell<&mut Driven<E>>, event: E) -> ControlFlow<()> {
-    shared.borrow_mut().done.push(Done::Event(event));
+    shared.borrow_mut().done.push(DriverOutput::Event(event));
     ControlFlow::Continue(())
 }
 
@@ -91,7 +95,7 @@ impl<E> WriteReady for Port<'_, '_, E> {
 
 impl<E> embedded_io::Write for Port<'_, '_, E> {
     fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        self.0.borrow_mut().done.push(Done::Sent(bytes.into()));
+        self.0.borrow_mut().done.push(DriverOutput::Sent(bytes.into()));
         Ok(bytes.len())
     }
 
@@ -119,9 +123,9 @@ impl<E> embedded_io_async::Write for Port<'_, '_, E> {
     }
 }
 
-struct Now(Duration);
+struct FixedClock(Duration);
 
-impl Clock for Now {
+impl Clock for FixedClock {
     fn now(&self) -> Duration {
         self.0
     }

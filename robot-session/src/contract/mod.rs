@@ -65,4 +65,4 @@ pub use decoder::{Item, decode, decoder, decoder_where};
 pub use rng::Rng;
 pub use script::Script;
 pub use session::{scripted, session};
-pub use subject::{Happened, Subject};
+pub use subject::{Observed, Subject};

@@ -8,9 +8,9 @@ use std::vec::Vec;
 
 use arbitrary::Unstructured;
 
-use super::driven::{Done, Driven, MOST};
+use super::driven::{BUFFER_LEN, Driven, DriverOutput};
 use super::script::{Caller, Step, all};
-use super::{Happened, Rng, Script, Subject};
+use super::{Observed, Rng, Script, Subject};
 use crate::Session;
 
 /// Holds a session to the contract, on `seeds` random strings of calls; each takes one of its configurations, in turn.
@@ -47,7 +47,7 @@ pub fn scripted<U: Subject>(subject: &U, script: &Script<U::Input, U::Call>) {
 }
 
 /// The number of events or transmissions without an end.
-const MANY: usize = 10_000;
+const MAX_OUTPUTS: usize = 10_000;
 
 /// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] means never.
 const LATEST: Duration = Duration::MAX.saturating_sub(Duration::from_nanos(1));
@@ -149,7 +149,7 @@ struct Run<'a, U: Subject, W> {
 
 type EventOf<U> = <<U as Subject>::Session as Session>::Event;
 
-impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
+impl<U: Subject, W: FnMut(Observed<'_, EventOf<U>>)> Run<'_, U, W> {
     fn connection(&mut self, now: Duration, connected: bool) {
         self.connected = connected;
         if connected {
@@ -157,24 +157,24 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
         } else {
             self.session.handle_disconnected(now);
         }
-        (self.watch)(Happened::Connection);
+        (self.watch)(Observed::Connection);
     }
 
     fn call(&mut self, now: Duration, call: &U::Call) {
         if let Some(result) = self.subject.call(&mut self.session, self.configuration, now, call) {
-            (self.watch)(Happened::Called(&result));
+            (self.watch)(Observed::Called(&result));
             self.all.push(result);
         }
     }
 
     /// Passes bytes that arrive to the session, if it accepts some.
     fn arrive(&mut self, now: Duration, mut bytes: Vec<u8>) {
-        bytes.truncate(U::Session::MAX_INPUT.min(MOST));
+        bytes.truncate(U::Session::MAX_INPUT.min(BUFFER_LEN));
         if !((self.connected && self.session.wants_input()) || self.is_careless) {
             return;
         }
         if self.connected {
-            bytes.iter().for_each(|byte| (self.watch)(Happened::Byte(*byte)));
+            bytes.iter().for_each(|byte| (self.watch)(Observed::Byte(*byte)));
         }
         match self.caller {
             // A driver reads nothing that is not wanted.
@@ -191,14 +191,14 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
     }
 
     fn event(&mut self, now: Duration, event: &EventOf<U>) {
-        (self.watch)(Happened::Event(event));
+        (self.watch)(Observed::Event(event));
         self.all.extend(self.subject.event(event).map(|event| format!("{now:?} {event}")));
     }
 
     fn sent(&mut self, now: Duration, bytes: &[u8]) {
         assert!(!bytes.is_empty(), "{}: a transmission without bytes", self.subject.name());
         assert!(self.connected, "{}: a transmission without a connection", self.subject.name());
-        (self.watch)(Happened::Sent(bytes));
+        (self.watch)(Observed::Sent(bytes));
         self.all.push(format!("{now:?} {bytes:02X?}"));
     }
 
@@ -206,7 +206,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
     fn drain(&mut self, now: Duration) {
         let name = self.subject.name();
         for round in 0.. {
-            assert!(round < MANY, "{name}: at {now:?} a timeout is due again and again");
+            assert!(round < MAX_OUTPUTS, "{name}: at {now:?} a timeout is due again and again");
             let before = self.all.len();
             self.session.handle_timeout(now);
             match self.caller {
@@ -216,8 +216,8 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
             }
             for done in core::mem::take(&mut self.driven.done) {
                 match done {
-                    Done::Event(event) => self.event(now, &event),
-                    Done::Sent(bytes) => self.sent(now, &bytes),
+                    DriverOutput::Event(event) => self.event(now, &event),
+                    DriverOutput::Sent(bytes) => self.sent(now, &bytes),
                 }
             }
             let is_due = self.session.poll_timeout().is_some_and(|at| at <= now);
@@ -242,7 +242,11 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
         let mut out = vec![0; U::Session::MAX_TRANSMIT];
         while let Some(event) = self.session.poll_event() {
             self.event(now, &event);
-            assert!(self.all.len() < begin + MANY, "{name}: events without end: {:?}", self.all.last());
+            assert!(
+                self.all.len() < begin + MAX_OUTPUTS,
+                "{name}: events without end: {:?}",
+                self.all.last()
+            );
         }
         loop {
             if self.caller == Some(Caller::SmallBuffer) {
@@ -252,7 +256,7 @@ impl<U: Subject, W: FnMut(Happened<'_, EventOf<U>>)> Run<'_, U, W> {
             }
             let Some(length) = self.session.poll_transmit(now, &mut out) else { break };
             self.sent(now, &out[..length]);
-            assert!(self.all.len() < begin + MANY, "{name}: transmissions without end");
+            assert!(self.all.len() < begin + MAX_OUTPUTS, "{name}: transmissions without end");
         }
     }
 }

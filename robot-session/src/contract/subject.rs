@@ -12,7 +12,7 @@ use crate::Session;
 
 /// An observed act of a session, of its peer or of its user.
 #[derive(Debug)]
-pub enum Happened<'a, E> {
+pub enum Observed<'a, E> {
     /// A connection is made or lost.
     Connection,
     /// A byte arrives on a connection.
@@ -83,7 +83,7 @@ pub trait Subject {
 
     /// Returns a check of one session, called with every act in sequence: for example that each request has one outcome. The
     /// check panics if it fails.
-    fn watch(&self) -> impl FnMut(Happened<'_, <Self::Session as Session>::Event>) {
+    fn watch(&self) -> impl FnMut(Observed<'_, <Self::Session as Session>::Event>) {
         |_| ()
     }
 }

@@ -14,18 +14,18 @@ use serde_json::Value;
 
 use super::times::{nanoseconds, show, time, times};
 use super::{Form, Setting, Table, plain};
-use crate::spec::{Configure, Fields, Str, Whole};
+use crate::spec::{Configure, FieldVisitor, Str, WholeNumber};
 
 /// The rates of a serial port, in baud.
 pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
 
-impl Fields for Table<'_> {
+impl FieldVisitor for Table<'_> {
     fn source(&mut self, section: Str) -> &mut Self {
         self.source = section;
         self
     }
 
-    fn whole<T: Whole>(
+    fn whole<T: WholeNumber>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
@@ -40,7 +40,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn whole_or<T: Whole>(
+    fn whole_or<T: WholeNumber>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
@@ -58,7 +58,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn wholes<T: Whole>(
+    fn wholes<T: WholeNumber>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,

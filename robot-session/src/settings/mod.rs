@@ -6,12 +6,12 @@
 //!
 //! ```
 //! # use core::time::Duration;
-//! # use robot_session::spec::{Configure, Fields, SOME_TIME};
+//! # use robot_session::spec::{Configure, FieldVisitor, SOME_TIME};
 //! # #[derive(Debug)]
 //! # struct HostConfig { resends: u8, timeout: Duration }
 //! # impl HostConfig { const DEFAULT: Self = Self { resends: 3, timeout: Duration::from_secs(1) }; }
 //! # impl Configure for HostConfig {
-//! #     fn configure(&mut self, fields: &mut impl Fields) {
+//! #     fn configure(&mut self, fields: &mut impl FieldVisitor) {
 //! #         fields.whole("resends", 0..=u8::MAX, "times", "how often a frame is sent again", &mut self.resends);
 //! #         fields.time("timeout", SOME_TIME, "the reply timeout", &mut self.timeout);
 //! #     }
@@ -46,7 +46,7 @@ use serde::de::Error as _;
 pub use serde::de::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
-pub use crate::spec::{ANY_TIME, Configure, Fields, LINE, SOME_TIME};
+pub use crate::spec::{ANY_TIME, Configure, FieldVisitor, LINE, SOME_TIME};
 pub use kinds::BAUD_RATES;
 
 /// The source of a field that the link's source does not specify.
@@ -90,20 +90,20 @@ impl Setting {
 
 /// A refused setting, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refused {
+pub struct RefusedSetting {
     /// The name of the setting.
     pub name: String,
     /// The error, and the values to give.
     pub text: String,
 }
 
-impl core::fmt::Display for Refused {
+impl core::fmt::Display for RefusedSetting {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(&self.text)
     }
 }
 
-impl core::error::Error for Refused {}
+impl core::error::Error for RefusedSetting {}
 
 /// The settings of a configuration, while they are visited.
 #[derive(Debug)]
@@ -116,14 +116,14 @@ pub struct Table<'a> {
     omitted: Vec<&'static str>,
     visited: Vec<Setting>,
     given: Option<&'a Map<String, Value>>,
-    refused: Option<Refused>,
+    refused: Option<RefusedSetting>,
 }
 
 /// Returns a configuration with the given values. `what` names the configured thing in errors.
 ///
 /// # Errors
 /// If a name is not a setting of the configuration, or a value is not valid for its setting.
-pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C, Refused> {
+pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C, RefusedSetting> {
     read_as(Form::Text, what, config, given)
 }
 
@@ -136,7 +136,7 @@ pub fn read_as<C: Configure>(
     what: &str,
     mut config: C,
     given: &Map<String, Value>,
-) -> Result<C, Refused> {
+) -> Result<C, RefusedSetting> {
     let Table { visited, refused, .. } = Table::visit_all(form, &mut config, Some(given));
     let names: Vec<&str> = visited.iter().map(|setting| setting.name.as_str()).collect();
     if let Some(unknown) = unknown(given, "", &names) {
@@ -145,7 +145,7 @@ pub fn read_as<C: Configure>(
         } else {
             no_setting(what, &unknown, &names)
         };
-        return Err(Refused { name: unknown, text });
+        return Err(RefusedSetting { name: unknown, text });
     }
     refused.map_or(Ok(config), Err)
 }
@@ -176,7 +176,7 @@ pub fn no_setting(what: &str, name: &str, names: &[impl AsRef<str>]) -> String {
 /// Names are similar by the measure that clap has for arguments. A name without a table is compared with the names in every
 /// table, and each name also with the tables.
 pub fn did_you_mean(unknown: &str, names: &[&str]) -> String {
-    const LEAST: f64 = 0.75;
+    const MIN_SIMILARITY: f64 = 0.75;
     const NEARLY: f64 = 0.05;
     let tables: Vec<&str> =
         names.iter().flat_map(|name| name.match_indices('.').filter_map(|(at, _)| name.get(..at))).collect();
@@ -188,7 +188,7 @@ pub fn did_you_mean(unknown: &str, names: &[&str]) -> String {
     };
     let mut found: Vec<(f64, &str)> = Vec::new();
     for name in names.iter().chain(&tables).copied() {
-        if likeness(name) > LEAST && !found.iter().any(|(_, known)| *known == name) {
+        if likeness(name) > MIN_SIMILARITY && !found.iter().any(|(_, known)| *known == name) {
             found.push((likeness(name), name));
         }
     }
@@ -247,7 +247,7 @@ pub fn list_as(form: Form, mut config: impl Configure) -> Vec<Setting> {
 ///
 /// # Errors
 /// If a name is not a field of the configuration, or a value is not valid for its field.
-pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>, Refused> {
+pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>, RefusedSetting> {
     let config = read_as(Form::Nanoseconds, "the configuration", config, given)?;
     Ok(list_as(Form::Nanoseconds, config))
 }
@@ -256,7 +256,7 @@ pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<
 ///
 /// # Errors
 /// If the part before a dot has a value that is not a table.
-pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), Refused> {
+pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), RefusedSetting> {
     let Some((table, rest)) = name.split_once('.') else {
         return match (settings.get_mut(name), value) {
             (Some(Value::Object(before)), Value::Object(after)) => merge(before, after),
@@ -270,7 +270,7 @@ pub fn insert(settings: &mut Map<String, Value>, name: &str, value: Value) -> Re
         Value::Object(inner) => insert(inner, rest, value),
         other => {
             let text = format!("{name}: `{table}` is {other}, which has no settings in it");
-            Err(Refused { name: name.into(), text })
+            Err(RefusedSetting { name: name.into(), text })
         }
     }
 }
@@ -315,7 +315,7 @@ impl<'a> Table<'a> {
             && let Err(why) = set(value)
         {
             let text = format!("{name}={}: {why}, give {values}", plain(value));
-            self.refused.get_or_insert_with(|| Refused { name: name.clone(), text });
+            self.refused.get_or_insert_with(|| RefusedSetting { name: name.clone(), text });
         }
         self.visited.push(Setting { name, unit, values, choices, default, about, source });
     }
@@ -360,7 +360,7 @@ fn unknown(given: &Map<String, Value>, prefix: &str, names: &[&str]) -> Option<S
     })
 }
 
-fn merge(before: &mut Map<String, Value>, after: Map<String, Value>) -> Result<(), Refused> {
+fn merge(before: &mut Map<String, Value>, after: Map<String, Value>) -> Result<(), RefusedSetting> {
     after.into_iter().try_for_each(|(name, value)| insert(before, &name, value))
 }
 

@@ -32,7 +32,7 @@ const CONFIG: Config = Config {
 };
 
 impl Configure for Config {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { baud, mode, clamp, pause, gap, tail, limits, low_water, payload, journal } = self;
         fields.baud(LINE, baud);
         fields.whole("mode", 0..=31, "", "five bits", mode);
@@ -183,7 +183,7 @@ struct Times {
 }
 
 impl Configure for Times {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { any, some, short, never } = self;
         fields.time("any", ANY_TIME, "may be nothing", any);
         fields.time("some", SOME_TIME, "is something", some);

@@ -28,7 +28,7 @@ use ::rustls::{ClientConfig, ClientConnection, Connection, ServerConfig, ServerC
 
 pub(crate) use self::advice::advised;
 pub use self::files::{FileError, Identity, client, server};
-use crate::{Received, Sent, Transport, Wait, discard_unacknowledged, is_silence};
+use crate::{ReceiveOutcome, SendOutcome, Transport, Wait, discard_unacknowledged, is_silence};
 
 /// The time that a handshake may take.
 pub const HANDSHAKE: Duration = Duration::from_secs(10);
@@ -83,7 +83,7 @@ impl Secure {
     /// # Errors
     /// The handshake has failed, or takes longer than [`HANDSHAKE`].
     pub fn is_ready(&mut self) -> io::Result<bool> {
-        self.tls.shake_hands(&mut Now(&mut self.stream))
+        self.tls.shake_hands(&mut NonBlocking(&mut self.stream))
     }
 
     fn shake_hands(mut stream: TcpStream, mut tls: Layer) -> io::Result<Self> {
@@ -118,7 +118,7 @@ impl Secure {
     /// Ends TLS, so that the peer does not take the end for a lost connection, then ends the connection. Does not wait for a
     /// peer that reads nothing.
     pub fn close(&mut self) {
-        self.tls.end(&mut Now(&mut self.stream));
+        self.tls.end(&mut NonBlocking(&mut self.stream));
         let _ = self.stream.shutdown(Shutdown::Both);
     }
 }
@@ -239,24 +239,24 @@ impl Layer {
 }
 
 /// A stream that does not wait.
-struct Now<'a>(&'a mut TcpStream);
+struct NonBlocking<'a>(&'a mut TcpStream);
 
-impl io::Read for Now<'_> {
+impl io::Read for NonBlocking<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self.0.receive(buffer, Wait::limited(Duration::ZERO))? {
-            Received::Bytes(length) => Ok(length),
-            Received::Closed => Ok(0),
-            Received::Nothing => Err(ErrorKind::WouldBlock.into()),
+            ReceiveOutcome::Bytes(length) => Ok(length),
+            ReceiveOutcome::Closed => Ok(0),
+            ReceiveOutcome::Nothing => Err(ErrorKind::WouldBlock.into()),
         }
     }
 }
 
-impl io::Write for Now<'_> {
+impl io::Write for NonBlocking<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self.0.send(bytes)? {
-            Sent::Part(0) => Err(ErrorKind::WouldBlock.into()),
-            Sent::Part(length) => Ok(length),
-            Sent::Buffered | Sent::Transmitted => Ok(bytes.len()),
+            SendOutcome::Part(0) => Err(ErrorKind::WouldBlock.into()),
+            SendOutcome::Part(length) => Ok(length),
+            SendOutcome::Buffered | SendOutcome::Transmitted => Ok(bytes.len()),
         }
     }
 
@@ -266,33 +266,33 @@ impl io::Write for Now<'_> {
 }
 
 impl Transport for Secure {
-    fn receive(&mut self, buffer: &mut [u8], mut wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], mut wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let Self { stream, tls } = self;
         let read = match tls.decrypted(buffer) {
             Err(error) if is_silence(&error) => {
-                tls.flush(&mut Now(stream))?;
+                tls.flush(&mut NonBlocking(stream))?;
                 wait.room |= tls.connection.wants_write();
                 if !wait.readable(&*stream)? {
-                    tls.flush(&mut Now(stream))?;
-                    return Ok(Received::Nothing);
+                    tls.flush(&mut NonBlocking(stream))?;
+                    return Ok(ReceiveOutcome::Nothing);
                 }
-                tls.read(&mut Now(stream), buffer)
+                tls.read(&mut NonBlocking(stream), buffer)
             }
             read => read,
         };
         match read {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Ok(0) => Ok(ReceiveOutcome::Closed),
+            Ok(length) => Ok(ReceiveOutcome::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(ReceiveOutcome::Nothing),
             Err(error) => Err(error),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        match self.tls.write(&mut Now(&mut self.stream), bytes) {
-            Ok(taken) if taken == bytes.len() => Ok(Sent::Buffered),
-            Ok(taken) => Ok(Sent::Part(taken)),
-            Err(error) if is_silence(&error) => Ok(Sent::Part(0)),
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
+        match self.tls.write(&mut NonBlocking(&mut self.stream), bytes) {
+            Ok(taken) if taken == bytes.len() => Ok(SendOutcome::Buffered),
+            Ok(taken) => Ok(SendOutcome::Part(taken)),
+            Err(error) if is_silence(&error) => Ok(SendOutcome::Part(0)),
             Err(error) => Err(error),
         }
     }

@@ -20,15 +20,15 @@ use ::tokio::sync::mpsc;
 
 use super::Waker;
 use super::driver::Port;
-use super::polled::Polled;
-use super::served::Served;
+use super::polled::PolledInput;
+use super::served::ServedSession;
 use super::service::Service;
 use super::timer::Timer;
-use crate::left::Left;
 use crate::machine::is_due;
+use crate::pending::PendingWork;
 use crate::trace::Span;
-use crate::turn::{Outgoing, Passed, take};
-use crate::{Ended, Session as _, now};
+use crate::turn::{Outgoing, PortProgress, take};
+use crate::{EndReason, Session as _, now};
 
 /// The longest time that a connection which is over waits for the state to be stored.
 const LAST_KEEP: Duration = Duration::from_secs(1);
@@ -41,11 +41,11 @@ impl<T: AsyncRead + AsyncWrite + Unpin + Send> Stream for T {}
 /// A connection, and the session that uses it. The task owns it while it is awake; while the task sleeps it is in the
 /// [`Shared`](super::shared::Shared).
 pub(super) struct Connection<S: Service> {
-    pub(super) served: Served<S>,
+    pub(super) served: ServedSession<S>,
     port: Port<Box<dyn Stream>>,
     input: Vec<u8>,
     out: Vec<u8>,
-    left: Left,
+    unsent: PendingWork,
     timer: Timer,
     clock: Clock,
     polls: Option<Polls>,
@@ -56,7 +56,7 @@ pub(super) struct Connection<S: Service> {
     /// The longest time for storing the state.
     stall: Duration,
     /// The work that a caller has left to the task.
-    handed_over: Option<HandedOver>,
+    handed_over: Option<HandedOverWork>,
     span: Span,
 }
 
@@ -70,21 +70,21 @@ pub(super) struct Inputs<'a, 'w, S: Service, O> {
 }
 
 /// The result of a wait.
-pub(super) enum Waited {
+pub(super) enum WaitResult {
     /// The connection is over.
-    Over(Over),
+    Over(ConnectionEnd),
     /// The session has got calls.
     Called,
     /// The work that a caller has left to the task.
-    HandedOver(HandedOver),
+    HandedOver(HandedOverWork),
     /// The port has read or written, or the task was woken.
-    Passed(Passed),
+    Passed(PortProgress),
     /// A deadline has passed.
     Time,
 }
 
 /// The reason that a connection is over.
-pub(super) enum Over {
+pub(super) enum ConnectionEnd {
     /// The task is to end.
     Stopped,
     /// Another connection replaces it.
@@ -96,21 +96,21 @@ pub(super) enum Over {
 }
 
 /// The work that a caller leaves to the task.
-pub(super) enum HandedOver {
+pub(super) enum HandedOverWork {
     /// The call is made; the remaining work may have to wait.
     Rest,
     /// The connection is over.
-    Over(Over),
+    Over(ConnectionEnd),
     /// The service has panicked. The task panics in its place.
     Panic(Box<dyn Any + Send>),
 }
 
 /// The polled inputs of a task.
 struct Polls {
-    over: Polled,
-    calls: Polled,
-    port: Polled,
-    waker: Polled,
+    over: PolledInput,
+    calls: PolledInput,
+    port: PolledInput,
+    waker: PolledInput,
 }
 
 /// The clock of a connection. It is read once for everything that happens at the same time.
@@ -120,13 +120,13 @@ struct Clock {
 }
 
 impl<S: Service> Connection<S> {
-    pub(super) fn new(served: Served<S>, port: Box<dyn Stream>, stall: Duration, span: Span) -> Self {
+    pub(super) fn new(served: ServedSession<S>, port: Box<dyn Stream>, stall: Duration, span: Span) -> Self {
         Self {
             served,
             port: Port::new(port),
             input: vec![0; S::Session::MAX_INPUT],
             out: vec![0; S::Session::MAX_TRANSMIT],
-            left: Left::with_stall(stall),
+            unsent: PendingWork::with_stall(stall),
             timer: Timer::default(),
             clock: Clock { now: now(), is_used: true },
             polls: None,
@@ -144,7 +144,7 @@ impl<S: Service> Connection<S> {
     }
 
     /// Disconnects the session, and reports the events of that.
-    pub(super) fn end(self) -> Served<S> {
+    pub(super) fn end(self) -> ServedSession<S> {
         let mut served = self.served;
         served.session.handle_disconnected(now());
         served.report();
@@ -154,14 +154,17 @@ impl<S: Service> Connection<S> {
     /// Reports events before a wait, and puts the bytes to be sent into the buffer. Returns whether to store the state
     /// first.
     pub(super) fn prepare(&mut self) -> io::Result<bool> {
-        let Self { served, left, out, clock, .. } = self;
-        served.prepare(left, out, clock.now)?;
-        Ok(left.unannounced || served.has_reported)
+        let Self { served, unsent, out, clock, .. } = self;
+        served.prepare(unsent, out, clock.now)?;
+        Ok(unsent.hook_pending || served.has_reported)
     }
 
     /// Stores the state. It is stored even if the connection is over meanwhile, but for no longer than [`LAST_KEEP`].
-    pub(super) async fn keep(&mut self, mut over: Pin<&mut impl Future<Output = Over>>) -> Result<(), Over> {
-        let Self { served, left, polls, clock, timer, stall, .. } = self;
+    pub(super) async fn keep(
+        &mut self,
+        mut over: Pin<&mut impl Future<Output = ConnectionEnd>>,
+    ) -> Result<(), ConnectionEnd> {
+        let Self { served, unsent, polls, clock, timer, stall, .. } = self;
         let mut keep = pin!(served.service.keep(&mut served.session));
         let (mut until, mut is_over) = (None, None);
         let kept = poll_fn(|context| {
@@ -188,32 +191,32 @@ impl<S: Service> Connection<S> {
         }
         match (kept, is_over) {
             (_, Some(over)) => Err(over),
-            (Err(error), None) => Err(Over::Lost(error)),
+            (Err(error), None) => Err(ConnectionEnd::Lost(error)),
             (Ok(()), None) => {
-                (left.unannounced, served.has_reported) = (false, false);
+                (unsent.hook_pending, served.has_reported) = (false, false);
                 Ok(())
             }
         }
     }
 
     /// Called after the task has slept; returns the work that a caller has handed over.
-    pub(super) fn wake_up(&mut self) -> Option<HandedOver> {
+    pub(super) fn wake_up(&mut self) -> Option<HandedOverWork> {
         self.clock.read();
         self.handed_over.take()
     }
 
     /// Polls everything that the task waits for.
     #[inline(always)]
-    pub(super) fn poll<O: Future<Output = Over>>(
+    pub(super) fn poll<O: Future<Output = ConnectionEnd>>(
         &mut self,
         context: &mut Context<'_>,
         inputs: &mut Inputs<'_, '_, S, O>,
-    ) -> Poll<Waited> {
-        let Self { served, port, input, out, left, timer, clock, polls, .. } = self;
+    ) -> Poll<WaitResult> {
+        let Self { served, port, input, out, unsent, timer, clock, polls, .. } = self;
         let polls = Polls::of(polls, context);
         if polls.over.is_due() {
             if let Poll::Ready(over) = inputs.over.as_mut().poll(&mut polls.over.context()) {
-                return Poll::Ready(Waited::Over(over));
+                return Poll::Ready(WaitResult::Over(over));
             }
             polls.over.set_pending();
         }
@@ -224,7 +227,7 @@ impl<S: Service> Connection<S> {
                     let now = clock.next();
                     served.service.call(&mut served.session, now, call);
                 }
-                Poll::Ready(None) => return Poll::Ready(Waited::Over(Over::Stopped)),
+                Poll::Ready(None) => return Poll::Ready(WaitResult::Over(ConnectionEnd::Stopped)),
                 Poll::Pending => {
                     polls.calls.set_pending();
                     break;
@@ -233,51 +236,51 @@ impl<S: Service> Connection<S> {
             is_called = true;
         }
         if is_called {
-            return Poll::Ready(Waited::Called);
+            return Poll::Ready(WaitResult::Called);
         }
         let input = (polls.port.is_due() && served.session.wants_input()).then_some(&mut **input);
         let mut is_unread = false;
-        let outgoing = Outgoing::of(left, out);
+        let outgoing = Outgoing::of(unsent, out);
         let passed = port.poll(&mut polls.port.context(), input, outgoing, || is_unread = true);
         if is_unread {
             polls.port.set_pending();
         }
         if let Poll::Ready(passed) = passed {
             return Poll::Ready(match passed {
-                Ok(passed) => Waited::Passed(passed),
-                Err(error) => Waited::Over(Over::Lost(error)),
+                Ok(passed) => WaitResult::Passed(passed),
+                Err(error) => WaitResult::Over(ConnectionEnd::Lost(error)),
             });
         }
         if polls.waker.is_due() {
             if inputs.woken.as_mut().poll(&mut polls.waker.context()).is_ready() {
                 inputs.woken.set(inputs.waker.0.notified());
-                return Poll::Ready(Waited::Passed(Passed::default()));
+                return Poll::Ready(WaitResult::Passed(PortProgress::default()));
             }
             polls.waker.set_pending();
         }
-        timer.poll(context, served.due(left, clock.now)).map(|()| Waited::Time)
+        timer.poll(context, served.due(unsent, clock.now)).map(|()| WaitResult::Time)
     }
 
     /// Gives the result of a wait to the session.
-    pub(super) fn take(&mut self, waited: Waited) -> ControlFlow<Over> {
-        let Self { served, input, left, clock, has_sent, has_received, .. } = self;
+    pub(super) fn take(&mut self, waited: WaitResult) -> ControlFlow<ConnectionEnd> {
+        let Self { served, input, unsent, clock, has_sent, has_received, .. } = self;
         let passed = match waited {
-            Waited::Over(over) | Waited::HandedOver(HandedOver::Over(over)) => {
+            WaitResult::Over(over) | WaitResult::HandedOver(HandedOverWork::Over(over)) => {
                 return ControlFlow::Break(over);
             }
-            Waited::HandedOver(HandedOver::Panic(panic)) => resume_unwind(panic),
-            Waited::Called | Waited::HandedOver(HandedOver::Rest) => {
-                left.restart();
+            WaitResult::HandedOver(HandedOverWork::Panic(panic)) => resume_unwind(panic),
+            WaitResult::Called | WaitResult::HandedOver(HandedOverWork::Rest) => {
+                unsent.restart();
                 return ControlFlow::Continue(());
             }
-            Waited::Time => {
+            WaitResult::Time => {
                 clock.read();
                 if served.service.poll_timeout().is_some_and(|at| is_due(at, clock.now)) {
                     served.service.handle_timeout(&mut served.session, clock.now);
                 }
-                Passed::default()
+                PortProgress::default()
             }
-            Waited::Passed(passed) => passed,
+            WaitResult::Passed(passed) => passed,
         };
         *has_sent |= passed.written.is_some_and(|written| written > 0);
         *has_received |= passed.read.is_some_and(|read| read > 0);
@@ -285,13 +288,13 @@ impl<S: Service> Connection<S> {
         if !has_only_written {
             clock.next();
         }
-        let taken = take::<_, Infallible>(&mut *served.session, left, input, passed, clock.now);
+        let taken = take::<_, Infallible>(&mut *served.session, unsent, input, passed, clock.now);
         if let ControlFlow::Break(ended) = taken {
             let (kind, why) = match ended {
-                Ended::Stalled => (io::ErrorKind::TimedOut, "the peer does not read"),
+                EndReason::Stalled => (io::ErrorKind::TimedOut, "the peer does not read"),
                 _ => (io::ErrorKind::UnexpectedEof, "the peer has closed the connection"),
             };
-            return ControlFlow::Break(Over::Lost(io::Error::new(kind, why)));
+            return ControlFlow::Break(ConnectionEnd::Lost(io::Error::new(kind, why)));
         }
         ControlFlow::Continue(())
     }
@@ -313,10 +316,10 @@ impl<S: Service> Connection<S> {
             })
         }));
         self.handed_over = match made {
-            Ok(Ok(Sent::All)) => None,
-            Ok(Ok(Sent::Part)) => Some(HandedOver::Rest),
-            Ok(Err(over)) => Some(HandedOver::Over(over)),
-            Err(panic) => Some(HandedOver::Panic(panic)),
+            Ok(Ok(CallBytes::All)) => None,
+            Ok(Ok(CallBytes::Part)) => Some(HandedOverWork::Rest),
+            Ok(Err(over)) => Some(HandedOverWork::Over(over)),
+            Err(panic) => Some(HandedOverWork::Panic(panic)),
         };
         if let (Some(_), Some(polls)) = (&self.handed_over, &self.polls) {
             polls.calls.wake();
@@ -325,38 +328,38 @@ impl<S: Service> Connection<S> {
     }
 
     /// Sends the bytes for a call.
-    fn send(&mut self, now: Duration) -> Result<Sent, Over> {
-        let Self { served, port, out, left, timer, has_sent, polls: Some(polls), .. } = self else {
-            return Ok(Sent::Part);
+    fn send(&mut self, now: Duration) -> Result<CallBytes, ConnectionEnd> {
+        let Self { served, port, out, unsent, timer, has_sent, polls: Some(polls), .. } = self else {
+            return Ok(CallBytes::Part);
         };
-        left.restart();
-        served.prepare(left, out, now).map_err(Over::Unusable)?;
-        if left.unannounced || served.has_reported {
+        unsent.restart();
+        served.prepare(unsent, out, now).map_err(ConnectionEnd::Unusable)?;
+        if unsent.hook_pending || served.has_reported {
             let keep = pin!(served.service.keep(&mut served.session));
             match keep.poll(&mut Context::from_waker(TaskWaker::noop())) {
-                Poll::Ready(kept) => kept.map_err(Over::Lost)?,
-                Poll::Pending => return Ok(Sent::Part),
+                Poll::Ready(kept) => kept.map_err(ConnectionEnd::Lost)?,
+                Poll::Pending => return Ok(CallBytes::Part),
             }
-            (left.unannounced, served.has_reported) = (false, false);
+            (unsent.hook_pending, served.has_reported) = (false, false);
         }
-        if left.is_some() {
-            let written = port.poll_write(&mut polls.port.context(), Outgoing::of(left, out));
+        if unsent.is_some() {
+            let written = port.poll_write(&mut polls.port.context(), Outgoing::of(unsent, out));
             // An error is left to the task, which first reads the bytes that have come.
-            let Poll::Ready(Ok(passed)) = written.passed(Poll::Pending) else { return Ok(Sent::Part) };
+            let Poll::Ready(Ok(passed)) = written.passed(Poll::Pending) else { return Ok(CallBytes::Part) };
             *has_sent = true;
-            left.wrote(passed.written.unwrap_or_default(), passed.flushed, now);
-            if left.is_some() || left.unflushed {
-                return Ok(Sent::Part);
+            unsent.wrote(passed.written.unwrap_or_default(), passed.flushed, now);
+            if unsent.is_some() || unsent.unflushed {
+                return Ok(CallBytes::Part);
             }
-            served.prepare(left, out, now).map_err(Over::Unusable)?;
+            served.prepare(unsent, out, now).map_err(ConnectionEnd::Unusable)?;
         }
-        let is_all = !left.is_some() && !served.has_reported && timer.is_in_time(served.due(left, now));
-        Ok(if is_all { Sent::All } else { Sent::Part })
+        let is_all = !unsent.is_some() && !served.has_reported && timer.is_in_time(served.due(unsent, now));
+        Ok(if is_all { CallBytes::All } else { CallBytes::Part })
     }
 }
 
 /// Whether the bytes for a call are sent.
-enum Sent {
+enum CallBytes {
     /// All of them, and the task sleeps on.
     All,
     /// The task continues.
@@ -375,7 +378,7 @@ impl Polls {
 
     #[cold]
     fn new(context: &Context<'_>) -> Self {
-        let [over, calls, port, waker] = core::array::from_fn(|_| Polled::new(context));
+        let [over, calls, port, waker] = core::array::from_fn(|_| PolledInput::new(context));
         Self { over, calls, port, waker }
     }
 }

@@ -262,7 +262,7 @@ impl<F: FnMut(&[u8]) -> bool + Send> Connector for UdpListen<F> {
     async fn connect(&mut self) -> io::Result<Datagrams> {
         self.peer = None;
         let socket = listen(&self.address, UdpSocket::bind(&self.address).await)?;
-        let mut first = vec![0; LONGEST];
+        let mut first = vec![0; MAX_DATAGRAM_LEN];
         loop {
             match socket.recv_from(&mut first).await {
                 Ok((length, peer)) => {
@@ -272,7 +272,7 @@ impl<F: FnMut(&[u8]) -> bool + Send> Connector for UdpListen<F> {
                         self.peer = Some(peer);
                         return Ok(Datagrams { socket, only: Some(peer), first: Some(first) });
                     }
-                    first.resize(LONGEST, 0);
+                    first.resize(MAX_DATAGRAM_LEN, 0);
                 }
                 Err(error) if is_lost_datagram(&error) => {}
                 Err(error) => return Err(error),
@@ -292,7 +292,7 @@ impl<F> fmt::Debug for UdpListen<F> {
 }
 
 /// The length of the longest datagram, in bytes.
-const LONGEST: usize = 65536;
+const MAX_DATAGRAM_LEN: usize = 65536;
 
 /// A connected UDP socket as a transport: the bytes of one write are a datagram, and so are those of one read. A lost
 /// datagram or an absent peer is not an error; an empty datagram is skipped.

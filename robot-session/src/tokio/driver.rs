@@ -13,11 +13,11 @@ use ::tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use ::tokio::sync::Notify;
 
 use super::timer::Timer;
-use crate::ended::{Connection, keep_first};
-use crate::left::Left;
+use crate::end_reason::{Connection, keep_first};
+use crate::pending::PendingWork;
 use crate::trace::Span;
-use crate::turn::{NoKeep, Outgoing, Passed, Time, Turn};
-use crate::{Ended, Session, now};
+use crate::turn::{NoHook, Outgoing, PortProgress, Time, Turn};
+use crate::{EndReason, Session, now};
 
 /// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
 ///
@@ -30,7 +30,7 @@ pub struct Driver<T> {
     port: Port<T>,
     input: Vec<u8>,
     out: Vec<u8>,
-    left: Left,
+    unsent: PendingWork,
     timer: Timer,
     /// The waker, made when it is requested: a driver without one does not check for wakes.
     waker: OnceLock<Waker>,
@@ -58,14 +58,14 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// Creates a loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
         let (timer, waker) = (Timer::default(), OnceLock::new());
-        let left = Left::NOTHING;
-        Self { port: Port::new(transport), input: Vec::new(), out: Vec::new(), left, timer, waker }
+        let unsent = PendingWork::NOTHING;
+        Self { port: Port::new(transport), input: Vec::new(), out: Vec::new(), unsent, timer, waker }
     }
 
     /// Replaces the time [`STALL`](crate::STALL).
     #[must_use]
     pub fn stall(self, stall: Duration) -> Self {
-        Self { left: Left::with_stall(stall), ..self }
+        Self { unsent: PendingWork::with_stall(stall), ..self }
     }
 
     /// Returns a waker that ends the wait of the current turn, or of the next.
@@ -91,8 +91,8 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         &mut self,
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<ControlFlow<Ended<B>>> {
-        self.pass(session, None::<NoKeep<S, io::Error>>, handler).await
+    ) -> io::Result<ControlFlow<EndReason<B>>> {
+        self.pass(session, None::<NoHook<S, io::Error>>, handler).await
     }
 
     /// As [`turn`](Self::turn), with a hook that is called before the session's bytes are sent: it stores the state that must
@@ -100,23 +100,23 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// was not stored. If the future of this call is dropped, the hook is called again.
     ///
     /// # Errors
-    /// The errors of the transport and of `keep`. After an error of `keep` nothing is sent, and the connection is over.
-    pub async fn turn_keeping<S: Session, B>(
+    /// The errors of the transport and of `before_send`. After an error of `before_send` nothing is sent, and the connection is over.
+    pub async fn turn_with<S: Session, B>(
         &mut self,
         session: &mut S,
-        keep: impl AsyncFnMut(&mut S) -> io::Result<()>,
+        before_send: impl AsyncFnMut(&mut S) -> io::Result<()>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<ControlFlow<Ended<B>>> {
-        self.pass(session, Some(keep), handler).await
+    ) -> io::Result<ControlFlow<EndReason<B>>> {
+        self.pass(session, Some(before_send), handler).await
     }
 
     async fn pass<S: Session, B>(
         &mut self,
         session: &mut S,
-        keep: Option<impl AsyncFnMut(&mut S) -> io::Result<()>>,
+        before_send: Option<impl AsyncFnMut(&mut S) -> io::Result<()>>,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<ControlFlow<Ended<B>>> {
-        let Self { port, input, out, left, timer, waker } = self;
+    ) -> io::Result<ControlFlow<EndReason<B>>> {
+        let Self { port, input, out, unsent, timer, waker } = self;
         input.resize(S::MAX_INPUT, 0);
         out.resize(out.len().max(S::MAX_TRANSMIT), 0); // of another session there may be more left
         let wake = async {
@@ -125,7 +125,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
                 None => pending().await,
             }
         };
-        Turn { port, time: Process(timer), input, out, left }.run(session, wake, keep, handler).await
+        Turn { port, time: Process(timer), input, out, unsent }.run(session, wake, before_send, handler).await
     }
 
     /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does. A dropped future
@@ -137,7 +137,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         &mut self,
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<Ended<B>> {
+    ) -> io::Result<EndReason<B>> {
         Span::of([S::LINK, S::END], None).instrument(self.run(session, handler)).await
     }
 
@@ -146,10 +146,10 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         &mut self,
         session: &mut S,
         handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
-    ) -> io::Result<Ended<B>> {
+    ) -> io::Result<EndReason<B>> {
         let mut value = None;
         let note = keep_first(&mut value, handler);
-        self.left.clear();
+        self.unsent.clear();
         let mut connection = Connection::begin(session, now, note);
         let ended = loop {
             if let ControlFlow::Break(ended) = self.turn(connection.session, &mut connection.handler).await? {
@@ -185,7 +185,7 @@ pub(super) struct Port<T> {
 impl<T: AsyncRead + AsyncWrite + Unpin> crate::turn::Port for Port<T> {
     type Error = io::Error;
 
-    async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> io::Result<Passed> {
+    async fn pass(&mut self, mut input: Option<&mut [u8]>, out: Outgoing<'_>) -> io::Result<PortProgress> {
         poll_fn(|context| self.poll(context, input.as_deref_mut(), out, || {})).await
     }
 }
@@ -204,10 +204,10 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
         input: Option<&mut [u8]>,
         out: Outgoing<'_>,
         unread: impl FnOnce(),
-    ) -> Poll<io::Result<Passed>> {
+    ) -> Poll<io::Result<PortProgress>> {
         let writes_first = matches!(out, Outgoing::Bytes(_)) && !self.has_written;
         let first = writes_first.then(|| self.poll_write(context, out));
-        self.has_written = matches!(first, Some(Written { written: Poll::Ready(Ok(_)), .. }));
+        self.has_written = matches!(first, Some(WriteProgress { written: Poll::Ready(Ok(_)), .. }));
         let read = match input {
             Some(input) if !self.has_written => {
                 let read = self.poll_read(context, input);
@@ -229,7 +229,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
     }
 
     #[inline]
-    pub(super) fn poll_write(&mut self, context: &mut Context<'_>, out: Outgoing<'_>) -> Written {
+    pub(super) fn poll_write(&mut self, context: &mut Context<'_>, out: Outgoing<'_>) -> WriteProgress {
         let mut port = Pin::new(&mut self.transport);
         let mut flushed = false;
         let written = match out {
@@ -248,21 +248,21 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Port<T> {
             },
             Outgoing::Flush => port.as_mut().poll_flush(context).map_ok(|()| 0),
         };
-        Written { written, flushed }
+        WriteProgress { written, flushed }
     }
 }
 
 /// The result of writing the bytes that are to be sent.
-pub(super) struct Written {
+pub(super) struct WriteProgress {
     pub(super) written: Poll<io::Result<usize>>,
     flushed: bool,
 }
 
-impl Written {
+impl WriteProgress {
     /// Combines it with the result of reading.
     #[inline]
-    pub(super) fn passed(self, read: Poll<io::Result<usize>>) -> Poll<io::Result<Passed>> {
+    pub(super) fn passed(self, read: Poll<io::Result<usize>>) -> Poll<io::Result<PortProgress>> {
         let Self { written, flushed } = self;
-        Passed::both(read, written).map_ok(|passed| Passed { flushed, ..passed })
+        PortProgress::both(read, written).map_ok(|passed| PortProgress { flushed, ..passed })
     }
 }

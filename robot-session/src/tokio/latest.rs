@@ -13,15 +13,15 @@ pub struct Latest<T>(watch::Receiver<Option<(T, Duration)>>);
 
 /// The sender of the values. After the sender is dropped, there is no value.
 #[derive(Debug)]
-pub struct Source<T>(watch::Sender<Option<(T, Duration)>>);
+pub struct LatestSender<T>(watch::Sender<Option<(T, Duration)>>);
 
 /// Returns the sender and the receiver of a value, which is absent at first.
-pub fn latest<T>() -> (Source<T>, Latest<T>) {
+pub fn latest<T>() -> (LatestSender<T>, Latest<T>) {
     let (source, latest) = watch::channel(None);
-    (Source(source), Latest(latest))
+    (LatestSender(source), Latest(latest))
 }
 
-impl<T> Source<T> {
+impl<T> LatestSender<T> {
     /// Sets a new value. It may be used until `until`, by the clock of [`now`]; with `None`, until the next value.
     pub fn set(&self, value: T, until: Option<Duration>) {
         self.0.send_replace(Some((value, until.unwrap_or(Duration::MAX))));
@@ -33,7 +33,7 @@ impl<T> Source<T> {
     }
 }
 
-impl<T> Drop for Source<T> {
+impl<T> Drop for LatestSender<T> {
     fn drop(&mut self) {
         self.clear();
     }

@@ -29,7 +29,7 @@ pub use connector::Serial;
 pub use connector::{Connector, Datagrams, Dial, Listen, Tcp, Udp, UdpListen};
 pub use driver::{Driver, Waker};
 pub use handle::{Closed, Handle, Outcome, Reply};
-pub use latest::{Latest, Source, latest};
+pub use latest::{Latest, LatestSender, latest};
 pub use listener::serve;
 pub use service::{Reports, Service};
 pub use shared::Link;

@@ -7,7 +7,7 @@ use std::task::Wake;
 
 /// An input of a task. After it was pending it is polled again only when it has woken the task.
 #[derive(Debug)]
-pub(super) struct Polled {
+pub(super) struct PolledInput {
     flag: Arc<Flag>,
     waker: Waker,
     is_pending: bool,
@@ -31,7 +31,7 @@ impl Wake for Flag {
     }
 }
 
-impl Polled {
+impl PolledInput {
     /// Creates an input that is due, and wakes the task of `context`.
     pub(super) fn new(context: &Context<'_>) -> Self {
         let flag = Arc::new(Flag { is_woken: AtomicBool::new(false), task: context.waker().clone() });

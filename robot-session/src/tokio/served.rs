@@ -8,11 +8,11 @@ use std::io;
 use ::tokio::sync::broadcast;
 
 use super::service::{Reports, Service};
-use crate::left::Left;
+use crate::pending::PendingWork;
 use crate::{Session as _, now};
 
 /// A session, its service, and the channel of its events.
-pub(super) struct Served<S: Service> {
+pub(super) struct ServedSession<S: Service> {
     /// Boxed: the value that a task returns is moved whenever the task is polled.
     pub(super) session: Box<S::Session>,
     pub(super) service: S,
@@ -23,28 +23,33 @@ pub(super) struct Served<S: Service> {
     pub(super) has_reported: bool,
 }
 
-impl<S: Service> Served<S> {
+impl<S: Service> ServedSession<S> {
     pub(super) fn has_room(&self) -> bool {
         self.service.has_room(&self.session)
     }
 
     /// Reports events before a wait, and puts the bytes to be sent into `out`.
-    pub(super) fn prepare(&mut self, left: &mut Left, out: &mut [u8], now: Duration) -> io::Result<()> {
+    pub(super) fn prepare(
+        &mut self,
+        unsent: &mut PendingWork,
+        out: &mut [u8],
+        now: Duration,
+    ) -> io::Result<()> {
         let Self { session, service, events, reconnect, has_reported } = self;
         let each = |session: &mut S::Session, event| {
             *has_reported = true;
             service.event(session, event, &mut Reports { events, reconnect });
             reconnect.take().map_or(ControlFlow::Continue(()), ControlFlow::Break)
         };
-        match left.prepare(&mut **session, out, now, each) {
+        match unsent.prepare(&mut **session, out, now, each) {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(error) => Err(error),
         }
     }
 
     /// Returns the latest time at which session or service are to be called.
-    pub(super) fn due(&self, left: &Left, now: Duration) -> Option<Duration> {
-        left.due(&*self.session, now).into_iter().chain(self.service.poll_timeout()).min()
+    pub(super) fn due(&self, unsent: &PendingWork, now: Duration) -> Option<Duration> {
+        unsent.due(&*self.session, now).into_iter().chain(self.service.poll_timeout()).min()
     }
 
     pub(super) fn call(&mut self, call: S::Call) {

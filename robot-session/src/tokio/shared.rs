@@ -17,7 +17,7 @@ use super::service::Service;
 ///
 /// While the task sleeps, its connection is here: a caller then makes its call and sends the bytes itself.
 pub(super) struct Shared<S: Service> {
-    contents: Mutex<Contents<S>>,
+    contents: Mutex<SharedState<S>>,
     /// Whether new calls are refused: the task is to end.
     is_ending: AtomicBool,
     /// Each [`Reply`](super::Reply) owns a clone.
@@ -26,9 +26,9 @@ pub(super) struct Shared<S: Service> {
     runtime: OnceLock<runtime::Handle>,
 }
 
-struct Contents<S: Service> {
+struct SharedState<S: Service> {
     /// The task's ends of its channels, until it runs.
-    unrun: Option<Unrun<S>>,
+    unrun: Option<TaskChannels<S>>,
     connection: Option<Box<Connection<S>>>,
     /// The task, if it was woken while a caller had the connection.
     task: Option<Waker>,
@@ -39,7 +39,7 @@ struct Contents<S: Service> {
 }
 
 /// The task's ends of the channels to the handles. If they are dropped, all calls in the channel end.
-pub(super) struct Unrun<S: Service> {
+pub(super) struct TaskChannels<S: Service> {
     pub(super) calls: mpsc::Receiver<S::Call>,
     pub(super) link: LinkState,
 }
@@ -80,9 +80,9 @@ impl Drop for LinkState {
 
 impl<S: Service> Shared<S> {
     /// Returns the state of a task that does not run yet.
-    pub(super) fn new(unrun: Unrun<S>) -> Self {
+    pub(super) fn new(unrun: TaskChannels<S>) -> Self {
         let contents =
-            Contents { unrun: Some(unrun), connection: None, task: None, is_open: false, unusable: None };
+            SharedState { unrun: Some(unrun), connection: None, task: None, is_open: false, unusable: None };
         Self {
             contents: Mutex::new(contents),
             is_ending: AtomicBool::new(false),
@@ -92,7 +92,7 @@ impl<S: Service> Shared<S> {
     }
 
     /// Removes and returns the task's ends of its channels, if it does not run yet.
-    pub(super) fn take_unrun(&self) -> Option<Unrun<S>> {
+    pub(super) fn take_unrun(&self) -> Option<TaskChannels<S>> {
         self.contents().unrun.take()
     }
 
@@ -125,12 +125,12 @@ impl<S: Service> Shared<S> {
     }
 
     /// Lends the connection to a caller, unless other calls wait in the channel.
-    pub(super) fn borrow(&self, calls: &mpsc::Sender<S::Call>) -> Option<Borrowed<'_, S>> {
+    pub(super) fn borrow(&self, calls: &mpsc::Sender<S::Call>) -> Option<BorrowedConnection<'_, S>> {
         if calls.capacity() < calls.max_capacity() {
             return None;
         }
         let connection = self.contents().connection.take()?;
-        Some(Borrowed { shared: self, connection: Some(connection) })
+        Some(BorrowedConnection { shared: self, connection: Some(connection) })
     }
 
     /// Returns the connection to its task. If a caller has it, the task is woken when the caller returns it.
@@ -164,24 +164,24 @@ impl<S: Service> Shared<S> {
     }
 
     /// Opens the place of the connection, until the value that is returned is dropped.
-    pub(super) fn open(&self) -> Open<'_, S> {
+    pub(super) fn open(&self) -> OpenGuard<'_, S> {
         self.runtime.get_or_init(runtime::Handle::current);
         self.contents().is_open = true;
-        Open(self)
+        OpenGuard(self)
     }
 
-    fn contents(&self) -> MutexGuard<'_, Contents<S>> {
+    fn contents(&self) -> MutexGuard<'_, SharedState<S>> {
         self.contents.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// A connection that a caller has. It is put back even if the caller panics.
-pub(super) struct Borrowed<'a, S: Service> {
+pub(super) struct BorrowedConnection<'a, S: Service> {
     shared: &'a Shared<S>,
     connection: Option<Box<Connection<S>>>,
 }
 
-impl<S: Service> Borrowed<'_, S> {
+impl<S: Service> BorrowedConnection<'_, S> {
     /// Implements [`Connection::call`].
     pub(super) fn call(&mut self, call: S::Call) -> Result<(), S::Call> {
         let Some(connection) = &mut self.connection else { return Err(call) };
@@ -192,7 +192,7 @@ impl<S: Service> Borrowed<'_, S> {
     }
 }
 
-impl<S: Service> Drop for Borrowed<'_, S> {
+impl<S: Service> Drop for BorrowedConnection<'_, S> {
     fn drop(&mut self) {
         if let Some(connection) = self.connection.take() {
             self.shared.put(connection);
@@ -202,9 +202,9 @@ impl<S: Service> Drop for Borrowed<'_, S> {
 
 /// The place of a connection that the task serves. When the task stops serving the connection, even if its future is
 /// dropped, the connection is dropped too.
-pub(super) struct Open<'a, S: Service>(&'a Shared<S>);
+pub(super) struct OpenGuard<'a, S: Service>(&'a Shared<S>);
 
-impl<S: Service> Drop for Open<'_, S> {
+impl<S: Service> Drop for OpenGuard<'_, S> {
     fn drop(&mut self) {
         let mut contents = self.0.contents();
         (contents.is_open, contents.unusable) = (false, None);

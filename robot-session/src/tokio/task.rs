@@ -14,9 +14,9 @@ use std::thread::{Builder, JoinHandle};
 use ::tokio::sync::{broadcast, mpsc, watch};
 use ::tokio::time::{Instant, sleep};
 
-use super::connection::{Connection, Inputs, Over, Waited};
-use super::served::Served;
-use super::shared::{Link, LinkState, Shared, Unrun};
+use super::connection::{Connection, ConnectionEnd, Inputs, WaitResult};
+use super::served::ServedSession;
+use super::shared::{Link, LinkState, Shared, TaskChannels};
 use super::{Connector, Handle, Reports, Service, Waker};
 use crate::machine::is_due;
 use crate::trace::{self, Span};
@@ -27,9 +27,9 @@ const CALLS: usize = 16;
 /// The number of events that are buffered for slow readers.
 const EVENTS: usize = 256;
 /// The shortest time between two times at which calls fail.
-const AGAIN: Duration = Duration::from_millis(10);
+const MIN_FAIL_INTERVAL: Duration = Duration::from_millis(10);
 /// The shortest interval between two calls of a session that is due without a connection.
-const SHORTEST: Duration = Duration::from_millis(1);
+const MIN_CALL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Creates a handle, and the task that executes its calls: `tokio::spawn(task.run())`, or [`Task::thread`].
 pub fn spawn<S: Service, C: Connector>(
@@ -51,14 +51,14 @@ pub fn spawn_woken_by<S: Service, C: Connector>(
     let (events_of_task, events) = broadcast::channel(EVENTS);
     let (link_of_task, link) = LinkState::new();
     let (stop, stop_of_task) = watch::channel(None);
-    let served = Served {
+    let served = ServedSession {
         session: Box::new(session),
         service,
         events: events_of_task,
         reconnect: None,
         has_reported: false,
     };
-    let shared = Arc::new(Shared::new(Unrun { calls: calls_of_task, link: link_of_task }));
+    let shared = Arc::new(Shared::new(TaskChannels { calls: calls_of_task, link: link_of_task }));
     let task = Task {
         served,
         unrun: Ends(Arc::clone(&shared)),
@@ -80,7 +80,7 @@ pub const GIVE_UP_AFTER: Duration = Duration::from_secs(20);
 /// Nothing happens before it is run.
 #[must_use = "calls wait until the task is run"]
 pub struct Task<S: Service, C> {
-    served: Served<S>,
+    served: ServedSession<S>,
     unrun: Ends<S>,
     connector: C,
     stop: watch::Receiver<Option<Duration>>,
@@ -157,7 +157,7 @@ impl<S: Service, C: Connector> Task<S, C> {
         let Self { served, unrun, mut connector, stop, waker, .. } = self;
         let Self { reconnect, connect_pause, stall, give_up_after, .. } = self;
         let shared = Arc::clone(&unrun.0);
-        let Some(Unrun { calls, link }) = shared.take_unrun() else { return served.session };
+        let Some(TaskChannels { calls, link }) = shared.take_unrun() else { return served.session };
         // When this future is dropped, all calls end before the link does.
         let mut served = served;
         let mut inbox = Inbox { calls, stop, waker, shared };
@@ -184,7 +184,7 @@ impl<S: Service, C: Connector> Task<S, C> {
                     let (connection, over) =
                         span.instrument(serve(connection, &mut inbox, &mut connector)).await;
                     let lasted = begun.elapsed();
-                    let is_unusable = matches!(over, Over::Unusable(_));
+                    let is_unusable = matches!(over, ConnectionEnd::Unusable(_));
                     let soon_unusable = is_unusable && lasted < give_up_after;
                     if connection.has_sent && !soon_unusable {
                         outage = Outage::new(give_up_after);
@@ -195,9 +195,9 @@ impl<S: Service, C: Connector> Task<S, C> {
                         pause = first;
                     }
                     match over {
-                        Over::Stopped => break,
-                        Over::Replaced => continue,
-                        Over::Lost(error) | Over::Unusable(error) => {
+                        ConnectionEnd::Stopped => break,
+                        ConnectionEnd::Replaced => continue,
+                        ConnectionEnd::Lost(error) | ConnectionEnd::Unusable(error) => {
                             span.within(|| trace::failed("the connection is lost", &error));
                             error
                         }
@@ -230,7 +230,7 @@ impl<S: Service, C: Connector> Task<S, C> {
         while let Some(call) = calls.recv().await {
             served.service.refuse(call, &error);
         }
-        let Served { session, service, .. } = served;
+        let ServedSession { session, service, .. } = served;
         drop(service);
         session
     }
@@ -256,7 +256,7 @@ async fn serve<S: Service>(
     mut connection: Box<Connection<S>>,
     inbox: &mut Inbox<S>,
     connector: &mut impl Connector,
-) -> (Box<Connection<S>>, Over) {
+) -> (Box<Connection<S>>, ConnectionEnd) {
     let Inbox { calls, stop, waker, shared } = inbox;
     let mut over = pin!(over(stop, connector));
     let mut woken = pin!(waker.0.notified());
@@ -269,7 +269,7 @@ async fn serve<S: Service>(
                     return (connection, over);
                 }
             }
-            Err(error) => return (connection, Over::Unusable(error)),
+            Err(error) => return (connection, ConnectionEnd::Unusable(error)),
         }
         let mut inputs = Inputs { over: over.as_mut(), calls, woken: woken.as_mut(), waker };
         let mut awake = Some(connection);
@@ -280,16 +280,16 @@ async fn serve<S: Service>(
                 None => {
                     let Some(mut connection) = shared.take(context) else { return Poll::Pending };
                     if let Some(handed_over) = connection.wake_up() {
-                        return Poll::Ready((connection, Waited::HandedOver(handed_over)));
+                        return Poll::Ready((connection, WaitResult::HandedOver(handed_over)));
                     }
                     connection
                 }
             };
             if shared.is_finished() {
-                return Poll::Ready((connection, Waited::Over(Over::Stopped)));
+                return Poll::Ready((connection, WaitResult::Over(ConnectionEnd::Stopped)));
             }
             if let Some(why) = shared.take_unusable() {
-                return Poll::Ready((connection, Waited::Over(Over::Unusable(why))));
+                return Poll::Ready((connection, WaitResult::Over(ConnectionEnd::Unusable(why))));
             }
             match connection.poll(context, &mut inputs) {
                 Poll::Ready(waited) => Poll::Ready((connection, waited)),
@@ -327,7 +327,7 @@ struct Outage {
 impl Outage {
     /// Creates an outage that begins now.
     fn new(limit: Duration) -> Self {
-        let limit = limit.max(AGAIN);
+        let limit = limit.max(MIN_FAIL_INTERVAL);
         Self { limit, until: now().saturating_add(limit), why: None }
     }
 
@@ -342,7 +342,7 @@ impl Outage {
     }
 }
 
-impl<S: Service> Served<S> {
+impl<S: Service> ServedSession<S> {
     /// Refuses the calls that wait for a connection. Returns whether there were any.
     fn refuse_waiting(&mut self, inbox: &mut Inbox<S>, why: &Arc<io::Error>) -> bool {
         let mut has_refused = false;
@@ -369,37 +369,37 @@ impl<S: Service> Served<S> {
             if let Some(why) = outage.ends() {
                 if self.refuse_waiting(inbox, &why) {
                     // Callers that found the channel full can make their calls now: they fail too.
-                    outage.until = now().saturating_add(AGAIN);
+                    outage.until = now().saturating_add(MIN_FAIL_INTERVAL);
                 }
                 let Self { session, service, events, reconnect, .. } = &mut *self;
                 service.give_up(session, &why, &mut Reports { events, reconnect });
                 self.report();
             }
-            let due = self.session.poll_timeout().map(|at| at.max(now().saturating_add(SHORTEST)));
+            let due = self.session.poll_timeout().map(|at| at.max(now().saturating_add(MIN_CALL_INTERVAL)));
             let time = until(due.into_iter().chain([outage.until]).min());
             let takes_calls = S::OFFLINE && self.has_room();
             let Inbox { calls, waker, shared, .. } = &mut *inbox;
             let (mut time, mut woken) = (pin!(time), pin!(waker.woken()));
             let awake = poll_fn(|context| {
                 if stopped.as_mut().poll(context).is_ready() || shared.is_finished() {
-                    return Poll::Ready(Awake::Stopped);
+                    return Poll::Ready(WakeCause::Stopped);
                 }
                 if let Poll::Ready(value) = wait.as_mut().poll(context) {
-                    return Poll::Ready(Awake::Value(value));
+                    return Poll::Ready(WakeCause::Value(value));
                 }
                 if takes_calls && let Poll::Ready(call) = calls.poll_recv(context) {
-                    return Poll::Ready(call.map_or(Awake::Stopped, Awake::Call));
+                    return Poll::Ready(call.map_or(WakeCause::Stopped, WakeCause::Call));
                 }
                 if woken.as_mut().poll(context).is_ready() || time.as_mut().poll(context).is_ready() {
-                    return Poll::Ready(Awake::Due);
+                    return Poll::Ready(WakeCause::Due);
                 }
                 Poll::Pending
             });
             match awake.await {
-                Awake::Stopped => return None,
-                Awake::Value(value) => return Some(value),
-                Awake::Call(call) => self.call(call),
-                Awake::Due => {}
+                WakeCause::Stopped => return None,
+                WakeCause::Value(value) => return Some(value),
+                WakeCause::Call(call) => self.call(call),
+                WakeCause::Due => {}
             }
             self.session.handle_timeout(now());
             self.report();
@@ -408,7 +408,7 @@ impl<S: Service> Served<S> {
 }
 
 /// The event that has ended a wait without a connection.
-enum Awake<T, C> {
+enum WakeCause<T, C> {
     Stopped,
     Value(T),
     Call(C),
@@ -423,14 +423,14 @@ async fn until(at: Option<Duration>) {
 }
 
 /// Waits for the end of the task, or for a connection that replaces this one.
-async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Connector) -> Over {
+async fn over(stop: &watch::Receiver<Option<Duration>>, connector: &mut impl Connector) -> ConnectionEnd {
     let stopped = async {
         stopped(stop.clone()).await;
-        Over::Stopped
+        ConnectionEnd::Stopped
     };
     let replaced = async {
         connector.replaced().await;
-        Over::Replaced
+        ConnectionEnd::Replaced
     };
     first(stopped, replaced).await
 }

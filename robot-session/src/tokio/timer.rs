@@ -13,10 +13,10 @@ use crate::std_driver::instant;
 /// A timer for deadlines that mostly move to later times: it is set again only for an earlier deadline. When the time that
 /// it is set to is over, it is set to the deadline of then.
 #[derive(Debug, Default)]
-pub(super) struct Timer(Option<Armed>);
+pub(super) struct Timer(Option<ArmedTimer>);
 
 #[derive(Debug)]
-struct Armed {
+struct ArmedTimer {
     sleep: Pin<Box<Sleep>>,
     /// The time at which `sleep` ends; [`Duration::MAX`] if it has ended.
     at: Duration,
@@ -40,14 +40,14 @@ impl Timer {
             none => {
                 let Some(end) = instant(due) else { return Poll::Pending };
                 let sleep = Box::pin(sleep_until(Instant::from_std(end)));
-                none.insert(Armed { sleep, at: due, waker: None })
+                none.insert(ArmedTimer { sleep, at: due, waker: None })
             }
         };
         loop {
             if armed.at > due && !armed.set(due) {
                 return Poll::Pending;
             }
-            let Armed { sleep, at, waker } = &mut *armed;
+            let ArmedTimer { sleep, at, waker } = &mut *armed;
             let is_known = waker.as_ref().is_some_and(|waker| waker.will_wake(context.waker()));
             if is_known && !sleep.is_elapsed() {
                 return Poll::Pending;
@@ -66,7 +66,7 @@ impl Timer {
     }
 }
 
-impl Armed {
+impl ArmedTimer {
     /// Sets the timer to `due`. Returns false if no clock reaches that time.
     fn set(&mut self, due: Duration) -> bool {
         let Some(end) = instant(due) else { return false };

@@ -156,13 +156,13 @@ impl Drop for Secure {
 
 fn end<D>((tcp, tls): (&mut TcpStream, &mut impl DerefMut<Target = ConnectionCommon<D>>)) {
     tls.send_close_notify();
-    while tls.wants_write() && tls.write_tls(&mut Now(tcp)).is_ok() {}
+    while tls.wants_write() && tls.write_tls(&mut NonBlocking(tcp)).is_ok() {}
 }
 
 /// A stream that does not wait.
-struct Now<'a>(&'a TcpStream);
+struct NonBlocking<'a>(&'a TcpStream);
 
-impl io::Write for Now<'_> {
+impl io::Write for NonBlocking<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.try_write(bytes)
     }

@@ -10,7 +10,7 @@ use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::thread;
 
 use crate::common::{Asker, Event};
-use robot_session::{Driver, Received, Transport as _, Wait, is_lost_datagram};
+use robot_session::{Driver, ReceiveOutcome, Transport as _, Wait, is_lost_datagram};
 
 const LONG: Duration = Duration::from_secs(20);
 
@@ -54,7 +54,7 @@ fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
     peer.send(&[2; 9]).unwrap();
     let mut buffer = [0; 10];
     let wait = Wait::limited(Duration::from_secs(20));
-    while here.receive(&mut buffer, wait).unwrap() != Received::Bytes(9) {}
+    while here.receive(&mut buffer, wait).unwrap() != ReceiveOutcome::Bytes(9) {}
     assert_eq!(buffer[..9], [2; 9]);
     let kinds = [ErrorKind::ConnectionReset, ErrorKind::ConnectionRefused, ErrorKind::NotConnected];
     assert_eq!(kinds.map(|kind| is_lost_datagram(&kind.into())), [true, true, false]);

@@ -9,7 +9,9 @@ use std::thread;
 
 use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event};
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
+use robot_session::{
+    Driver, EndReason, ReceiveOutcome, SendOutcome, Session as _, Transport, Wait, drive, now,
+};
 #[cfg(target_os = "linux")]
 use socket2::SockRef;
 
@@ -57,7 +59,7 @@ fn answer(text: &str) -> Event {
 fn a_session_runs_until_its_handler_breaks() {
     let (mut session, mut seen) = (Asker::new(&["one", "two"]), Vec::new());
     let ended = drive(&mut session, TcpStream::connect(peer()).unwrap(), until("two", &mut seen)).unwrap();
-    assert_eq!(ended, Ended::ByHandler("two"));
+    assert_eq!(ended, EndReason::ByHandler("two"));
     assert_eq!(seen, [Event::Connected, answer("one"), answer("two"), Event::Disconnected]);
     assert_eq!(session.statistics(), 0, "a TCP connection does not say when a byte has left");
 }
@@ -74,7 +76,7 @@ fn what_a_handler_says_of_the_end_does_not_replace_what_ended_the_loop() {
     };
     let mut session = Asker::new(&["one", "two"]);
     let ended = drive(&mut session, TcpStream::connect(peer()).unwrap(), handler).unwrap();
-    assert_eq!(ended, Ended::ByHandler(answer("one")));
+    assert_eq!(ended, EndReason::ByHandler(answer("one")));
     assert!(seen >= 2, "it sees the events of the end all the same");
 }
 
@@ -90,7 +92,7 @@ fn a_handler_may_call_the_session() {
         _ => ControlFlow::Continue(()),
     };
     let ended = drive(&mut session, TcpStream::connect(peer()).unwrap(), handler).unwrap();
-    assert_eq!(ended, Ended::ByHandler(()));
+    assert_eq!(ended, EndReason::ByHandler(()));
 }
 
 #[test]
@@ -98,7 +100,7 @@ fn a_closed_connection_ends_the_loop_and_the_request_has_an_outcome() {
     let (mut session, mut seen) = (Asker::new(&["one", "bye"]), Vec::new());
     let address = peer();
     let ended = drive(&mut session, TcpStream::connect(address).unwrap(), until("more", &mut seen)).unwrap();
-    assert_eq!(ended, Ended::ByPeer);
+    assert_eq!(ended, EndReason::ByPeer);
     session.requests.push_back("more".into());
     drive(&mut session, TcpStream::connect(address).unwrap(), until("more", &mut seen)).unwrap();
     let first = [Event::Connected, answer("one"), Event::NoAnswer("bye".into()), Event::Disconnected];
@@ -136,7 +138,8 @@ fn a_peer_that_does_not_read_holds_up_nothing_else() {
     let begin = now();
     let mut end = |_: &mut Asker, event| ControlFlow::Break(event);
     let mut turn = |session: &mut Asker| loop {
-        if let ControlFlow::Break(Ended::ByHandler(event)) = driver.turn(session, None, &mut end).unwrap() {
+        if let ControlFlow::Break(EndReason::ByHandler(event)) = driver.turn(session, None, &mut end).unwrap()
+        {
             break event;
         }
     };
@@ -177,10 +180,10 @@ fn a_socket_says_how_much_it_took_and_that_its_peer_is_gone() {
     let mut sent = 0;
     loop {
         match stream.send(&bytes).unwrap() {
-            Sent::Buffered => sent += bytes.len(),
-            Sent::Part(0) if !Wait::limited(SHORT).writable(&stream).unwrap() => break,
-            Sent::Part(length) => sent += length,
-            Sent::Transmitted => panic!("a socket does not know"),
+            SendOutcome::Buffered => sent += bytes.len(),
+            SendOutcome::Part(0) if !Wait::limited(SHORT).writable(&stream).unwrap() => break,
+            SendOutcome::Part(length) => sent += length,
+            SendOutcome::Transmitted => panic!("a socket does not know"),
         }
     }
     let begin = now();
@@ -189,11 +192,11 @@ fn a_socket_says_how_much_it_took_and_that_its_peer_is_gone() {
     let mut received = vec![0; sent];
     (&peer).read_exact(&mut received).unwrap();
     stream.wait_for_room(Wait::default()).unwrap();
-    assert_eq!(stream.send(b"end").unwrap(), Sent::Buffered);
+    assert_eq!(stream.send(b"end").unwrap(), SendOutcome::Buffered);
     let mut rest = [0; 4];
     assert_eq!((&peer).read(&mut rest).unwrap(), 3, "what was sent, and no more");
     // Bytes that the peer never reads: its close is an error at both ends.
-    assert_eq!(stream.send(b"unread").unwrap(), Sent::Buffered);
+    assert_eq!(stream.send(b"unread").unwrap(), SendOutcome::Buffered);
     Wait::limited(LONG).readable(&peer).unwrap();
     drop(peer);
     assert!(stream.receive(&mut rest, Wait::limited(LONG)).is_err());
@@ -214,13 +217,13 @@ fn bytes_that_a_peer_has_not_taken_in_time_are_discarded() {
     assert!(driver.turn(&mut session, wait, |_, _| ControlFlow::<()>::Continue(())).unwrap().is_continue());
     let stream = driver.transport_mut();
     // The peer does not read: its window is full.
-    while stream.send(&[7; 100_000]).unwrap() != Sent::Part(0)
+    while stream.send(&[7; 100_000]).unwrap() != SendOutcome::Part(0)
         || Wait::limited(SHORT / 2).writable(&*stream).unwrap()
     {}
     let begin = now();
     let error = loop {
         match stream.receive(&mut [0; 4], Wait::limited(LONG)) {
-            Ok(received) => assert_eq!(received, Received::Nothing),
+            Ok(received) => assert_eq!(received, ReceiveOutcome::Nothing),
             Err(error) => break error,
         }
         assert!(now() - begin < LONG, "the connection has not ended");
@@ -234,15 +237,15 @@ fn a_connection_that_fails_leaves_nothing_for_the_next() {
     struct Deaf(Vec<u8>, usize);
 
     impl Transport for Deaf {
-        fn receive(&mut self, _: &mut [u8], _: Wait<'_>) -> io::Result<Received> {
-            Ok(Received::Nothing)
+        fn receive(&mut self, _: &mut [u8], _: Wait<'_>) -> io::Result<ReceiveOutcome> {
+            Ok(ReceiveOutcome::Nothing)
         }
 
-        fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
             let length = bytes.len().min(self.1);
             self.1 -= length;
             self.0.extend(&bytes[..length]);
-            if length == 0 { Err(ErrorKind::TimedOut.into()) } else { Ok(Sent::Part(length)) }
+            if length == 0 { Err(ErrorKind::TimedOut.into()) } else { Ok(SendOutcome::Part(length)) }
         }
     }
 
@@ -287,7 +290,7 @@ fn what_a_session_does_not_want_yet_stays_in_the_transport() {
         other => panic!("{other:?}"),
     };
     let ended = drive(&mut Echo::new(Duration::from_micros(10)), stream, handler).unwrap();
-    assert_eq!(ended, Ended::ByHandler(()));
+    assert_eq!(ended, EndReason::ByHandler(()));
     let mut answers = vec![0; 1000];
     peer.read_exact(&mut answers).unwrap();
     assert_eq!(answers, requests);
@@ -324,10 +327,10 @@ fn a_wait_that_ends_without_a_byte_is_silence() {
     stream.read_exact(&mut buffer).unwrap();
     SockRef::from(&peer).send_out_of_band(b"!").unwrap();
     let begin = now();
-    assert_eq!(stream.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
+    assert_eq!(stream.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), ReceiveOutcome::Nothing);
     assert!(now() - begin < LONG / 2);
     peer.write_all(b"x").unwrap();
-    assert_eq!(stream.receive(&mut buffer, Wait::limited(LONG)).unwrap(), Received::Bytes(1));
+    assert_eq!(stream.receive(&mut buffer, Wait::limited(LONG)).unwrap(), ReceiveOutcome::Bytes(1));
     assert_eq!(buffer[0], b'x');
 }
 
@@ -391,19 +394,19 @@ fn without_a_wish_for_input_a_turn_waits_for_the_deadline_or_a_wake() {
 struct Port(Vec<u8>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], _: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], _: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if self.0.is_empty() {
             return Err(io::ErrorKind::NotConnected.into());
         }
         let length = self.0.len();
         buffer[..length].copy_from_slice(&self.0);
         self.0.clear();
-        Ok(Received::Bytes(length))
+        Ok(ReceiveOutcome::Bytes(length))
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.0.extend(bytes);
-        Ok(Sent::Transmitted)
+        Ok(SendOutcome::Transmitted)
     }
 }
 
@@ -425,20 +428,20 @@ impl Transport for Line {
         self.0
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let second = Duration::from_secs(1);
         let until = wait.limit.map_or(Duration::MAX, |wait| self.0.saturating_add(wait));
         if self.1.is_empty() || self.0 + second > until {
             self.0 = until;
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         }
         (self.0, buffer[0]) = (self.0 + second, self.1.remove(0));
-        Ok(Received::Bytes(1))
+        Ok(ReceiveOutcome::Bytes(1))
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.1.extend(bytes);
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 
     fn wait_for_room(&mut self, _: Wait<'_>) -> io::Result<()> {
@@ -451,11 +454,14 @@ impl Transport for Line {
 fn a_borrowed_transport_is_the_transport() {
     let mut line = Line(Duration::ZERO, Vec::new());
     let mut borrowed = &mut line;
-    assert_eq!(Transport::send(&mut borrowed, b"a").unwrap(), Sent::Buffered);
+    assert_eq!(Transport::send(&mut borrowed, b"a").unwrap(), SendOutcome::Buffered);
     let error = Transport::wait_for_room(&mut borrowed, Wait::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Unsupported);
     let mut byte = [0];
-    assert_eq!(Transport::receive(&mut borrowed, &mut byte, Wait::default()).unwrap(), Received::Bytes(1));
+    assert_eq!(
+        Transport::receive(&mut borrowed, &mut byte, Wait::default()).unwrap(),
+        ReceiveOutcome::Bytes(1)
+    );
     assert_eq!((byte, Transport::now(&borrowed)), ([b'a'], Duration::from_secs(2)));
 }
 

@@ -11,7 +11,7 @@ use std::io;
 use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event};
 use embedded_io::{ErrorType, ReadReady, WriteReady};
-use robot_session::{Clock, Ended, Session, embedded_io as blocking, embedded_io_async as waiting};
+use robot_session::{Clock, EndReason, Session, embedded_io as blocking, embedded_io_async as waiting};
 use tokio::io::{
     AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, BufWriter, DuplexStream, ReadHalf,
     WriteHalf,
@@ -87,7 +87,7 @@ async fn a_session_runs_until_its_handler_breaks() {
         seen.push(event.clone());
         if event == Event::Answer("two".into()) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    assert_eq!(driver.drive(&mut session, handler).await.unwrap(), Ended::ByHandler(()));
+    assert_eq!(driver.drive(&mut session, handler).await.unwrap(), EndReason::ByHandler(()));
     let answers = ["one", "two"].map(|text| Event::Answer(text.into()));
     assert_eq!(seen, [&[Event::Connected][..], &answers, &[Event::Disconnected]].concat());
 }
@@ -98,9 +98,12 @@ async fn the_end_of_the_stream_and_a_timeout_are_seen() {
     let mut session = Asker::new(&["one"]);
     session.timeout = SHORT;
     let turn = driver.turn(&mut session, pending(), |_, event| ControlFlow::Break(event)).await.unwrap();
-    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+    assert_eq!(turn, ControlFlow::Break(EndReason::ByHandler(Event::NoAnswer("one".into()))));
     drop(far);
-    assert_eq!(driver.turn(&mut session, pending(), go_on).await.unwrap(), ControlFlow::Break(Ended::ByPeer));
+    assert_eq!(
+        driver.turn(&mut session, pending(), go_on).await.unwrap(),
+        ControlFlow::Break(EndReason::ByPeer)
+    );
 }
 
 /// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
@@ -316,11 +319,11 @@ fn a_poll_ends_with_the_handler_or_the_connection() {
     let mut driver = blocking::Driver::<_, _, 64, 8>::new(Port(&line), || Duration::ZERO);
     let mut session = Asker::new(&["one", "two"]);
     let turn = driver.poll(&mut session, |_, event| ControlFlow::Break(event)).unwrap();
-    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::Answer("one".into()))));
+    assert_eq!(turn, ControlFlow::Break(EndReason::ByHandler(Event::Answer("one".into()))));
     *line.borrow_mut() = Line { is_closed: true, ..Line::default() };
     assert_eq!(
         driver.poll(&mut session, go_on).unwrap(),
-        ControlFlow::Break(Ended::ByPeer),
+        ControlFlow::Break(EndReason::ByPeer),
         "it takes nothing"
     );
     let mut session = Asker::new(&[]);
@@ -328,7 +331,7 @@ fn a_poll_ends_with_the_handler_or_the_connection() {
         blocking::Driver::<_, _, 64, 8>::new(Port(&line), || Duration::ZERO)
             .poll(&mut session, go_on)
             .unwrap(),
-        ControlFlow::Break(Ended::ByPeer),
+        ControlFlow::Break(EndReason::ByPeer),
         "it brings nothing"
     );
     // A port that takes nothing is closed, and at once: there is no wait until it counts as stalled.
@@ -337,7 +340,7 @@ fn a_poll_ends_with_the_handler_or_the_connection() {
     let clock = || time.replace(time.get() + Duration::from_secs(1));
     let turn =
         blocking::Driver::<_, _, 64, 8>::new(Port(&line), clock).poll(&mut Asker::new(&["one"]), go_on);
-    assert_eq!(turn.unwrap(), ControlFlow::Break(Ended::ByPeer), "it takes nothing");
+    assert_eq!(turn.unwrap(), ControlFlow::Break(EndReason::ByPeer), "it takes nothing");
 }
 
 #[test]
@@ -352,7 +355,7 @@ fn a_port_counts_as_stalled_after_the_time_that_it_is_given() {
         now.set(stall - Duration::from_nanos(1));
         assert_eq!(driver.poll(&mut session, go_on).unwrap(), ControlFlow::Continue(Some(stall)));
         now.set(stall);
-        assert_eq!(driver.poll(&mut session, go_on).unwrap(), ControlFlow::Break(Ended::Stalled));
+        assert_eq!(driver.poll(&mut session, go_on).unwrap(), ControlFlow::Break(EndReason::Stalled));
     }
 }
 

@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 
-use robot_session::{Received, Sent, Serial, Transport as _, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Serial, Transport as _, Wait};
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBits};
 
 const SHORT: Duration = Duration::from_millis(20);
@@ -93,9 +93,9 @@ fn a_port_says_how_much_it_took_and_that_it_is_gone() {
     let told = [Ok(5), Ok(4), Ok(1)].into_iter().chain(SILENCE).chain([Ok(0), Err(ErrorKind::BrokenPipe)]);
     let mut port = Serial(Box::new(Told(told.collect())));
     let mut send = || port.send(b"12345").map_err(|error| error.kind());
-    assert_eq!(send(), Ok(Sent::Buffered));
+    assert_eq!(send(), Ok(SendOutcome::Buffered));
     for length in [4, 1, 0, 0, 0] {
-        assert_eq!(send(), Ok(Sent::Part(length)));
+        assert_eq!(send(), Ok(SendOutcome::Part(length)));
     }
     assert_eq!([send(), send()], [Err(ErrorKind::WriteZero), Err(ErrorKind::BrokenPipe)]);
 }
@@ -105,11 +105,11 @@ fn a_port_says_what_has_come_and_that_it_is_gone() {
     let told = [Ok(5)].into_iter().chain(SILENCE).chain([Ok(0), Err(ErrorKind::BrokenPipe)]);
     let mut port = Serial(Box::new(Told(told.collect())));
     let mut receive = || port.receive(&mut [0; 8], Wait::limited(SHORT)).map_err(|error| error.kind());
-    assert_eq!(receive(), Ok(Received::Bytes(5)));
+    assert_eq!(receive(), Ok(ReceiveOutcome::Bytes(5)));
     for _ in SILENCE {
-        assert_eq!(receive(), Ok(Received::Nothing));
+        assert_eq!(receive(), Ok(ReceiveOutcome::Nothing));
     }
-    assert_eq!([receive(), receive()], [Ok(Received::Closed), Err(ErrorKind::BrokenPipe)]);
+    assert_eq!([receive(), receive()], [Ok(ReceiveOutcome::Closed), Err(ErrorKind::BrokenPipe)]);
 }
 
 /// The other end does not read at first.
@@ -123,12 +123,12 @@ fn a_pseudo_terminal_takes_what_it_has_room_for() {
     let bytes: Vec<u8> = (0..=250).cycle().take(1000).collect();
     loop {
         match port.send(&bytes).unwrap() {
-            Sent::Buffered => sent += bytes.len(),
-            Sent::Part(length) => {
+            SendOutcome::Buffered => sent += bytes.len(),
+            SendOutcome::Part(length) => {
                 sent += length;
                 break;
             }
-            Sent::Transmitted => panic!("a port does not know"),
+            SendOutcome::Transmitted => panic!("a port does not know"),
         }
     }
     let begin = robot_session::now();
@@ -142,12 +142,12 @@ fn a_pseudo_terminal_takes_what_it_has_room_for() {
     let mut buffer = [0; 8];
     let mut arrived: Vec<u8> = Vec::new();
     while arrived.len() < 2 {
-        if let Received::Bytes(length) = port.receive(&mut buffer, Wait::limited(SHORT)).unwrap() {
+        if let ReceiveOutcome::Bytes(length) = port.receive(&mut buffer, Wait::limited(SHORT)).unwrap() {
             arrived.extend(&buffer[..length]);
         }
     }
     assert_eq!(arrived, b"ok");
-    assert_eq!(port.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), Received::Nothing);
+    assert_eq!(port.receive(&mut buffer, Wait::limited(SHORT)).unwrap(), ReceiveOutcome::Nothing);
     drop(slave);
     assert!(port.receive(&mut buffer, Wait::limited(SHORT)).is_err(), "it is gone, and not silent");
     assert!(port.send(b"x").is_err());

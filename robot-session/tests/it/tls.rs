@@ -11,7 +11,7 @@ use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, 
 use robot_session::tls::{FileError, Identity, Secure, client, server};
 use robot_session::tokio::tls::{Tls, serve};
 use robot_session::tokio::{Connector, Listen, Tcp};
-use robot_session::{Received, Sent, Transport as _, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport as _, Wait};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
@@ -245,7 +245,7 @@ fn secure_connections_of_std_lose_nothing() {
     both_have_all.wait();
     far.join().unwrap();
     let mut buffer = [0; 64];
-    assert_eq!(near.receive(&mut buffer, Wait::limited(LONG)).unwrap(), Received::Closed);
+    assert_eq!(near.receive(&mut buffer, Wait::limited(LONG)).unwrap(), ReceiveOutcome::Closed);
 }
 
 /// Sends a megabyte and reads one.
@@ -254,10 +254,10 @@ fn exchange(end: &mut Secure) {
     let (mut sent, mut read, mut buffer) = (0, Vec::new(), [0; 4096]);
     while sent < bytes.len() || read.len() < bytes.len() {
         sent += match end.send(&bytes[sent..]).unwrap() {
-            Sent::Part(length) => length,
-            Sent::Buffered | Sent::Transmitted => bytes.len() - sent,
+            SendOutcome::Part(length) => length,
+            SendOutcome::Buffered | SendOutcome::Transmitted => bytes.len() - sent,
         };
-        if let Received::Bytes(length) =
+        if let ReceiveOutcome::Bytes(length) =
             end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap()
         {
             read.extend_from_slice(&buffer[..length]);
@@ -266,8 +266,9 @@ fn exchange(end: &mut Secure) {
     // Bytes that TLS must still send are written during a wait.
     for _ in 0..100 {
         assert_eq!(
-            end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap_or(Received::Nothing),
-            Received::Nothing
+            end.receive(&mut buffer, Wait::limited(Duration::from_millis(1)))
+                .unwrap_or(ReceiveOutcome::Nothing),
+            ReceiveOutcome::Nothing
         );
     }
     assert!(read == bytes);

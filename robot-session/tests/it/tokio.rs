@@ -10,7 +10,7 @@ use crate::common::echo::{Echo, EchoEvent};
 use crate::common::{Asker, Event, Line, Lines, TooLong};
 use bytes::BytesMut;
 use robot_session::tokio::{Closed, Codec, Driver, latest};
-use robot_session::{Ended, Session as _, now};
+use robot_session::{EndReason, Session as _, now};
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, ReadBuf};
 use tokio_util::codec::{Decoder as _, Encoder as _};
 
@@ -33,7 +33,7 @@ async fn a_session_runs_until_its_handler_breaks() {
         if event == Event::Answer("two".into()) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let ended = Driver::new(near).drive(&mut session, handler).await.unwrap();
-    assert_eq!(ended, Ended::ByHandler(()));
+    assert_eq!(ended, EndReason::ByHandler(()));
     let answers = ["one", "two"].map(|text| Event::Answer(text.into()));
     assert_eq!(seen, [&[Event::Connected][..], &answers, &[Event::Disconnected]].concat());
 }
@@ -45,10 +45,10 @@ async fn the_end_of_the_stream_and_a_timeout_are_seen() {
     session.timeout = Duration::from_millis(20);
     let mut driver = Driver::new(near);
     let turn = driver.turn(&mut session, |_, event| ControlFlow::Break(event)).await.unwrap();
-    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+    assert_eq!(turn, ControlFlow::Break(EndReason::ByHandler(Event::NoAnswer("one".into()))));
     drop(far);
     let ended = driver.turn(&mut session, go_on).await.unwrap();
-    assert_eq!(ended, ControlFlow::Break(Ended::ByPeer));
+    assert_eq!(ended, ControlFlow::Break(EndReason::ByPeer));
 }
 
 #[tokio::test]
@@ -64,7 +64,7 @@ async fn nothing_is_sent_that_was_not_kept() {
         kept += 1;
         Ok(())
     };
-    let turn = driver.turn_keeping(&mut session, keep, go_on);
+    let turn = driver.turn_with(&mut session, keep, go_on);
     assert!(tokio::time::timeout(Duration::from_millis(20), turn).await.is_err());
     assert_eq!(kept, 1);
     let mut sent = [0; 4];
@@ -73,7 +73,7 @@ async fn nothing_is_sent_that_was_not_kept() {
     far.write_all(b"one\n").await.unwrap();
     let keep = async |_: &mut Asker| Err(io::Error::other("the disk is full"));
     let error = loop {
-        match driver.turn_keeping(&mut session, keep, go_on).await {
+        match driver.turn_with(&mut session, keep, go_on).await {
             Ok(turn) => assert!(turn.is_continue()),
             Err(error) => break error,
         }
@@ -103,7 +103,7 @@ async fn a_driver_goes_on_in_another_task() {
         let turn = driver.turn(&mut session, |_, event| ControlFlow::Break(event));
         tokio::time::timeout(LONG, turn).await.unwrap().unwrap()
     });
-    assert_eq!(next.await.unwrap(), ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+    assert_eq!(next.await.unwrap(), ControlFlow::Break(EndReason::ByHandler(Event::NoAnswer("one".into()))));
     assert!((2 * SHORT..3 * SHORT).contains(&(now() - begin)));
 }
 
@@ -117,8 +117,8 @@ async fn a_deadline_that_passes_while_the_state_is_kept_is_seen_in_the_same_turn
         tokio::time::sleep(2 * SHORT).await;
         Ok(())
     };
-    let turn = driver.turn_keeping(&mut session, keep, |_, event| ControlFlow::Break(event)).await.unwrap();
-    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
+    let turn = driver.turn_with(&mut session, keep, |_, event| ControlFlow::Break(event)).await.unwrap();
+    assert_eq!(turn, ControlFlow::Break(EndReason::ByHandler(Event::NoAnswer("one".into()))));
 }
 
 /// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
@@ -155,9 +155,9 @@ async fn a_peer_that_does_not_read_holds_up_nothing_else() {
     let begin = now();
     let end = |_: &mut Asker, event| ControlFlow::Break(event);
     let ended = tokio::time::timeout(LONG, driver.drive(&mut session, end)).await.unwrap().unwrap();
-    assert_eq!(ended, Ended::ByHandler(Event::Connected));
+    assert_eq!(ended, EndReason::ByHandler(Event::Connected));
     let turn = tokio::time::timeout(LONG, driver.turn(&mut session, end)).await.unwrap().unwrap();
-    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("1234567".into()))));
+    assert_eq!(turn, ControlFlow::Break(EndReason::ByHandler(Event::NoAnswer("1234567".into()))));
     assert!(now() - begin >= SHORT);
     // The answer comes while most of the next request is not written.
     let mut session = Asker::new(&["second"]);
@@ -205,7 +205,7 @@ async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
     };
     let mut driver = Driver::new(near);
     let ended = driver.drive(&mut Echo::new(Duration::ZERO), handler).await.unwrap();
-    assert_eq!(ended, Ended::ByHandler(()));
+    assert_eq!(ended, EndReason::ByHandler(()));
     assert_eq!(peer.await.unwrap().0, requests);
 }
 

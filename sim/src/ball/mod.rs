@@ -8,7 +8,7 @@ use core::time::Duration;
 use isra_ball::{Ball, BallConfig, BallEvent, Keys, timing};
 
 pub use self::hand::{Grip, PERIOD, grip};
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
@@ -43,7 +43,7 @@ impl Settings for TeachBall {
 
 #[cfg(feature = "spec")]
 impl robot_session::spec::Configure for TeachBall {
-    fn configure(&mut self, fields: &mut impl robot_session::spec::Fields) {
+    fn configure(&mut self, fields: &mut impl robot_session::spec::FieldVisitor) {
         let Self { config, baud, hand: _ } = self;
         fields.baud(robot_session::spec::LINE, baud);
         config.configure(fields);
@@ -89,12 +89,12 @@ impl Device for HeldBall {
         &mut self.ball
     }
 
-    fn take(&mut self, _: Duration, event: BallEvent, notes: &mut Notes<BallEvent, Infallible>) {
+    fn take(&mut self, _: Duration, event: BallEvent, notes: &mut DeviceRecord<BallEvent, Infallible>) {
         notes.event(event);
     }
 
     /// Measures when a poll may come.
-    fn advance(&mut self, now: Duration, _: &mut Notes<BallEvent, Infallible>) {
+    fn advance(&mut self, now: Duration, _: &mut DeviceRecord<BallEvent, Infallible>) {
         if now >= self.measured {
             self.grip = self.held.unwrap_or_else(|| (self.settings.hand)(now));
             let Grip { force, moment, keys } = self.grip;

@@ -30,7 +30,7 @@ pub fn circle(at: Duration) -> Pose {
 /// robot.
 #[allow(missing_debug_implementations, reason = "a motion is a function")]
 pub struct Controller {
-    source: Source,
+    source: RegisterSource,
     faults: Faults,
     identification: Identification,
     exception_status: Option<u8>,
@@ -45,7 +45,7 @@ pub struct Controller {
 }
 
 /// The source of the registers.
-enum Source {
+enum RegisterSource {
     Motion(Motion),
     Program(Box<dyn Program>),
 }
@@ -71,15 +71,15 @@ pub trait Program: Send {
 impl Controller {
     /// Creates a controller that has just been switched on, whose robot moves by itself.
     pub fn new(motion: Motion, order: WordOrder) -> Self {
-        Self::with(Source::Motion(motion), Tables::numbered(), order)
+        Self::with(RegisterSource::Motion(motion), Tables::numbered(), order)
     }
 
     /// Creates a controller whose robot runs a program.
     pub fn running(program: Box<dyn Program>, order: WordOrder) -> Self {
-        Self::with(Source::Program(program), Tables::empty(), order)
+        Self::with(RegisterSource::Program(program), Tables::empty(), order)
     }
 
-    fn with(source: Source, tables: Tables, order: WordOrder) -> Self {
+    fn with(source: RegisterSource, tables: Tables, order: WordOrder) -> Self {
         Self {
             source,
             faults: Faults::default(),
@@ -148,8 +148,8 @@ impl Controller {
     /// Returns the PDU address of the holding register that shows R\[n\] as a whole number of 16 bits.
     pub fn register(&self, number: u16) -> Option<u16> {
         match &self.source {
-            Source::Program(program) => program.register(number),
-            Source::Motion(_) => number.checked_sub(1),
+            RegisterSource::Program(program) => program.register(number),
+            RegisterSource::Motion(_) => number.checked_sub(1),
         }
     }
 
@@ -167,7 +167,7 @@ impl Controller {
         for (address, value) in (address..).zip(values) {
             self.tables.set_signal(Signal::at(table, address)?, *value)?;
         }
-        if let (Source::Program(program), Table::HoldingRegisters) = (&mut self.source, table) {
+        if let (RegisterSource::Program(program), Table::HoldingRegisters) = (&mut self.source, table) {
             program.written(address.into()..end, &self.tables);
         }
         Some(())
@@ -177,8 +177,8 @@ impl Controller {
     pub(super) fn restart(&mut self) {
         self.run = None;
         self.tables = match self.source {
-            Source::Motion(_) => Tables::numbered(),
-            Source::Program(_) => Tables::empty(),
+            RegisterSource::Motion(_) => Tables::numbered(),
+            RegisterSource::Program(_) => Tables::empty(),
         };
     }
 
@@ -191,14 +191,14 @@ impl Controller {
         }
         self.run = Some(run);
         match &mut self.source {
-            Source::Motion(_) if self.faults.has(Fault::Standstill, now) && last.is_some() => {}
-            Source::Motion(motion) => {
+            RegisterSource::Motion(_) if self.faults.has(Fault::Standstill, now) && last.is_some() => {}
+            RegisterSource::Motion(motion) => {
                 let registers = block(motion, &self.faults, run).to_registers(self.order);
                 if let Some(area) = self.tables.holding_registers.first_chunk_mut() {
                     *area = registers;
                 }
             }
-            Source::Program(program) => {
+            RegisterSource::Program(program) => {
                 for run in last.map_or(0, |last| last + 1)..=run {
                     let at = PERIOD * run;
                     program.run(at, runs(self.faults.task_time(at)), &self.faults, &mut self.tables);
@@ -285,7 +285,7 @@ impl Registers for Controller {
         self.ready()?;
         let written = usize::from(address)..usize::from(address) + values.len();
         self.tables.write_registers(address, values)?;
-        if let Source::Program(program) = &mut self.source {
+        if let RegisterSource::Program(program) = &mut self.source {
             program.written(written, &self.tables);
         }
         Ok(())

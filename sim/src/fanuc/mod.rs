@@ -24,7 +24,7 @@ pub use self::identification::{Identification, NoObject};
 pub use self::lists::{Lists, NoList};
 pub use self::roles::{NoPermission, Roles};
 pub use self::tables::Tables;
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// A FANUC controller's settings. Its robot goes around a circle; one with another robot is made by [`FanucController::new`].
@@ -143,7 +143,7 @@ impl Device for FanucController {
         &mut self.server
     }
 
-    fn take(&mut self, _: Duration, event: ServerEvent, notes: &mut Notes<FanucEvent, Write>) {
+    fn take(&mut self, _: Duration, event: ServerEvent, notes: &mut DeviceRecord<FanucEvent, Write>) {
         if matches!(event, ServerEvent::OutOfStep(_)) {
             notes.close("the client is out of step");
         }
@@ -154,7 +154,7 @@ impl Device for FanucController {
         }
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<FanucEvent, Write>) {
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<FanucEvent, Write>) {
         for access in self.server.registers_mut().accesses.drain(..) {
             if let FanucEvent::Written(write) = &access {
                 notes.executed(now, write.clone());

@@ -36,7 +36,7 @@ pub enum Fault {
 
 /// The time of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum When {
+enum FaultTime {
     /// To the answer of this number, from 1, or to the first one after it.
     Answer(u64),
     /// To every this many answers.
@@ -52,7 +52,7 @@ enum When {
 /// one that was due for it happens to the next message.
 #[derive(Debug, Clone, Default)]
 pub struct Script {
-    incidents: Vec<(When, Fault)>,
+    incidents: Vec<(FaultTime, Fault)>,
     seed: u64,
 }
 
@@ -73,34 +73,34 @@ impl Script {
     /// Adds a fault of the `count`-th message that the device sends.
     #[must_use]
     pub fn answer(self, count: u64, fault: Fault) -> Self {
-        self.with(When::Answer(count), fault)
+        self.with(FaultTime::Answer(count), fault)
     }
 
     /// Adds a fault of every `count`-th message that the device sends.
     #[must_use]
     pub fn every_answer(self, count: u64, fault: Fault) -> Self {
-        self.with(When::EveryAnswer(count), fault)
+        self.with(FaultTime::EveryAnswer(count), fault)
     }
 
     /// Adds a fault of the `count`-th message that the device receives.
     #[must_use]
     pub fn request(self, count: u64, fault: Fault) -> Self {
-        self.with(When::Request(count), fault)
+        self.with(FaultTime::Request(count), fault)
     }
 
     /// Adds a fault of every `count`-th message that the device receives.
     #[must_use]
     pub fn every_request(self, count: u64, fault: Fault) -> Self {
-        self.with(When::EveryRequest(count), fault)
+        self.with(FaultTime::EveryRequest(count), fault)
     }
 
     /// Adds a fault at this time; a fault that needs a message happens to the next one that the device sends.
     #[must_use]
     pub fn at(self, time: Duration, fault: Fault) -> Self {
-        self.with(When::At(time), fault)
+        self.with(FaultTime::At(time), fault)
     }
 
-    fn with(mut self, when: When, fault: Fault) -> Self {
+    fn with(mut self, when: FaultTime, fault: Fault) -> Self {
         self.incidents.push((when, fault));
         self
     }
@@ -121,7 +121,7 @@ struct Shared {
 
 #[derive(Debug)]
 struct State {
-    incidents: Vec<(When, Fault)>,
+    incidents: Vec<(FaultTime, Fault)>,
     answers: u64,
     requests: u64,
     happened: Vec<(Duration, Fault)>,
@@ -156,12 +156,12 @@ impl Faults {
 
     /// Adds a fault of the next message that the device sends.
     pub fn next_answer(&self, fault: Fault) {
-        self.lock().incidents.push((When::Answer(0), fault));
+        self.lock().incidents.push((FaultTime::Answer(0), fault));
     }
 
     /// Adds a fault of the next message that the device receives.
     pub fn next_request(&self, fault: Fault) {
-        self.lock().incidents.push((When::Request(0), fault));
+        self.lock().incidents.push((FaultTime::Request(0), fault));
     }
 
     /// Drops the next message of the device.
@@ -220,7 +220,7 @@ impl Faults {
     /// Causes a fault at once: a freeze, a restart, a loss of the unexecuted work, or the end of every connection of the
     /// device. A fault that needs a message happens to the next message that the device sends.
     pub fn at_once(&self, fault: Fault) {
-        self.lock().incidents.push((When::At(Duration::ZERO), fault));
+        self.lock().incidents.push((FaultTime::At(Duration::ZERO), fault));
         self.0.waits.store(true, Ordering::Release);
     }
 
@@ -230,10 +230,10 @@ impl Faults {
         state.answers += 1;
         let count = state.answers;
         state.take(now, |when| match when {
-            When::Answer(at) => at <= count,
-            When::EveryAnswer(every) => count.is_multiple_of(every),
-            When::At(at) => at <= now,
-            When::Request(_) | When::EveryRequest(_) => false,
+            FaultTime::Answer(at) => at <= count,
+            FaultTime::EveryAnswer(every) => count.is_multiple_of(every),
+            FaultTime::At(at) => at <= now,
+            FaultTime::Request(_) | FaultTime::EveryRequest(_) => false,
         })
     }
 
@@ -243,19 +243,18 @@ impl Faults {
         state.requests += 1;
         let count = state.requests;
         state.take(now, |when| match when {
-            When::Request(at) => at <= count,
-            When::EveryRequest(every) => count.is_multiple_of(every),
-            When::Answer(_) | When::EveryAnswer(_) | When::At(_) => false,
+            FaultTime::Request(at) => at <= count,
+            FaultTime::EveryRequest(every) => count.is_multiple_of(every),
+            FaultTime::Answer(_) | FaultTime::EveryAnswer(_) | FaultTime::At(_) => false,
         })
     }
 
     /// Removes and returns the next fault that is due and does not need a message.
     pub(crate) fn due(&self, now: Duration) -> Option<Fault> {
         let mut state = self.lock();
-        let place = state
-            .incidents
-            .iter()
-            .position(|(when, fault)| matches!(*when, When::At(at) if at <= now) && !fault.needs_message())?;
+        let place = state.incidents.iter().position(|(when, fault)| {
+            matches!(*when, FaultTime::At(at) if at <= now) && !fault.needs_message()
+        })?;
         let (_, fault) = state.incidents.remove(place);
         state.happened.push((now, fault));
         Some(fault)
@@ -268,7 +267,7 @@ impl Faults {
         }
         let state = self.lock();
         let times = state.incidents.iter().filter_map(|(when, fault)| match when {
-            When::At(at) if !fault.needs_message() => Some(*at),
+            FaultTime::At(at) if !fault.needs_message() => Some(*at),
             _ => None,
         });
         times.min()
@@ -315,10 +314,10 @@ impl Faults {
 }
 
 impl State {
-    fn take(&mut self, now: Duration, is_due: impl Fn(When) -> bool) -> Option<Fault> {
+    fn take(&mut self, now: Duration, is_due: impl Fn(FaultTime) -> bool) -> Option<Fault> {
         let place = self.incidents.iter().position(|(when, _)| is_due(*when))?;
         let (when, fault) = *self.incidents.get(place)?;
-        if !matches!(when, When::EveryAnswer(_) | When::EveryRequest(_)) {
+        if !matches!(when, FaultTime::EveryAnswer(_) | FaultTime::EveryRequest(_)) {
             self.incidents.remove(place);
         }
         self.happened.push((now, fault));

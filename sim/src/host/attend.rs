@@ -5,9 +5,9 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io;
 
-use robot_session::{Driver, Ended, Transport};
+use robot_session::{Driver, EndReason, Transport};
 
-use super::{Ending, Hosted, Notice, Request};
+use super::{ConnectionEnd, HostedSession, Notice, Request};
 
 /// The transport of a device, which also makes and ends its connections.
 pub trait Endpoint: Transport {
@@ -21,7 +21,7 @@ pub trait Endpoint: Transport {
     fn look(&mut self, device: State) -> Result<Option<Change>, Self::Error>;
 
     /// Ends the connection. Returns false if the endpoint makes no other one: then the host returns.
-    fn end(&mut self, ending: &Ending) -> bool;
+    fn end(&mut self, ending: &ConnectionEnd) -> bool;
 }
 
 /// The state of a device between two turns.
@@ -43,7 +43,7 @@ pub enum Change {
     /// The peer of this name is connected; an earlier connection is replaced.
     Connected(String),
     /// The connection has ended, or could not be made.
-    Disconnected(Ending),
+    Disconnected(ConnectionEnd),
 }
 
 /// Runs a session over an endpoint while `goes_on`, which is called at least each time that `look` has passed. Afterwards
@@ -51,7 +51,7 @@ pub enum Change {
 ///
 /// # Errors
 /// The errors of the endpoint and of `observe`.
-pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
+pub fn attend<S: HostedSession, T: Endpoint, E: From<T::Error>>(
     session: &mut S,
     mut endpoint: T,
     look: Duration,
@@ -76,7 +76,7 @@ pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
                 driver = Driver::new(&mut endpoint);
                 if let Some(before) = peer.take() {
                     session.handle_disconnected(now);
-                    observe(session, Notice::Disconnected(&before, &Ending::Replaced))?;
+                    observe(session, Notice::Disconnected(&before, &ConnectionEnd::Replaced))?;
                 }
                 session.handle_connected(now);
                 observe(session, Notice::Connected(&name))?;
@@ -97,13 +97,13 @@ pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
                 io::Error::other("the state cannot be stored")
             })
         };
-        let turn = driver.turn_keeping(session, Some(look), keep, |session, event| {
+        let turn = driver.turn_with(session, Some(look), keep, |session, event| {
             let request = S::request(&event);
             if let Err(error) = (observer.borrow_mut())(session, Notice::Event(name, event)) {
                 return ControlFlow::Break(Err(error));
             }
             match request {
-                Some(Request::Close(why)) => ControlFlow::Break(Ok(Some(Ending::ByDevice(why)))),
+                Some(Request::Close(why)) => ControlFlow::Break(Ok(Some(ConnectionEnd::ByDevice(why)))),
                 Some(Request::Connect) => ControlFlow::Break(Ok(None)),
                 None => ControlFlow::Continue(()),
             }
@@ -114,15 +114,15 @@ pub fn attend<S: Hosted, T: Endpoint, E: From<T::Error>>(
         observe(session, Notice::Settled)?;
         let ending = match turn {
             Ok(ControlFlow::Continue(())) => continue,
-            Ok(ControlFlow::Break(Ended::ByHandler(request))) => match request? {
+            Ok(ControlFlow::Break(EndReason::ByHandler(request))) => match request? {
                 Some(ending) => ending,
                 None => {
                     connects = true;
                     continue;
                 }
             },
-            Ok(ControlFlow::Break(Ended::ByPeer)) => Ending::ByPeer,
-            Ok(ControlFlow::Break(Ended::Stalled)) => Ending::Stalled,
+            Ok(ControlFlow::Break(EndReason::ByPeer)) => ConnectionEnd::ByPeer,
+            Ok(ControlFlow::Break(EndReason::Stalled)) => ConnectionEnd::Stalled,
             Err(error) => error.into(),
         };
         session.handle_disconnected(driver.transport_mut().now());

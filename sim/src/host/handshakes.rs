@@ -13,7 +13,7 @@ use super::carrier::Carrier;
 use super::{MAX_CLIENTS, refuse};
 
 /// The token of the first handshake; those of clients are below.
-pub(super) const FIRST: usize = MAX_CLIENTS;
+pub(super) const FIRST_TOKEN: usize = MAX_CLIENTS;
 
 /// The handshakes of the clients that have arrived.
 pub(super) struct Handshakes(Slab<Handshake>);
@@ -29,7 +29,7 @@ impl Handshakes {
 
     /// Returns the tokens of all handshakes.
     pub(super) fn tokens(&self) -> Vec<usize> {
-        self.0.iter().map(|(key, _)| FIRST + key).collect()
+        self.0.iter().map(|(key, _)| FIRST_TOKEN + key).collect()
     }
 
     /// Begins the handshake of a client; returns its token. The error has the client and the reason for which it is refused.
@@ -40,7 +40,7 @@ impl Handshakes {
         config: Arc<ServerConfig>,
         registry: &Registry,
     ) -> Result<usize, (String, String)> {
-        let token = FIRST + self.0.vacant_key();
+        let token = FIRST_TOKEN + self.0.vacant_key();
         let interest = Interest::READABLE | Interest::WRITABLE;
         let begun = match Layer::accept(config) {
             _ if self.0.len() >= MAX_CLIENTS => Err(io::Error::other("too many TLS handshakes at once")),
@@ -66,7 +66,7 @@ impl Handshakes {
         token: usize,
         registry: &Registry,
     ) -> Option<(String, Result<Carrier, String>)> {
-        let key = token.checked_sub(FIRST)?;
+        let key = token.checked_sub(FIRST_TOKEN)?;
         let Handshake { tcp, tls, .. } = self.0.get_mut(key)?;
         let outcome = match tls.shake_hands(tcp) {
             Ok(false) => return None,

@@ -13,7 +13,7 @@ use std::io;
 use robot_session::Session;
 
 use crate::device::Device;
-use crate::simulator::{Simulator, Told};
+use crate::simulator::{Simulator, SimulatorReport};
 
 pub use self::attend::{Change, Endpoint, State, attend};
 pub use self::listener::{Arrival, Listener, probes, refuse};
@@ -23,7 +23,7 @@ pub use self::serve::Server;
 pub const MAX_CLIENTS: usize = 1000;
 
 /// A session that a host runs: a [`Simulator`], a session around one, or a PC of a Kawasaki robot.
-pub trait Hosted: Session + Sized {
+pub trait HostedSession: Session + Sized {
     /// Returns the same device on one more connection; `None` if a new connection replaces the previous one.
     fn another(&self) -> Option<Self> {
         None
@@ -56,7 +56,7 @@ pub enum Request {
     Connect,
 }
 
-impl<D: Device> Hosted for Simulator<D> {
+impl<D: Device> HostedSession for Simulator<D> {
     fn another(&self) -> Option<Self> {
         Simulator::another(self)
     }
@@ -73,11 +73,11 @@ impl<D: Device> Hosted for Simulator<D> {
         Simulator::is_held(self)
     }
 
-    fn request(event: &Told<D::Event>) -> Option<Request> {
+    fn request(event: &SimulatorReport<D::Event>) -> Option<Request> {
         match event {
-            Told::Close(why) => Some(Request::Close(why)),
-            Told::Connect => Some(Request::Connect),
-            Told::Device(_) | Told::Fault(_) => None,
+            SimulatorReport::Close(why) => Some(Request::Close(why)),
+            SimulatorReport::Connect => Some(Request::Connect),
+            SimulatorReport::Device(_) | SimulatorReport::Fault(_) => None,
         }
     }
 }
@@ -97,7 +97,7 @@ pub enum Notice<'a, E> {
     /// Bytes that are sent, and their time. Reported by a [`Server`].
     Sent(Duration, &'a [u8]),
     /// A connection has ended, or could not be made.
-    Disconnected(&'a str, &'a Ending),
+    Disconnected(&'a str, &'a ConnectionEnd),
     /// Bytes of the session are sent next: state that must survive the program is to be stored. Reported by [`attend`];
     /// after an error nothing is sent.
     Sending,
@@ -108,7 +108,7 @@ pub enum Notice<'a, E> {
 /// The reason for which a connection has ended.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Ending {
+pub enum ConnectionEnd {
     /// The device has closed it, for this reason.
     #[error("{0}")]
     ByDevice(&'static str),
@@ -137,7 +137,7 @@ pub enum Ending {
     Stopped,
 }
 
-impl From<io::Error> for Ending {
+impl From<io::Error> for ConnectionEnd {
     fn from(error: io::Error) -> Self {
         Self::Failed(error.to_string())
     }

@@ -14,7 +14,7 @@ use slab::Slab;
 use super::carrier::Carrier;
 #[cfg(feature = "tls")]
 use super::handshakes::{self, Handshakes};
-use super::{Arrival, Ending, Hosted, Listener, MAX_CLIENTS, Notice, Request, refuse};
+use super::{Arrival, ConnectionEnd, HostedSession, Listener, MAX_CLIENTS, Notice, Request, refuse};
 
 /// A client whose requests do not end takes turns with the others after this many reads.
 const READS: usize = 16;
@@ -27,7 +27,7 @@ const MAX_UNSENT: usize = 64 * 1024;
 
 const ARRIVALS: Token = Token(usize::MAX);
 
-/// Serves a device over TCP: [several clients](Hosted::another) at once, or the newest.
+/// Serves a device over TCP: [several clients](HostedSession::another) at once, or the newest.
 #[derive(Debug)]
 pub struct Server<C> {
     /// The listener at which the clients arrive.
@@ -62,7 +62,7 @@ impl<C: Fn() -> Duration> Server<C> {
     ///
     /// # Errors
     /// The system cannot wait for events; the errors of `observe`.
-    pub fn run<S: Hosted, E: From<io::Error>>(
+    pub fn run<S: HostedSession, E: From<io::Error>>(
         self,
         session: S,
         goes_on: impl Fn() -> bool,
@@ -71,7 +71,7 @@ impl<C: Fn() -> Duration> Server<C> {
         let poll = Poll::new()?;
         let (input, out) = (vec![0; S::MAX_INPUT], vec![0; S::MAX_TRANSMIT]);
         let (first, clients, busy) = (Some(session), Slab::new(), Vec::new());
-        let mut serving = Serving {
+        let mut serving = ServerLoop {
             server: self,
             poll,
             first,
@@ -89,7 +89,7 @@ impl<C: Fn() -> Duration> Server<C> {
     }
 }
 
-struct Serving<C, S, H> {
+struct ServerLoop<C, S, H> {
     server: Server<C>,
     poll: Poll,
     /// The session without a connection; `None` while it has one because it serves only the newest client.
@@ -124,20 +124,20 @@ struct Client<S> {
 
 /// The end of a connection: its reason, or the failure of the observer, which ends the server.
 enum Stop<E> {
-    Connection(Ending),
+    Connection(ConnectionEnd),
     Server(E),
 }
 
-impl<E> From<Ending> for Stop<E> {
-    fn from(ending: Ending) -> Self {
+impl<E> From<ConnectionEnd> for Stop<E> {
+    fn from(ending: ConnectionEnd) -> Self {
         Self::Connection(ending)
     }
 }
 
-impl<C, S, H, E> Serving<C, S, H>
+impl<C, S, H, E> ServerLoop<C, S, H>
 where
     C: Fn() -> Duration,
-    S: Hosted,
+    S: HostedSession,
     E: From<io::Error>,
     H: FnMut(&mut S, Notice<'_, S::Event>) -> Result<(), E>,
 {
@@ -163,7 +163,7 @@ where
                 match event.token() {
                     ARRIVALS => self.accept(now)?,
                     #[cfg(feature = "tls")]
-                    Token(token) if token >= handshakes::FIRST => self.shake_hands(token, now)?,
+                    Token(token) if token >= handshakes::FIRST_TOKEN => self.shake_hands(token, now)?,
                     Token(key) => self.wake(key, event, now)?,
                 }
             }
@@ -172,7 +172,7 @@ where
                 self.look(now)?;
             }
         }
-        self.close_all(now, &Ending::Stopped)
+        self.close_all(now, &ConnectionEnd::Stopped)
     }
 
     /// Does everything that is due.
@@ -260,7 +260,7 @@ where
     }
 
     fn connect(&mut self, mut stream: Carrier, peer: String, now: Duration) -> Result<(), E> {
-        let another = match self.first.as_ref().map(Hosted::another) {
+        let another = match self.first.as_ref().map(HostedSession::another) {
             Some(Some(another)) if self.clients.len() < MAX_CLIENTS => Some(another),
             Some(Some(_)) => {
                 refuse(&stream.tcp);
@@ -268,7 +268,7 @@ where
             }
             Some(None) => None,
             None => {
-                self.close_all(now, &Ending::Replaced)?;
+                self.close_all(now, &ConnectionEnd::Replaced)?;
                 None
             }
         };
@@ -329,7 +329,7 @@ where
                 let end = client.active.saturating_add(time);
                 if end <= now {
                     let reads = client.unsent.is_empty();
-                    self.close(key, now, &Ending::Idle { time, reads })?;
+                    self.close(key, now, &ConnectionEnd::Idle { time, reads })?;
                     continue;
                 }
                 self.wait_until(end);
@@ -343,12 +343,12 @@ where
         self.due = Some(self.due.map_or(at, |due| due.min(at)));
     }
 
-    fn close_all(&mut self, now: Duration, ending: &Ending) -> Result<(), E> {
+    fn close_all(&mut self, now: Duration, ending: &ConnectionEnd) -> Result<(), E> {
         let keys: Vec<usize> = self.clients.iter().map(|(key, _)| key).collect();
         keys.into_iter().try_for_each(|key| self.close(key, now, ending))
     }
 
-    fn close(&mut self, key: usize, now: Duration, ending: &Ending) -> Result<(), E> {
+    fn close(&mut self, key: usize, now: Duration, ending: &ConnectionEnd) -> Result<(), E> {
         let Some(mut client) = self.clients.try_remove(key) else { return Ok(()) };
         // Earlier replies are sent, as far as the system accepts them.
         _ = client.stream.write(&client.unsent);
@@ -370,7 +370,7 @@ where
     }
 }
 
-impl<S: Hosted> Client<S> {
+impl<S: HostedSession> Client<S> {
     /// Returns whether there is more to read.
     fn serve<E>(
         &mut self,
@@ -386,7 +386,7 @@ impl<S: Hosted> Client<S> {
                 return Ok(false);
             }
             match self.stream.read(input) {
-                Ok(0) => return Err(Ending::ByPeer.into()),
+                Ok(0) => return Err(ConnectionEnd::ByPeer.into()),
                 Ok(length) => {
                     // On Unix, bytes after a read that did not fill its buffer are an event again; an end that was reported
                     // is not. On Windows there is no event until a read would have to wait.
@@ -400,7 +400,7 @@ impl<S: Hosted> Client<S> {
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_readable = false,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(Ending::from(error).into()),
+                Err(error) => return Err(ConnectionEnd::from(error).into()),
             }
         }
         self.flush(now)?;
@@ -421,13 +421,13 @@ impl<S: Hosted> Client<S> {
                     let request = S::request(&event);
                     observe(session, Notice::Event(peer, event)).map_err(Stop::Server)?;
                     if let Some(Request::Close(why)) = request {
-                        return Err(Ending::ByDevice(why).into());
+                        return Err(ConnectionEnd::ByDevice(why).into());
                     }
                 }
                 Step::Write(bytes) => {
                     observe(session, Notice::Sent(now, bytes)).map_err(Stop::Server)?;
                     if waits > MAX_UNSENT {
-                        return Err(Ending::Stalled.into());
+                        return Err(ConnectionEnd::Stalled.into());
                     }
                     unsent.extend_from_slice(bytes);
                 }
@@ -437,7 +437,7 @@ impl<S: Hosted> Client<S> {
     }
 
     /// Sends the bytes that the system accepts.
-    fn flush(&mut self, now: Duration) -> Result<(), Ending> {
+    fn flush(&mut self, now: Duration) -> Result<(), ConnectionEnd> {
         while !self.unsent.is_empty() {
             match self.stream.write(&self.unsent) {
                 Ok(length) => {

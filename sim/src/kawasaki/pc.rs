@@ -7,8 +7,8 @@ use std::sync::Arc;
 use kawasaki_msg::{JobSource, LargePc, PcConfig, PcEvent, Supply, Work};
 use robot_session::end::End as _;
 
-use crate::device::{Device, Error, Notes};
-use crate::host::{Hosted, Request};
+use crate::device::{Device, DeviceRecord, Error};
+use crate::host::{HostedSession, Request};
 use crate::settings::Settings;
 
 /// The reason to close the connection to a robot.
@@ -48,7 +48,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Settings for KawasakiPc<W> {
 }
 
 /// A PC whose orders are those of a program.
-impl<S: JobSource> Hosted for LargePc<S> {
+impl<S: JobSource> HostedSession for LargePc<S> {
     fn request(event: &PcEvent) -> Option<Request> {
         (*event == PcEvent::Disconnect).then_some(Request::Close(SILENT))
     }
@@ -96,7 +96,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
         &mut self.session
     }
 
-    fn take(&mut self, now: Duration, event: PcEvent, notes: &mut Notes<PcEvent, PcEvent>) {
+    fn take(&mut self, now: Duration, event: PcEvent, notes: &mut DeviceRecord<PcEvent, PcEvent>) {
         match event {
             PcEvent::Disconnect => notes.close(SILENT),
             PcEvent::OrderOver { .. } => {
@@ -113,7 +113,7 @@ impl<W: Work + Debug + Send + Sync + 'static> Device for Pc<W> {
         notes.event(event);
     }
 
-    fn advance(&mut self, _: Duration, _: &mut Notes<PcEvent, PcEvent>) {
+    fn advance(&mut self, _: Duration, _: &mut DeviceRecord<PcEvent, PcEvent>) {
         let is_connected = self.session.machine().is_connected();
         let was_connected = core::mem::replace(&mut self.was_connected, is_connected);
         let has_order = self.session.order().is_some();

@@ -8,7 +8,7 @@ use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, Work};
 use robot_session::Session as _;
 use robot_work_queue::{Reader, boxed};
 
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// The execution time of a job.
@@ -100,7 +100,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
         &mut self.session
     }
 
-    fn take(&mut self, _: Duration, event: RobotEvent, notes: &mut Notes<RobotEvent, Job<W>>) {
+    fn take(&mut self, _: Duration, event: RobotEvent, notes: &mut DeviceRecord<RobotEvent, Job<W>>) {
         match event {
             RobotEvent::Connect => notes.connect(),
             RobotEvent::Disconnect => notes.close("the PC is silent"),
@@ -109,7 +109,7 @@ impl<W: Work + fmt::Debug + Send + 'static> Device for Kawasaki<W> {
         notes.event(event);
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<RobotEvent, Job<W>>) {
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<RobotEvent, Job<W>>) {
         let mut begins = now;
         loop {
             if let Some((number, job, end)) = self.executing.take_if(|(_, _, end)| *end <= now) {

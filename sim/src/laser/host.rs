@@ -6,7 +6,7 @@ use std::sync::Arc;
 use laser_eb90::{Host, HostConfig, HostEvent, SessionError};
 use robot_session::Session as _;
 
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// A host's settings. The work that it "executes" are the outcomes of its instructions: [`HostEvent::Done`],
@@ -60,7 +60,7 @@ impl Device for Computer {
         &mut self.host
     }
 
-    fn take(&mut self, now: Duration, event: HostEvent, notes: &mut Notes<HostEvent, HostEvent>) {
+    fn take(&mut self, now: Duration, event: HostEvent, notes: &mut DeviceRecord<HostEvent, HostEvent>) {
         match event {
             HostEvent::Done { .. } | HostEvent::Answer { .. } => notes.executed(now, event),
             HostEvent::Refused { count, .. } => {
@@ -78,7 +78,7 @@ impl Device for Computer {
         notes.event(event);
     }
 
-    fn advance(&mut self, now: Duration, _: &mut Notes<HostEvent, HostEvent>) {
+    fn advance(&mut self, now: Duration, _: &mut DeviceRecord<HostEvent, HostEvent>) {
         if self.resumes_at.take_if(|at| *at <= now).is_some() {
             self.host.resume();
         }

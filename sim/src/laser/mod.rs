@@ -12,7 +12,7 @@ use laser_eb90::{
 use robot_work_queue::{Reader, boxed};
 
 pub use self::host::{Computer, LaserHost};
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// Executes nothing until [`GO_ON`].
@@ -60,7 +60,7 @@ impl Settings for Laser {
 
 #[cfg(feature = "spec")]
 impl robot_session::spec::Configure for Laser {
-    fn configure(&mut self, fields: &mut impl robot_session::spec::Fields) {
+    fn configure(&mut self, fields: &mut impl robot_session::spec::FieldVisitor) {
         let Self { config, baud, queue, execution } = self;
         fields.baud(robot_session::spec::LINE, baud);
         fields.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
@@ -182,7 +182,7 @@ impl Device for LaserRobot {
         &mut self.controller
     }
 
-    fn take(&mut self, now: Duration, event: ControllerEvent, notes: &mut Notes<LaserEvent, Job>) {
+    fn take(&mut self, now: Duration, event: ControllerEvent, notes: &mut DeviceRecord<LaserEvent, Job>) {
         match event {
             ControllerEvent::Queued { count } => notes.event(LaserEvent::Queued(count)),
             ControllerEvent::Refused(refusal) => notes.event(LaserEvent::Refused(refusal)),
@@ -198,7 +198,7 @@ impl Device for LaserRobot {
         }
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<LaserEvent, Job>) {
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<LaserEvent, Job>) {
         let mut begins = now;
         loop {
             if let Some((number, job, end)) = self.executing.take_if(|(_, _, end)| *end <= now) {

@@ -11,7 +11,7 @@ use mmacell_proto::{
 
 use self::axes::Axes;
 pub use self::axes::Simulated;
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::faults::{Fault, Script};
 use crate::settings::Settings;
 use crate::simulator::Simulator;
@@ -80,12 +80,12 @@ impl<P: Simulated> Settings for Mma<P> {
 
 #[cfg(feature = "spec")]
 mod spec {
-    use robot_session::spec::{Configure, Fields};
+    use robot_session::spec::{Configure, FieldVisitor};
 
     use super::{Mma, MotionFaults};
 
     impl<P> Configure for Mma<P> {
-        fn configure(&mut self, fields: &mut impl Fields) {
+        fn configure(&mut self, fields: &mut impl FieldVisitor) {
             let Self { config, speed, faults, mute_every, drop_every, home: _ } = self;
             let about = "how many times faster than real time the axes move";
             fields.whole("speed", 1..=10_000, "times", about, speed);
@@ -99,7 +99,7 @@ mod spec {
     }
 
     impl Configure for MotionFaults {
-        fn configure(&mut self, fields: &mut impl Fields) {
+        fn configure(&mut self, fields: &mut impl FieldVisitor) {
             let Self { fail_every, stall_every, refuse_every, refuse_code } = self;
             let about = "after how many motions one stops half-way with an error of servo motor 1; 0: never";
             fields.whole("fail_every", 0..=u64::MAX, "motions", about, fail_every);
@@ -114,7 +114,7 @@ mod spec {
 
 /// The end of the motion that is under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Fate {
+pub enum MotionOutcome {
     /// The motion ends at its target.
     Arrives,
     /// The motion ends half-way, with an error.
@@ -161,7 +161,7 @@ pub struct MmaDevice<P: Simulated> {
     /// Motions that were commanded, refused ones included.
     asked: u64,
     motions: u64,
-    fate: Fate,
+    fate: MotionOutcome,
     /// The goal of the motion that is under way.
     to: Option<P>,
     /// Whether the session has the pose of the axes at rest.
@@ -189,7 +189,7 @@ impl<P: Simulated> MmaDevice<P> {
             axes,
             asked: 0,
             motions: 0,
-            fate: Fate::Arrives,
+            fate: MotionOutcome::Arrives,
             to: None,
             is_known: false,
         })
@@ -211,7 +211,7 @@ impl<P: Simulated> MmaDevice<P> {
     }
 
     /// Decides how the motion that is under way ends.
-    pub fn end_motion(&mut self, fate: Fate) {
+    pub fn end_motion(&mut self, fate: MotionOutcome) {
         self.fate = fate;
     }
 
@@ -221,14 +221,14 @@ impl<P: Simulated> MmaDevice<P> {
     }
 
     /// Ends the motion.
-    fn rest(&mut self, at: Duration, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
+    fn rest(&mut self, at: Duration, notes: &mut DeviceRecord<MmaEvent<P>, Motion<P>>) {
         if let Some(to) = self.to.take() {
             notes.executed(at, Motion { to, at: self.axes.pose() });
         }
-        self.fate = Fate::Arrives;
+        self.fate = MotionOutcome::Arrives;
     }
 
-    fn decide(&mut self, now: Duration, order: Order<P>, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
+    fn decide(&mut self, now: Duration, order: Order<P>, notes: &mut DeviceRecord<MmaEvent<P>, Motion<P>>) {
         // A count from 1 is never a multiple of 0.
         let every = u64::is_multiple_of;
         let MotionFaults { fail_every, stall_every, refuse_every, refuse_code } = self.settings.faults;
@@ -251,9 +251,9 @@ impl<P: Simulated> MmaDevice<P> {
                 self.motions += 1;
                 self.rest(now, notes);
                 self.fate = match self.motions {
-                    n if every(n, fail_every) => Fate::Fails,
-                    n if every(n, stall_every) => Fate::Stalls,
-                    _ => Fate::Arrives,
+                    n if every(n, fail_every) => MotionOutcome::Fails,
+                    n if every(n, stall_every) => MotionOutcome::Stalls,
+                    _ => MotionOutcome::Arrives,
                 };
                 self.to = Some(target);
                 self.axes.go(axes_now, target);
@@ -298,7 +298,12 @@ impl<P: Simulated> Device for MmaDevice<P> {
         &mut self.session
     }
 
-    fn take(&mut self, now: Duration, event: DeviceEvent<P>, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
+    fn take(
+        &mut self,
+        now: Duration,
+        event: DeviceEvent<P>,
+        notes: &mut DeviceRecord<MmaEvent<P>, Motion<P>>,
+    ) {
         match event {
             DeviceEvent::Asked { order } => self.decide(now, order, notes),
             DeviceEvent::Closed { reason } => {
@@ -310,14 +315,14 @@ impl<P: Simulated> Device for MmaDevice<P> {
         }
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<MmaEvent<P>, Motion<P>>) {
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<MmaEvent<P>, Motion<P>>) {
         if self.is_known {
             return;
         }
         let ended = self.due().map_or(now, |at| at.min(now));
         self.axes.advance(self.of_axes(now));
-        if self.fate != Fate::Arrives && self.axes.stop_half_way() {
-            if self.fate == Fate::Fails {
+        if self.fate != MotionOutcome::Arrives && self.axes.stop_half_way() {
+            if self.fate == MotionOutcome::Fails {
                 self.session.fail(ErrorCode::Servo1);
             }
             self.rest(ended, notes);
@@ -332,7 +337,7 @@ impl<P: Simulated> Device for MmaDevice<P> {
 
     fn due(&self) -> Option<Duration> {
         self.to?;
-        let share = if self.fate == Fate::Arrives { 1.0 } else { 0.5 };
+        let share = if self.fate == MotionOutcome::Arrives { 1.0 } else { 0.5 };
         // Rounded up: the axes are there then.
         Some(self.axes.passes(share)? / self.settings.speed + Duration::from_nanos(1))
     }
@@ -346,13 +351,13 @@ impl<P: Simulated> Device for MmaDevice<P> {
             self.session = session;
         }
         self.session.set_pose(pose);
-        (self.to, self.fate, self.is_known) = (None, Fate::Arrives, false);
+        (self.to, self.fate, self.is_known) = (None, MotionOutcome::Arrives, false);
     }
 
     /// Ends the motion at its current position, without an error.
     fn forget(&mut self, now: Duration) {
         self.axes.stop(self.of_axes(now));
-        (self.to, self.fate, self.is_known) = (None, Fate::Arrives, false);
+        (self.to, self.fate, self.is_known) = (None, MotionOutcome::Arrives, false);
     }
 }
 
@@ -361,7 +366,7 @@ mod tests {
     use robot_session::{Session as _, Step, Steps};
 
     use super::*;
-    use crate::Told;
+    use crate::SimulatorReport;
 
     const S: Duration = Duration::from_secs(1);
     const NONE: MotionFaults =
@@ -381,7 +386,7 @@ mod tests {
         loop {
             match steps.next(robot, now, &mut [0; 64]) {
                 Step::Write(bytes) => replies.push_str(core::str::from_utf8(bytes).unwrap()),
-                Step::Event(Told::Close(why)) => replies.push_str(why),
+                Step::Event(SimulatorReport::Close(why)) => replies.push_str(why),
                 Step::Event(_) => {}
                 Step::Wait { .. } => return replies,
             }

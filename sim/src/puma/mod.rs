@@ -22,13 +22,13 @@ pub use self::incident::Incident;
 pub use self::layout::{Layout, Order};
 pub use self::port::Port;
 pub use self::pose::Pose;
-use crate::device::{Device, Error, Notes};
+use crate::device::{Device, DeviceRecord, Error};
 use crate::settings::Settings;
 
 /// The cycles of a motion segment of the program.
 const SEGMENT: u64 = 36;
 /// The time after the opening of its port at which the program starts.
-const FIRST: Duration = Duration::from_millis(200);
+const START_DELAY: Duration = Duration::from_millis(200);
 
 /// A robot's settings.
 #[derive(Debug, Clone)]
@@ -111,7 +111,7 @@ pub enum PumaEvent {
 
 /// The effect of a reply: its values, and the arm's pose after it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moved {
+pub struct ReplyEffect {
     /// Increments, or how far the arm is held off its path.
     pub values: [i16; AXES],
     /// The pose of the arm.
@@ -195,7 +195,7 @@ impl MarkIii {
     }
 
     /// Handles the end of the program; the operator starts it again after a while.
-    fn off(&mut self, event: PumaEvent, notes: &mut Notes<PumaEvent, Moved>) {
+    fn off(&mut self, event: PumaEvent, notes: &mut DeviceRecord<PumaEvent, ReplyEffect>) {
         self.start_at = Some(self.now.saturating_add(self.settings.restart));
         self.resume_at = None;
         notes.event(event);
@@ -205,7 +205,7 @@ impl MarkIii {
 impl Device for MarkIii {
     type Session = Port;
     type Event = PumaEvent;
-    type Work = Moved;
+    type Work = ReplyEffect;
 
     fn session(&self) -> &Port {
         &self.port
@@ -215,7 +215,12 @@ impl Device for MarkIii {
         &mut self.port
     }
 
-    fn take(&mut self, now: Duration, event: ControllerEvent, notes: &mut Notes<PumaEvent, Moved>) {
+    fn take(
+        &mut self,
+        now: Duration,
+        event: ControllerEvent,
+        notes: &mut DeviceRecord<PumaEvent, ReplyEffect>,
+    ) {
         match event {
             ControllerEvent::Started => {
                 self.begun_at.get_or_insert(now);
@@ -230,7 +235,7 @@ impl Device for MarkIii {
                 // The subroutine has stopped the arm.
                 if self.controller().state() != ControllerState::Interrupted {
                     self.path_cycles += 1;
-                    notes.executed(now, Moved { values, pose: self.pose() });
+                    notes.executed(now, ReplyEffect { values, pose: self.pose() });
                 }
                 notes.event(PumaEvent::Reply(values));
             }
@@ -249,7 +254,7 @@ impl Device for MarkIii {
         }
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<PumaEvent, Moved>) {
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<PumaEvent, ReplyEffect>) {
         self.now = now;
         while let Some((_, incident)) = self.next_incident().filter(|(at, _)| *at <= now)
             && self.happens(incident)
@@ -263,7 +268,7 @@ impl Device for MarkIii {
         }
         let connected = self.controller().state() != ControllerState::Disconnected;
         if core::mem::replace(&mut self.connected, connected) != connected {
-            self.start_at = self.start_at.max(Some(now.saturating_add(FIRST)));
+            self.start_at = self.start_at.max(Some(now.saturating_add(START_DELAY)));
         }
         let (pose, controller) = (self.arm.transform(), self.port.controller_mut());
         match controller.state() {

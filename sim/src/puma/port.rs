@@ -17,7 +17,7 @@ pub struct Port {
     /// The bytes on the line, with the time of their last byte.
     leaving: Option<(Duration, Vec<u8>)>,
     /// The time at which the message that is being answered was on the line, and the reply to it.
-    asked: Option<(Duration, Answer)>,
+    asked: Option<(Duration, PortAnswer)>,
     /// The error that the next reply is to have.
     misread: Option<ErrorCode>,
     /// The next message is to be corrupt.
@@ -25,7 +25,7 @@ pub struct Port {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Answer {
+enum PortAnswer {
     None,
     Begun,
     /// Another value has arrived in its place.
@@ -79,17 +79,17 @@ impl Session for Port {
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         match &mut self.asked {
             // Bytes that arrive before the message has left are an answer to the previous one.
-            Some((left, answer)) if *left <= now && *answer == Answer::None => {
+            Some((left, answer)) if *left <= now && *answer == PortAnswer::None => {
                 if let Some(error) = self.misread.take() {
-                    *answer = Answer::Replaced;
+                    *answer = PortAnswer::Replaced;
                     let reply = misread(error, self.controller.config().framing);
                     self.controller.handle_input(now, &reply);
                 } else {
-                    *answer = Answer::Begun;
+                    *answer = PortAnswer::Begun;
                     self.controller.handle_input(now, bytes);
                 }
             }
-            Some((_, Answer::Replaced)) => {}
+            Some((_, PortAnswer::Replaced)) => {}
             _ => self.controller.handle_input(now, bytes),
         }
     }
@@ -122,7 +122,7 @@ impl Session for Port {
             spoil(bytes);
         }
         let left = now.saturating_add(transmission_time(length, self.controller.config().baud));
-        self.asked = Some((left, Answer::None));
+        self.asked = Some((left, PortAnswer::None));
         if self.is_paced {
             self.leaving = Some((left, bytes.to_vec()));
             return None;

@@ -1,13 +1,13 @@
 //! The settings by name.
 
-use robot_session::spec::{ANY_TIME, Configure, Fields};
+use robot_session::spec::{ANY_TIME, Configure, FieldVisitor};
 use val2_alter::{Polarity, Scale};
 
 use super::{ArmConfig, Layout, Order, Puma};
 
 impl Configure for Puma {
     /// Visits all fields except the incidents, which a program writes in its own way, and the transport.
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { config, arm, restart, subroutine_time, incidents: _, is_paced: _ } = self;
         config.configure(fields);
         let about = "the time until the operator restarts the program";
@@ -19,7 +19,7 @@ impl Configure for Puma {
 }
 
 impl Configure for ArmConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { polarity, scale, layout, home } = self;
         let choices = [("tool_is_one", Polarity::ToolIsOne), ("world_is_one", Polarity::WorldIsOne)];
         fields.choice("polarity", &choices, "the polarity of mode bit 1", polarity);

@@ -8,22 +8,22 @@ use std::collections::VecDeque;
 
 use robot_session::Session;
 
-use crate::device::{Device, Executed, Notes};
+use crate::device::{Device, DeviceRecord, ExecutedWork};
 use crate::faults::{Fault, Faults};
 
-pub use remote::{Indexed, Remote};
+pub use remote::{IndexedWork, Remote};
 
 /// A device with its faults: a [`Session`], which any driver runs.
 ///
-/// It begins without a connection. At [`Told::Close`] the caller closes the connection and calls
+/// It begins without a connection. At [`SimulatorReport::Close`] the caller closes the connection and calls
 /// [`handle_disconnected`](Session::handle_disconnected); while the device is off, it [accepts](Self::accepts) no other.
 #[derive(Debug)]
 pub struct Simulator<D: Device> {
     device: D,
     faults: Faults,
-    notes: Notes<D::Event, D::Work>,
+    notes: DeviceRecord<D::Event, D::Work>,
     remote: Option<Remote<D>>,
-    told: VecDeque<Told<D::Event>>,
+    told: VecDeque<SimulatorReport<D::Event>>,
     /// The bytes to send later, with their times.
     outgoing: VecDeque<(Duration, Vec<u8>)>,
     /// The arrived bytes that are read later, with their times.
@@ -48,7 +48,7 @@ pub struct Simulator<D: Device> {
 /// A report of a simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-pub enum Told<E> {
+pub enum SimulatorReport<E> {
     /// An event of the device.
     Device(E),
     /// A scheduled fault was injected.
@@ -72,7 +72,7 @@ impl<D: Device> Simulator<D> {
             faults,
             connection,
             seen,
-            notes: Notes::default(),
+            notes: DeviceRecord::default(),
             remote: None,
             told: VecDeque::new(),
             outgoing: VecDeque::new(),
@@ -142,7 +142,7 @@ impl<D: Device> Simulator<D> {
     }
 
     /// Returns the oldest executed work that was not returned before.
-    pub fn poll_executed(&mut self) -> Option<Executed<D::Work>> {
+    pub fn poll_executed(&mut self) -> Option<ExecutedWork<D::Work>> {
         self.notes.executed.pop_front()
     }
 
@@ -181,15 +181,15 @@ impl<D: Device> Simulator<D> {
         if !self.keeps {
             self.notes.executed.clear();
         }
-        self.told.extend(self.notes.events.drain(..).map(Told::Device));
+        self.told.extend(self.notes.events.drain(..).map(SimulatorReport::Device));
         if core::mem::take(&mut self.notes.connect) {
-            self.told.push_back(Told::Connect);
+            self.told.push_back(SimulatorReport::Connect);
         }
     }
 
     /// Applies a fault's effects, except those on its message.
     fn happen(&mut self, fault: Fault) {
-        self.told.push_back(Told::Fault(fault));
+        self.told.push_back(SimulatorReport::Fault(fault));
         self.is_settled = false;
         match fault {
             Fault::Freeze(_) => {
@@ -227,7 +227,7 @@ impl<D: Device> Simulator<D> {
         self.incoming.clear();
         if self.connected && self.closing.is_none() {
             self.closing = Some(why);
-            self.told.push_back(Told::Close(why));
+            self.told.push_back(SimulatorReport::Close(why));
         }
     }
 
@@ -281,7 +281,7 @@ impl<D: Device> Simulator<D> {
 }
 
 impl<D: Device> Session for Simulator<D> {
-    type Event = Told<D::Event>;
+    type Event = SimulatorReport<D::Event>;
     type Statistics = <D::Session as Session>::Statistics;
     const MAX_INPUT: usize = D::Session::MAX_INPUT;
     const MAX_TRANSMIT: usize = D::Session::MAX_TRANSMIT;
@@ -294,7 +294,7 @@ impl<D: Device> Session for Simulator<D> {
 
     fn handle_disconnected(&mut self, now: Duration) {
         (self.connected, self.closing, self.notes.close) = (false, None, None);
-        self.told.retain(|told| !matches!(told, Told::Close(_)));
+        self.told.retain(|told| !matches!(told, SimulatorReport::Close(_)));
         self.outgoing.clear();
         self.incoming.clear();
         self.session().handle_disconnected(now);

@@ -8,7 +8,7 @@ use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::Simulator;
-use crate::device::{Device, Executed};
+use crate::device::{Device, ExecutedWork};
 use crate::faults::Faults;
 
 /// The number of executed commands that are stored for [`Remote::executed`].
@@ -24,27 +24,27 @@ struct Inner<D: Device> {
     /// Whether `calls` has an entry.
     is_called: AtomicBool,
     calls: Mutex<VecDeque<Slot<D>>>,
-    executed: Mutex<Stored<D::Work>>,
+    executed: Mutex<ExecutedLog<D::Work>>,
 }
 
 /// An executed command, and its index among all that the device has executed.
-pub type Indexed<W> = (u64, Executed<W>);
+pub type IndexedWork<W> = (u64, ExecutedWork<W>);
 
 /// A call; `None` once it has begun, or its caller has given up.
 type Slot<D> = Arc<Mutex<Option<Call<D>>>>;
 
 type Call<D> = Box<dyn FnOnce(&mut Simulator<D>) + Send>;
 
-struct Stored<W> {
+struct ExecutedLog<W> {
     /// The number of all executed commands.
     total: u64,
     /// The last of them.
-    last: VecDeque<Executed<W>>,
+    last: VecDeque<ExecutedWork<W>>,
 }
 
 impl<D: Device> Remote<D> {
     pub(super) fn new(faults: Faults) -> Self {
-        let executed = Mutex::new(Stored { total: 0, last: VecDeque::new() });
+        let executed = Mutex::new(ExecutedLog { total: 0, last: VecDeque::new() });
         let (is_called, calls) = (AtomicBool::new(false), Mutex::default());
         Self(Arc::new(Inner { faults, is_called, calls, executed }))
     }
@@ -76,7 +76,7 @@ impl<D: Device> Remote<D> {
 
     /// Returns the number of commands that the device has executed, and up to `most` of the commands with their indices,
     /// from index `from` on. The last 10 000 are stored.
-    pub fn executed(&self, from: u64, most: usize) -> (u64, Vec<Indexed<D::Work>>) {
+    pub fn executed(&self, from: u64, most: usize) -> (u64, Vec<IndexedWork<D::Work>>) {
         let stored = lock(&self.0.executed);
         let dropped = stored.total.saturating_sub(stored.last.len() as u64);
         let skipped = usize::try_from(from.saturating_sub(dropped)).unwrap_or(usize::MAX);
@@ -85,7 +85,7 @@ impl<D: Device> Remote<D> {
     }
 
     /// Stores executed commands.
-    pub(super) fn store<'a>(&self, executed: impl Iterator<Item = &'a Executed<D::Work>>)
+    pub(super) fn store<'a>(&self, executed: impl Iterator<Item = &'a ExecutedWork<D::Work>>)
     where
         D::Work: 'a,
     {

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use cellwire_sim::ball::{Grip, HeldBall, grip};
 use cellwire_sim::robot_session::Session as _;
-use cellwire_sim::{Bench, Device as _, Fault, Script, Settings as _, TeachBall, Told};
+use cellwire_sim::{Bench, Device as _, Fault, Script, Settings as _, SimulatorReport, TeachBall};
 use isra_ball::{BallEvent, Host, HostConfig, HostEvent, Keys};
 
 const S: Duration = Duration::from_secs(1);
@@ -31,7 +31,8 @@ fn ten_minutes_of_polls_with_a_silence() {
         }
     }
     assert!(fresh > 20_000 && (30..120).contains(&missed), "{fresh} {missed}");
-    let replies = bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(BallEvent::Reply(_))));
+    let replies =
+        bench.told().iter().filter(|(_, told)| matches!(told, SimulatorReport::Device(BallEvent::Reply(_))));
     assert!(replies.count() >= fresh, "the ball tells of each reply");
     assert_eq!(stale, [60], "the values were too old once, while it was silent");
 }

@@ -5,7 +5,7 @@ use core::time::Duration;
 use cellwire_sim::fanuc::{
     Controller, FanucController, FanucEvent, Program, Tables, TelemetryFault, TelemetryFaults, Write, circle,
 };
-use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, Told};
+use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, SimulatorReport};
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
 use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
@@ -108,7 +108,8 @@ async fn a_connection_is_closed_at_once_whichever_simulator_sees_that_first() {
             tokio::time::sleep(MS).await;
         }
         sim.faults().at_once(Fault::Close);
-        let closes = || sim.told().iter().filter(|(_, told)| matches!(told, Told::Close(_))).count();
+        let closes =
+            || sim.told().iter().filter(|(_, told)| matches!(told, SimulatorReport::Close(_))).count();
         let begun = std::time::Instant::now();
         while closes() < closed {
             assert!(begun.elapsed() < 20 * S, "connection {closed} stays open");
@@ -142,7 +143,8 @@ async fn what_happens_to_the_controller_happens_on_all_its_connections() {
         while robot.read_coils(0..1).await.is_err() {}
         assert_eq!(robot.read_holding_registers(300..301).await.unwrap(), [301], "R[301] is as at first");
     }
-    let ends = sim.told().iter().filter(|(_, told)| *told == Told::Close("the power is gone")).count();
+    let ends =
+        sim.told().iter().filter(|(_, told)| *told == SimulatorReport::Close("the power is gone")).count();
     assert_eq!(ends, 2);
 }
 
@@ -289,14 +291,17 @@ fn a_controller_that_is_away_ends_the_connection_and_says_why() {
     bench.run_for(50 * MS);
     let told: Vec<_> = bench.told().iter().map(|(_, told)| told.clone()).collect();
     let read = FanucEvent::Read { table: Table::Coils, address: 0, count: 1 };
-    let [Told::Device(first), Told::Device(FanucEvent::Server(ServerEvent::Served { function: 1, .. }))] =
-        &told[..]
+    let [
+        SimulatorReport::Device(first),
+        SimulatorReport::Device(FanucEvent::Server(ServerEvent::Served { function: 1, .. })),
+    ] = &told[..]
     else {
         panic!("{told:?}")
     };
     assert_eq!(*first, read);
     bench.run_for(S);
-    let away = bench.told().iter().filter(|(_, told)| *told == Told::Close("the fault `disconnect`"));
+    let away =
+        bench.told().iter().filter(|(_, told)| *told == SimulatorReport::Close("the fault `disconnect`"));
     let away: Vec<Duration> = away.map(|(at, _)| *at).collect();
     assert!(!away.is_empty() && away.iter().all(|at| (2 * S..3 * S).contains(at)), "{away:?}");
 }
@@ -310,9 +315,10 @@ fn what_is_out_of_step_ends_the_connection() {
     cellwire_sim::robot_session::Session::handle_input(server, now, &[0xff; 64]);
     bench.run_for(10 * MS);
     let told: Vec<_> = bench.told().iter().map(|(_, told)| told.clone()).collect();
-    let is_out = |told: &_| matches!(told, Told::Device(FanucEvent::Server(ServerEvent::OutOfStep(_))));
+    let is_out =
+        |told: &_| matches!(told, SimulatorReport::Device(FanucEvent::Server(ServerEvent::OutOfStep(_))));
     assert!(told.iter().any(is_out), "{told:?}");
-    assert!(told.contains(&Told::Close("the client is out of step")), "{told:?}");
+    assert!(told.contains(&SimulatorReport::Close("the client is out of step")), "{told:?}");
 }
 
 /// "Off by one": every third input is on, from the third one on.
@@ -413,7 +419,7 @@ fn what_clients_have_written_is_forgotten_and_the_connection_goes_on() {
     reply(&mut bench, &Request::ReadCoils { address: 0, quantity: 1 }, |reply| {
         assert!(matches!(reply, Reply::Coils(_)), "{reply:?}");
     });
-    assert!(!bench.told().iter().any(|(_, told)| matches!(told, Told::Close(_))));
+    assert!(!bench.told().iter().any(|(_, told)| matches!(told, SimulatorReport::Close(_))));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use cellwire_sim::robot_session::Session;
-use cellwire_sim::{Device as _, Fault, Faults, Peer, Script, Settings as _, Simulator, Told};
+use cellwire_sim::{Device as _, Fault, Faults, Peer, Script, Settings as _, Simulator, SimulatorReport};
 
 use crate::gadget::{Gadget, Line, bench};
 
@@ -151,7 +151,10 @@ fn a_connection_that_is_to_be_closed_carries_nothing() {
     );
     assert!(!simulator.wants_input());
     let told = [simulator.poll_event(), simulator.poll_event()];
-    assert!(matches!(told, [Some(Told::Fault(Fault::Close)), Some(Told::Close(_))]), "{told:?}");
+    assert!(
+        matches!(told, [Some(SimulatorReport::Fault(Fault::Close)), Some(SimulatorReport::Close(_))]),
+        "{told:?}"
+    );
 }
 
 #[test]
@@ -219,7 +222,7 @@ fn nobody_is_told_to_close_a_connection_that_has_ended() {
     assert_eq!(simulator.poll_transmit(NOW, &mut [0; 8]), None);
     simulator.handle_disconnected(NOW);
     let told: Vec<_> = core::iter::from_fn(|| simulator.poll_event()).collect();
-    assert_eq!(told, [Told::Fault(Fault::Close)]);
+    assert_eq!(told, [SimulatorReport::Fault(Fault::Close)]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use cellwire_sim::robot_session::Session;
-use cellwire_sim::{Bench, Device, Notes, Simulator};
+use cellwire_sim::{Bench, Device, DeviceRecord, Simulator};
 
 /// Either end: it sends texts at their times, and waits for one time.
 #[derive(Debug, Clone, Default)]
@@ -102,11 +102,11 @@ impl Device for Gadget {
         &mut self.line
     }
 
-    fn take(&mut self, _: Duration, event: Infallible, _: &mut Notes<Infallible, ()>) {
+    fn take(&mut self, _: Duration, event: Infallible, _: &mut DeviceRecord<Infallible, ()>) {
         match event {}
     }
 
-    fn advance(&mut self, now: Duration, notes: &mut Notes<Infallible, ()>) {
+    fn advance(&mut self, now: Duration, notes: &mut DeviceRecord<Infallible, ()>) {
         if self.work.take_if(|at| *at <= now).is_some() {
             self.line.note(now, "executes");
             notes.executed(now, ());

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use cellwire_sim::kawasaki::{Kawasaki, Pc};
 use cellwire_sim::{
-    Bench, Device as _, Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Simulator, Told,
+    Bench, Device as _, Fault, KawasakiPc, KawasakiRobot, Script, Settings as _, Simulator, SimulatorReport,
 };
 use kawasaki_msg::robot_session::tokio::{Listen, Tcp};
 use kawasaki_msg::tokio::{Error, pc, robot};
@@ -77,8 +77,11 @@ fn half_an_hour_of_drawing() {
         done.windows(2).all(|two| two[0].at < two[1].at && two[0].work.work.end == two[1].work.work.start)
     );
     assert!((1800 * S..2000 * S).contains(&done[599].at), "{:?}", done[599].at);
-    let connections =
-        bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(RobotEvent::Connect))).count();
+    let connections = bench
+        .told()
+        .iter()
+        .filter(|(_, told)| matches!(told, SimulatorReport::Device(RobotEvent::Connect)))
+        .count();
     assert!(connections > 3, "{connections}");
 }
 
@@ -193,7 +196,8 @@ fn settings_of_a_robot_show_all_but_the_function() {
 fn a_robot_ends_its_connection_to_a_pc_that_is_silent_and_makes_another() {
     let mut bench = KawasakiRobot::<Line>::default().bench(crate::gadget::Line::default()).unwrap();
     bench.run_for(60 * S);
-    let silent = bench.told().iter().filter(|(_, told)| *told == Told::Close("the PC is silent")).count();
+    let silent =
+        bench.told().iter().filter(|(_, told)| *told == SimulatorReport::Close("the PC is silent")).count();
     let connections = bench.session().log.iter().filter(|line| line.ends_with(" connected")).count();
     assert!(silent >= 2 && connections > silent - 1, "{:?}", bench.told());
 }
@@ -263,7 +267,7 @@ fn a_pc_that_was_without_power_begins_with_the_next_number_until_the_robot_takes
     bench.session_mut().device_mut().forget(now);
     bench.run_for(100 * S);
     let refused = bench.told().iter().filter_map(|(_, told)| match told {
-        Told::Device(PcEvent::OrderRefused { order, active: 50, given_up: true }) => Some(*order),
+        SimulatorReport::Device(PcEvent::OrderRefused { order, active: 50, given_up: true }) => Some(*order),
         _ => None,
     });
     let refused: Vec<u16> = refused.collect();

@@ -6,7 +6,9 @@ use core::time::Duration;
 
 use cellwire_sim::laser::{CLEAR, GO_ON, HALT, LaserEvent, LaserRobot, POSITION, STATUS};
 use cellwire_sim::robot_session::Session as _;
-use cellwire_sim::{Bench, Device as _, Fault, Faults, Laser, LaserHost, Script, Settings as _, Told};
+use cellwire_sim::{
+    Bench, Device as _, Fault, Faults, Laser, LaserHost, Script, Settings as _, SimulatorReport,
+};
 use laser_eb90::robot_session::tokio::{Reconnect, Tcp};
 use laser_eb90::tokio::{Command, Error, host};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, Refusal, UnknownReason};
@@ -106,7 +108,7 @@ fn what_goes_wrong_is_what_was_asked_for() {
     let (event, _) = query(&mut bench, STATUS);
     let reason = UnknownReason::Disconnected;
     assert!(matches!(event, HostEvent::Unknown { count: 1, reason: why, .. } if why == reason), "{event:?}");
-    assert!(bench.told().iter().any(|(_, told)| matches!(told, Told::Close(_))));
+    assert!(bench.told().iter().any(|(_, told)| matches!(told, SimulatorReport::Close(_))));
     bench.session_mut().resume();
     bench.faults().next_request(Fault::Drop);
     let (event, _) = query(&mut bench, STATUS);
@@ -169,8 +171,8 @@ fn a_halted_robot_holds_its_queue_and_goes_on_when_it_is_told_to() {
         .told()
         .iter()
         .filter_map(|(_, told)| match told {
-            Told::Device(LaserEvent::Queued(count)) => Some(Ok(*count)),
-            Told::Device(LaserEvent::Refused(refusal)) => Some(Err(*refusal)),
+            SimulatorReport::Device(LaserEvent::Queued(count)) => Some(Ok(*count)),
+            SimulatorReport::Device(LaserEvent::Refused(refusal)) => Some(Err(*refusal)),
             _ => None,
         })
         .collect();
@@ -204,14 +206,14 @@ fn a_host_sends_again_what_was_refused_after_a_pause() {
 #[cfg(unix)]
 fn cut_once(port: Box<dyn serialport::SerialPort>) {
     use core::ops::ControlFlow;
-    use laser_eb90::robot_session::{Driver, Ended, Serial, Session as _, now};
+    use laser_eb90::robot_session::{Driver, EndReason, Serial, Session as _, now};
     let (mut host, mut driver) = (Host::new(FRESH()).unwrap(), Driver::new(Serial(port)));
     host.handle_connected(now());
     host.submit(CUT, |parameters| parameters.f32(&[1.5]).map(drop)).unwrap();
     let event = loop {
         match driver.turn(&mut host, None, |_, event| ControlFlow::Break(event)).unwrap() {
-            ControlFlow::Break(Ended::ByHandler(event)) => break event,
-            ControlFlow::Break(Ended::ByPeer | Ended::Stalled) => panic!("the port is gone"),
+            ControlFlow::Break(EndReason::ByHandler(event)) => break event,
+            ControlFlow::Break(EndReason::ByPeer | EndReason::Stalled) => panic!("the port is gone"),
             ControlFlow::Continue(()) => {}
         }
     };

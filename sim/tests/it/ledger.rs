@@ -1,22 +1,22 @@
 //! The counts of jobs, and the truth about what was reported of each.
 
 use cellwire_sim::Ledger;
-use cellwire_sim::ledger::{Counts, Fate, Reported};
+use cellwire_sim::ledger::{Counts, JobFate, ReportedOutcome};
 
 #[test]
 fn each_job_has_its_fate_and_is_counted() {
     let mut ledger = Ledger::<&str>::default();
     for (note, reported, times) in [
-        ("once", Some(Reported::Done), 1),
-        ("withdrawn", Some(Reported::NotDone), 0),
-        ("unknown", Some(Reported::Unknown), 1),
-        ("unknown", Some(Reported::Unknown), 0),
-        ("unknown", Some(Reported::AnyTimes(1)), 2),
-        ("lost", Some(Reported::AnyTimes(1)), 0),
-        ("lost", Some(Reported::Done), 0),
+        ("once", Some(ReportedOutcome::Done), 1),
+        ("withdrawn", Some(ReportedOutcome::NotDone), 0),
+        ("unknown", Some(ReportedOutcome::Unknown), 1),
+        ("unknown", Some(ReportedOutcome::Unknown), 0),
+        ("unknown", Some(ReportedOutcome::AnyTimes(1)), 2),
+        ("lost", Some(ReportedOutcome::AnyTimes(1)), 0),
+        ("lost", Some(ReportedOutcome::Done), 0),
         ("lost", None, 0),
-        ("repeated", Some(Reported::Done), 2),
-        ("repeated", Some(Reported::NotDone), 1),
+        ("repeated", Some(ReportedOutcome::Done), 2),
+        ("repeated", Some(ReportedOutcome::NotDone), 1),
     ] {
         let job = ledger.send(note);
         (0..times).for_each(|_| assert!(ledger.execute(job)));
@@ -26,11 +26,11 @@ fn each_job_has_its_fate_and_is_counted() {
     }
     for job in ledger.jobs() {
         let fate = match job.fate() {
-            Fate::Once => "once",
-            Fate::NotDone => "withdrawn",
-            Fate::Unknown => "unknown",
-            Fate::Lost(_) => "lost",
-            Fate::Repeated(_) => "repeated",
+            JobFate::Once => "once",
+            JobFate::NotDone => "withdrawn",
+            JobFate::Unknown => "unknown",
+            JobFate::Lost(_) => "lost",
+            JobFate::Repeated(_) => "repeated",
         };
         assert_eq!(fate, job.note, "{job:?}");
     }
@@ -45,7 +45,7 @@ fn each_job_has_its_fate_and_is_counted() {
         unreported: 1,
     };
     assert_eq!(ledger.count(), counts);
-    assert!(!ledger.execute(10) && ledger.report(10, Reported::Done).is_none());
-    ledger.report(0, Reported::Done).unwrap();
-    assert_eq!(ledger.jobs()[0].fate(), Fate::Repeated("its outcome was reported twice"));
+    assert!(!ledger.execute(10) && ledger.report(10, ReportedOutcome::Done).is_none());
+    ledger.report(0, ReportedOutcome::Done).unwrap();
+    assert_eq!(ledger.jobs()[0].fate(), JobFate::Repeated("its outcome was reported twice"));
 }

@@ -2,12 +2,13 @@
 
 use core::time::Duration;
 
-use cellwire_sim::mma::{Fate, MmaDevice, MmaEvent, MmaRobot, MotionFaults};
-use cellwire_sim::{Bench, Device as _, Fault, Settings as _, Told};
+use cellwire_sim::mma::{MmaDevice, MmaEvent, MmaRobot, MotionFaults, MotionOutcome};
+use cellwire_sim::{Bench, Device as _, Fault, Settings as _, SimulatorReport};
 use mmacell_proto::robot_session::tokio::{Reconnect, Tcp};
 use mmacell_proto::tokio::{Error, central};
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Command, ErrorCode, Miss, Mode, Progress, Rejection, RobotPose,
+    Central, CentralConfig, CentralEvent, Command, ErrorCode, MissReason, Mode, Progress, Rejection,
+    RobotPose,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -25,7 +26,7 @@ async fn a_robot_that_stalls_refuses_and_restarts() {
     tokio::spawn(task.reconnect(Reconnect { first: 5 * MS, longest: 50 * MS }).run());
     robot.command(Command::Servo { on: true }).await.unwrap();
     assert_eq!(robot.move_to(pose(100.0)).await.unwrap().pose, pose(100.0));
-    assert!(matches!(robot.move_to(pose(200.0)).await, Err(Error::Missed(Miss::Elsewhere))));
+    assert!(matches!(robot.move_to(pose(200.0)).await, Err(Error::Missed(MissReason::Elsewhere))));
     let refused = robot.move_to(pose(200.0)).await;
     assert!(matches!(refused, Err(Error::Refused(error)) if error == ErrorCode::from(9)), "{refused:?}");
     sim.faults().next_request(Fault::Restart(20 * MS));
@@ -96,8 +97,9 @@ fn what_a_robot_is_told_and_cannot_do_it_tells() {
     bench.session_mut().request(Command::Move { mode: Mode::Absolute, pose: pose(1.0) }).unwrap();
     bench.run_for(S);
     let told: Vec<_> = bench.told().iter().map(|(_, told)| *told).collect();
-    assert_eq!(told[..2], [true, false].map(|on| Told::Device(MmaEvent::Servo(on))));
-    let rejected = |told| matches!(told, Told::Device(MmaEvent::Rejected(Rejection::NotNow { .. })));
+    assert_eq!(told[..2], [true, false].map(|on| SimulatorReport::Device(MmaEvent::Servo(on))));
+    let rejected =
+        |told| matches!(told, SimulatorReport::Device(MmaEvent::Rejected(Rejection::NotNow { .. })));
     assert!(told.len() == 3 && rejected(told[2]), "{told:?}");
 }
 
@@ -130,9 +132,9 @@ fn status(bench: &mut Bench<Central<RobotPose>, MmaDevice<RobotPose>>) -> (Robot
 #[test]
 fn a_motion_that_is_under_way_ends_as_it_is_decided() {
     for (fate, at, error) in [
-        (Fate::Arrives, 250.0, ErrorCode::from(0)),
-        (Fate::Fails, 125.0, ErrorCode::Servo1),
-        (Fate::Stalls, 125.0, ErrorCode::from(0)),
+        (MotionOutcome::Arrives, 250.0, ErrorCode::from(0)),
+        (MotionOutcome::Fails, 125.0, ErrorCode::Servo1),
+        (MotionOutcome::Stalls, 125.0, ErrorCode::from(0)),
     ] {
         let mut bench = ready();
         begin(&mut bench);
@@ -148,7 +150,7 @@ fn a_motion_at_half_of_the_override_takes_twice_the_time() {
     let mut bench = ready();
     bench.session_mut().request(Command::Override { percent: 50 }).unwrap();
     bench.run_for(S);
-    assert_eq!(bench.told().last().unwrap().1, Told::Device(MmaEvent::Override(50)));
+    assert_eq!(bench.told().last().unwrap().1, SimulatorReport::Device(MmaEvent::Override(50)));
     let took = begin(&mut bench);
     assert!(took.abs_diff(3 * S) < MS / 1000, "{took:?}");
 }

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use cellwire_sim::puma::{Incident, Layout, MarkIii, Pose, PumaEvent};
 use cellwire_sim::robot_session::Session as _;
-use cellwire_sim::{Bench, Device as _, Fault, Puma, Script, Settings as _, Told};
+use cellwire_sim::{Bench, Device as _, Fault, Puma, Script, Settings as _, SimulatorReport};
 use val2_alter::robot_session::tokio::Tcp;
 use val2_alter::{
     ControllerStatistics, CoordinateFrame, ErrorCode, Exception, Host, HostConfig, HostEvent, MotionPhase,
@@ -34,7 +34,10 @@ async fn an_arm_goes_on_after_a_lost_reply_and_stands_still_in_between() {
     moved(60).await;
     arm.stop().await.unwrap();
     let starts = |what: fn(&PumaEvent) -> bool| {
-        sim.told().iter().filter(|(_, told)| matches!(told, Told::Device(event) if what(event))).count()
+        sim.told()
+            .iter()
+            .filter(|(_, told)| matches!(told, SimulatorReport::Device(event) if what(event)))
+            .count()
     };
     assert!(starts(|event| matches!(event, PumaEvent::Started(_))) >= 2);
     assert!(starts(|event| matches!(event, PumaEvent::Ended(ErrorCode::Timeout, _))) >= 1);
@@ -49,7 +52,7 @@ fn an_incident_that_is_asked_for_waits_for_alter_and_happens_once() {
     let mut bench = Puma::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
     let incidents = |bench: &Bench<Host, MarkIii>| {
         let told = bench.told().iter();
-        told.filter(|(_, told)| matches!(told, Told::Device(PumaEvent::Incident(_)))).count()
+        told.filter(|(_, told)| matches!(told, SimulatorReport::Device(PumaEvent::Incident(_)))).count()
     };
     bench.device_mut().incident(Incident::Finish);
     assert_eq!(incidents(&bench), 0);
@@ -80,8 +83,10 @@ fn a_quarter_of_an_hour_of_cycles() {
         }
     }
     assert_eq!((starts, bad), (3, 1), "{:?}", bench.told());
-    let incidents =
-        bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(PumaEvent::Incident(_))));
+    let incidents = bench
+        .told()
+        .iter()
+        .filter(|(_, told)| matches!(told, SimulatorReport::Device(PumaEvent::Incident(_))));
     assert_eq!(incidents.count(), 2);
     // A cycle is 28 ms; of 900 s the starts, the pauses and the interruption are missing.
     let done = bench.executed();
@@ -94,12 +99,14 @@ fn bench(incidents: Vec<(Duration, Incident)>) -> Bench<Host, MarkIii> {
 }
 
 /// A predicate of a robot's events.
-type What = fn(&PumaEvent) -> bool;
+type Predicate = fn(&PumaEvent) -> bool;
 
 /// Returns the times of the robot's events of this kind.
-fn told(bench: &Bench<Host, MarkIii>, what: What) -> Vec<Duration> {
+fn told(bench: &Bench<Host, MarkIii>, what: Predicate) -> Vec<Duration> {
     let told = bench.told().iter();
-    told.filter(|(_, told)| matches!(told, Told::Device(event) if what(event))).map(|(at, _)| *at).collect()
+    told.filter(|(_, told)| matches!(told, SimulatorReport::Device(event) if what(event)))
+        .map(|(at, _)| *at)
+        .collect()
 }
 
 fn started(event: &PumaEvent) -> bool {
@@ -216,7 +223,7 @@ fn a_correction_is_given_in_the_worlds_frame_or_in_the_tools() {
 /// The operator starts the program again a second after each.
 #[test]
 fn an_alter_that_the_host_refuses_or_does_not_answer_is_told_and_tried_again() {
-    let cases: [(_, What); 2] = [
+    let cases: [(_, Predicate); 2] = [
         (Policy::Refuse, |event| *event == PumaEvent::Refused),
         (Policy::Ignore, |event| *event == PumaEvent::GaveUp),
     ];
@@ -245,7 +252,7 @@ fn excepted(subroutine: bool, exception: Exception) -> Bench<Host, MarkIii> {
 
 #[test]
 fn the_subroutine_moves_the_gripper_and_returns_in_its_time() {
-    let events: [(_, What); 3] = [
+    let events: [(_, Predicate); 3] = [
         (Exception::CloseGripper, |event| *event == PumaEvent::Gripper(true)),
         (Exception::OpenGripper, |event| *event == PumaEvent::Gripper(false)),
         (Exception::Other(9), |event| *event == PumaEvent::Exception(Exception::Other(9))),

@@ -6,7 +6,7 @@ use std::net::TcpStream;
 use std::time::Instant;
 
 use cellwire_sim::robot_session::Session as _;
-use cellwire_sim::{Running, Simulator};
+use cellwire_sim::{RunningDevice, Simulator};
 
 use crate::gadget::{Gadget, Line};
 
@@ -17,7 +17,7 @@ const NOW: Duration = Duration::ZERO;
 #[test]
 fn waiting_ends_with_what_is_waited_for_or_with_its_time() {
     let gadget = Gadget { work: Some(NOW), ..Gadget::default() };
-    let sim = Running::listen(Simulator::new(gadget), "127.0.0.1:0").unwrap();
+    let sim = RunningDevice::listen(Simulator::new(gadget), "127.0.0.1:0").unwrap();
     let begun = Instant::now();
     assert!(sim.wait_for(1, 20 * S) && begun.elapsed() < 10 * S, "{:?}", begun.elapsed());
     assert!(!sim.wait_for(2, MS));
@@ -31,7 +31,7 @@ fn a_call_runs_once_in_the_thread_of_the_device_or_not_at_all() {
     let begun = Instant::now();
     assert_eq!(remote.call(10 * MS, |_| panic!("nothing runs the device")), None::<()>);
     assert!(begun.elapsed() >= 10 * MS);
-    let sim = Running::listen(simulator, "127.0.0.1:0").unwrap();
+    let sim = RunningDevice::listen(simulator, "127.0.0.1:0").unwrap();
     let here = std::thread::current().id();
     let thread = sim.call(move |_| (std::thread::current().id() != here, Instant::now() > begun)).unwrap();
     assert_eq!(thread, (true, true));
@@ -66,7 +66,8 @@ fn the_last_executed_commands_are_stored_and_all_are_counted() {
 #[test]
 fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_read() {
     let line = Line { is_blocked: true, ..Line::sending(&[(NOW, "AB")]) };
-    let sim = Running::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
+    let sim =
+        RunningDevice::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
     let mut program = TcpStream::connect(sim.address()).unwrap();
     program.set_read_timeout(Some(S)).unwrap();
     program.read_exact(&mut [0; 2]).unwrap();
@@ -81,7 +82,8 @@ fn a_connection_ends_when_its_device_is_dropped_whether_or_not_everything_was_re
 fn a_device_that_panics_does_so_where_it_is_dropped() {
     // A text that does not fit a message.
     let line = Line::sending(&[(NOW, "ABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLMNOPQRSTUVWXYZABCDEFGHIJKLM")]);
-    let sim = Running::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
+    let sim =
+        RunningDevice::listen(Simulator::new(Gadget { line, ..Gadget::default() }), "127.0.0.1:0").unwrap();
     let mut program = TcpStream::connect(sim.address()).unwrap();
     program.set_read_timeout(Some(20 * S)).unwrap();
     assert_eq!(program.read(&mut [0; 80]).unwrap_or(0), 0, "it is gone");
@@ -103,7 +105,7 @@ fn reads_late(is_blocked: bool) {
     let sends = vec![(NOW, text); 8000];
     let line = Line { is_blocked, ..Line::sending(&sends) };
     let gadget = Gadget { line, ..Gadget::default() };
-    let sim = Running::pty(Simulator::new(gadget)).unwrap();
+    let sim = RunningDevice::pty(Simulator::new(gadget)).unwrap();
     let inherited = std::process::Command::new("ls").args(["-l", "/proc/self/fd"]).output().unwrap();
     assert!(!String::from_utf8_lossy(&inherited.stdout).contains(sim.path()), "no process has it open");
     std::thread::sleep(10 * MS); // until the buffers are full

@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
-use cellwire_sim::viewer::Drawn;
-use cellwire_sim::{Bench, Device as _, Fault, Script, Settings as _, Told, Viewer};
+use cellwire_sim::viewer::WorkstationCounts;
+use cellwire_sim::{Bench, Device as _, Fault, Script, Settings as _, SimulatorReport, Viewer};
 use val2_viewer::{Host, HostConfig, WorkstationConfig, WorkstationEvent};
 
 use crate::gadget::Line;
@@ -40,7 +40,10 @@ fn a_picture_that_is_older_than_it_may_be_is_paused() {
     bench.run_for(8 * S);
     // Pictures come every 0.2 s, the first before there is a connection. That of 1.4 s is as old as it may be.
     assert_eq!(bench.session().log, ["0ns connected", "200ms \u{5}", "3.6s \u{5}", "7.2s \u{5}"]);
-    assert_eq!(bench.device().drawn(), Drawn { asked: 3, pauses: 2, ..Drawn::default() });
+    assert_eq!(
+        bench.device().drawn(),
+        WorkstationCounts { asked: 3, pauses: 2, ..WorkstationCounts::default() }
+    );
 }
 
 #[test]
@@ -54,7 +57,10 @@ fn what_was_drawn_is_counted() {
     }
     bench.run_for(2 * S);
     let told = |is: fn(&WorkstationEvent) -> bool| {
-        let events = bench.told().iter().filter(|(_, told)| matches!(told, Told::Device(event) if is(event)));
+        let events = bench
+            .told()
+            .iter()
+            .filter(|(_, told)| matches!(told, SimulatorReport::Device(event) if is(event)));
         events.count() as u64
     };
     let drawn = bench.device().drawn();
@@ -73,10 +79,10 @@ fn what_was_drawn_is_counted() {
 fn a_workstation_that_was_without_power_has_seen_nothing() {
     let mut bench = Viewer::default().bench(Host::new(HostConfig::default()).unwrap()).unwrap();
     bench.run_for(2 * S);
-    assert_ne!(bench.device().drawn(), Drawn::default());
+    assert_ne!(bench.device().drawn(), WorkstationCounts::default());
     let now = bench.now();
     bench.device_mut().restart(now);
-    assert_eq!(bench.device().drawn(), Drawn::default());
+    assert_eq!(bench.device().drawn(), WorkstationCounts::default());
 }
 
 /// A workstation whose requests have piled up while the host did not read finds one pose.

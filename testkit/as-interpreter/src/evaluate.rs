@@ -4,10 +4,10 @@ use core::time::Duration;
 use std::borrow::Cow;
 
 use crate::error::Error;
-use crate::expression::{Expression, Function, Operator, Place};
+use crate::expression::{Expression, Function, Operator, VariableRef};
 use crate::memory::{Cell, Memory, index};
 use crate::names::Variable;
-use crate::value::{LONGEST_TEXT, Value, decimal, leading_number, whole};
+use crate::value::{MAX_TEXT_LEN, Value, decimal, leading_number, whole};
 
 /// The variables and the time for the evaluation of an expression.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +22,7 @@ impl<'a> Scope<'a> {
         self.value(expression)?.real()
     }
 
-    pub(crate) fn index(&self, place: &'a Place) -> Result<Option<usize>, Error> {
+    pub(crate) fn index(&self, place: &'a VariableRef) -> Result<Option<usize>, Error> {
         place.index.as_ref().map(|i| index(&self.value(i)?)).transpose()
     }
 
@@ -76,7 +76,7 @@ impl<'a> Scope<'a> {
             }
             Function::Mid => {
                 let begin = length(&value(1)?)?.checked_sub(1).ok_or(Error::Argument)?;
-                let length = if arguments.len() > 2 { length(&value(2)?)? } else { LONGEST_TEXT };
+                let length = if arguments.len() > 2 { length(&value(2)?)? } else { MAX_TEXT_LEN };
                 slice(first, |text| begin.min(text.len())..(begin + length).min(text.len()))?
             }
             Function::Encode | Function::EncodeLeft => {

@@ -7,7 +7,7 @@ use crate::names::{Names, Variable};
 pub(crate) enum Expression {
     Real(f32),
     Text(Vec<u8>),
-    Variable(Place),
+    Variable(VariableRef),
     Not(Box<Expression>),
     Negative(Box<Expression>),
     Binary(Operator, Box<(Expression, Expression)>),
@@ -16,7 +16,7 @@ pub(crate) enum Expression {
 
 /// A variable, or an element of an array.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct VariableRef {
     pub(crate) variable: Variable,
     pub(crate) index: Option<Box<Expression>>,
 }
@@ -134,7 +134,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Parses a name and its index, if it has one.
-    pub(crate) fn place(&mut self) -> Result<Place, String> {
+    pub(crate) fn place(&mut self) -> Result<VariableRef, String> {
         let name = self.name()?;
         if name.chars().all(|c| c.is_ascii_uppercase() || c == '$' || c == '_') {
             return Err(format!("{name} is no variable"));
@@ -147,7 +147,7 @@ impl<'a> Reader<'a> {
         } else {
             None
         };
-        Ok(Place { variable, index })
+        Ok(VariableRef { variable, index })
     }
 
     pub(crate) fn expression(&mut self) -> Result<Expression, String> {

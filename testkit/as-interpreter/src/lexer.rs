@@ -1,7 +1,7 @@
 //! A line of source as tokens.
 
 /// The most characters of a name, without the marks before it.
-pub(crate) const LONGEST_NAME: usize = 15;
+pub(crate) const MAX_NAME_LEN: usize = 15;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Token {
@@ -57,8 +57,8 @@ fn name(rest: &str) -> Result<(Token, &str), String> {
     if found.get(begin..).is_none_or(|name| name.is_empty() || !name.chars().all(is_name)) {
         return Err(format!("{found} is not a name"));
     }
-    if end - begin > LONGEST_NAME {
-        return Err(format!("{found} has more than {LONGEST_NAME} characters"));
+    if end - begin > MAX_NAME_LEN {
+        return Err(format!("{found} has more than {MAX_NAME_LEN} characters"));
     }
     if found.eq_ignore_ascii_case(".end") || found.eq_ignore_ascii_case(".program") {
         return Err(format!("{found} is a mark of the file"));

@@ -44,4 +44,4 @@ pub use host::{Host, Motion, NoHost, Socket};
 pub use machine::{Machine, Step};
 pub use program::Program;
 pub use tcp::TcpHost;
-pub use value::{LONGEST_TEXT, Pose};
+pub use value::{MAX_TEXT_LEN, Pose};

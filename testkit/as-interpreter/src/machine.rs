@@ -5,14 +5,14 @@ use core::time::Duration;
 
 use crate::error::{Error, Fault, ParseError};
 use crate::evaluate::Scope;
-use crate::expression::{Expression, Place};
+use crate::expression::{Expression, VariableRef};
 use crate::host::{Host, Motion};
 use crate::memory::{Cell, Memory, index};
 use crate::names::Variable;
 use crate::program::Program;
 use crate::routine::Routine;
-use crate::statement::What;
-use crate::value::{Pose, Stored, whole};
+use crate::statement::StatementKind;
+use crate::value::{Pose, VariableContents, whole};
 
 /// A controller with a program in it.
 #[derive(Debug)]
@@ -54,7 +54,7 @@ struct Frame {
 }
 
 /// The continuation after a statement.
-enum Next {
+enum Continuation {
     Statement,
     At(usize),
     Wait(Option<Duration>),
@@ -120,22 +120,22 @@ impl Machine {
             }
         };
         match next {
-            Next::Wait(until) => {
+            Continuation::Wait(until) => {
                 state.wakes_at = until;
                 return Ok(Step::Waits);
             }
-            Next::Statement => top.at += 1,
-            Next::At(place) => top.at = place,
-            Next::Enter(_) if depth == DEEPEST => {
+            Continuation::Statement => top.at += 1,
+            Continuation::At(place) => top.at = place,
+            Continuation::Enter(_) if depth == DEEPEST => {
                 state.frames.clear();
                 let (program, line) = (routine.name.clone(), statement.line);
                 return Err(Fault { error: Error::Depth, program, line });
             }
-            Next::Enter(frame) => {
+            Continuation::Enter(frame) => {
                 top.at += 1;
                 state.frames.push(frame);
             }
-            Next::Leave => leave(&mut state.frames, memory),
+            Continuation::Leave => leave(&mut state.frames, memory),
         }
         state.statements += 1;
         (state.since, state.wakes_at) = (None, None);
@@ -188,17 +188,17 @@ impl Machine {
 
     /// Sets a real, as an operator would. Whether the program has it.
     pub fn set_real(&mut self, name: &str, value: f32) -> bool {
-        self.set(name, Stored::Real(value))
+        self.set(name, VariableContents::Real(value))
     }
 
     /// Teaches a location. Whether the program has it.
     pub fn set_pose(&mut self, name: &str, value: Pose) -> bool {
-        self.set(name, Stored::Pose(value))
+        self.set(name, VariableContents::Pose(value))
     }
 
     /// Sets a string. Whether the program has it.
     pub fn set_text(&mut self, name: &str, value: &str) -> bool {
-        self.set(name, Stored::Text(value.bytes().collect()))
+        self.set(name, VariableContents::Text(value.bytes().collect()))
     }
 
     /// Returns whether a signal is on.
@@ -211,7 +211,7 @@ impl Machine {
         self.memory.set_signal(number, on);
     }
 
-    fn set(&mut self, name: &str, value: Stored) -> bool {
+    fn set(&mut self, name: &str, value: VariableContents) -> bool {
         let Some(at) = self.program.globals.get(name) else { return false };
         self.memory.set(&mut [], Variable::Global(*at), None, value);
         true
@@ -249,94 +249,101 @@ struct Executing<'a, H> {
 }
 
 impl<H: Host> Executing<'_, H> {
-    fn statement(&mut self, what: &What) -> Result<Next, Error> {
+    fn statement(&mut self, what: &StatementKind) -> Result<Continuation, Error> {
         let now = self.host.now();
         match what {
-            What::Nothing => {}
-            What::Assign(place, expression) => {
+            StatementKind::Nothing => {}
+            StatementKind::Assign(place, expression) => {
                 let value = self.scope().value(expression)?.into_stored();
                 self.set(place, value)?;
             }
-            What::Unless(condition, otherwise) => {
+            StatementKind::Unless(condition, otherwise) => {
                 if !self.scope().value(condition)?.is_true()? {
-                    return Ok(Next::At(*otherwise));
+                    return Ok(Continuation::At(*otherwise));
                 }
             }
-            What::GoTo(place) => return Ok(Next::At(*place)),
-            What::For { variable, from, to, kept, end } => {
+            StatementKind::GoTo(place) => return Ok(Continuation::At(*place)),
+            StatementKind::For { variable, from, to, kept, end } => {
                 let (from, to) = (self.scope().real(from)?, self.scope().real(to)?);
-                self.set(variable, Stored::Real(from))?;
-                self.memory.set(&mut self.frame.locals, Variable::Local(*kept), None, Stored::Real(to));
+                self.set(variable, VariableContents::Real(from))?;
+                self.memory.set(
+                    &mut self.frame.locals,
+                    Variable::Local(*kept),
+                    None,
+                    VariableContents::Real(to),
+                );
                 if from > to {
-                    return Ok(Next::At(*end));
+                    return Ok(Continuation::At(*end));
                 }
             }
-            What::Next { variable, kept, begin } => {
+            StatementKind::Next { variable, kept, begin } => {
                 let scope = self.scope();
                 let last = scope.read(Variable::Local(*kept), None)?.real()?;
                 let next = scope.read(variable.variable, scope.index(variable)?)?.real()? + 1.0;
-                self.set(variable, Stored::Real(next))?;
-                return Ok(if next > last { Next::Statement } else { Next::At(begin + 1) });
+                self.set(variable, VariableContents::Real(next))?;
+                return Ok(if next > last { Continuation::Statement } else { Continuation::At(begin + 1) });
             }
-            What::Call(called, arguments) => return self.call(*called, arguments),
-            What::Return => return Ok(Next::Leave),
-            What::Wait(condition) => {
+            StatementKind::Call(called, arguments) => return self.call(*called, arguments),
+            StatementKind::Return => return Ok(Continuation::Leave),
+            StatementKind::Wait(condition) => {
                 if !self.scope().value(condition)?.is_true()? {
-                    return Ok(Next::Wait(None));
+                    return Ok(Continuation::Wait(None));
                 }
             }
-            What::WaitTime(time) => {
+            StatementKind::WaitTime(time) => {
                 let until = self.since + self.time(time)?;
                 if now < until {
-                    return Ok(Next::Wait(Some(until)));
+                    return Ok(Continuation::Wait(Some(until)));
                 }
             }
-            What::SetTimer(timer, value) => {
+            StatementKind::SetTimer(timer, value) => {
                 let timer = whole(self.scope().real(timer)?, Memory::TIMERS).ok_or(Error::Argument)?;
                 let value = self.scope().real(value)?;
                 self.memory.set_timer(timer, now, value);
             }
-            What::Signal(numbers) => {
+            StatementKind::Signal(numbers) => {
                 for number in numbers {
                     let number = self.scope().real(number)?;
                     let signal = whole(number.abs(), Memory::SIGNALS).ok_or(Error::Argument)?;
                     self.memory.set_signal(signal, number > 0.0);
                 }
             }
-            What::Move { straight, to } => {
+            StatementKind::Move { straight, to } => {
                 let motion = Motion { straight: *straight, to: self.scope().value(to)?.pose()? };
                 if self.host.give(motion).is_pending() {
-                    return Ok(Next::Wait(None));
+                    return Ok(Continuation::Wait(None));
                 }
             }
-            What::Arrive => {
+            StatementKind::Arrive => {
                 if self.host.arrived().is_pending() {
-                    return Ok(Next::Wait(None));
+                    return Ok(Continuation::Wait(None));
                 }
             }
-            What::Print(values) => {
+            StatementKind::Print(values) => {
                 let mut line = String::new();
                 for value in values {
                     match self.scope().value(value)?.into_stored() {
-                        Stored::Real(real) => line += &crate::value::decimal(real),
-                        Stored::Text(text) => line.extend(text.into_iter().map(char::from)),
-                        Stored::Pose(_) => return Err(Error::Type),
+                        VariableContents::Real(real) => line += &crate::value::decimal(real),
+                        VariableContents::Text(text) => line.extend(text.into_iter().map(char::from)),
+                        VariableContents::Pose(_) => return Err(Error::Type),
                     }
                 }
                 self.host.print(self.task, &line);
             }
-            What::Connect { .. } | What::Send { .. } | What::Receive { .. } => return self.network(what),
-            What::Close { result, socket } => {
+            StatementKind::Connect { .. } | StatementKind::Send { .. } | StatementKind::Receive { .. } => {
+                return self.network(what);
+            }
+            StatementKind::Close { result, socket } => {
                 let socket = self.scope().real(socket)?;
                 let closed = self.host.close(number(socket));
-                self.set(result, Stored::Real(result_of(closed)))?;
+                self.set(result, VariableContents::Real(result_of(closed)))?;
             }
-            What::Status { count, columns } => self.status(count, columns)?,
+            StatementKind::Status { count, columns } => self.status(count, columns)?,
         }
-        Ok(Next::Statement)
+        Ok(Continuation::Statement)
     }
 
-    fn call(&self, called: usize, arguments: &[Expression]) -> Result<Next, Error> {
+    fn call(&self, called: usize, arguments: &[Expression]) -> Result<Continuation, Error> {
         let mut frame = frame(self.program, called).ok_or(Error::Undefined)?;
         let parameters =
             self.program.routines.get(called).map_or(&[][..], |Routine { parameters, .. }| parameters);
@@ -358,13 +365,13 @@ impl<H: Host> Executing<'_, H> {
                 cell.single = value.map(crate::value::Value::into_stored);
             }
         }
-        Ok(Next::Enter(frame))
+        Ok(Continuation::Enter(frame))
     }
 
-    fn network(&mut self, what: &What) -> Result<Next, Error> {
+    fn network(&mut self, what: &StatementKind) -> Result<Continuation, Error> {
         let since = self.since;
         match what {
-            What::Connect { socket, port, ip, timeout } => {
+            StatementKind::Connect { socket, port, ip, timeout } => {
                 let (port, timeout) = (self.scope().real(port)?, self.time(timeout)?);
                 let port =
                     whole(port, 65535.0).and_then(|port| u16::try_from(port).ok()).ok_or(Error::Argument)?;
@@ -376,11 +383,11 @@ impl<H: Host> Executing<'_, H> {
                         whole(part, 255.0).and_then(|part| u8::try_from(part).ok()).ok_or(Error::Argument)?;
                 }
                 let Poll::Ready(found) = self.host.connect(since, timeout, address, port) else {
-                    return Ok(Next::Wait(Some(since + timeout)));
+                    return Ok(Continuation::Wait(Some(since + timeout)));
                 };
-                self.set(socket, Stored::Real(result_of(found)))?;
+                self.set(socket, VariableContents::Real(result_of(found)))?;
             }
-            What::Send { result, socket, strings, count, timeout } => {
+            StatementKind::Send { result, socket, strings, count, timeout } => {
                 let scope = self.scope();
                 let (socket, timeout) = (number(scope.real(socket)?), self.time(timeout)?);
                 let (first, count) =
@@ -392,40 +399,41 @@ impl<H: Host> Executing<'_, H> {
                 let texts: Vec<Vec<u8>> = texts.collect::<Result<_, _>>()?;
                 let texts: Vec<&[u8]> = texts.iter().map(Vec::as_slice).collect();
                 let Poll::Ready(sent) = self.host.send(since, timeout, socket, &texts) else {
-                    return Ok(Next::Wait(Some(since + timeout)));
+                    return Ok(Continuation::Wait(Some(since + timeout)));
                 };
-                self.set(result, Stored::Real(result_of(sent)))?;
+                self.set(result, VariableContents::Real(result_of(sent)))?;
             }
-            What::Receive { result, socket, strings, count, timeout, longest } => {
+            StatementKind::Receive { result, socket, strings, count, timeout, longest } => {
                 let scope = self.scope();
                 let (socket, timeout) = (number(scope.real(socket)?), self.time(timeout)?);
                 let longest = whole(scope.real(longest)?, 255.0).ok_or(Error::Argument)?;
                 let first = scope.index(strings)?.ok_or(Error::Type)?;
                 let Poll::Ready((found, texts)) = self.host.receive(since, timeout, socket, longest) else {
-                    return Ok(Next::Wait(Some(since + timeout)));
+                    return Ok(Continuation::Wait(Some(since + timeout)));
                 };
-                self.set(count, Stored::Real(length(texts.len())))?;
+                self.set(count, VariableContents::Real(length(texts.len())))?;
                 for (i, text) in texts.into_iter().enumerate() {
                     self.memory.set(
                         &mut self.frame.locals,
                         strings.variable,
                         Some(first + i),
-                        Stored::Text(text),
+                        VariableContents::Text(text),
                     );
                 }
-                self.set(result, Stored::Real(result_of(found)))?;
+                self.set(result, VariableContents::Real(result_of(found)))?;
             }
             _ => {}
         }
-        Ok(Next::Statement)
+        Ok(Continuation::Statement)
     }
 
-    fn status(&mut self, count: &Place, columns: &[Place; 5]) -> Result<(), Error> {
+    fn status(&mut self, count: &VariableRef, columns: &[VariableRef; 5]) -> Result<(), Error> {
         let sockets = self.host.sockets();
-        self.set(count, Stored::Real(length(sockets.len())))?;
+        self.set(count, VariableContents::Real(length(sockets.len())))?;
         for (i, socket) in sockets.iter().enumerate() {
             let values = [f32::from(socket.port), result_of(socket.id), result_of(socket.error), 0.0];
-            let values = values.map(Stored::Real).into_iter().chain([Stored::Text(Vec::new())]);
+            let values =
+                values.map(VariableContents::Real).into_iter().chain([VariableContents::Text(Vec::new())]);
             for (place, value) in columns.iter().zip(values) {
                 let first = self.scope().index(place)?.ok_or(Error::Type)?;
                 self.memory.set(&mut self.frame.locals, place.variable, Some(first + i), value);
@@ -438,7 +446,7 @@ impl<H: Host> Executing<'_, H> {
         Scope { memory: self.memory, locals: &self.frame.locals, now: self.host.now() }
     }
 
-    fn set(&mut self, place: &Place, value: Stored) -> Result<(), Error> {
+    fn set(&mut self, place: &VariableRef, value: VariableContents) -> Result<(), Error> {
         let index = self.scope().index(place)?;
         self.memory.set(&mut self.frame.locals, place.variable, index, value);
         Ok(())

@@ -4,13 +4,13 @@ use core::time::Duration;
 
 use crate::error::Error;
 use crate::names::Variable;
-use crate::value::{HIGHEST_INDEX, LONGEST_TEXT, Stored, Value, whole};
+use crate::value::{HIGHEST_INDEX, MAX_TEXT_LEN, Value, VariableContents, whole};
 
 /// A variable: its value, and those of the array of the same name.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Cell {
-    pub(crate) single: Option<Stored>,
-    pub(crate) items: Vec<Option<Stored>>,
+    pub(crate) single: Option<VariableContents>,
+    pub(crate) items: Vec<Option<VariableContents>>,
 }
 
 impl Cell {
@@ -19,10 +19,10 @@ impl Cell {
             None => self.single.as_ref(),
             Some(index) => self.items.get(index).and_then(Option::as_ref),
         };
-        stored.map(Stored::value).ok_or(Error::Undefined)
+        stored.map(VariableContents::value).ok_or(Error::Undefined)
     }
 
-    fn place(&mut self, index: Option<usize>) -> Option<&mut Option<Stored>> {
+    fn place(&mut self, index: Option<usize>) -> Option<&mut Option<VariableContents>> {
         match index {
             None => Some(&mut self.single),
             Some(index) => {
@@ -78,12 +78,12 @@ impl Memory {
         locals: &mut [Cell],
         variable: Variable,
         index: Option<usize>,
-        mut value: Stored,
+        mut value: VariableContents,
     ) {
-        if let Stored::Text(text) = &mut value
-            && text.len() > LONGEST_TEXT
+        if let VariableContents::Text(text) = &mut value
+            && text.len() > MAX_TEXT_LEN
         {
-            text.truncate(LONGEST_TEXT);
+            text.truncate(MAX_TEXT_LEN);
             self.truncations += 1;
         }
         let cell = match variable {

@@ -1,11 +1,11 @@
 //! Lines as statements.
 
 use crate::error::ParseError;
-use crate::expression::{Expression, Place, Reader};
+use crate::expression::{Expression, Reader, VariableRef};
 use crate::lexer::tokens;
 use crate::names::{Names, Variable};
 use crate::routine::{Body, Routine};
-use crate::statement::{Statement, What};
+use crate::statement::{Statement, StatementKind};
 
 /// Parses one program: its parameters and its statements, with blocks resolved to indices.
 pub(crate) fn routine(body: &Body<'_>, names: &mut Names) -> Result<Routine, ParseError> {
@@ -15,7 +15,7 @@ pub(crate) fn routine(body: &Body<'_>, names: &mut Names) -> Result<Routine, Par
     let mut blocks = Blocks { statements: Vec::new(), open: Vec::new() };
     for (line, text) in &body.lines {
         if *text == ".END" {
-            blocks.statements.push(Statement { line: *line, what: What::Return });
+            blocks.statements.push(Statement { line: *line, what: StatementKind::Return });
             continue;
         }
         let tokens = tokens(text).map_err(fail(*line))?;
@@ -42,7 +42,7 @@ fn head(head: &str, names: &mut Names) -> Result<(String, Vec<usize>), String> {
     let mut parameters = Vec::new();
     reader.needs("(")?;
     while !reader.takes(")") {
-        let Place { variable: Variable::Local(at), index: None } = reader.place()? else {
+        let VariableRef { variable: Variable::Local(at), index: None } = reader.place()? else {
             return Err("a parameter is a local variable".into());
         };
         parameters.push(at);
@@ -66,29 +66,29 @@ enum Block {
 }
 
 impl Blocks {
-    fn statement(&mut self, reader: &mut Reader<'_>) -> Result<What, String> {
+    fn statement(&mut self, reader: &mut Reader<'_>) -> Result<StatementKind, String> {
         let at = self.statements.len();
         for (word, is_loop) in [("IF", false), ("WHILE", true)] {
             if reader.takes(word) {
                 let condition = reader.expression()?;
                 reader.needs(if is_loop { "DO" } else { "THEN" })?;
                 self.open.push(if is_loop { Block::While(at) } else { Block::If(at) });
-                return Ok(What::Unless(condition, usize::MAX));
+                return Ok(StatementKind::Unless(condition, usize::MAX));
             }
         }
         if reader.takes("ELSE") {
             let Some(Block::If(begin)) = self.open.pop() else { return Err("ELSE without its IF".into()) };
             self.resolve(begin, at + 1);
             self.open.push(Block::Else(at));
-            return Ok(What::GoTo(usize::MAX));
+            return Ok(StatementKind::GoTo(usize::MAX));
         }
         if reader.takes("DO") {
             self.open.push(Block::Do(at));
-            return Ok(What::Nothing);
+            return Ok(StatementKind::Nothing);
         }
         if reader.takes("UNTIL") {
             let Some(Block::Do(begin)) = self.open.pop() else { return Err("UNTIL without its DO".into()) };
-            return Ok(What::Unless(reader.expression()?, begin));
+            return Ok(StatementKind::Unless(reader.expression()?, begin));
         }
         if reader.takes("FOR") {
             return self.begin_for(reader, at);
@@ -99,7 +99,7 @@ impl Blocks {
         simple(reader)
     }
 
-    fn begin_for(&mut self, reader: &mut Reader<'_>, at: usize) -> Result<What, String> {
+    fn begin_for(&mut self, reader: &mut Reader<'_>, at: usize) -> Result<StatementKind, String> {
         let variable = reader.place()?;
         reader.needs("=")?;
         let from = reader.expression()?;
@@ -108,27 +108,27 @@ impl Blocks {
         let kept = reader.names.locals.len();
         reader.names.locals.insert(format!("FOR {at}"), kept);
         self.open.push(Block::For(at));
-        Ok(What::For { variable, from, to, kept, end: usize::MAX })
+        Ok(StatementKind::For { variable, from, to, kept, end: usize::MAX })
     }
 
-    fn end(&mut self, at: usize) -> Result<What, String> {
+    fn end(&mut self, at: usize) -> Result<StatementKind, String> {
         match self.open.pop().ok_or("END without a block")? {
             Block::If(begin) | Block::Else(begin) => {
                 self.resolve(begin, at);
-                Ok(What::Nothing)
+                Ok(StatementKind::Nothing)
             }
             Block::While(begin) => {
                 self.resolve(begin, at + 1);
-                Ok(What::GoTo(begin))
+                Ok(StatementKind::GoTo(begin))
             }
             Block::For(begin) => {
                 self.resolve(begin, at + 1);
-                let Some(Statement { what: What::For { variable, kept, .. }, .. }) =
+                let Some(Statement { what: StatementKind::For { variable, kept, .. }, .. }) =
                     self.statements.get(begin)
                 else {
                     return Err("END without its FOR".into());
                 };
-                Ok(What::Next { variable: variable.clone(), kept: *kept, begin })
+                Ok(StatementKind::Next { variable: variable.clone(), kept: *kept, begin })
             }
             Block::Do(_) => Err("a DO ends with UNTIL".into()),
         }
@@ -136,7 +136,7 @@ impl Blocks {
 
     fn resolve(&mut self, begin: usize, target: usize) {
         if let Some(Statement {
-            what: What::Unless(_, to) | What::GoTo(to) | What::For { end: to, .. },
+            what: StatementKind::Unless(_, to) | StatementKind::GoTo(to) | StatementKind::For { end: to, .. },
             ..
         }) = self.statements.get_mut(begin)
         {
@@ -146,49 +146,49 @@ impl Blocks {
 }
 
 /// Parses a statement that is not part of a block.
-fn simple(reader: &mut Reader<'_>) -> Result<What, String> {
+fn simple(reader: &mut Reader<'_>) -> Result<StatementKind, String> {
     if reader.takes("CALL") {
         return call(reader);
     }
     if reader.takes("TIMER") {
         let timer = reader.expression()?;
         reader.needs("=")?;
-        return Ok(What::SetTimer(timer, reader.expression()?));
+        return Ok(StatementKind::SetTimer(timer, reader.expression()?));
     }
     if reader.takes("SPEED") || reader.takes("ACCURACY") {
         reader.expression()?;
         let _ = reader.takes("MM") && reader.takes("/") && reader.takes("S");
         let _ = reader.takes("ALWAYS");
-        return Ok(What::Nothing);
+        return Ok(StatementKind::Nothing);
     }
     let what = if reader.takes("RETURN") {
-        What::Return
+        StatementKind::Return
     } else if reader.takes("BREAK") {
-        What::Arrive
+        StatementKind::Arrive
     } else if reader.takes("WAIT") {
-        What::Wait(reader.expression()?)
+        StatementKind::Wait(reader.expression()?)
     } else if reader.takes("TWAIT") {
-        What::WaitTime(reader.expression()?)
+        StatementKind::WaitTime(reader.expression()?)
     } else if reader.takes("SIGNAL") {
-        What::Signal(reader.list()?)
+        StatementKind::Signal(reader.list()?)
     } else if reader.takes("LMOVE") {
-        What::Move { straight: true, to: reader.expression()? }
+        StatementKind::Move { straight: true, to: reader.expression()? }
     } else if reader.takes("JMOVE") {
-        What::Move { straight: false, to: reader.expression()? }
+        StatementKind::Move { straight: false, to: reader.expression()? }
     } else if reader.takes("PRINT") {
-        What::Print(reader.list()?)
+        StatementKind::Print(reader.list()?)
     } else if let Some(network) = network(reader)? {
         network
     } else {
         reader.takes("POINT");
         let place = reader.place()?;
         reader.needs("=")?;
-        What::Assign(place, reader.expression()?)
+        StatementKind::Assign(place, reader.expression()?)
     };
     Ok(what)
 }
 
-fn call(reader: &mut Reader<'_>) -> Result<What, String> {
+fn call(reader: &mut Reader<'_>) -> Result<StatementKind, String> {
     let name = reader.name()?;
     let called = *reader.names.programs.get(&name).ok_or_else(|| format!("there is no program {name}"))?;
     let arguments = if reader.takes("(") {
@@ -200,29 +200,29 @@ fn call(reader: &mut Reader<'_>) -> Result<What, String> {
     } else {
         Vec::new()
     };
-    Ok(What::Call(called, arguments))
+    Ok(StatementKind::Call(called, arguments))
 }
 
-fn network(reader: &mut Reader<'_>) -> Result<Option<What>, String> {
+fn network(reader: &mut Reader<'_>) -> Result<Option<StatementKind>, String> {
     let what = if reader.takes("TCP_CONNECT") {
         let socket = reader.place()?;
         let port = next(reader)?;
-        What::Connect { socket, port, ip: next_place(reader)?, timeout: next(reader)? }
+        StatementKind::Connect { socket, port, ip: next_place(reader)?, timeout: next(reader)? }
     } else if reader.takes("TCP_SEND") {
         let result = reader.place()?;
         let (socket, strings) = (next(reader)?, next_place(reader)?);
-        What::Send { result, socket, strings, count: next(reader)?, timeout: next(reader)? }
+        StatementKind::Send { result, socket, strings, count: next(reader)?, timeout: next(reader)? }
     } else if reader.takes("TCP_RECV") {
         let result = reader.place()?;
         let (socket, strings) = (next(reader)?, next_place(reader)?);
         let (count, timeout) = (next_place(reader)?, next(reader)?);
-        What::Receive { result, socket, strings, count, timeout, longest: next(reader)? }
+        StatementKind::Receive { result, socket, strings, count, timeout, longest: next(reader)? }
     } else if reader.takes("TCP_CLOSE") {
-        What::Close { result: reader.place()?, socket: next(reader)? }
+        StatementKind::Close { result: reader.place()?, socket: next(reader)? }
     } else if reader.takes("TCP_STATUS") {
         let count = reader.place()?;
         let mut column = || next_place(reader);
-        What::Status { count, columns: [column()?, column()?, column()?, column()?, column()?] }
+        StatementKind::Status { count, columns: [column()?, column()?, column()?, column()?, column()?] }
     } else {
         return Ok(None);
     };
@@ -234,7 +234,7 @@ fn next(reader: &mut Reader<'_>) -> Result<Expression, String> {
     reader.expression()
 }
 
-fn next_place(reader: &mut Reader<'_>) -> Result<Place, String> {
+fn next_place(reader: &mut Reader<'_>) -> Result<VariableRef, String> {
     reader.needs(",")?;
     reader.place()
 }

@@ -1,24 +1,24 @@
 //! The statements that a line can contain.
 
-use crate::expression::{Expression, Place};
+use crate::expression::{Expression, VariableRef};
 
 /// A statement, with the line that it is at. Places in a program are counted from 0.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Statement {
     pub(crate) line: usize,
-    pub(crate) what: What,
+    pub(crate) what: StatementKind,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum What {
-    Assign(Place, Expression),
+pub(crate) enum StatementKind {
+    Assign(VariableRef, Expression),
     /// `IF … THEN`, `WHILE … DO`: goes there unless it is so; `UNTIL` too.
     Unless(Expression, usize),
     /// `ELSE`, the `END` of a loop.
     GoTo(usize),
     /// `FOR`: the end is kept in a local variable, the loop ends there.
     For {
-        variable: Place,
+        variable: VariableRef,
         from: Expression,
         to: Expression,
         kept: usize,
@@ -26,7 +26,7 @@ pub(crate) enum What {
     },
     /// The `END` of a `FOR`.
     Next {
-        variable: Place,
+        variable: VariableRef,
         kept: usize,
         begin: usize,
     },
@@ -50,32 +50,32 @@ pub(crate) enum What {
     Arrive,
     Print(Vec<Expression>),
     Connect {
-        socket: Place,
+        socket: VariableRef,
         port: Expression,
-        ip: Place,
+        ip: VariableRef,
         timeout: Expression,
     },
     Send {
-        result: Place,
+        result: VariableRef,
         socket: Expression,
-        strings: Place,
+        strings: VariableRef,
         count: Expression,
         timeout: Expression,
     },
     Receive {
-        result: Place,
+        result: VariableRef,
         socket: Expression,
-        strings: Place,
-        count: Place,
+        strings: VariableRef,
+        count: VariableRef,
         timeout: Expression,
         longest: Expression,
     },
     Close {
-        result: Place,
+        result: VariableRef,
         socket: Expression,
     },
     Status {
-        count: Place,
-        columns: [Place; 5],
+        count: VariableRef,
+        columns: [VariableRef; 5],
     },
 }

@@ -3,7 +3,7 @@ use std::borrow::Cow;
 use crate::error::Error;
 
 /// The most bytes of a string.
-pub const LONGEST_TEXT: usize = 255;
+pub const MAX_TEXT_LEN: usize = 255;
 
 /// The greatest index.
 pub(crate) const HIGHEST_INDEX: f32 = 9999.0;
@@ -15,7 +15,7 @@ pub(crate) type Bytes = Vec<u8>;
 
 /// The contents of a variable.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Stored {
+pub(crate) enum VariableContents {
     Real(f32),
     Text(Bytes),
     Pose(Pose),
@@ -50,21 +50,21 @@ impl Value<'_> {
         if let Value::Text(text) = self { Ok(text) } else { Err(Error::Type) }
     }
 
-    pub(crate) fn into_stored(self) -> Stored {
+    pub(crate) fn into_stored(self) -> VariableContents {
         match self {
-            Value::Real(real) => Stored::Real(real),
-            Value::Text(text) => Stored::Text(text.into_owned()),
-            Value::Pose(pose) => Stored::Pose(pose),
+            Value::Real(real) => VariableContents::Real(real),
+            Value::Text(text) => VariableContents::Text(text.into_owned()),
+            Value::Pose(pose) => VariableContents::Pose(pose),
         }
     }
 }
 
-impl Stored {
+impl VariableContents {
     pub(crate) fn value(&self) -> Value<'_> {
         match self {
-            Stored::Real(real) => Value::Real(*real),
-            Stored::Text(text) => Value::Text(Cow::Borrowed(text)),
-            Stored::Pose(pose) => Value::Pose(*pose),
+            VariableContents::Real(real) => Value::Real(*real),
+            VariableContents::Text(text) => Value::Text(Cow::Borrowed(text)),
+            VariableContents::Pose(pose) => Value::Pose(*pose),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 use cellwire_links::Link;
-use cellwire_links::codec::{Codec, Found, items};
+use cellwire_links::codec::{Codec, StreamItem, items};
 use robot_session::contract::chunkings;
 use serde_json::{Map, Value};
 
@@ -16,7 +16,7 @@ pub(crate) fn codec(link: &str, from: Option<&str>, options: &Map<String, Value>
 pub(crate) fn read_every_way(
     make: &dyn Fn() -> Result<Box<dyn Codec>>,
     parts: &[Vec<u8>],
-) -> Result<Vec<Found>> {
+) -> Result<Vec<StreamItem>> {
     let whole: Vec<Vec<&[u8]>> = parts.iter().map(|part| vec![part.as_slice()]).collect();
     let expected = items(make()?, &whole)?;
     for (index, part) in parts.iter().enumerate() {

@@ -11,7 +11,7 @@ use crate::json::{self, Object};
 use crate::story::{Inputs, Story, play, reachable};
 
 /// The cells that a story reaches, and the rules that need it.
-type Found = BTreeSet<String>;
+type Reached = BTreeSet<String>;
 
 fn pick(rng: &mut Rng, from: &[String]) -> String {
     from.get(rng.below(from.len())).cloned().unwrap_or_default()
@@ -26,10 +26,10 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
         let rules = ends::rules(link, end)?;
         let mut cells = reachable(link, &about.machines);
         cells.retain(|cell| !about.unreachable.contains_key(cell));
-        let found = |story: &Story| -> Result<Found> {
+        let found = |story: &Story| -> Result<Reached> {
             Ok(play(link, &inputs, story, None)?.cells.intersection(&cells).cloned().collect())
         };
-        let needs = |story: &Story| -> Result<Found> {
+        let needs = |story: &Story| -> Result<Reached> {
             let played = play(link, &inputs, story, None)?;
             let mut needs = BTreeSet::new();
             for (index, rule) in rules.iter().enumerate() {
@@ -70,7 +70,7 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
             if rules.iter().any(|rule| !known.contains(&format!("rule {rule}"))) {
                 all.extend(needs(&story)?);
             }
-            let fresh: Found = all.difference(&known).cloned().collect();
+            let fresh: Reached = all.difference(&known).cloned().collect();
             if fresh.is_empty() {
                 continue;
             }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
-use cellwire_links::reference::story::{Do, Omits, line as step_line};
+use cellwire_links::reference::story::{OmittedActions, StoryInput, line as step_line};
 use cellwire_links::vectors::unhex;
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -20,7 +20,7 @@ use crate::states;
 #[serde(deny_unknown_fields)]
 pub(crate) struct Inputs {
     /// Messages that scripts name.
-    pub(crate) words: BTreeMap<String, Word>,
+    pub(crate) words: BTreeMap<String, StoryMessage>,
     pub(crate) ends: BTreeMap<String, EndInputs>,
     pub(crate) stories: Vec<Story>,
     /// Configurations that an end refuses.
@@ -41,7 +41,7 @@ struct RefusedConfig {
 /// A message object and its sender.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Word {
+pub(crate) struct StoryMessage {
     from: Option<String>,
     #[serde(default)]
     options: Map<String, Value>,
@@ -79,7 +79,7 @@ pub(crate) struct Story {
 
 /// A story as it was played.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Played {
+pub(crate) struct PlayedStory {
     steps: Vec<String>,
     pub(crate) cells: BTreeSet<String>,
 }
@@ -201,7 +201,12 @@ pub(crate) fn reachable(link: &str, machines: &[String]) -> BTreeSet<String> {
 }
 
 /// Plays a story; `without`: the number of the rule that the machine leaves out.
-pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<usize>) -> Result<Played> {
+pub(crate) fn play(
+    link: &str,
+    inputs: &Inputs,
+    story: &Story,
+    without: Option<usize>,
+) -> Result<PlayedStory> {
     let mut end = End::new(link, &story.end, &story.config, without)?;
     let (mut now, mut steps, mut cells) = (Duration::ZERO, Vec::new(), BTreeSet::new());
     for line in &story.script {
@@ -213,12 +218,12 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
         cells.extend(reached);
         steps.push(step_line(now, &input, omits, &done, end.deadline(), &end.state())?);
     }
-    Ok(Played { steps, cells })
+    Ok(PlayedStory { steps, cells })
 }
 
 /// Parses `TIME [hold] [keep] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline
 /// `due`, `due+1`, `due-1`.
-fn parse<'a>(end: &End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
+fn parse<'a>(end: &End, now: Duration, line: &'a str) -> Result<(Duration, OmittedActions, &'a str)> {
     let (time, verb) = line.split_once(' ').with_context(|| format!("{line}: no verb"))?;
     let due = || end.deadline().filter(|due| *due < Duration::MAX).map_or(now, |due| due.max(now));
     let at = match (time.strip_prefix("due"), time.strip_prefix('+')) {
@@ -232,7 +237,7 @@ fn parse<'a>(end: &End, now: Duration, line: &'a str) -> Result<(Duration, Omits
     };
     let (transmit, verb) = verb.strip_prefix("hold ").map_or((false, verb), |verb| (true, verb));
     let (events, verb) = verb.strip_prefix("keep ").map_or((false, verb), |verb| (true, verb));
-    Ok((at, Omits { transmit, events }, verb))
+    Ok((at, OmittedActions { transmit, events }, verb))
 }
 
 fn milliseconds(text: &str) -> Result<Duration> {
@@ -244,21 +249,21 @@ fn milliseconds(text: &str) -> Result<Duration> {
 }
 
 /// Returns the input of a step.
-fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<Do> {
+fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<StoryInput> {
     let (name, rest) = verb.split_once(' ').unwrap_or((verb, ""));
     let bytes = match name {
-        "connected" => return Ok(Do::Connected),
-        "disconnected" => return Ok(Do::Disconnected),
-        "timeout" => return Ok(Do::Timeout),
-        "transmitted" => return Ok(Do::Transmitted),
-        "nothing" => return Ok(Do::Nothing),
+        "connected" => return Ok(StoryInput::Connected),
+        "disconnected" => return Ok(StoryInput::Disconnected),
+        "timeout" => return Ok(StoryInput::Timeout),
+        "transmitted" => return Ok(StoryInput::Transmitted),
+        "nothing" => return Ok(StoryInput::Nothing),
         "call" if !rest.starts_with('{') => {
-            return Ok(Do::Call { name: rest.to_owned(), argument: Value::Null });
+            return Ok(StoryInput::Call { name: rest.to_owned(), argument: Value::Null });
         }
         "call" => {
             let call: Map<String, Value> = serde_json::from_str(rest)?;
             let (name, argument) = call.into_iter().next().context("a call has one key")?;
-            return Ok(Do::Call { name, argument });
+            return Ok(StoryInput::Call { name, argument });
         }
         "in" => unhex(rest)?,
         // Each character is the byte of its number.
@@ -289,7 +294,7 @@ fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<Do> {
         }
         _ => bail!("no such verb"),
     };
-    Ok(Do::Input(bytes))
+    Ok(StoryInput::Input(bytes))
 }
 
 fn said(link: &str, inputs: &Inputs, word: &str) -> Result<Vec<u8>> {

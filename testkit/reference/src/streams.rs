@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use cellwire_links::codec::Found;
+use cellwire_links::codec::StreamItem;
 use cellwire_links::vectors::unhex;
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -62,7 +62,7 @@ fn line(link: &str, stream: &Stream) -> Result<String> {
         .end())
 }
 
-fn item(item: &Found) -> String {
+fn item(item: &StreamItem) -> String {
     let object = Object::new().raw("offset", item.offset).raw("length", item.length);
     let object = if item.at_end { object.raw("end", "true") } else { object };
     match &item.content {

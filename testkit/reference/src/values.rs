@@ -21,7 +21,7 @@ pub(crate) struct Inputs {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-enum Given {
+enum GivenValue {
     Signal(Signal),
     Place { table: Table, address: u16 },
     Read { number: Number, registers: Vec<u16> },
@@ -69,39 +69,39 @@ pub(crate) fn line(vector: &Inputs) -> Result<String> {
 }
 
 /// Computes the value, or the object of the error.
-fn gives(given: Given) -> Result<Result<Value, Value>> {
+fn gives(given: GivenValue) -> Result<Result<Value, Value>> {
     Ok(Ok(match given {
-        Given::Signal(signal) => match signal.place() {
+        GivenValue::Signal(signal) => match signal.place() {
             Some((table, address)) => json!({"table": table, "address": address}),
             None => Value::Null,
         },
-        Given::Place { table, address } => json!(Signal::at(table, address)),
-        Given::Read { number, registers } => json!(number.read(two(&registers)?)),
-        Given::Write { number, value } => match number.write(value) {
+        GivenValue::Place { table, address } => json!(Signal::at(table, address)),
+        GivenValue::Read { number, registers } => json!(number.read(two(&registers)?)),
+        GivenValue::Write { number, value } => match number.write(value) {
             Ok(words) => json!(words.get(..usize::from(number.kind.registers()))),
             Err(error) => {
                 return Ok(Err(json!({"kind": "number", "least": error.least, "most": error.most})));
             }
         },
-        Given::ReadText { registers } => {
+        GivenValue::ReadText { registers } => {
             let mut bytes = vec![0; 2 * registers.len()];
             let length = text::read(&registers, &mut bytes);
             bytes.truncate(length);
             json!(String::from_utf8(bytes)?)
         }
-        Given::WriteText { text, registers } => {
+        GivenValue::WriteText { text, registers } => {
             let mut words = vec![0; registers];
             match text::write(text.as_bytes(), &mut words) {
                 Ok(()) => json!(words),
                 Err(error) => return Ok(Err(json!(error))),
             }
         }
-        Given::ReadBlock { order, registers } => {
+        GivenValue::ReadBlock { order, registers } => {
             let registers = registers.first_chunk().context("a block has 37 registers")?;
             json!(TelemetryBlock::from_registers(registers, order))
         }
-        Given::WriteBlock { order, block } => json!(block.to_registers(order).as_slice()),
-        Given::Assign(slots) => {
+        GivenValue::WriteBlock { order, block } => json!(block.to_registers(order).as_slice()),
+        GivenValue::Assign(slots) => {
             let mut assignments = Vec::new();
             for Slot { address, size, var_name, multiply } in &slots {
                 match Multiply::new(*multiply) {
@@ -117,7 +117,7 @@ fn gives(given: Given) -> Result<Result<Value, Value>> {
             let ranges = assignments.iter().map(Assignment::pdu_range);
             json!(ranges.map(|range| [range.start, range.end - 1]).collect::<Vec<_>>())
         }
-        Given::Track(blocks) => {
+        GivenValue::Track(blocks) => {
             let mut tracker = Tracker::new();
             let mut all = Vec::new();
             for block in &blocks {
@@ -137,7 +137,7 @@ fn gives(given: Given) -> Result<Result<Value, Value>> {
             }
             json!(all)
         }
-        Given::Word(amount) => {
+        GivenValue::Word(amount) => {
             let word = match amount {
                 Amount::Mm(mm) => Scale::PUMA_562.translation(mm.unwrap_or(f64::NAN)),
                 Amount::Degrees(degrees) => Scale::PUMA_562.rotation(degrees.unwrap_or(f64::NAN)),
@@ -147,10 +147,10 @@ fn gives(given: Given) -> Result<Result<Value, Value>> {
                 Err(error) => return Ok(Err(json!(error))),
             }
         }
-        Given::NearestWord(Amount::Mm(mm)) => {
+        GivenValue::NearestWord(Amount::Mm(mm)) => {
             json!(Scale::PUMA_562.translation_saturating(mm.unwrap_or(f64::NAN)))
         }
-        Given::NearestWord(Amount::Degrees(degrees)) => {
+        GivenValue::NearestWord(Amount::Degrees(degrees)) => {
             json!(Scale::PUMA_562.rotation_saturating(degrees.unwrap_or(f64::NAN)))
         }
     }))

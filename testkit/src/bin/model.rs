@@ -11,7 +11,8 @@ use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressStyle};
 use testkit::links::{MARGINS, PAIRS};
 use testkit::model::{
-    Broken, Depth, Explored, Margin, Measured, MustFail, Options, Pair, Setting, check_or_write,
+    BrokenProperty, Depth, ExplorationResult, Margin, MarginResult, MustFail, Options, Pair, Setting,
+    check_or_write,
 };
 use testkit::soak::Log;
 
@@ -124,7 +125,7 @@ fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
     }
     println!("{table}\n");
     for ((pair, _), row) in settings.iter().zip(&rows) {
-        for Broken { property, steps, trace } in &row.broken {
+        for BrokenProperty { property, steps, trace } in &row.broken {
             println!("{pair}, {}: broken after {steps} steps: {property}\n    {trace}\n", row.setting);
         }
         if !row.complete {
@@ -132,7 +133,7 @@ fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
         }
     }
     let states = thousands(rows.iter().map(|row| row.states).sum());
-    let good = rows.iter().all(Explored::holds) && !rows.is_empty();
+    let good = rows.iter().all(ExplorationResult::holds) && !rows.is_empty();
     println!("{states} states of {} settings in {:.1} s", rows.len(), time.as_secs_f64());
     println!("{}", if good { "every property holds in every state" } else { "FAILED" });
     good
@@ -161,7 +162,7 @@ fn cross_check(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
     good
 }
 
-fn verdict(row: &Explored) -> String {
+fn verdict(row: &ExplorationResult) -> String {
     match (row.broken.len(), row.complete) {
         (0, true) => "hold".into(),
         (0, false) => "NOT ALL STATES".into(),
@@ -223,7 +224,7 @@ fn peers(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
             setting.name
         );
     }
-    rows.iter().all(Explored::holds) && !rows.is_empty()
+    rows.iter().all(ExplorationResult::holds) && !rows.is_empty()
 }
 
 fn margins(common: &Common) -> bool {
@@ -243,7 +244,7 @@ fn margins(common: &Common) -> bool {
     ];
     let mut table = table(&header, 3..6);
     for (margin, row) in margins.iter().zip(&rows) {
-        let Measured { holds, breaks } = row;
+        let MarginResult { holds, breaks } = row;
         let pair = |assumed: &Duration, real: &Duration| format!("{assumed:?}, {real:?}");
         table.add_row([
             margin.end.into(),
@@ -256,7 +257,7 @@ fn margins(common: &Common) -> bool {
         ]);
     }
     println!("{table}\n");
-    let good = rows.iter().all(Measured::is_kept) && !rows.is_empty();
+    let good = rows.iter().all(MarginResult::is_kept) && !rows.is_empty();
     println!("{}", if good { "what is assumed is enough" } else { "FAILED" });
     good
 }

@@ -2,16 +2,16 @@
 
 mod change;
 #[cfg(feature = "contract")]
-mod held;
-#[cfg(feature = "contract")]
 mod objects;
 #[cfg(feature = "contract")]
 mod open;
 #[cfg(feature = "contract")]
 mod tabled;
+#[cfg(feature = "contract")]
+mod tested_end;
 
 pub use change::Change;
 #[cfg(feature = "contract")]
-pub use held::{Call, Held, Piece, Story};
-#[cfg(feature = "contract")]
 pub use objects::Objects;
+#[cfg(feature = "contract")]
+pub use tested_end::{Call, Piece, Story, TestedEnd};

@@ -7,7 +7,7 @@ use robot_session::Session;
 use serde_json::Value;
 
 /// A size that is at least the bytes that any end reads or writes at once.
-const MOST: usize = 4096;
+const BUFFER_LEN: usize = 4096;
 
 #[allow(missing_debug_implementations, reason = "not every end implements it")]
 pub struct Tabled(pub(super) Box<dyn End>);
@@ -17,8 +17,8 @@ impl Session for Tabled {
     /// Of the counters of the end, the number of dropped notices.
     type Statistics = u64;
 
-    const MAX_INPUT: usize = MOST;
-    const MAX_TRANSMIT: usize = MOST;
+    const MAX_INPUT: usize = BUFFER_LEN;
+    const MAX_TRANSMIT: usize = BUFFER_LEN;
 
     fn handle_connected(&mut self, now: Duration) {
         self.0.handle_connected(now);
@@ -49,7 +49,7 @@ impl Session for Tabled {
     }
 
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        assert!(self.0.max_transmit() <= MOST);
+        assert!(self.0.max_transmit() <= BUFFER_LEN);
         let length = out.len().min(self.0.max_transmit());
         self.0.poll_transmit(now, &mut out[..length])
     }

@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use robot_session::end::{Expiry, Input as _, Machine};
 
-use super::machine::{Drawn, Edge, age, drive};
+use super::machine::{DrawnMachine, Edge, age, drive};
 use super::system::System;
 
 /// The name of the property that is broken by an input which the state of the end does not allow.
@@ -21,11 +21,11 @@ const NOW: Duration = Duration::ZERO;
 /// that a decoder can make of bytes. The model explores each step that they leave open.
 pub trait Peer {
     /// The end.
-    type End: Drawn;
+    type End: DrawnMachine;
     /// The model's knowledge of the peer, the line and the jobs. Its times are relative to now, and are bounded.
-    type Known: Clone + Eq + Hash + Debug;
+    type Knowledge: Clone + Eq + Hash + Debug;
     /// A step of the peer, the line or the end's user.
-    type Word: Copy + PartialEq + Debug;
+    type Step: Copy + PartialEq + Debug;
 
     /// The length of a tick.
     const TICK: Duration;
@@ -37,13 +37,13 @@ pub trait Peer {
     fn end(&self) -> Self::End;
 
     /// Returns the model's knowledge at that moment.
-    fn known(&self) -> Self::Known;
+    fn known(&self) -> Self::Knowledge;
 
     /// Appends the steps that are possible now.
-    fn words(&self, end: &Self::End, known: &Self::Known, words: &mut Vec<Self::Word>);
+    fn steps(&self, end: &Self::End, known: &Self::Knowledge, steps: &mut Vec<Self::Step>);
 
     /// Returns the actor of a step.
-    fn by(&self, word: Self::Word) -> By;
+    fn by(&self, step: Self::Step) -> Actor;
 
     /// Returns whether the end takes bytes now; otherwise they wait in the transport. By default, while it reads.
     fn takes(&self, end: &Self::End) -> bool {
@@ -51,14 +51,14 @@ pub trait Peer {
     }
 
     /// Applies a step; returns the end's input, if there is one.
-    fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
+    fn apply(&self, end: &Self::End, known: &mut Self::Knowledge, step: Self::Step) -> Option<InputOf<Self>>;
 
     /// Called when the incomplete frame in the decoder is given up as corrupt, before
     /// [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
-    fn cut(&self, _known: &mut Self::Known) {}
+    fn cut(&self, _known: &mut Self::Knowledge) {}
 
     /// Returns the next input that the end gets from the same bytes, after an input or after bytes were given up.
-    fn next(&self, _end: &Self::End, _known: &mut Self::Known) -> Option<InputOf<Self>> {
+    fn next(&self, _end: &Self::End, _known: &mut Self::Knowledge) -> Option<InputOf<Self>> {
         None
     }
 
@@ -66,43 +66,54 @@ pub trait Peer {
     fn sent(&self, what: &TransmitOf<Self>) -> InputOf<Self>;
 
     /// Returns the input after a message was sent, if it depends on more than [`Machine::transmit`].
-    fn answer(&self, _end: &Self::End, _known: &mut Self::Known, what: &TransmitOf<Self>) -> InputOf<Self> {
+    fn answer(
+        &self,
+        _end: &Self::End,
+        _known: &mut Self::Knowledge,
+        what: &TransmitOf<Self>,
+    ) -> InputOf<Self> {
         self.sent(what)
     }
 
     /// Records an action of the end. A violation is kept for [`broken`](Self::broken).
-    fn acted(&self, end: &Self::End, known: &mut Self::Known, cause: CauseOf<Self>, action: ActionOf<Self>);
+    fn acted(
+        &self,
+        end: &Self::End,
+        known: &mut Self::Knowledge,
+        cause: CauseOf<Self>,
+        action: ActionOf<Self>,
+    );
 
     /// Called when a tick has passed.
-    fn tick(&self, _known: &mut Self::Known) {}
+    fn tick(&self, _known: &mut Self::Knowledge) {}
 
     /// Called when the end's process was restarted, and its owner's knowledge is lost. The new end has no connection.
-    fn restarted(&self, known: &mut Self::Known);
+    fn restarted(&self, known: &mut Self::Knowledge);
 
     /// Pushes the properties that do not hold.
-    fn broken(&self, end: &Self::End, known: &Self::Known, broken: &mut Vec<&'static str>);
+    fn broken(&self, end: &Self::End, known: &Self::Knowledge, broken: &mut Vec<&'static str>);
 
     /// Returns whether all work is done: a run without faults leads here from every state. With a peer that does
     /// anything, this is not checked.
-    fn is_over(&self, _end: &Self::End, _known: &Self::Known) -> bool {
+    fn is_over(&self, _end: &Self::End, _known: &Self::Knowledge) -> bool {
         true
     }
 
-    /// Returns whether one of [`words`](Self::words) happens before time passes.
-    fn is_urgent(&self, _end: &Self::End, _known: &Self::Known) -> bool {
+    /// Returns whether one of [`steps`](Self::steps) happens before time passes.
+    fn is_urgent(&self, _end: &Self::End, _known: &Self::Knowledge) -> bool {
         false
     }
 
-    /// Returns the next step, one of [`words`](Self::words), of a patient user and a peer that keeps the rules if no
+    /// Returns the next step, one of [`steps`](Self::steps), of a patient user and a peer that keeps the rules if no
     /// fault happens. `None`: time passes.
-    fn benign(&self, _end: &Self::End, _known: &Self::Known) -> Option<Self::Word> {
+    fn fault_free_step(&self, _end: &Self::End, _known: &Self::Knowledge) -> Option<Self::Step> {
         None
     }
 }
 
 /// The actor of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum By {
+pub enum Actor {
     /// The line brings bytes. They wait in the transport until the end [takes](Peer::takes) them.
     Line,
     /// The end's user calls it.
@@ -122,8 +133,8 @@ pub enum Cause<W, T> {
     Due,
     /// The end has sent this.
     Sent(T),
-    /// A word.
-    Word(W),
+    /// A step.
+    Step(W),
 }
 
 /// The [`Machine::Input`] of a peer's end.
@@ -133,11 +144,11 @@ pub type ActionOf<P> = <<P as Peer>::End as Machine>::Action;
 /// The [`Machine::Transmit`] of a peer's end.
 pub type TransmitOf<P> = <<P as Peer>::End as Machine>::Transmit;
 /// The [`Cause`] of a peer's end.
-pub type CauseOf<P> = Cause<<P as Peer>::Word, TransmitOf<P>>;
+pub type CauseOf<P> = Cause<<P as Peer>::Step, TransmitOf<P>>;
 
 /// One end against any peer: a [`System`].
 #[derive(Debug, Clone, Copy)]
-pub struct Against<P> {
+pub struct EndWithPeer<P> {
     /// The peer.
     pub peer: P,
     /// The end is called late at times: due work waits, and time passes.
@@ -172,14 +183,14 @@ pub enum Act<W> {
     Restart,
     /// Time passes.
     Tick,
-    /// A word.
-    Word(W),
+    /// A step.
+    Step(W),
 }
 
 /// The end of a peer, and the knowledge about the peer.
-pub type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
+pub type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Knowledge>;
 
-impl<P: Peer> Against<P> {
+impl<P: Peer> EndWithPeer<P> {
     /// Creates a system with an end that is called late, and connections that break.
     pub const fn new(peer: P) -> Self {
         Self { peer, late: true, breaks: true }
@@ -206,9 +217,9 @@ impl<P: Peer> Against<P> {
         }
     }
 
-    fn read_on(&self, scene: &mut SceneOf<P>, word: Option<P::Word>, edges: &mut Option<&mut Vec<Edge>>) {
+    fn read_on(&self, scene: &mut SceneOf<P>, step: Option<P::Step>, edges: &mut Option<&mut Vec<Edge>>) {
         while let Some(input) = self.peer.next(&scene.end, &mut scene.known) {
-            self.drive(scene, word.map_or(Cause::Due, Cause::Word), input, edges);
+            self.drive(scene, step.map_or(Cause::Due, Cause::Step), input, edges);
         }
     }
 
@@ -234,25 +245,25 @@ impl<P: Peer> Against<P> {
         self.read_on(scene, None, edges);
     }
 
-    fn say(&self, scene: &mut SceneOf<P>, word: P::Word, edges: &mut Option<&mut Vec<Edge>>) {
-        match self.peer.by(word) {
-            By::Line if !self.peer.takes(&scene.end) => return,
-            By::Line => {
+    fn say(&self, scene: &mut SceneOf<P>, step: P::Step, edges: &mut Option<&mut Vec<Edge>>) {
+        match self.peer.by(step) {
+            Actor::Line if !self.peer.takes(&scene.end) => return,
+            Actor::Line => {
                 self.expire(scene, &[Expiry::First, Expiry::BeforeInput, Expiry::BeforeBytes], edges);
             }
-            By::User => self.expire(scene, &[Expiry::First], edges),
-            By::Others => {}
+            Actor::User => self.expire(scene, &[Expiry::First], edges),
+            Actor::Others => {}
         }
-        if let Some(input) = self.peer.hear(&scene.end, &mut scene.known, word) {
-            self.drive(scene, Cause::Word(word), input, edges);
-            self.read_on(scene, Some(word), edges);
+        if let Some(input) = self.peer.apply(&scene.end, &mut scene.known, step) {
+            self.drive(scene, Cause::Step(step), input, edges);
+            self.read_on(scene, Some(step), edges);
         }
     }
 }
 
-impl<P: Peer> System for Against<P> {
+impl<P: Peer> System for EndWithPeer<P> {
     type State = SceneOf<P>;
-    type Act = Act<P::Word>;
+    type Act = Act<P::Step>;
 
     fn init(&self) -> Self::State {
         let (end, known) = (self.peer.end(), self.peer.known());
@@ -268,9 +279,9 @@ impl<P: Peer> System for Against<P> {
         if sends {
             acts.push(Act::Send);
         }
-        let mut words = Vec::new();
-        self.peer.words(&scene.end, &scene.known, &mut words);
-        acts.extend(words.into_iter().map(Act::Word));
+        let mut steps = Vec::new();
+        self.peer.steps(&scene.end, &scene.known, &mut steps);
+        acts.extend(steps.into_iter().map(Act::Step));
         let is_urgent = self.peer.is_urgent(&scene.end, &scene.known);
         if !is_urgent && (self.late || !(is_due || sends)) {
             acts.push(Act::Tick);
@@ -305,7 +316,7 @@ impl<P: Peer> System for Against<P> {
                 age(&mut scene.end, P::TICK);
                 self.peer.tick(&mut scene.known);
             }
-            Act::Word(word) => self.say(&mut scene, word, edges),
+            Act::Step(step) => self.say(&mut scene, step, edges),
         }
         scene
     }
@@ -317,7 +328,7 @@ impl<P: Peer> System for Against<P> {
         self.peer.broken(&scene.end, &scene.known, broken);
     }
 
-    fn benign(&self, scene: &Self::State) -> Option<Self::Act> {
+    fn fault_free_step(&self, scene: &Self::State) -> Option<Self::Act> {
         if !scene.is_connected {
             return Some(Act::Connect);
         }
@@ -327,7 +338,7 @@ impl<P: Peer> System for Against<P> {
         if scene.end.transmit(NOW, self.peer.config()).is_some() {
             return Some(Act::Send);
         }
-        Some(self.peer.benign(&scene.end, &scene.known).map_or(Act::Tick, Act::Word))
+        Some(self.peer.fault_free_step(&scene.end, &scene.known).map_or(Act::Tick, Act::Step))
     }
 
     fn is_over(&self, scene: &Self::State) -> bool {

@@ -6,7 +6,7 @@ use std::collections::{HashMap, VecDeque};
 
 use super::fingerprint::{Identity, fingerprint};
 use super::graph::Graph;
-use super::runs::{END, Runs};
+use super::runs::{END, KeptSteps};
 use super::system::System;
 
 /// The bounds and the results of an exploration.
@@ -42,18 +42,18 @@ pub fn explore_whole<S: System>(system: &S, options: &Options<'_>) -> Graph<S::A
 type Fingerprints = HashMap<u128, u32, BuildHasherDefault<Identity>>;
 
 /// The states that are known, and their numbers.
-trait Known<T>: Default {
+trait KnownStates<T>: Default {
     /// Returns the number of a state, which is `fresh` if the state was unknown.
     fn number(&mut self, state: &T, fresh: u32) -> u32;
 }
 
-impl<T: core::hash::Hash> Known<T> for Fingerprints {
+impl<T: core::hash::Hash> KnownStates<T> for Fingerprints {
     fn number(&mut self, state: &T, fresh: u32) -> u32 {
         *self.entry(fingerprint(state)).or_insert(fresh)
     }
 }
 
-impl<T: Clone + Eq + core::hash::Hash> Known<T> for HashMap<T, u32> {
+impl<T: Clone + Eq + core::hash::Hash> KnownStates<T> for HashMap<T, u32> {
     fn number(&mut self, state: &T, fresh: u32) -> u32 {
         if let Some(number) = self.get(state) {
             return *number;
@@ -63,8 +63,8 @@ impl<T: Clone + Eq + core::hash::Hash> Known<T> for HashMap<T, u32> {
     }
 }
 
-fn search<S: System, K: Known<S::State>>(system: &S, options: &Options<'_>) -> Graph<S::Act> {
-    let (mut graph, mut known, mut runs) = (Graph::new(), K::default(), Runs::default());
+fn search<S: System, K: KnownStates<S::State>>(system: &S, options: &Options<'_>) -> Graph<S::Act> {
+    let (mut graph, mut known, mut runs) = (Graph::new(), K::default(), KeptSteps::default());
     let (mut acts, mut broken, mut edges) = (Vec::new(), Vec::new(), Vec::new());
     let first = system.init();
     known.number(&first, 0);
@@ -85,7 +85,7 @@ fn search<S: System, K: Known<S::State>>(system: &S, options: &Options<'_>) -> G
             system.acts(&state, &mut acts);
         }
         let (over, stands) = (system.is_over(&state), system.stands(&state));
-        let benign = if over || !broken.is_empty() { None } else { system.benign(&state) };
+        let fault_free_step = if over || !broken.is_empty() { None } else { system.fault_free_step(&state) };
         if acts.is_empty() && broken.is_empty() && !over {
             graph.deadlock.get_or_insert(at);
         }
@@ -105,7 +105,7 @@ fn search<S: System, K: Known<S::State>>(system: &S, options: &Options<'_>) -> G
             if stands && system.stands(&after) {
                 runs.standing.push((at, to, system.ticks(act)));
             }
-            if benign == Some(act) {
+            if fault_free_step == Some(act) {
                 follow = (to, system.ticks(act));
             }
             if to == fresh {
@@ -113,10 +113,10 @@ fn search<S: System, K: Known<S::State>>(system: &S, options: &Options<'_>) -> G
                 next.push_back(after);
             }
         }
-        if let Some(act) = benign {
+        if let Some(act) = fault_free_step {
             assert!(acts.contains(&act), "{act:?} is benign and cannot happen in {state:?}");
         }
-        runs.benign.push(follow);
+        runs.fault_free_steps.push(follow);
         if options.until.is_some_and(|property| graph.broken.contains_key(property)) {
             graph.complete = false;
             break;

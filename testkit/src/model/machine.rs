@@ -6,7 +6,7 @@ use robot_session::Unexpected;
 use robot_session::end::{Input as _, Machine};
 
 /// A machine that the model explores, and draws.
-pub trait Drawn: Machine {
+pub trait DrawnMachine: Machine {
     /// Returns the name of an action in a diagram, which distinguishes transitions; empty if there is nothing to do.
     fn action_name(action: &Self::Action) -> String {
         let text = format!("{action:?}");
@@ -36,7 +36,7 @@ pub type Edges<'a> = Option<&'a mut Vec<Edge>>;
 ///
 /// # Errors
 /// The machine's: whether it may come is a property of the system.
-pub fn drive<M: Drawn>(
+pub fn drive<M: DrawnMachine>(
     machine: &mut M,
     input: M::Input,
     config: &M::Config,

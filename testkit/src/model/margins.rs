@@ -33,7 +33,7 @@ pub struct Step {
 
 /// The result of a [`Margin`].
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Measured {
+pub struct MarginResult {
     /// The last step in which everything holds: the assumed and the real time.
     pub holds: Option<(Duration, Duration)>,
     /// The first step in which something breaks: the assumed and the real time, and the property.
@@ -81,8 +81,8 @@ impl Margin {
     }
 
     /// Goes from step to step until something breaks.
-    pub fn measure(&self, options: &Options<'_>) -> Measured {
-        let mut measured = Measured { holds: None, breaks: None };
+    pub fn measure(&self, options: &Options<'_>) -> MarginResult {
+        let mut measured = MarginResult { holds: None, breaks: None };
         for Step { assumed, real, check } in &self.steps {
             if let Some(property) = check(options) {
                 measured.breaks = Some((*assumed, *real, property));
@@ -94,7 +94,7 @@ impl Margin {
     }
 }
 
-impl Measured {
+impl MarginResult {
     /// Returns whether no property breaks while the assumption is met.
     pub fn is_kept(&self) -> bool {
         self.holds.is_some() && self.breaks.as_ref().is_none_or(|(assumed, real, _)| real >= assumed)

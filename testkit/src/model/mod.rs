@@ -30,14 +30,19 @@ mod table;
 mod walk;
 mod wired;
 
-pub use against::{Act, ActionOf, Against, By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, TransmitOf};
+pub use against::{
+    Act, ActionOf, Actor, Cause, CauseOf, EXPECTED, EndWithPeer, InputOf, Peer, SceneOf, TransmitOf,
+};
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
-pub use machine::{Drawn, Edge, Edges, age, drive};
-pub use margins::{Margin, Measured, Step};
+pub use machine::{DrawnMachine, Edge, Edges, age, drive};
+pub use margins::{Margin, MarginResult, Step};
 pub use matrix::{Cell, NOW, Rows};
-pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, Terms, at, both, draw};
+pub use pair::{
+    BrokenProperty, Depth, Diagram, ExplorationResult, MustFail, Pair, PeerAssumptions, Setting, at, both,
+    draw,
+};
 pub use refine::{Refined, refine};
 pub use system::{System, trace};
 pub use table::Table;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::against::{Against, Peer};
+use super::against::{EndWithPeer, Peer};
 use super::diagram::mermaid;
 use super::explore::{Options, explore};
 use super::machine::Edge;
@@ -46,7 +46,7 @@ pub struct Setting {
     pub name: String,
     /// The assumptions about a peer without a machine, and the properties that hold under them; `None` for two
     /// machines.
-    pub terms: Option<Terms>,
+    pub terms: Option<PeerAssumptions>,
     system: Box<dyn Explorable>,
     #[cfg(feature = "links")]
     walk: Option<Walk>,
@@ -58,7 +58,7 @@ type Walk = Box<dyn Fn(u64, Log) -> Tally + Send + Sync>;
 
 /// The assumptions about a peer without a machine.
 #[derive(Debug, Clone, Copy)]
-pub struct Terms {
+pub struct PeerAssumptions {
     /// The clauses of the specification that the peer keeps; empty for a peer that does anything.
     pub keeps: &'static str,
     /// The behaviour that is left open.
@@ -93,9 +93,9 @@ impl Setting {
 
     /// Creates a setting of one end against any peer, which can also be walked at random over bytes.
     #[cfg(feature = "links")]
-    pub fn walked<P>(name: impl Into<String>, against: Against<P>) -> Self
+    pub fn walked<P>(name: impl Into<String>, against: EndWithPeer<P>) -> Self
     where
-        P: Wired<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+        P: Wired<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
     {
         let against = Arc::new(against);
         let walked = against.clone();
@@ -114,12 +114,12 @@ impl Setting {
     }
 
     /// Returns the setting with one end against a peer about which only this is known.
-    pub fn on(self, terms: Terms) -> Self {
+    pub fn on(self, terms: PeerAssumptions) -> Self {
         Self { terms: Some(terms), ..self }
     }
 
     /// Explores it.
-    pub fn explore(&self, options: &Options<'_>) -> Explored {
+    pub fn explore(&self, options: &Options<'_>) -> ExplorationResult {
         self.system.explored(self.name.clone(), options)
     }
 
@@ -137,7 +137,7 @@ impl Setting {
 
 /// The result of a [`Setting`]: a row of the table.
 #[derive(Debug, Clone)]
-pub struct Explored {
+pub struct ExplorationResult {
     /// The setting's name.
     pub setting: String,
     /// The number of states.
@@ -149,14 +149,14 @@ pub struct Explored {
     /// Whether every state was visited.
     pub complete: bool,
     /// The properties that do not hold, the one with the shortest path first.
-    pub broken: Vec<Broken>,
+    pub broken: Vec<BrokenProperty>,
     /// The longest run without faults to the end of all work, in ticks.
     pub longest_benign: u32,
     /// The longest stall in ticks; `None` if endless.
     pub longest_standing: Option<u32>,
 }
 
-impl Explored {
+impl ExplorationResult {
     /// Returns whether every state was visited and every property holds.
     pub fn holds(&self) -> bool {
         self.complete && self.broken.is_empty()
@@ -165,7 +165,7 @@ impl Explored {
 
 /// A property that does not hold, and a shortest way to see it.
 #[derive(Debug, Clone)]
-pub struct Broken {
+pub struct BrokenProperty {
     /// The name of the property.
     pub property: &'static str,
     /// The number of steps that lead there.
@@ -200,16 +200,16 @@ impl MustFail {
         rule: &'static str,
         property: &'static str,
         setting: impl Into<String>,
-        without: Against<P>,
+        without: EndWithPeer<P>,
     ) -> Self
     where
-        P: Wired<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+        P: Wired<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
     {
         Self { rule, property, without: Setting::walked(setting, without) }
     }
 
     /// Returns the property broken, with the shortest trace; `None` if the removal is not caught.
-    pub fn caught(&self, options: &Options<'_>) -> Option<Broken> {
+    pub fn caught(&self, options: &Options<'_>) -> Option<BrokenProperty> {
         let explored = self.without.explore(&Options { until: Some(self.property), ..*options });
         explored.broken.into_iter().find(|broken| broken.property == self.property)
     }
@@ -238,9 +238,13 @@ pub const fn at(keeps_rules: bool) -> &'static str {
 }
 
 /// Returns the settings of a peer that follows the rules, and of one with any behaviour.
-pub fn both<P>(system: impl Fn(bool) -> Against<P>, rules: Terms, anything: Terms) -> Vec<Setting>
+pub fn both<P>(
+    system: impl Fn(bool) -> EndWithPeer<P>,
+    rules: PeerAssumptions,
+    anything: PeerAssumptions,
+) -> Vec<Setting>
 where
-    P: Peer<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+    P: Peer<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
 {
     [(true, rules), (false, anything)]
         .map(|(keeps_rules, terms)| Setting::new(at(keeps_rules), system(keeps_rules)).on(terms))
@@ -249,7 +253,7 @@ where
 
 /// A [`System`] with erased types.
 trait Explorable: Send + Sync {
-    fn explored(&self, setting: String, options: &Options<'_>) -> Explored;
+    fn explored(&self, setting: String, options: &Options<'_>) -> ExplorationResult;
     fn edges(&self) -> Vec<Edge>;
     #[cfg(feature = "stateright")]
     fn count(&self) -> (usize, usize);
@@ -259,14 +263,14 @@ impl<S> Explorable for Arc<S>
 where
     S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
 {
-    fn explored(&self, setting: String, options: &Options<'_>) -> Explored {
+    fn explored(&self, setting: String, options: &Options<'_>) -> ExplorationResult {
         let begin = Instant::now();
         let graph = explore(&**self, options);
         let broken = graph.findings().into_iter().map(|finding| {
             let path = graph.path(finding.at);
-            Broken { property: finding.property, steps: path.len(), trace: trace(&**self, &path) }
+            BrokenProperty { property: finding.property, steps: path.len(), trace: trace(&**self, &path) }
         });
-        Explored {
+        ExplorationResult {
             setting,
             states: graph.states,
             steps: graph.steps,

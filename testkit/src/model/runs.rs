@@ -9,15 +9,15 @@ pub(super) const END: u32 = u32::MAX;
 
 /// The steps that an exploration keeps for it.
 #[derive(Debug, Default)]
-pub(super) struct Runs {
+pub(super) struct KeptSteps {
     /// For each state the next one of the run without faults and the ticks to it: [`END`] where it is over, the state itself
     /// where nothing happens.
-    pub(super) benign: Vec<(u32, u32)>,
+    pub(super) fault_free_steps: Vec<(u32, u32)>,
     /// The steps between stalled states, and their ticks.
     pub(super) standing: Vec<(u32, u32, u32)>,
 }
 
-impl Runs {
+impl KeptSteps {
     pub(super) fn judge<A>(&self, graph: &mut Graph<A>) {
         self.follow_benign(graph);
         self.longest_standing(graph);
@@ -27,9 +27,9 @@ impl Runs {
     fn follow_benign<A>(&self, graph: &mut Graph<A>) {
         const UNKNOWN: u32 = u32::MAX;
         const OPEN: u32 = u32::MAX - 1;
-        let mut ticks = vec![UNKNOWN; self.benign.len()];
+        let mut ticks = vec![UNKNOWN; self.fault_free_steps.len()];
         let mut path = Vec::new();
-        for start in 0..self.benign.len() {
+        for start in 0..self.fault_free_steps.len() {
             let mut at = start;
             let mut left = loop {
                 match ticks[at] {
@@ -43,13 +43,13 @@ impl Runs {
                 }
                 ticks[at] = OPEN;
                 path.push(at);
-                match self.benign[at].0 {
+                match self.fault_free_steps[at].0 {
                     END => break 0,
                     to => at = to as usize,
                 }
             };
             while let Some(at) = path.pop() {
-                let (to, takes) = self.benign[at];
+                let (to, takes) = self.fault_free_steps[at];
                 left += if to == END { 0 } else { takes };
                 ticks[at] = left;
                 if left > graph.longest_benign.0 {

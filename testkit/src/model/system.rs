@@ -26,7 +26,7 @@ pub trait System {
 
     /// Returns the next of [`acts`](Self::acts) if nothing goes wrong from here on and users are patient. `None` if
     /// nothing happens: a standstill, if it [is not over](Self::is_over).
-    fn benign(&self, state: &Self::State) -> Option<Self::Act>;
+    fn fault_free_step(&self, state: &Self::State) -> Option<Self::Act>;
 
     /// Returns whether all work has ended. A run without faults must lead here from every state.
     fn is_over(&self, state: &Self::State) -> bool;

@@ -1,7 +1,7 @@
-//! One end and any peer: a random walk of the model's [`Peer`](crate::model::Peer), whose words are bytes on a bad line.
+//! One end and any peer: a random walk of the model's [`Peer`](crate::model::Peer), whose steps are bytes on a bad line.
 //!
 //! After every step the session is compared with its machine, the bytes that it sends and its events with the machine's
-//! decisions, and the jobs with the properties of the model. A job is a word that the end hears or loses.
+//! decisions, and the jobs with the properties of the model. A job is a step that the end receives or loses.
 
 use core::time::Duration;
 use std::collections::HashMap;
@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use robot_session::contract::Rng;
 use robot_session::end::Machine as _;
 
-use super::against::{Act, Against, By, SceneOf};
+use super::against::{Act, Actor, EndWithPeer, SceneOf};
 use super::fingerprint::fingerprint;
 use super::system::System as _;
 use super::wired::{Follower, Wired};
@@ -22,7 +22,7 @@ const CALM: usize = 5000;
 const ASLEEP: u64 = 200;
 
 /// Walks at random with a seed; returns the tally.
-pub fn walk<P: Wired>(against: &Against<P>, seed: u64, log: Log) -> Tally {
+pub fn walk<P: Wired>(against: &EndWithPeer<P>, seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let (steps, bad) = (50 + rng.below(2000), [0.2, 0.5, 0.9][rng.below(3)]);
     // The probability that something happens when a patient user and an obliging peer would let time pass.
@@ -49,7 +49,7 @@ pub fn walk<P: Wired>(against: &Against<P>, seed: u64, log: Log) -> Tally {
         if walk.is_judged() || walk.is_calm && against.is_over(&walk.scene) {
             break;
         }
-        let often = if against.benign(&walk.scene) == Some(Act::Tick) { idle } else { bad };
+        let often = if against.fault_free_step(&walk.scene) == Some(Act::Tick) { idle } else { bad };
         if !walk.turn(often) {
             break;
         }
@@ -60,7 +60,7 @@ pub fn walk<P: Wired>(against: &Against<P>, seed: u64, log: Log) -> Tally {
 }
 
 struct Walk<'a, P: Wired> {
-    against: &'a Against<P>,
+    against: &'a EndWithPeer<P>,
     follower: Follower<'a, P>,
     scene: SceneOf<P>,
     link: Link,
@@ -69,11 +69,11 @@ struct Walk<'a, P: Wired> {
     tally: Tally,
     /// The number of visits of each state.
     visits: HashMap<u128, u32>,
-    /// A word of which the beginning has arrived, its bytes, and how many of them have arrived.
-    rest: Option<(P::Word, Vec<u8>, usize)>,
-    /// A word that the session holds until it reads again.
-    held: Option<P::Word>,
-    /// The decoder holds no bytes of a word that the line has damaged.
+    /// A step of which the beginning has arrived, its bytes, and how many of them have arrived.
+    rest: Option<(P::Step, Vec<u8>, usize)>,
+    /// A step that the session holds until it reads again.
+    held: Option<P::Step>,
+    /// The decoder holds no bytes of a step that the line has damaged.
     is_clean: bool,
     /// The faults have ended.
     is_calm: bool,
@@ -101,10 +101,12 @@ impl<P: Wired> Walk<'_, P> {
             self.finish();
             return true;
         }
-        let benign =
-            self.against.benign(&self.scene).filter(|act| self.rest.is_none() || !self.is_heard(*act));
+        let fault_free_step = self
+            .against
+            .fault_free_step(&self.scene)
+            .filter(|act| self.rest.is_none() || !self.is_heard(*act));
         let is_bad = !self.is_calm && self.rng.chance(often);
-        let Some(act) = benign.filter(|_| !is_bad).or_else(|| self.choose()) else { return false };
+        let Some(act) = fault_free_step.filter(|_| !is_bad).or_else(|| self.choose()) else { return false };
         // A program that is not called for a while.
         let is_asleep = act == Act::Tick && self.against.late && !self.is_calm && self.rng.chance(0.01);
         let times = if is_asleep { 1 + self.rng.next_u64() % ASLEEP } else { 1 };
@@ -119,16 +121,16 @@ impl<P: Wired> Walk<'_, P> {
     }
 
     /// Returns whether the act consists of bytes that the end reads.
-    fn is_heard(&self, act: Act<P::Word>) -> bool {
-        matches!(act, Act::Word(word) if self.against.peer.by(word) == By::Line)
+    fn is_heard(&self, act: Act<P::Step>) -> bool {
+        matches!(act, Act::Step(step) if self.against.peer.by(step) == Actor::Line)
     }
 
     fn takes(&self, scene: &SceneOf<P>) -> bool {
         self.against.peer.takes(&scene.end)
     }
 
-    /// The possible acts in a scene. No other word is heard before the rest of one.
-    fn acts(&self, scene: &SceneOf<P>) -> Vec<Act<P::Word>> {
+    /// The possible acts in a scene. No other step is received before the rest of one.
+    fn acts(&self, scene: &SceneOf<P>) -> Vec<Act<P::Step>> {
         let mut acts = Vec::new();
         self.against.acts(scene, &mut acts);
         acts.retain(|act| self.rest.is_none() || !self.is_heard(*act));
@@ -136,20 +138,20 @@ impl<P: Wired> Walk<'_, P> {
     }
 
     /// Delivers bytes in these pieces. Returns false if the session differs from its machine.
-    fn hear<'b>(&mut self, pieces: impl IntoIterator<Item = &'b [u8]>) -> bool {
-        let heard = self.follower.hear(pieces);
+    fn receive<'b>(&mut self, pieces: impl IntoIterator<Item = &'b [u8]>) -> bool {
+        let heard = self.follower.receive(pieces);
         heard.as_ref().err().into_iter().for_each(|error| self.find(error));
         heard.is_ok()
     }
 
     /// Returns the act that leads to the state with the fewest visits. Only few acts break the connection.
-    fn choose(&mut self) -> Option<Act<P::Word>> {
+    fn choose(&mut self) -> Option<Act<P::Step>> {
         let acts = self.acts(&self.scene);
-        let breaks = |act: &Act<P::Word>| matches!(act, Act::Connect | Act::Disconnect | Act::Restart);
+        let breaks = |act: &Act<P::Step>| matches!(act, Act::Connect | Act::Disconnect | Act::Restart);
         let has_others = acts.iter().any(|act| !breaks(act));
-        let is_likely = |act: &Act<P::Word>| !(breaks(act) && has_others && self.rng.chance(0.95));
+        let is_likely = |act: &Act<P::Step>| !(breaks(act) && has_others && self.rng.chance(0.95));
         let likely: Vec<_> = acts.iter().copied().filter(is_likely).collect();
-        let visits = |act: &Act<P::Word>| {
+        let visits = |act: &Act<P::Step>| {
             let next = self.against.step(&self.scene, *act, None);
             let times = |of: u128| self.visits.get(&of).copied().unwrap_or_default();
             (times(fingerprint(&next)), times(fingerprint(&next.end)), self.rng.next_u64())
@@ -158,7 +160,7 @@ impl<P: Wired> Walk<'_, P> {
         visited.into_iter().min_by_key(|(visits, _)| *visits).map(|(_, act)| *act)
     }
 
-    fn step(&mut self, act: Act<P::Word>) {
+    fn step(&mut self, act: Act<P::Step>) {
         self.log.line(self.follower.now, format_args!("{act:?}"));
         if matches!(act, Act::Connect | Act::Disconnect | Act::Restart) {
             (self.rest, self.held) = (None, None);
@@ -168,16 +170,16 @@ impl<P: Wired> Walk<'_, P> {
             Err(error) => return self.find(&error),
         };
         match act {
-            Act::Word(word) if self.is_heard(act) => {
+            Act::Step(step) if self.is_heard(act) => {
                 if self.takes(&self.scene) {
-                    self.say(word, bytes);
+                    self.say(step, bytes);
                 }
             }
             act => {
                 if !bytes.is_empty() {
                     self.tally.once += 1;
                     let (pieces, _) = self.carry(&bytes);
-                    if !self.hear(pieces.iter().map(Vec::as_slice)) {
+                    if !self.receive(pieces.iter().map(Vec::as_slice)) {
                         return;
                     }
                 }
@@ -190,46 +192,46 @@ impl<P: Wired> Walk<'_, P> {
         self.visited();
     }
 
-    /// Says a word: whole, in two parts with a pause between them, with the next word, or until the connection breaks.
-    fn say(&mut self, word: P::Word, mut bytes: Vec<u8>) {
+    /// Sends the bytes of a step: whole, in two parts with a pause between them, with the next step, or until the connection breaks.
+    fn say(&mut self, step: P::Step, mut bytes: Vec<u8>) {
         // Bytes that arrive at a deadline first cause the work that is due.
         if self.is_calm || self.scene.end.expires(Duration::ZERO) {
-            return self.deliver(word, &bytes);
+            return self.deliver(step, &bytes);
         }
         if self.against.breaks && self.rng.chance(0.01) {
             bytes.truncate(self.rng.below(bytes.len() + 1));
-            return self.cut(word, &bytes);
+            return self.cut(step, &bytes);
         }
         if !self.is_clean || self.held.is_some() {
-            return self.deliver(word, &bytes);
+            return self.deliver(step, &bytes);
         }
-        if bytes.len() > 1 && self.against.peer.may_pause(word) && self.rng.chance(0.05) {
+        if bytes.len() > 1 && self.against.peer.may_pause(step) && self.rng.chance(0.05) {
             let (head, rest) = bytes.split_at(1 + self.rng.below(bytes.len() - 1));
             self.log.line(self.follower.now, format_args!("  {} bytes come later", rest.len()));
-            if !self.hear([head]) {
+            if !self.receive([head]) {
                 return;
             }
             let arrived = head.len();
-            self.rest = Some((word, bytes, arrived));
+            self.rest = Some((step, bytes, arrived));
             let same = self.scene.clone();
-            return self.follow(Act::Word(word), same);
+            return self.follow(Act::Step(step), same);
         }
         if self.rng.chance(0.1) {
-            return self.glue(word, bytes);
+            return self.glue(step, bytes);
         }
-        self.deliver(word, &bytes);
+        self.deliver(step, &bytes);
     }
 
     /// Delivers the rest of a step's bytes, if the peer may still take that step; otherwise they never arrive.
     fn finish(&mut self) {
-        let Some((word, bytes, arrived)) = self.rest.take() else { return };
-        let act = Act::Word(word);
+        let Some((step, bytes, arrived)) = self.rest.take() else { return };
+        let act = Act::Step(step);
         let is_said =
-            self.acts(&self.scene).contains(&act) && self.follower.speak(&self.scene.known, word) == bytes;
+            self.acts(&self.scene).contains(&act) && self.follower.speak(&self.scene.known, step) == bytes;
         if is_said && self.takes(&self.scene) {
             let rest = bytes.get(arrived..).unwrap_or_default();
             self.log.line(self.follower.now, format_args!("{act:?}, its last {} bytes", rest.len()));
-            if !self.hear([rest]) {
+            if !self.receive([rest]) {
                 return;
             }
             let heard = self.against.step(&self.scene, act, None);
@@ -242,37 +244,37 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// Lets another word arrive in the same read.
-    fn glue(&mut self, word: P::Word, mut bytes: Vec<u8>) {
-        let between = self.against.step(&self.scene, Act::Word(word), None);
+    /// Lets another step arrive in the same read.
+    fn glue(&mut self, step: P::Step, mut bytes: Vec<u8>) {
+        let between = self.against.step(&self.scene, Act::Step(step), None);
         let mut acts = self.acts(&between);
         acts.retain(|act| self.is_heard(*act));
-        let Some(Act::Word(next)) = acts.get(self.rng.below(acts.len().max(1))).copied() else {
-            return self.deliver(word, &bytes);
+        let Some(Act::Step(next)) = acts.get(self.rng.below(acts.len().max(1))).copied() else {
+            return self.deliver(step, &bytes);
         };
         self.log.line(self.follower.now, format_args!("  and {next:?}"));
         bytes.extend(self.follower.speak(&between.known, next));
-        if !self.hear([bytes.as_slice()]) {
+        if !self.receive([bytes.as_slice()]) {
             return;
         }
         self.tally.once += 2;
         let heard = if self.takes(&between) {
-            self.against.step(&between, Act::Word(next), None)
+            self.against.step(&between, Act::Step(next), None)
         } else {
             self.held = Some(next);
             between
         };
-        self.follow(Act::Word(next), heard);
+        self.follow(Act::Step(next), heard);
     }
 
     /// Checks that the session is in the state of the model. A step whose bytes are buffered is applied when the
     /// session reads again.
-    fn follow(&mut self, act: Act<P::Word>, mut next: SceneOf<P>) {
+    fn follow(&mut self, act: Act<P::Step>, mut next: SceneOf<P>) {
         if self.takes(&next)
             && let Some(held) = self.held.take()
         {
             self.log.line(self.follower.now, format_args!("  {held:?} was held"));
-            next = self.against.step(&next, Act::Word(held), None);
+            next = self.against.step(&next, Act::Step(held), None);
         }
         let Some(difference) = self.follower.differs(&next) else {
             self.scene = next;
@@ -287,14 +289,14 @@ impl<P: Wired> Walk<'_, P> {
         }
     }
 
-    /// Ends the connection within a word.
-    fn cut(&mut self, word: P::Word, bytes: &[u8]) {
+    /// Ends the connection within a step.
+    fn cut(&mut self, step: P::Step, bytes: &[u8]) {
         self.log.line(self.follower.now, format_args!("  cut after {} bytes", bytes.len()));
-        if !self.hear([bytes]) {
+        if !self.receive([bytes]) {
             return;
         }
-        let heard = self.against.step(&self.scene, Act::Word(word), None);
-        let mut scenes = self.lost(word);
+        let heard = self.against.step(&self.scene, Act::Step(step), None);
+        let mut scenes = self.lost(step);
         scenes.extend([self.scene.clone(), heard]);
         match scenes.into_iter().find(|scene| self.follower.differs(scene).is_none()) {
             Some(scene) => {
@@ -302,7 +304,7 @@ impl<P: Wired> Walk<'_, P> {
                 self.scene = scene;
                 self.step(Act::Connect);
             }
-            None if self.is_clean => self.find(&format!("{word:?}, cut")),
+            None if self.is_clean => self.find(&format!("{step:?}, cut")),
             None => self.forge(),
         }
     }
@@ -318,20 +320,20 @@ impl<P: Wired> Walk<'_, P> {
         (pieces, self.link.counts().corruption() > before.corruption())
     }
 
-    /// Delivers a word over the bad line: it is received or lost.
-    fn deliver(&mut self, word: P::Word, bytes: &[u8]) {
+    /// Delivers a step over the bad line: it is received or lost.
+    fn deliver(&mut self, step: P::Step, bytes: &[u8]) {
         let (pieces, is_hurt) = self.carry(bytes);
-        if !self.hear(pieces.iter().map(Vec::as_slice)) {
+        if !self.receive(pieces.iter().map(Vec::as_slice)) {
             return;
         }
         self.tally.corrupt += u64::from(is_hurt);
         self.is_clean &= !is_hurt;
-        let heard = self.against.step(&self.scene, Act::Word(word), None);
+        let heard = self.against.step(&self.scene, Act::Step(step), None);
         let difference = self.follower.differs(&heard);
         let mut others = Vec::new();
         if !self.is_clean {
-            others.extend(self.lost(word));
-            others.extend(self.late(Act::Word(word)));
+            others.extend(self.lost(step));
+            others.extend(self.late(Act::Step(step)));
         }
         let lost = others.into_iter().find(|scene| self.follower.differs(scene).is_none());
         match (difference, lost) {
@@ -341,7 +343,7 @@ impl<P: Wired> Walk<'_, P> {
             (None, _) => {
                 self.tally.once += 1;
                 // If it makes no difference, the bytes may still wait.
-                self.is_clean |= heard.end != self.scene.end && self.against.peer.is_last(word);
+                self.is_clean |= heard.end != self.scene.end && self.against.peer.is_last(step);
                 self.scene = heard;
             }
             (Some(_), None) if !self.is_clean => self.forge(),
@@ -351,18 +353,18 @@ impl<P: Wired> Walk<'_, P> {
 
     /// Returns the scenes after a step whose bytes are lost in part. Bytes that are not a message may also trigger an
     /// action that is due.
-    fn lost(&self, word: P::Word) -> Vec<SceneOf<P>> {
-        let strings = self.against.peer.lost(&self.scene.known, word);
+    fn lost(&self, step: P::Step) -> Vec<SceneOf<P>> {
+        let strings = self.against.peer.lost(&self.scene.known, step);
         let due = self.against.step(&self.scene, Act::Due, None);
-        let hear = |scene: &SceneOf<P>, words: &[P::Word]| {
-            words.iter().fold(scene.clone(), |scene, word| self.against.step(&scene, Act::Word(*word), None))
+        let receive = |scene: &SceneOf<P>, words: &[P::Step]| {
+            words.iter().fold(scene.clone(), |scene, step| self.against.step(&scene, Act::Step(*step), None))
         };
-        strings.iter().flat_map(|words| [hear(&self.scene, words), hear(&due, words)]).collect()
+        strings.iter().flat_map(|words| [receive(&self.scene, words), receive(&due, words)]).collect()
     }
 
     /// Returns the scene after an act if the end has given up damaged bytes before it.
-    fn late(&self, act: Act<P::Word>) -> Option<SceneOf<P>> {
-        let before = self.against.step(&self.scene, Act::Word(self.against.peer.given_up()?), None);
+    fn late(&self, act: Act<P::Step>) -> Option<SceneOf<P>> {
+        let before = self.against.step(&self.scene, Act::Step(self.against.peer.given_up()?), None);
         Some(self.against.step(&before, act, None))
     }
 

@@ -5,7 +5,7 @@ use core::time::Duration;
 use robot_session::Session as _;
 use robot_session::end::{End, EventOf, Machine as _};
 
-use super::against::{Act, ActionOf, Against, By, Peer, SceneOf, TransmitOf};
+use super::against::{Act, ActionOf, Actor, EndWithPeer, Peer, SceneOf, TransmitOf};
 use super::machine::age;
 use super::refine::{Refined, refine};
 use crate::faults::Faults;
@@ -13,7 +13,7 @@ use crate::faults::Faults;
 /// The property that [`Wired::is_written`] states, wherever a session is compared with its machine.
 pub const WRITTEN: &str = "messages are encoded as the source says";
 
-/// A peer whose words are bytes, or calls of the end's session.
+/// A peer whose steps are bytes, or calls of the end's session.
 pub trait Wired: Peer {
     /// The end's session.
     type Session: End<Machine = <Self as Peer>::End>;
@@ -21,17 +21,17 @@ pub trait Wired: Peer {
     /// The faults of the line in a random walk. The times of a walk are those of the model.
     const FAULTS: Faults;
 
-    /// The word with which the user polls the next outcome; `None` if the user polls every event at once.
-    const POLL: Option<Self::Word> = None;
+    /// The step with which the user polls the next outcome; `None` if the user polls every event at once.
+    const POLL: Option<Self::Step> = None;
 
     /// Returns the session at the start of its process.
     fn session(&self) -> Self::Session;
 
-    /// Returns the bytes of a word; none after making its call, or for a word that happens elsewhere.
+    /// Returns the bytes of a step; none after making its call, or for a step that happens elsewhere.
     fn speak(
         &self,
-        known: &Self::Known,
-        word: Self::Word,
+        known: &Self::Knowledge,
+        step: Self::Step,
         session: &mut Self::Session,
         now: Duration,
     ) -> Vec<u8>;
@@ -46,23 +46,23 @@ pub trait Wired: Peer {
     /// such as corrupt bytes.
     fn reported(&self, event: &EventOf<Self::Session>) -> Option<String>;
 
-    /// Returns the strings of words that the end may receive in place of a word whose bytes the line has lost or changed.
-    fn lost(&self, _known: &Self::Known, _word: Self::Word) -> Vec<Vec<Self::Word>> {
+    /// Returns the strings of steps that the end may receive in place of a step whose bytes the line has lost or changed.
+    fn lost(&self, _known: &Self::Knowledge, _word: Self::Step) -> Vec<Vec<Self::Step>> {
         vec![Vec::new()]
     }
 
-    /// Returns the word that the end receives when it gives up the bytes of such a word later.
-    fn given_up(&self) -> Option<Self::Word> {
+    /// Returns the step that the end receives when it gives up the bytes of such a step later.
+    fn given_up(&self) -> Option<Self::Step> {
         None
     }
 
-    /// Returns whether the end waits for the rest of this word without a limit.
-    fn may_pause(&self, _word: Self::Word) -> bool {
+    /// Returns whether the end waits for the rest of this step without a limit.
+    fn may_pause(&self, _word: Self::Step) -> bool {
         true
     }
 
-    /// Returns whether the decoder is empty when the end has received this word.
-    fn is_last(&self, _word: Self::Word) -> bool {
+    /// Returns whether the decoder is empty when the end has received this step.
+    fn is_last(&self, _word: Self::Step) -> bool {
         true
     }
 
@@ -89,11 +89,11 @@ impl<'a, P: Wired> Follower<'a, P> {
         Self { peer, session, unpolled: Vec::new(), now: Duration::from_secs(1) }
     }
 
-    /// Applies an act to the session. Returns the bytes of a word, for [`hear`](Self::hear).
+    /// Applies an act to the session. Returns the bytes of a step, for [`receive`](Self::receive).
     ///
     /// # Errors
     /// The session sends or reports something other than its machine's decision.
-    pub fn act(&mut self, scene: &SceneOf<P>, act: Act<P::Word>) -> Result<Vec<u8>, String> {
+    pub fn act(&mut self, scene: &SceneOf<P>, act: Act<P::Step>) -> Result<Vec<u8>, String> {
         let now = self.now;
         let mut bytes = Vec::new();
         match act {
@@ -103,24 +103,24 @@ impl<'a, P: Wired> Follower<'a, P> {
             Act::Send => self.send(scene)?,
             Act::Restart => *self = Self { now, ..Self::new(self.peer) },
             Act::Tick => self.now += P::TICK,
-            Act::Word(word) if Some(word) == P::POLL => self.poll()?,
+            Act::Step(step) if Some(step) == P::POLL => self.poll()?,
             // The bytes wait in the transport.
-            Act::Word(word) if self.peer.by(word) == By::Line && !self.peer.takes(&scene.end) => {}
-            Act::Word(word) => bytes = self.speak(&scene.known, word),
+            Act::Step(step) if self.peer.by(step) == Actor::Line && !self.peer.takes(&scene.end) => {}
+            Act::Step(step) => bytes = self.speak(&scene.known, step),
         }
         self.check_reports().map(|()| bytes)
     }
 
     /// Calls [`Wired::speak`].
-    pub fn speak(&mut self, known: &P::Known, word: P::Word) -> Vec<u8> {
-        self.peer.speak(known, word, &mut self.session, self.now)
+    pub fn speak(&mut self, known: &P::Knowledge, step: P::Step) -> Vec<u8> {
+        self.peer.speak(known, step, &mut self.session, self.now)
     }
 
     /// Delivers bytes in these pieces.
     ///
     /// # Errors
     /// As [`act`](Self::act).
-    pub fn hear<'b>(&mut self, pieces: impl IntoIterator<Item = &'b [u8]>) -> Result<(), String> {
+    pub fn receive<'b>(&mut self, pieces: impl IntoIterator<Item = &'b [u8]>) -> Result<(), String> {
         pieces.into_iter().for_each(|piece| self.session.handle_input(self.now, piece));
         self.check_reports()
     }
@@ -193,7 +193,7 @@ impl<'a, P: Wired> Follower<'a, P> {
     }
 }
 
-impl<P: Wired> Against<P> {
+impl<P: Wired> EndWithPeer<P> {
     /// Walks every state and every transition of the end with its session, over bytes that come in two pieces.
     ///
     /// # Panics
@@ -205,7 +205,7 @@ impl<P: Wired> Against<P> {
             |follower, act, scene, _, path| {
                 let heard = follower.act(scene, act).and_then(|bytes| {
                     let (head, tail) = bytes.split_at(path.len() % (bytes.len() + 1));
-                    follower.hear([head, tail].into_iter().filter(|piece| !piece.is_empty()))
+                    follower.receive([head, tail].into_iter().filter(|piece| !piece.is_empty()))
                 });
                 heard.unwrap_or_else(|error| panic!("{error}: {path:?}"));
             },

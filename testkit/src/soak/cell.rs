@@ -10,7 +10,7 @@ use mmacell_proto::{
 };
 use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 
-use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
+use super::{Check, Ledger, Log, ReportedOutcome, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::{Carrier, turn};
 use robot_session::contract::Rng;
@@ -385,7 +385,7 @@ impl Cell {
         }
         if let Some(part) = self.open.take() {
             // Its picture came when it was no longer awaited.
-            self.ledger.report(part, Reported::NotDone, self.robot.wire.mark());
+            self.ledger.report(part, ReportedOutcome::NotDone, self.robot.wire.mark());
         }
         let part = self.ledger.send(self.robot.wire.mark());
         (self.open, self.part, self.held) = (Some(part), Some(part), false);
@@ -448,9 +448,9 @@ impl Cell {
     /// Handles the task's entry into a step: the operator learns of outcomes, and makes requests.
     fn entered(&mut self, step: Step) {
         let reported = match step {
-            Step::Placed => Reported::Done,
-            Step::GiveUp | Step::NothingFound => Reported::NotDone,
-            Step::Faulted => Reported::Unknown,
+            Step::Placed => ReportedOutcome::Done,
+            Step::GiveUp | Step::NothingFound => ReportedOutcome::NotDone,
+            Step::Faulted => ReportedOutcome::Unknown,
             Step::Unpicked => {
                 self.notify(Event::Next);
                 return;

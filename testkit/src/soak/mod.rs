@@ -20,7 +20,7 @@ use crate::link::End;
 
 pub use handles::{ROWS as HANDLES, SABOTAGED};
 pub use log::{Log, Mark};
-pub use tally::{Ledger, Reported, Span, Tally};
+pub use tally::{Ledger, ReportedOutcome, Span, Tally};
 pub use wire::{Check, Unseen, Wire};
 
 /// The programs at the two ends of a session.

@@ -3,8 +3,8 @@
 use core::ops::AddAssign;
 use core::time::Duration;
 
-use cellwire_sim::ledger::Fate;
-pub use cellwire_sim::ledger::Reported;
+use cellwire_sim::ledger::JobFate;
+pub use cellwire_sim::ledger::ReportedOutcome;
 
 use super::log::{Log, Mark};
 use crate::link::FaultCounts;
@@ -96,14 +96,14 @@ impl Ledger {
     }
 
     /// Sets the outcome of a job; returns false if no such job was sent.
-    pub fn report(&mut self, job: usize, reported: Reported, to: Mark) -> bool {
+    pub fn report(&mut self, job: usize, reported: ReportedOutcome, to: Mark) -> bool {
         self.0.report(job, reported).map(|job| job.note.to = to).is_some()
     }
 
     /// Executes the jobs that were reported as done, and no others.
     pub fn execute_what_is_done(&mut self) {
         for job in self.0.jobs_mut() {
-            job.times = u32::from(job.reported == Some(Reported::Done));
+            job.times = u32::from(job.reported == Some(ReportedOutcome::Done));
         }
     }
 
@@ -132,11 +132,11 @@ impl Ledger {
         for (number, job) in self.0.jobs().iter().enumerate() {
             tally.jobs += 1;
             let (column, wrong) = match job.fate() {
-                Fate::Once => (&mut tally.once, ""),
-                Fate::NotDone => (&mut tally.not_done, ""),
-                Fate::Unknown => (&mut tally.unknown, ""),
-                Fate::Lost(wrong) => (&mut tally.lost, wrong),
-                Fate::Repeated(wrong) => (&mut tally.repeated, wrong),
+                JobFate::Once => (&mut tally.once, ""),
+                JobFate::NotDone => (&mut tally.not_done, ""),
+                JobFate::Unknown => (&mut tally.unknown, ""),
+                JobFate::Lost(wrong) => (&mut tally.lost, wrong),
+                JobFate::Repeated(wrong) => (&mut tally.repeated, wrong),
             };
             if wrong.is_empty() {
                 *column += 1;

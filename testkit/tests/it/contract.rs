@@ -4,7 +4,7 @@ use cellwire_links::vectors::{Outcome, Vector};
 use cellwire_links::{LINKS, Link};
 use robot_session::contract;
 use serde_json::{Map, Value};
-use testkit::contract::{Held, Objects};
+use testkit::contract::{Objects, TestedEnd};
 
 /// The strings of calls that each session is tried with.
 const SEEDS: u64 = 300;
@@ -18,7 +18,7 @@ fn every_session() {
     std::thread::scope(|scope| {
         for link in LINKS.iter().filter(|link| testkit::is_tested(link.name)) {
             for row in link.ends {
-                scope.spawn(move || contract::session(&Held::of(link, row), SEEDS));
+                scope.spawn(move || contract::session(&TestedEnd::of(link, row), SEEDS));
             }
         }
     });

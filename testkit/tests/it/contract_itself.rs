@@ -8,10 +8,10 @@ use core::any::Any;
 use core::time::Duration;
 use std::panic::catch_unwind;
 
-use cellwire_links::end::{By, Called, End, Once, Room};
+use cellwire_links::end::{Act, CallResult, End, PairedItem, PendingLimit};
 use robot_session::{Session as _, contract};
 use serde_json::{Map, Value, json};
-use testkit::contract::{Held, Story};
+use testkit::contract::{Story, TestedEnd};
 use toy::Asker;
 
 /// A session around the toy's that breaks one rule.
@@ -33,8 +33,11 @@ const READS_WHOLE_INPUT_ONLY: u8 = 6;
 const SENDS_ALONE: u8 = 7;
 const ANSWERS_TWICE: u8 = 8;
 
-const ONCE: &[Once] =
-    &[Once { begins: By::Sent, ends: &[By::Event("Answer"), By::Event("NoAnswer")], room: Room::Most(1) }];
+const ONCE: &[PairedItem] = &[PairedItem {
+    begins: Act::Sent,
+    ends: &[Act::Event("Answer"), Act::Event("NoAnswer")],
+    room: PendingLimit::Most(1),
+}];
 
 impl<const FAULT: u8> End for Sloppy<FAULT> {
     fn handle_connected(&mut self, now: Duration) {
@@ -110,7 +113,7 @@ impl<const FAULT: u8> End for Sloppy<FAULT> {
         json!({"asked": self.asker.statistics()}).to_string()
     }
 
-    fn call(&mut self, _: Duration, _: &str, argument: &Value) -> Called {
+    fn call(&mut self, _: Duration, _: &str, argument: &Value) -> CallResult {
         self.asker.requests.push_back(argument.to_string());
         Ok(Ok(()))
     }
@@ -143,7 +146,8 @@ fn each_broken_rule_of_a_session_is_found() {
             calls: (0..100).map(|number| ("ask".into(), json!(number))).collect(),
         };
         let times = vec!["timeout".into()];
-        let held = Held { name: "toy".into(), make: make::<FAULT>, once: ONCE, stories: vec![story], times };
+        let held =
+            TestedEnd { name: "toy".into(), make: make::<FAULT>, once: ONCE, stories: vec![story], times };
         catch_unwind(|| contract::session(&held, 60)).is_ok()
     }
     assert!(check::<0>());

@@ -3,7 +3,7 @@
 
 use core::time::Duration;
 
-use crate::kawasaki_rig::{MS, Rig, Source, expected, picture, sent};
+use crate::kawasaki_rig::{JobSupplier, MS, Rig, expected, picture, sent};
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::robot_session::end::End as _;
 use kawasaki_msg::{
@@ -14,13 +14,13 @@ use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
 
-fn pc(config: PcConfig) -> Pc<Source> {
+fn pc(config: PcConfig) -> Pc<JobSupplier> {
     let mut pc = Pc::new(config).unwrap();
     pc.handle_connected(Duration::ZERO);
     pc
 }
 
-fn answer(pc: &mut Pc<Source>, now: Duration) -> Option<String> {
+fn answer(pc: &mut Pc<JobSupplier>, now: Duration) -> Option<String> {
     let mut out = [0; 4096];
     pc.poll_transmit(now, &mut out).map(|length| String::from_utf8(out[..length].to_vec()).unwrap())
 }
@@ -72,7 +72,7 @@ fn the_whole_packet_is_read_before_it_is_answered() {
     let mut pc = pc(PcConfig::tcp());
     pc.start(1, picture(1, 4)).unwrap();
     let mut now = Duration::ZERO;
-    let mut say = |pc: &mut Pc<Source>, pieces: &[&[u8]]| {
+    let mut say = |pc: &mut Pc<JobSupplier>, pieces: &[&[u8]]| {
         now += 32 * MS;
         for piece in pieces {
             now += 3 * MS;
@@ -194,7 +194,7 @@ fn jobs_that_are_not_worked_out_yet_are_waited_for() {
     let mut rig = Rig::new(1, Faults::NONE, 64, 9999);
     let ready = std::rc::Rc::new(core::cell::Cell::new(10));
     let known = ready.clone();
-    let source: Source = Box::new(move |index| match index {
+    let source: JobSupplier = Box::new(move |index| match index {
         100.. => Supply::End,
         _ if index >= known.get() => Supply::Later,
         _ => Supply::Job(crate::kawasaki_rig::line(9, index)),

@@ -3,7 +3,7 @@
 
 use core::time::Duration;
 
-use crate::kawasaki_rig::{MS, Rig, Source, expected, picture, sent};
+use crate::kawasaki_rig::{JobSupplier, MS, Rig, expected, picture, sent};
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Pc, PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
 use testkit::controller::{AsRobot, Controller, Native};
@@ -80,7 +80,7 @@ fn over_a_stream_a_start_is_sent_once() {
         let mut pc = Pc::new(config).unwrap();
         let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
         pc.start(50, picture(50, 3)).unwrap();
-        let mut starts = |pc: &mut Pc<Source>, seconds: u32, robot: &[u8]| {
+        let mut starts = |pc: &mut Pc<JobSupplier>, seconds: u32, robot: &[u8]| {
             now += seconds * Duration::from_secs(1);
             pc.handle_input(now, robot);
             let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();

@@ -4,7 +4,7 @@
 use core::num::NonZeroU16;
 use core::time::Duration;
 
-use crate::kawasaki_rig::{MS, Rig, Source, expected, line, picture};
+use crate::kawasaki_rig::{JobSupplier, MS, Rig, expected, line, picture};
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, Limits, PcConfig, PcEvent, RobotConfig, RobotEvent, Supply};
 use testkit::controller::{AsRobot, Controller, Native};
@@ -253,7 +253,7 @@ fn a_late_source_and_a_slow_robot<C: Controller>() {
     for seed in 0..50 {
         let mut rig = any::<C>(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 8, 20);
         let mut asked = 0;
-        let source: Source = Box::new(move |index| {
+        let source: JobSupplier = Box::new(move |index| {
             asked += 1;
             match index {
                 30.. => Supply::End,

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine};
 use testkit::model::{
-    DEADLOCK, Drawn, Edge, MustFail, Options, STANDS_FOR_EVER, STANDSTILL, Setting, System, age,
+    DEADLOCK, DrawnMachine, Edge, MustFail, Options, STANDS_FOR_EVER, STANDSTILL, Setting, System, age,
     check_or_write, drive, explore, explore_whole, mermaid, trace,
 };
 
@@ -42,7 +42,7 @@ impl System for Steps {
         }
     }
 
-    fn benign(&self, state: &u8) -> Option<(u8, u32)> {
+    fn fault_free_step(&self, state: &u8) -> Option<(u8, u32)> {
         self.steps.iter().find(|(from, ..)| from == state).map(|(_, to, ticks)| (*to, *ticks))
     }
 
@@ -170,7 +170,7 @@ fn what_is_benign_can_happen() {
         }
         fn step(&self, _: &(), _: u8, _: Option<&mut Vec<Edge>>) {}
         fn broken(&self, _: &(), _: &mut Vec<&'static str>) {}
-        fn benign(&self, _: &()) -> Option<u8> {
+        fn fault_free_step(&self, _: &()) -> Option<u8> {
             Some(2)
         }
         fn is_over(&self, _: &()) -> bool {
@@ -264,7 +264,7 @@ impl Machine for Door {
     }
 }
 
-impl Drawn for Door {}
+impl DrawnMachine for Door {}
 
 /// The door alone. With `early` its timer is asked before it is due, which is unexpected.
 #[derive(Debug, Clone)]
@@ -315,7 +315,7 @@ impl System for Doorway {
         }
     }
 
-    fn benign(&self, (door, _): &(Door, bool)) -> Option<Self::Act> {
+    fn fault_free_step(&self, (door, _): &(Door, bool)) -> Option<Self::Act> {
         match door {
             Door::Open { until, .. } if until.is_zero() => Some(Some(DoorInput::Timeout)),
             Door::Open { .. } => Some(None),
@@ -438,7 +438,7 @@ impl System for Grid {
 
     fn broken(&self, _: &Self::State, _: &mut Vec<&'static str>) {}
 
-    fn benign(&self, (first, _): &Self::State) -> Option<bool> {
+    fn fault_free_step(&self, (first, _): &Self::State) -> Option<bool> {
         Some(*first < 100)
     }
 
@@ -478,7 +478,7 @@ fn another_checker_counts_the_same() {
 #[cfg(feature = "links")]
 mod pairs {
     use testkit::links::PAIRS;
-    use testkit::model::{Depth, Terms, WRITTEN, check_or_write};
+    use testkit::model::{Depth, PeerAssumptions, WRITTEN, check_or_write};
 
     /// The clauses that the peer of one end keeps are those that the other end is shown to keep with any peer: both hold
     /// together.
@@ -488,19 +488,19 @@ mod pairs {
             ["fanuc-hmi-modbus", "isra-ball", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
         {
             let pairs = PAIRS.iter().filter(|pair| pair.name.starts_with(link));
-            let terms: Vec<(&str, Terms)> = pairs
+            let terms: Vec<(&str, PeerAssumptions)> = pairs
                 .flat_map(|pair| {
                     (pair.settings)(Depth::Quick).into_iter().map(|setting| (pair.name, setting))
                 })
                 .filter_map(|(name, setting)| Some((name, setting.terms?)))
                 .collect();
-            for (name, Terms { keeps, shows, properties, .. }) in &terms {
+            for (name, PeerAssumptions { keeps, shows, properties, .. }) in &terms {
                 for (clause, property) in *shows {
                     assert!(*property == WRITTEN || properties.contains(property), "{name}: {clause}");
                 }
                 // The other entries are assumptions about time.
                 for clause in keeps.split(", ").filter(|clause| clause.starts_with(char::is_uppercase)) {
-                    let shown = |(other, terms): &(&str, Terms)| {
+                    let shown = |(other, terms): &(&str, PeerAssumptions)| {
                         other != name && terms.shows.iter().any(|(shown, _)| *shown == clause)
                     };
                     assert!(terms.iter().any(shown), "{name} relies on {clause}");

@@ -56,9 +56,9 @@ pub enum Action {
     /// A new ALTER: all words are zero.
     Begin,
     /// The message that was due is recorded as sent.
-    Sent(Outgoing),
+    Sent(DueMessage),
     /// A reply was accepted; with an exception, its treatment.
-    Take(Taken, Option<Handling>),
+    Take(ReplyEffect, Option<ExceptionHandling>),
     /// Reports the outcome of the start.
     Start(StartOutcome),
     /// The answer to a start message could not be read, or did not come. `None`: the start message is sent again; otherwise the
@@ -78,7 +78,7 @@ pub enum Action {
 
 /// A message that is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Outgoing {
+pub enum DueMessage {
     /// A start message, with the error of the last answer.
     Start(ErrorCode),
     /// A standard message, with the phase and the error of the last reply.
@@ -89,7 +89,7 @@ pub enum Outgoing {
 
 /// The effect of a reply's values on the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Taken {
+pub enum ReplyEffect {
     /// The values of the reply move the arm.
     Moves,
     /// The arm does not use the values of the reply.
@@ -98,7 +98,7 @@ pub enum Taken {
 
 /// The treatment of an exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Handling {
+pub enum ExceptionHandling {
     /// The exception subroutine begins.
     Subroutine(Exception),
     /// The program has no subroutine, and is aborted.

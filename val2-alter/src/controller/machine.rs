@@ -6,7 +6,7 @@ use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine, is_due};
 
 use super::config::{ControllerConfig, Rule};
-pub use super::input::{Action, Handling, Input, Outgoing, StartOutcome, Taken};
+pub use super::input::{Action, DueMessage, ExceptionHandling, Input, ReplyEffect, StartOutcome};
 pub use super::state::{Alter, ControllerMachine, ControllerPhase, Progress, Turn};
 use crate::error::SessionError;
 use crate::message::{ErrorCode, Exception, MotionPhase, StartCode};
@@ -17,7 +17,7 @@ impl Machine for ControllerMachine {
     const EXPIRY: Expiry = Expiry::BeforeBytes;
     type Input = Input;
     type Action = Action;
-    type Transmit = Outgoing;
+    type Transmit = DueMessage;
     type Config = ControllerConfig;
 
     /// # Errors
@@ -108,16 +108,16 @@ impl Machine for ControllerMachine {
         Ok(Action::Nothing)
     }
 
-    fn transmit(&self, now: Duration, _config: &ControllerConfig) -> Option<Outgoing> {
+    fn transmit(&self, now: Duration, _config: &ControllerConfig) -> Option<DueMessage> {
         match &self.phase {
             ControllerPhase::On(alter) if alter.turn == Turn::Controller && is_due(alter.slot, now) => {
                 Some(match alter.progress {
-                    Progress::Starting { .. } => Outgoing::Start(alter.error),
+                    Progress::Starting { .. } => DueMessage::Start(alter.error),
                     Progress::Running | Progress::Interrupted { reported: true, returned: true } => {
-                        Outgoing::Motion(MotionPhase::Running, alter.error)
+                        DueMessage::Motion(MotionPhase::Running, alter.error)
                     }
-                    Progress::Interrupted { .. } => Outgoing::Motion(MotionPhase::Interrupted, alter.error),
-                    Progress::Ending => Outgoing::End(alter.error),
+                    Progress::Interrupted { .. } => DueMessage::Motion(MotionPhase::Interrupted, alter.error),
+                    Progress::Ending => DueMessage::End(alter.error),
                 })
             }
             ControllerPhase::Disconnected | ControllerPhase::Off | ControllerPhase::On(_) => None,
@@ -197,7 +197,7 @@ impl ControllerMachine {
         action
     }
 
-    fn sent(&mut self, now: Duration, message: Outgoing, len: u8, config: &ControllerConfig) -> Action {
+    fn sent(&mut self, now: Duration, message: DueMessage, len: u8, config: &ControllerConfig) -> Action {
         self.gap_at = None;
         let ControllerPhase::On(alter) = &mut self.phase else { return Action::Nothing };
         let budget = Budget::new(config.mode.accumulation(), config.baud, len.into(), 0);
@@ -284,17 +284,17 @@ impl Alter {
         }
         let running = self.progress == Progress::Running;
         let moves = running || !config.keeps(Rule::RestInterrupted);
-        let taken = if moves && config.mode.uses_inputs() { Taken::Moves } else { Taken::Rests };
+        let taken = if moves && config.mode.uses_inputs() { ReplyEffect::Moves } else { ReplyEffect::Rests };
         // The subroutine runs already; a second exception does not start it again.
         if exception == Exception::None || !running && config.keeps(Rule::OneSubroutine) {
             return Action::Take(taken, None);
         }
         let handling = if config.subroutine {
             self.progress = Progress::Interrupted { reported: false, returned: false };
-            Handling::Subroutine(exception)
+            ExceptionHandling::Subroutine(exception)
         } else {
             self.progress = Progress::Ending;
-            Handling::Abort(exception)
+            ExceptionHandling::Abort(exception)
         };
         Action::Take(taken, Some(handling))
     }

@@ -12,7 +12,7 @@ pub use config::{ControllerConfig, ControllerEvent, ControllerStatistics, Unsele
 use core::time::Duration;
 
 use robot_session::Decoder as _;
-use robot_session::end::{Core, CoreOf, End as _, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, End as _, EventQueue, QueueSpace};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
@@ -22,7 +22,8 @@ use crate::message::{
     Start, Transform,
 };
 use machine::{
-    Action, ControllerMachine, ControllerPhase, Handling, Input, Outgoing, Progress, StartOutcome, Taken,
+    Action, ControllerMachine, ControllerPhase, DueMessage, ExceptionHandling, Input, Progress, ReplyEffect,
+    StartOutcome,
 };
 
 /// The controller's session: a MARK III without its arm. Its verbs are those of [`robot_session::Session`]; it never reads a
@@ -165,18 +166,18 @@ impl Controller {
         }
     }
 
-    fn message(&self, due: Outgoing) -> RobotMessage {
+    fn message(&self, due: DueMessage) -> RobotMessage {
         match due {
-            Outgoing::Start(error) => RobotMessage::Start(Start {
+            DueMessage::Start(error) => RobotMessage::Start(Start {
                 error,
                 ..Start::new(self.core.config.mode, self.core.config.data)
             }),
-            Outgoing::Motion(phase, error) => {
+            DueMessage::Motion(phase, error) => {
                 let (segment_status, segment, percent) = self.segment;
                 let transform = self.core.config.mode.has_transform().then_some(self.transform);
                 RobotMessage::Motion(Motion { phase, error, segment_status, segment, percent, transform })
             }
-            Outgoing::End(error) => RobotMessage::End(End { error }),
+            DueMessage::End(error) => RobotMessage::End(End { error }),
         }
     }
 }
@@ -192,7 +193,7 @@ impl robot_session::end::End for Controller {
     const END: &'static str = "controller";
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(ControllerEvent::Unexpected);
 
@@ -242,25 +243,27 @@ impl robot_session::end::End for Controller {
             Action::Sent(message) => {
                 self.core.decoder.clear();
                 match message {
-                    Outgoing::Start(_) => self.core.statistics.attempts += 1,
-                    Outgoing::Motion(..) => self.core.statistics.cycles += 1,
-                    Outgoing::End(error) => self.core.push_outcome(ControllerEvent::Ended(error)),
+                    DueMessage::Start(_) => self.core.statistics.attempts += 1,
+                    DueMessage::Motion(..) => self.core.statistics.cycles += 1,
+                    DueMessage::End(error) => self.core.push_outcome(ControllerEvent::Ended(error)),
                 }
             }
             Action::Take(taken, handling) => {
                 let Some(HostMessage::Reply(reply)) = message else { return };
                 self.core.statistics.replies += 1;
                 match taken {
-                    Taken::Moves => self.take(&reply),
-                    Taken::Rests => self.rest(),
+                    ReplyEffect::Moves => self.take(&reply),
+                    ReplyEffect::Rests => self.rest(),
                 }
                 self.core.events.push_notice(ControllerEvent::Reply { reply, values: self.applied });
                 match handling {
                     None => {}
-                    Some(Handling::Subroutine(code)) => {
+                    Some(ExceptionHandling::Subroutine(code)) => {
                         self.core.push_outcome(ControllerEvent::Exception(code))
                     }
-                    Some(Handling::Abort(code)) => self.core.push_outcome(ControllerEvent::Aborted(code)),
+                    Some(ExceptionHandling::Abort(code)) => {
+                        self.core.push_outcome(ControllerEvent::Aborted(code))
+                    }
                 }
             }
             Action::Start(outcome) => self.started(outcome),
@@ -288,7 +291,7 @@ impl robot_session::end::End for Controller {
         }
     }
 
-    fn write(&mut self, _now: Duration, what: Outgoing, out: &mut [u8]) -> Option<(usize, Input)> {
+    fn write(&mut self, _now: Duration, what: DueMessage, out: &mut [u8]) -> Option<(usize, Input)> {
         let len = self.message(what).encode(self.core.config.framing, out).ok()?;
         Some((len, Input::Sent { len: u8::try_from(len).unwrap_or(u8::MAX) }))
     }

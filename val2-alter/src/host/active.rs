@@ -5,14 +5,14 @@ use core::time::Duration;
 use robot_session::end::is_due;
 
 use super::config::{ExceptionOutcome, HostConfig, Rule, UnknownReason};
-use super::due::Due;
-use super::input::{Action, Course, Draft, Judged, Outcome};
-use super::state::{Active, Pending, Request, Stage, Target};
+use super::deadline::ReplyDeadline;
+use super::input::{Action, Draft, Outcome, OutputMode, PreviousReply};
+use super::state::{ActiveAlter, PendingException, Request, Stage, Target};
 use crate::framing::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
 use crate::timing::{CYCLE_NANOS, after};
 
-impl Active {
+impl ActiveAlter {
     #[inline(always)] // see `HostMachine::on`
     pub(super) fn motion(
         &mut self,
@@ -35,19 +35,20 @@ impl Active {
             self.kept = if uncertain { self.kept | self.sent } else { self.sent };
             self.sent = self.kept;
         }
-        let judged = Judged { missed, delayed, rejected, outcome };
+        let previous = PreviousReply { missed, delayed, rejected, outcome };
         self.stage = match (self.stage, phase) {
             (Stage::Stopping { zeros_sent: true }, _)
                 if error == ErrorCode::None && (self.kept == 0 || !config.keeps(Rule::ZerosRead)) =>
             {
-                return Action::Stopped(judged);
+                return Action::Stopped(previous);
             }
             (Stage::Stopping { .. }, _) => Stage::Stopping { zeros_sent: !config.keeps(Rule::ZerosRead) },
             (_, MotionPhase::Running) => Stage::Running,
             (_, MotionPhase::Interrupted) => Stage::Interrupted,
         };
-        self.request = Some(Request { due: Due::reply(now, len, self.kept.count_ones(), config), phase });
-        Action::Asked(judged)
+        self.request =
+            Some(Request { due: ReplyDeadline::reply(now, len, self.kept.count_ones(), config), phase });
+        Action::Asked(previous)
     }
 
     /// Returns whether the previous message was late: a controller sends one in a cycle. `lost_at` implies the time
@@ -96,9 +97,9 @@ impl Active {
         config: &HostConfig,
     ) -> Outcome {
         let (exception, in_sequence, is_first) = match self.exception {
-            Pending::None | Pending::Unsent(_) => return None,
-            Pending::Sent(exception) => (exception, self.in_sequence, true),
-            Pending::Unread { exception, in_sequence } => (exception, in_sequence, false),
+            PendingException::None | PendingException::Unsent(_) => return None,
+            PendingException::Sent(exception) => (exception, self.in_sequence, true),
+            PendingException::Unread { exception, in_sequence } => (exception, in_sequence, false),
         };
         let follows = in_sequence && self.is_next(lost_at, config) || !config.keeps(Rule::InSequence);
         let outcome = if !config.is_in_time() && config.keeps(Rule::InTime) {
@@ -108,14 +109,15 @@ impl Active {
         } else if phase == MotionPhase::Interrupted {
             Some(ExceptionOutcome::Unknown(UnknownReason::Unclear))
         } else if is_first && config.keeps(Rule::Unread) {
-            self.exception = Pending::Unread { exception, in_sequence: follows };
+            self.exception = PendingException::Unread { exception, in_sequence: follows };
             return None;
         } else if !follows {
             Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
         } else {
             matches!(self.stage, Stage::Stopping { .. }).then_some(ExceptionOutcome::NotDone)
         };
-        self.exception = if outcome.is_some() { Pending::None } else { Pending::Unsent(exception) };
+        self.exception =
+            if outcome.is_some() { PendingException::None } else { PendingException::Unsent(exception) };
         outcome.map(|outcome| (exception, outcome))
     }
 
@@ -129,14 +131,15 @@ impl Active {
         // read may come late and have started it since the message.
         let is_interrupted =
             request.phase == MotionPhase::Interrupted && config.keeps(Rule::WordsInterrupted);
-        let is_unread = matches!(self.exception, Pending::Unread { .. }) && config.keeps(Rule::WordsUnread);
+        let is_unread =
+            matches!(self.exception, PendingException::Unread { .. }) && config.keeps(Rule::WordsUnread);
         if is_interrupted || is_unread {
             self.kept |= self.sent;
             self.sent = self.kept;
         }
         self.in_sequence = true;
         if exception != Exception::None {
-            self.exception = Pending::Sent(exception);
+            self.exception = PendingException::Sent(exception);
         }
         if let Stage::Stopping { zeros_sent } = &mut self.stage {
             *zeros_sent = at_rest;
@@ -151,16 +154,16 @@ impl Active {
             // One of them may have been the message that ALTER is interrupted.
             self.sent |= self.kept;
         }
-        if let Pending::Unread { in_sequence, .. } = &mut self.exception {
+        if let PendingException::Unread { in_sequence, .. } = &mut self.exception {
             *in_sequence = false;
         }
     }
 
     pub(super) fn outcome_at_end(&self) -> Outcome {
         match self.exception {
-            Pending::None => None,
-            Pending::Unsent(exception) => Some((exception, ExceptionOutcome::NotDone)),
-            Pending::Sent(exception) | Pending::Unread { exception, .. } => {
+            PendingException::None => None,
+            PendingException::Unsent(exception) => Some((exception, ExceptionOutcome::NotDone)),
+            PendingException::Sent(exception) | PendingException::Unread { exception, .. } => {
                 Some((exception, ExceptionOutcome::Unknown(UnknownReason::Ended)))
             }
         }
@@ -169,7 +172,7 @@ impl Active {
     /// Returns the exception of the next reply.
     pub(super) fn to_send(&self, config: &HostConfig) -> Exception {
         match self.exception {
-            Pending::Unsent(exception)
+            PendingException::Unsent(exception)
                 if self.stage == Stage::Running || !config.keeps(Rule::NotInterrupted) =>
             {
                 exception
@@ -180,19 +183,19 @@ impl Active {
 
     /// Returns the goal of the values. A target that is too old is not followed, even if a caller has not passed the time
     /// before it polls for bytes.
-    pub(super) fn course(&self, now: Duration, config: &HostConfig) -> Course {
+    pub(super) fn course(&self, now: Duration, config: &HostConfig) -> OutputMode {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         match self.stage {
             Stage::Running => match self.target {
                 Target::Fresh { until } if !is_due(until, now) || !config.keeps(Rule::FreshInUse) => {
-                    Course::Target
+                    OutputMode::Target
                 }
-                Target::Stale if !config.keeps(Rule::Stale) => Course::Target,
-                Target::Unset | Target::Fresh { .. } | Target::Stale if is_offset => Course::Hold,
-                Target::Unset | Target::Fresh { .. } | Target::Stale => Course::Zero,
+                Target::Stale if !config.keeps(Rule::Stale) => OutputMode::Target,
+                Target::Unset | Target::Fresh { .. } | Target::Stale if is_offset => OutputMode::Hold,
+                Target::Unset | Target::Fresh { .. } | Target::Stale => OutputMode::Zero,
             },
-            Stage::Interrupted => Course::Rest,
-            Stage::Accepted | Stage::Stopping { .. } => Course::Zero,
+            Stage::Interrupted => OutputMode::Rest,
+            Stage::Accepted | Stage::Stopping { .. } => OutputMode::Zero,
         }
     }
 
@@ -202,7 +205,7 @@ impl Active {
         &self,
         now: Duration,
         draft: &Draft,
-        due: Due,
+        due: ReplyDeadline,
         config: &HostConfig,
     ) -> Option<(u8, u8)> {
         let len = draft.words.iter().fold(usize::from(draft.bare), |len, word| len + usize::from(*word));
@@ -213,7 +216,13 @@ impl Active {
     }
 
     #[cold]
-    fn select_some(&self, now: Duration, draft: &Draft, due: Due, config: &HostConfig) -> Option<(u8, u8)> {
+    fn select_some(
+        &self,
+        now: Duration,
+        draft: &Draft,
+        due: ReplyDeadline,
+        config: &HostConfig,
+    ) -> Option<(u8, u8)> {
         let fits = |select: u8, reserve| {
             let words = draft.words.iter().enumerate().filter(|(axis, _)| select >> axis & 1 != 0);
             // The select byte is doubled if it selects RY alone.

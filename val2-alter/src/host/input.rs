@@ -91,7 +91,7 @@ pub enum Answer {
     /// The answer to a standard message.
     Reply {
         /// The course of the values.
-        course: Course,
+        course: OutputMode,
         /// The exception in the reply; [`Exception::None`] without one.
         exception: Exception,
     },
@@ -99,7 +99,7 @@ pub enum Answer {
 
 /// The course of the values in a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Course {
+pub enum OutputMode {
     /// The values follow the caller's target.
     Target,
     /// The values go to zero.
@@ -127,9 +127,9 @@ pub enum Action {
     /// The target has expired, since the caller has not set another.
     Stale,
     /// A standard message to be answered.
-    Asked(Judged),
+    Asked(PreviousReply),
     /// The stop is done: the controller has read zeros.
-    Stopped(Judged),
+    Stopped(PreviousReply),
     /// The outcome of the exception.
     Exception(Exception, ExceptionOutcome),
     /// ALTER has ended with an end message.
@@ -151,7 +151,7 @@ pub enum Action {
 
 /// The results that a standard message shows about the previous one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Judged {
+pub struct PreviousReply {
     /// Whether the previous message was not answered in time.
     pub missed: bool,
     /// Whether the previous message was read later than the longest delay that the host assumes.

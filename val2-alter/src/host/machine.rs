@@ -7,9 +7,9 @@ use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine, is_due};
 
 use super::config::{ExceptionOutcome, HostConfig, LostReason, Policy, Rule};
-pub use super::due::Due;
-pub use super::input::{Action, Answer, Course, Draft, Input, Judged, Outcome};
-pub use super::state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
+pub use super::deadline::ReplyDeadline;
+pub use super::input::{Action, Answer, Draft, Input, Outcome, OutputMode, PreviousReply};
+pub use super::state::{ActiveAlter, HostMachine, HostPhase, PendingException, Request, Stage, Target};
 use crate::error::SessionError;
 use crate::message::{Exception, StartCode};
 
@@ -102,7 +102,7 @@ impl Machine for HostMachine {
                 Is::Starting { answer, .. } | Is::Repeating { answer: Some(answer), .. } => {
                     answer.begin_by = now;
                 }
-                Is::Active(Active { request: Some(request), .. }) => request.due.begin_by = now,
+                Is::Active(ActiveAlter { request: Some(request), .. }) => request.due.begin_by = now,
                 _ => return Err(self.unexpected(&input)),
             },
             On::Ignored => match &self.phase {
@@ -149,7 +149,7 @@ impl Machine for HostMachine {
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         self.gap_at.iter_mut().for_each(&mut f);
-        let mut due = |due: &mut Due| {
+        let mut due = |due: &mut ReplyDeadline| {
             f(&mut due.begin_by);
             f(&mut due.end_by);
         };
@@ -202,7 +202,7 @@ impl HostMachine {
                 answer.map_or(*forget_at, |due| due.begin_by.min(*forget_at))
             }
             HostPhase::Starting { answer, .. } => answer.begin_by,
-            HostPhase::Active(Active { lost_at, target, request, .. }) => {
+            HostPhase::Active(ActiveAlter { lost_at, target, request, .. }) => {
                 let target = if let Target::Fresh { until } = target { *until } else { NEVER };
                 request.map_or(NEVER, |request| request.due.begin_by).min(target).min(*lost_at)
             }
@@ -216,7 +216,7 @@ impl HostMachine {
     #[inline]
     pub fn fits(&self, now: Duration, len: usize, config: &HostConfig) -> bool {
         match &self.phase {
-            HostPhase::Active(Active { request: Some(request), .. }) => {
+            HostPhase::Active(ActiveAlter { request: Some(request), .. }) => {
                 request.due.fits(now, len, config.reserve, config)
             }
             _ => false,
@@ -250,7 +250,7 @@ impl HostMachine {
             _ => Action::Nothing,
         };
         let is_expected = is_expected || !config.keeps(Rule::Mode);
-        self.phase = HostPhase::Starting { is_expected, answer: Due::start(now, config) };
+        self.phase = HostPhase::Starting { is_expected, answer: ReplyDeadline::start(now, config) };
         action
     }
 
@@ -273,7 +273,7 @@ impl HostMachine {
     fn ask_again(&mut self, now: Duration, asked: u8, config: &HostConfig) {
         if self.policy == Policy::Accept {
             let forget_at = if config.keeps(Rule::Forget) { config.lost_at(now) } else { Duration::MAX };
-            let answer = Some(Due::start(now, config));
+            let answer = Some(ReplyDeadline::start(now, config));
             self.phase = HostPhase::Repeating { asked: asked.saturating_add(1), answer, forget_at };
         }
     }
@@ -293,12 +293,12 @@ impl HostMachine {
         match code {
             StartCode::Accept => {
                 let is_late = !config.is_in_time() && config.keeps(Rule::WordsLate);
-                self.phase = HostPhase::Active(Active {
+                self.phase = HostPhase::Active(ActiveAlter {
                     stage: Stage::Accepted,
                     request: None,
                     lost_at: config.lost_from(now),
                     target: Target::Unset,
-                    exception: Pending::None,
+                    exception: PendingException::None,
                     kept: 0,
                     sent: 0,
                     settles_at: is_late.then(|| config.settles_at(now)),
@@ -361,14 +361,14 @@ impl HostMachine {
         match &mut self.phase {
             HostPhase::Active(active) if active.stage == Stage::Accepted => {
                 self.phase = HostPhase::Silent { lost_at: active.lost_at };
-                return Action::Stopped(Judged::default());
+                return Action::Stopped(PreviousReply::default());
             }
             HostPhase::Active(active) => {
                 if !matches!(active.stage, Stage::Stopping { .. }) {
                     active.stage = Stage::Stopping { zeros_sent: !config.keeps(Rule::ZerosRead) };
                 }
-                if let Pending::Unsent(exception) = active.exception {
-                    active.exception = Pending::None;
+                if let PendingException::Unsent(exception) = active.exception {
+                    active.exception = PendingException::None;
                     return Action::Exception(exception, ExceptionOutcome::NotDone);
                 }
             }
@@ -384,14 +384,14 @@ impl HostMachine {
         }
         match &mut self.phase {
             HostPhase::Active(active) if active.stage == Stage::Running => match active.exception {
-                Pending::Unsent(pending)
-                | Pending::Sent(pending)
-                | Pending::Unread { exception: pending, .. } => {
+                PendingException::Unsent(pending)
+                | PendingException::Sent(pending)
+                | PendingException::Unread { exception: pending, .. } => {
                     Err(SessionError::ExceptionPending { pending: pending.into() })
                 }
-                Pending::None if !has_room => Err(SessionError::EventsFull),
-                Pending::None => {
-                    active.exception = Pending::Unsent(exception);
+                PendingException::None if !has_room => Err(SessionError::EventsFull),
+                PendingException::None => {
+                    active.exception = PendingException::Unsent(exception);
                     Ok(())
                 }
             },

@@ -2,7 +2,7 @@
 
 mod active;
 mod config;
-mod due;
+mod deadline;
 mod input;
 pub mod machine;
 mod state;
@@ -16,7 +16,7 @@ pub use config::{
 use core::time::Duration;
 
 use robot_session::Decoder as _;
-use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, End, EventQueue, QueueSpace};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
@@ -26,7 +26,7 @@ use crate::message::{
     ALL, AXES, Accumulation, Exception, HostMessage, Message, Motion, Reply, RobotMessage, StartCode,
 };
 use crate::timing;
-use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judged, Stage};
+use machine::{Action, Answer, Draft, HostMachine, HostPhase, Input, OutputMode, PreviousReply, Stage};
 
 /// The host computer's session. Its methods are those of [`robot_session::Session`]; it never reads a clock and never blocks.
 ///
@@ -151,13 +151,13 @@ impl Host {
             Action::EndFrame => self.finish(now),
             Action::Missed => self.missed(),
             Action::Stale => self.core.events.push_notice(HostEvent::TargetStale),
-            Action::Stopped(judged) => {
-                self.judged(judged);
+            Action::Stopped(previous) => {
+                self.report_previous(previous);
                 self.core.push_outcome(HostEvent::Stopped);
             }
             Action::Exception(exception, outcome) => self.ended(exception, outcome),
             Action::Lost { missed, outcome, reason } => {
-                self.judged(Judged { missed, outcome, ..Judged::default() });
+                self.report_previous(PreviousReply { missed, outcome, ..PreviousReply::default() });
                 self.core.statistics.lost += 1;
                 self.core.push_outcome(HostEvent::Lost(reason));
             }
@@ -195,7 +195,7 @@ impl Host {
     }
 
     #[inline(always)] // nearly always there is nothing
-    fn judged(&mut self, Judged { missed, delayed, rejected, outcome }: Judged) {
+    fn report_previous(&mut self, PreviousReply { missed, delayed, rejected, outcome }: PreviousReply) {
         if missed {
             self.missed();
         }
@@ -282,16 +282,16 @@ impl Host {
 
     /// Returns the next values, and the motion of the axes by them.
     #[inline(always)] // most of it is one instruction for several axes
-    fn next(&self, course: Course) -> ([i16; AXES], Axes) {
+    fn next(&self, course: OutputMode) -> ([i16; AXES], Axes) {
         let mut axes = self.limiter.axes();
-        if course == Course::Rest {
+        if course == OutputMode::Rest {
             axes.speed = [0; AXES];
         }
         let accumulation = self.core.config.mode.accumulation();
         let target = match (course, accumulation) {
-            (Course::Target, _) => self.target,
-            (Course::Zero, _) | (Course::Rest, Accumulation::Cumulative) => [0; AXES],
-            (Course::Hold, _) | (Course::Rest, Accumulation::NonCumulative) => axes.position,
+            (OutputMode::Target, _) => self.target,
+            (OutputMode::Zero, _) | (OutputMode::Rest, Accumulation::Cumulative) => [0; AXES],
+            (OutputMode::Hold, _) | (OutputMode::Rest, Accumulation::NonCumulative) => axes.position,
         };
         match accumulation {
             Accumulation::Cumulative => {
@@ -325,7 +325,7 @@ impl End for Host {
     const MAX_INPUT: usize = 4096;
     const MAX_TRANSMIT: usize =
         timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
-    const ROOM: Room = Room::NONE;
+    const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(HostEvent::Unexpected);
 
@@ -383,12 +383,12 @@ impl End for Host {
     fn act(&mut self, now: Duration, action: Action, message: Option<HostEvent>) {
         match action {
             Action::Nothing | Action::Refuse(_) | Action::SentReply(_) => {}
-            Action::Asked(judged) => {
+            Action::Asked(previous) => {
                 self.core.statistics.cycles += 1;
-                self.judged(judged);
+                self.report_previous(previous);
             }
             Action::Ended(outcome) => {
-                self.judged(Judged { outcome, ..Judged::default() });
+                self.report_previous(PreviousReply { outcome, ..PreviousReply::default() });
                 self.core.statistics.ends += 1;
                 message.into_iter().for_each(|end| self.core.push_outcome(end));
                 return;

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use super::config::Policy;
-use super::due::Due;
+use super::deadline::ReplyDeadline;
 use crate::message::{Exception, MotionPhase};
 
 /// The state of a host: the basis of all its decisions, and nothing else. It does not contain the values of axes, only which
@@ -34,7 +34,7 @@ pub enum HostPhase {
         /// The number of requests in a row to repeat the start message.
         asked: u8,
         /// The time by which the answer must leave; `None` if it was sent.
-        answer: Option<Due>,
+        answer: Option<ReplyDeadline>,
         /// The time at which the count restarts.
         forget_at: Duration,
     },
@@ -43,10 +43,10 @@ pub enum HostPhase {
         /// Whether the message names the configured mode.
         is_expected: bool,
         /// The time by which the answer must leave.
-        answer: Due,
+        answer: ReplyDeadline,
     },
     /// A start message was accepted.
-    Active(Active),
+    Active(ActiveAlter),
     /// The host has stopped: no message is answered.
     Silent {
         /// The time at which the controller counts as lost.
@@ -56,7 +56,7 @@ pub enum HostPhase {
 
 /// An ALTER.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Active {
+pub struct ActiveAlter {
     /// The stage of the ALTER.
     pub stage: Stage,
     /// The message to be answered; `None` if the last one was.
@@ -66,7 +66,7 @@ pub struct Active {
     /// Whether the values follow the caller.
     pub target: Target,
     /// The state of the caller's exception.
-    pub exception: Pending,
+    pub exception: PendingException,
     /// Bit *i*: the controller may hold a word *i* that is not zero, however it treats words that are left out.
     pub kept: u8,
     /// Bit *i*: the controller may hold a word *i* that is not zero if it has read the last reply. If replies may be late: the
@@ -110,7 +110,7 @@ pub enum Target {
 
 /// The caller's exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Pending {
+pub enum PendingException {
     /// There is no exception.
     None,
     /// An exception to be sent with the next reply.
@@ -132,7 +132,7 @@ pub enum Pending {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Request {
     /// The time by which the reply must leave.
-    pub due: Due,
+    pub due: ReplyDeadline,
     /// The phase of ALTER in the message: running or interrupted.
     pub phase: MotionPhase,
 }

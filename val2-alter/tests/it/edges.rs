@@ -4,11 +4,12 @@ use core::time::Duration;
 
 use robot_session::end::{End as _, Machine as _};
 use robot_session::{Decoder as _, Encode as _, Session};
-use val2_alter::host::machine::{Answer, Course, Draft, HostMachine, Input};
+use val2_alter::host::machine::{Answer, Draft, HostMachine, Input, OutputMode};
 use val2_alter::{
     ConfigError, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception,
     Frame, Framed, Framing, Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode,
-    Motion, MotionPhase, Policy, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, timing,
+    Motion, MotionPhase, Policy, ReceivedMessage, Reply, RobotMessage, SegmentStatus, Start, StartCode,
+    timing,
 };
 
 #[test]
@@ -143,7 +144,7 @@ fn what_is_whole_comes_before_the_rest_is_given_up() {
     wire.extend_from_slice(&[0x10, 0x10, 0x02]);
     let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
     assert_eq!(decoder.push(&wire), 10);
-    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length: 7, message: end })));
+    assert_eq!(decoder.next_frame(), Some(Ok(ReceivedMessage { offset: 0, length: 7, message: end })));
     assert_eq!((decoder.next_frame(), decoder.pending()), (None, 3));
     decoder.finish();
     assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete { offset: 7, length: 3 })));
@@ -190,7 +191,7 @@ fn what_is_cleared_is_forgotten_and_offsets_count_on() {
     decoder.clear();
     assert_eq!((decoder.next_frame(), decoder.pending()), (None, 0));
     assert_eq!(decoder.push(&bytes[..length]), length);
-    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 5, length, message: end })));
+    assert_eq!(decoder.next_frame(), Some(Ok(ReceivedMessage { offset: 5, length, message: end })));
     assert_eq!(decoder.pending(), 0);
 }
 
@@ -205,7 +206,7 @@ fn a_checksum_of_dle_may_begin_the_next_frame_unless_it_is_doubled() {
         assert_eq!(bytes[length - 1], 0x10);
         let mut decoder = Decoder::new(framing);
         assert_eq!(decoder.push(&bytes[..length]), length);
-        assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length, message })));
+        assert_eq!(decoder.next_frame(), Some(Ok(ReceivedMessage { offset: 0, length, message })));
         assert_eq!((decoder.next_frame(), decoder.pending(), decoder.position()), (None, 0, length as u64));
     }
 }
@@ -221,12 +222,12 @@ fn a_lost_checksum_of_dle_costs_no_frame() {
     good.append_to(Framing::DEFAULT, &mut stream);
     let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
     assert_eq!(decoder.push(&stream), 14);
-    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length: 8, message })));
-    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 8, length: 6, message: good })));
+    assert_eq!(decoder.next_frame(), Some(Ok(ReceivedMessage { offset: 0, length: 8, message })));
+    assert_eq!(decoder.next_frame(), Some(Ok(ReceivedMessage { offset: 8, length: 6, message: good })));
     assert_eq!((decoder.next_frame(), decoder.position()), (None, 14));
 }
 
-fn items(stream: &[u8]) -> Vec<(Result<Received<RobotMessage>, DecodeError>, u64)> {
+fn items(stream: &[u8]) -> Vec<(Result<ReceivedMessage<RobotMessage>, DecodeError>, u64)> {
     let mut decoder = Decoder::new(Framing::DEFAULT);
     let mut items = Vec::new();
     assert_eq!(decoder.push(stream), stream.len());
@@ -248,7 +249,7 @@ fn messages_are_reported_where_they_are() {
     let start = Start::new(Mode(22), List::new(&[5, -1]).unwrap());
     let message = RobotMessage::Start(start);
     let sum = DecodeError::Checksum { offset: 16, expected: 0xDA, found: 0xB9 };
-    assert_eq!(items(stream), [(Err(sum), 5), (Ok(Received { offset: 5, length: 12, message }), 17)]);
+    assert_eq!(items(stream), [(Err(sum), 5), (Ok(ReceivedMessage { offset: 5, length: 12, message }), 17)]);
 }
 
 /// DLEs before a start mark belong to its frame.
@@ -337,7 +338,9 @@ fn while_the_longest_reply_fits_it_has_all_words() {
 /// "Speeds go to zero, an offset stays."
 #[test]
 fn without_a_target_speeds_go_to_zero_and_an_offset_stays() {
-    for (mode, course) in [(Mode::CUMULATIVE_23, Course::Zero), (Mode::NON_CUMULATIVE_22, Course::Hold)] {
+    for (mode, course) in
+        [(Mode::CUMULATIVE_23, OutputMode::Zero), (Mode::NON_CUMULATIVE_22, OutputMode::Hold)]
+    {
         let config = HostConfig { mode, ..HostConfig::default() };
         let mut host = HostMachine::new(Policy::Accept, false);
         let sent = Input::Sent { moving: 0, at_rest: true };
@@ -349,7 +352,7 @@ fn without_a_target_speeds_go_to_zero_and_an_offset_stays() {
         let reply = Some(Answer::Reply { course, exception });
         assert_eq!(host.transmit(Duration::ZERO, &config), reply, "no target was set");
         host.on(Duration::ZERO, Input::Target, &config).unwrap();
-        let aimed = Some(Answer::Reply { course: Course::Target, exception });
+        let aimed = Some(Answer::Reply { course: OutputMode::Target, exception });
         assert_eq!(host.transmit(Duration::ZERO, &config), aimed);
         host.on(Duration::ZERO, Input::NoTarget, &config).unwrap();
         assert_eq!(host.transmit(Duration::ZERO, &config), reply, "it was cleared");

@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
     Controller, ControllerConfig, ControllerState, DecodeError, Decoder, EncodeError, End, Exception, Frame,
-    Framing, HostMessage, Limiter, Limits, List, Message, Mode, Motion, MotionPhase, Reach, Received, Reply,
-    RobotMessage, SegmentStatus, Start, Transform,
+    Framing, HostMessage, Limiter, Limits, List, Message, Mode, Motion, MotionPhase, Reach, ReceivedMessage,
+    Reply, RobotMessage, SegmentStatus, Start, Transform,
 };
 
 use crate::arbitrary::arbitrary;
@@ -35,7 +35,7 @@ fn encoded<M: Message>(message: &M, framing: Framing) -> Vec<u8> {
     out[..length].to_vec()
 }
 
-fn fetch<M: Message>(decoder: &mut Decoder<M>) -> Vec<Result<Received<M>, DecodeError>> {
+fn fetch<M: Message>(decoder: &mut Decoder<M>) -> Vec<Result<ReceivedMessage<M>, DecodeError>> {
     core::iter::from_fn(|| decoder.next_frame()).collect()
 }
 
@@ -44,7 +44,7 @@ fn read<M: Message>(
     framing: Framing,
     stream: &[u8],
     lengths: &[usize],
-) -> Vec<Result<Received<M>, DecodeError>> {
+) -> Vec<Result<ReceivedMessage<M>, DecodeError>> {
     let mut decoder = Decoder::new(framing);
     let mut all = Vec::new();
     let mut rest = stream;
@@ -121,7 +121,7 @@ proptest! {
     #[test]
     fn an_accepted_frame_encodes_to_the_same_bytes(stream in prop::collection::vec(byte(), 0..400)) {
         for received in read::<HostMessage>(Framing::DEFAULT, &stream, &[17]).into_iter().flatten() {
-            let Received { offset, length, message } = received;
+            let ReceivedMessage { offset, length, message } = received;
             // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
             let bytes = &stream[..offset + length];
             prop_assert!(bytes.ends_with(&encoded(&message, Framing::DEFAULT)));

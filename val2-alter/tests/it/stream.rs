@@ -3,10 +3,10 @@
 use robot_session::Decoder as _;
 use val2_alter::{
     DecodeError, Decoder, End, ErrorCode, Frame, Framing, LeadingDle, List, Message as _, Mode, Motion,
-    MotionPhase, Received, RobotMessage, Start, Transform,
+    MotionPhase, ReceivedMessage, RobotMessage, Start, Transform,
 };
 
-type Item = Result<Received<RobotMessage>, DecodeError>;
+type Item = Result<ReceivedMessage<RobotMessage>, DecodeError>;
 
 const MARK: &[u8] = b"\x10\x10\x02";
 

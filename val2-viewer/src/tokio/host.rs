@@ -54,7 +54,7 @@ impl Screen {
     /// # Errors
     /// See [`Error`].
     pub async fn show(&self, pose: [i16; 12]) -> Result<PosePacket, Error> {
-        self.handle.call(|reply| Show { pose, reply }).await?
+        self.handle.call(|reply| ShowRequest { pose, reply }).await?
     }
 
     /// Returns all events, the state of the connection, and the end of the task.
@@ -65,7 +65,7 @@ impl Screen {
 
 /// A pose to show, and the receiver of the outcome.
 #[derive(Debug)]
-pub struct Show {
+pub struct ShowRequest {
     pose: [i16; 12],
     reply: Reply<Result<PosePacket, Error>>,
 }
@@ -74,12 +74,12 @@ pub struct Show {
 #[derive(Debug)]
 pub struct Poses {
     /// The last pose and the time until which it may be sent, until the pose has an outcome. Events of earlier poses may follow.
-    shown: Option<(Show, Duration)>,
+    shown: Option<(ShowRequest, Duration)>,
 }
 
 impl Poses {
     fn end(&mut self, outcome: Result<PosePacket, Error>) {
-        if let Some((Show { reply, .. }, _)) = self.shown.take() {
+        if let Some((ShowRequest { reply, .. }, _)) = self.shown.take() {
             let _ = reply.send(outcome);
         }
     }
@@ -87,10 +87,10 @@ impl Poses {
 
 impl Service for Poses {
     type Session = Host;
-    type Call = Show;
+    type Call = ShowRequest;
     type Event = HostEvent;
 
-    fn call(&mut self, session: &mut Host, now: Duration, call: Show) {
+    fn call(&mut self, session: &mut Host, now: Duration, call: ShowRequest) {
         if call.reply.is_abandoned() {
             return;
         }
@@ -109,7 +109,7 @@ impl Service for Poses {
         reports.event(event);
     }
 
-    fn refuse(&mut self, Show { reply, .. }: Show, why: &Arc<io::Error>) {
+    fn refuse(&mut self, ShowRequest { reply, .. }: ShowRequest, why: &Arc<io::Error>) {
         let _ = reply.send(Err(Error::NotConnected(Arc::clone(why))));
     }
 }

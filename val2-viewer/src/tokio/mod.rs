@@ -20,5 +20,5 @@
 mod host;
 mod workstation;
 
-pub use host::{Error, Poses, Screen, Show, host};
-pub use workstation::{Arm, Display, Paused, workstation};
+pub use host::{Error, Poses, Screen, ShowRequest, host};
+pub use workstation::{Arm, Display, PauseRequest, workstation};

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use robot_session::now;
 use robot_session::tokio::{
-    self as session, Connector, Handle, Latest, Reports, Service, Source, Task, latest,
+    self as session, Connector, Handle, Latest, LatestSender, Reports, Service, Task, latest,
 };
 
 use crate::error::ConfigError;
@@ -48,18 +48,18 @@ impl Arm {
     /// After a host that was off, the display must be paused for [`WorkstationConfig::pause`] before it sends a request
     /// again.
     pub fn pause(&self, is_paused: bool) -> bool {
-        self.handle.try_call(Paused(is_paused))
+        self.handle.try_call(PauseRequest(is_paused))
     }
 }
 
 /// Whether the display is to pause.
 #[derive(Debug, Clone, Copy)]
-pub struct Paused(bool);
+pub struct PauseRequest(bool);
 
 /// The service of the task: turns display cycles into requests, and answers into poses.
 #[derive(Debug)]
 pub struct Display {
-    source: Source<PosePacket>,
+    source: LatestSender<PosePacket>,
     /// The time of the next display cycle; `None` while the display is paused.
     cycle: Option<Duration>,
 }
@@ -72,10 +72,10 @@ impl Display {
 
 impl Service for Display {
     type Session = Workstation;
-    type Call = Paused;
+    type Call = PauseRequest;
     type Event = WorkstationEvent;
 
-    fn call(&mut self, _session: &mut Workstation, now: Duration, Paused(is_paused): Paused) {
+    fn call(&mut self, _session: &mut Workstation, now: Duration, PauseRequest(is_paused): PauseRequest) {
         self.pause(is_paused, now);
     }
 
@@ -104,7 +104,7 @@ impl Service for Display {
         }
     }
 
-    fn refuse(&mut self, Paused(is_paused): Paused, _why: &Arc<io::Error>) {
+    fn refuse(&mut self, PauseRequest(is_paused): PauseRequest, _why: &Arc<io::Error>) {
         self.pause(is_paused, now());
     }
 }

@@ -11,13 +11,13 @@ use crate::message::PosePacket;
 pub struct HandshakeDecoder {
     lines: Decoder,
     /// The last one that was taken out, after all that the lines have before it.
-    next: Option<Word>,
+    next: Option<StreamItem>,
     taken_out: u64,
 }
 
 /// An item of the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum StreamItem {
     /// A packet with a pose.
     Packet(PosePacket),
     /// XON: the host releases the line.
@@ -27,7 +27,7 @@ pub enum Word {
 }
 
 impl robot_session::Decoder for HandshakeDecoder {
-    type Frame<'a> = Word;
+    type Frame<'a> = StreamItem;
     type Error = DecodeError;
 
     fn push(&mut self, bytes: &[u8]) -> usize {
@@ -35,8 +35,8 @@ impl robot_session::Decoder for HandshakeDecoder {
             return 0;
         }
         self.next = match bytes.first() {
-            Some(&XON) => Some(Word::Xon),
-            Some(&XOFF) => Some(Word::Xoff),
+            Some(&XON) => Some(StreamItem::Xon),
+            Some(&XOFF) => Some(StreamItem::Xoff),
             _ => {
                 let end = bytes.iter().position(|byte| matches!(*byte, XON | XOFF));
                 return self.lines.push(end.and_then(|end| bytes.get(..end)).unwrap_or(bytes));
@@ -46,9 +46,9 @@ impl robot_session::Decoder for HandshakeDecoder {
         1
     }
 
-    fn next_frame(&mut self) -> Option<Result<Word, DecodeError>> {
+    fn next_frame(&mut self) -> Option<Result<StreamItem, DecodeError>> {
         match self.lines.next_frame() {
-            Some(item) => Some(item.map(Word::Packet)),
+            Some(item) => Some(item.map(StreamItem::Packet)),
             None => self.next.take().map(Ok),
         }
     }
@@ -79,8 +79,8 @@ mod tests {
         assert_eq!(decoder.push(b"a\nb\x13\x11"), 3);
         assert_eq!((decoder.push(b"\x13\x11"), decoder.push(b"\x11"), decoder.push(b"c")), (1, 0, 0));
         assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Format { offset: 0 })));
-        assert_eq!((decoder.next_frame(), decoder.next_frame()), (Some(Ok(Word::Xoff)), None));
-        assert_eq!((decoder.push(b"\x11"), decoder.next_frame()), (1, Some(Ok(Word::Xon))));
+        assert_eq!((decoder.next_frame(), decoder.next_frame()), (Some(Ok(StreamItem::Xoff)), None));
+        assert_eq!((decoder.push(b"\x11"), decoder.next_frame()), (1, Some(Ok(StreamItem::Xon))));
         assert_eq!((decoder.push(b"\x11"), decoder.position()), (1, 5));
         decoder.clear();
         assert_eq!((decoder.next_frame(), decoder.push(b"c"), decoder.position()), (None, 1, 6));

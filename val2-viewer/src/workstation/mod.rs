@@ -6,7 +6,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, Echo, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, EchoError, Unexpected};
 
 #[doc(hidden)]
@@ -15,7 +15,7 @@ pub use config::WorkstationConfig;
 
 use crate::error::{ConfigError, DecodeError};
 use crate::message::{ENQ, PosePacket};
-use decoder::{HandshakeDecoder, Word};
+use decoder::{HandshakeDecoder, StreamItem};
 use machine::{Action, Enquiry, Input, WorkstationMachine};
 
 /// The graphics workstation that draws the arm (§5, §9.4): requests one pose at a time.
@@ -135,16 +135,16 @@ impl End for Workstation {
     const MAX_INPUT: usize = 256;
     const MAX_TRANSMIT: usize = 1;
     /// Between a request and the next: a picture that becomes stale, the request's own, and its picture.
-    const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 0, read: 0, transmit: 3 };
 
     robot_session::core!(WorkstationEvent::Unexpected);
     robot_session::echo!(WorkstationEvent::Echo);
 
     fn next_input(&mut self) -> Option<(Input, Option<PosePacket>)> {
         Some(match self.core.decoder.next_frame()? {
-            Ok(Word::Packet(packet)) => (Input::Pose, Some(packet)),
-            Ok(Word::Xoff) => (Input::Xoff, None),
-            Ok(Word::Xon) => (Input::Xon, None),
+            Ok(StreamItem::Packet(packet)) => (Input::Pose, Some(packet)),
+            Ok(StreamItem::Xoff) => (Input::Xoff, None),
+            Ok(StreamItem::Xon) => (Input::Xon, None),
             Err(error) => {
                 self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(WorkstationEvent::Corrupt(error));

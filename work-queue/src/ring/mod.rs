@@ -29,7 +29,7 @@ use core::cell::Cell;
 use core::mem::MaybeUninit;
 use core::ptr::NonNull;
 
-pub use reader::{Iter, Reader, Taken, TakenBatch};
+pub use reader::{Iter, Reader, TakenBatch, TakenJob};
 pub use storage::{Ends, WorkQueue};
 #[cfg(all(feature = "alloc", target_has_atomic = "8"))]
 pub use storage::{boxed, boxed_with};

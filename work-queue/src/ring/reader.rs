@@ -34,12 +34,12 @@ impl<T, W: Wake> Reader<'_, T, W> {
 
     /// Takes the oldest job, by reference; `None` if there is none yet.
     #[inline(always)]
-    pub fn take(&mut self) -> Option<Taken<'_, T, W>> {
+    pub fn take(&mut self) -> Option<TakenJob<'_, T, W>> {
         if !self.front.find(&self.end.hold, &self.end.other, check::mark_in_take()) {
             return None;
         }
         let here = self.front.cursor;
-        Some(Taken { hold: self.end.hold, front: &mut self.front, here, writer: &self.end.other })
+        Some(TakenJob { hold: self.end.hold, front: &mut self.front, here, writer: &self.end.other })
     }
 
     /// Takes the oldest jobs, at most `most`, by reference: fewer if fewer were published when the reader last ran out of
@@ -60,7 +60,7 @@ impl<T, W: Wake> Reader<'_, T, W> {
     ///
     /// For applications in which the order of jobs does not matter. The slot of a job completed out of order becomes free when
     /// all before it are completed. In the worst case every waiting job is examined.
-    pub fn take_where(&mut self, mut predicate: impl FnMut(u16, &T) -> bool) -> Option<Taken<'_, T, W>> {
+    pub fn take_where(&mut self, mut predicate: impl FnMut(u16, &T) -> bool) -> Option<TakenJob<'_, T, W>> {
         self.front.cursor.end = self.end.hold.tail();
         if !self.front.find(&self.end.hold, &self.end.other, check::mark_in_find()) {
             return None;
@@ -68,7 +68,7 @@ impl<T, W: Wake> Reader<'_, T, W> {
         let mut waiting = self.front.waiting(&self.end.hold);
         while let Some(here) = waiting.step() {
             if predicate(here.number(), waiting.job(here)) {
-                return Some(Taken {
+                return Some(TakenJob {
                     hold: self.end.hold,
                     front: &mut self.front,
                     here,
@@ -236,14 +236,14 @@ impl<'a, T, W: Wake> IntoIterator for &'a Reader<'_, T, W> {
 /// the oldest, [`Reader::take`] returns it next, unless a reset has discarded it meanwhile. The guard dereferences to the
 /// job: a job's own method with the name `number` or `complete` is `(*taken).number()`.
 #[must_use = "a job that is not completed waits again"]
-pub struct Taken<'a, T, W: Wake = NoWake> {
+pub struct TakenJob<'a, T, W: Wake = NoWake> {
     hold: Hold<T>,
     front: &'a mut Front,
     here: Cursor,
     writer: &'a W,
 }
 
-impl<T, W: Wake> Taken<'_, T, W> {
+impl<T, W: Wake> TakenJob<'_, T, W> {
     /// Returns the number of the job: `1..=max_number`.
     #[inline(always)]
     pub fn number(&self) -> u16 {
@@ -268,7 +268,7 @@ impl<T, W: Wake> Taken<'_, T, W> {
     }
 }
 
-impl<T, W: Wake> Deref for Taken<'_, T, W> {
+impl<T, W: Wake> Deref for TakenJob<'_, T, W> {
     type Target = T;
 
     #[inline(always)]
@@ -278,7 +278,7 @@ impl<T, W: Wake> Deref for Taken<'_, T, W> {
     }
 }
 
-impl<T, W: Wake> DerefMut for Taken<'_, T, W> {
+impl<T, W: Wake> DerefMut for TakenJob<'_, T, W> {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut T {
         // SAFETY: as in `deref`.
@@ -286,7 +286,7 @@ impl<T, W: Wake> DerefMut for Taken<'_, T, W> {
     }
 }
 
-impl<T: fmt::Debug, W: Wake> fmt::Debug for Taken<'_, T, W> {
+impl<T: fmt::Debug, W: Wake> fmt::Debug for TakenJob<'_, T, W> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Taken").field("number", &self.number()).field("job", &**self).finish()
     }
@@ -321,7 +321,7 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
     /// Frees the slots of the executed jobs at once, and drops the jobs.
     #[inline(always)]
     pub fn complete(self) {
-        let Freed(batch) = &Freed(self);
+        let FreeOnDrop(batch) = &FreeOnDrop(self);
         if core::mem::needs_drop::<T>() {
             for slot in batch.hold.row(&batch.front.cursor, batch.row) {
                 // SAFETY: as in `iter_mut`; they are freed then. If a drop panics, the others are leaked.
@@ -332,9 +332,9 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
 }
 
 /// Frees the slots when it is dropped, even if the drop of a job panics: these jobs are not found again.
-struct Freed<'a, T, W: Wake>(TakenBatch<'a, T, W>);
+struct FreeOnDrop<'a, T, W: Wake>(TakenBatch<'a, T, W>);
 
-impl<T, W: Wake> Drop for Freed<'_, T, W> {
+impl<T, W: Wake> Drop for FreeOnDrop<'_, T, W> {
     #[inline(always)]
     fn drop(&mut self) {
         self.0.front.free(self.0.hold, self.0.row);

@@ -299,7 +299,7 @@ impl<T, R: Wake> Batch<'_, T, R> {
             return fill_singly(self.hold, self.cursor, left, jobs);
         }
         let slots = self.hold.row(self.cursor, left);
-        let mut filled = Filled { cursor: self.cursor, jobs: 0 };
+        let mut filled = PublishOnDrop { cursor: self.cursor, jobs: 0 };
         // By reference: the iterator may panic when it is dropped, which is after the turn.
         for (slot, job) in slots.iter().zip(&mut jobs) {
             // SAFETY: the slots of the row are the writer's without a job.
@@ -341,12 +341,12 @@ fn fill_singly<T>(hold: Hold<T>, cursor: &mut Cursor, slots: u32, jobs: impl Ite
 }
 
 /// Moves the cursor over the filled slots when it is dropped, even if a job panics.
-struct Filled<'a> {
+struct PublishOnDrop<'a> {
     cursor: &'a mut Cursor,
     jobs: u32,
 }
 
-impl Drop for Filled<'_> {
+impl Drop for PublishOnDrop<'_> {
     #[inline(always)]
     fn drop(&mut self) {
         self.cursor.at += self.jobs;

@@ -4,7 +4,7 @@
 use core::cell::Cell;
 use std::collections::VecDeque;
 
-use robot_work_queue::{Full, NumberError, Reader, Taken, TakenBatch, WorkQueue, Writer};
+use robot_work_queue::{Full, NumberError, Reader, TakenBatch, TakenJob, WorkQueue, Writer};
 
 /// An operation of an end. Nothing else changes a queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -215,7 +215,7 @@ impl<'j> Run<'_, 'j> {
                             self.model.waiting().next_back(),
                         )
                     };
-                    assert_eq!(job.as_ref().map(Taken::number), entry.map(|entry| entry.number));
+                    assert_eq!(job.as_ref().map(TakenJob::number), entry.map(|entry| entry.number));
                     if let Some(job) = job {
                         self.executing(job);
                     }
@@ -231,7 +231,7 @@ impl<'j> Run<'_, 'j> {
     }
 
     /// Runs the string from the begin of a job's execution to its end.
-    fn executing(&mut self, job: Taken<'_, Job<'j>>) {
+    fn executing(&mut self, job: TakenJob<'_, Job<'j>>) {
         let serial = job.serial;
         loop {
             if self.is_new() {

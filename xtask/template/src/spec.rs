@@ -1,12 +1,12 @@
 //! The configurations of both ends, field by field.
 
-use robot_session::spec::{Configure, Fields, SOME_TIME};
+use robot_session::spec::{Configure, FieldVisitor, SOME_TIME};
 
 use crate::device::DeviceConfig;
 use crate::host::HostConfig;
 
 impl Configure for HostConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             timeout,
             #[cfg(feature = "model")]
@@ -17,7 +17,7 @@ impl Configure for HostConfig {
 }
 
 impl Configure for DeviceConfig {
-    fn configure(&mut self, _: &mut impl Fields) {
+    fn configure(&mut self, _: &mut impl FieldVisitor) {
         let Self {
             #[cfg(feature = "model")]
                 rules: _,

@@ -9,8 +9,8 @@ use super::{JOBS, line};
 use kawasaki_msg::motion::Motion;
 use kawasaki_msg::robot_session::{Decoder as _, Session};
 use kawasaki_msg::{
-    Charset, Decoder, Dialect, Job, JobSource, LargeRobot, Limits, Line, Packet, Pc, PcConfig, RobotConfig,
-    Room, Supply, Work,
+    AddResult, Charset, Decoder, Dialect, Job, JobSource, LargeRobot, Limits, Line, Packet, Pc, PcConfig,
+    RobotConfig, Supply, Work,
 };
 
 pub(super) const BY_SESSION: &str = "a PC's exchange: 98 jobs acknowledged, a packet of lines sent";
@@ -155,7 +155,7 @@ pub(super) fn by_codec(rounds: u64) {
                 let number = (index % 9999) as u16 + 1;
                 let job = Job { order: 50, number, work: line(number) };
                 match answer.push_job(&black_box(job), &ranges) {
-                    Ok(Room::Added) => index += 1,
+                    Ok(AddResult::Added) => index += 1,
                     _ => break,
                 }
             }

@@ -76,7 +76,7 @@ impl<J: Job> Job for Lone<J> {
 }
 
 #[derive(Clone, Copy)]
-enum Course {
+enum Workload {
     /// Two threads, one job there and back.
     RoundTrip { pause: bool },
     /// Two threads, jobs in one direction.
@@ -85,13 +85,13 @@ enum Course {
     Pair,
 }
 
-const COURSES: [(Course, &str); 6] = [
-    (Course::RoundTrip { pause: false }, "round trip, bare"),
-    (Course::RoundTrip { pause: true }, "… pause"),
-    (Course::Stream { capacity: 64, pause: false }, "stream, 64 slots, bare"),
-    (Course::Stream { capacity: 64, pause: true }, "… pause"),
-    (Course::Stream { capacity: 1024, pause: true }, "1024 slots, pause"),
-    (Course::Pair, "one thread"),
+const COURSES: [(Workload, &str); 6] = [
+    (Workload::RoundTrip { pause: false }, "round trip, bare"),
+    (Workload::RoundTrip { pause: true }, "… pause"),
+    (Workload::Stream { capacity: 64, pause: false }, "stream, 64 slots, bare"),
+    (Workload::Stream { capacity: 64, pause: true }, "… pause"),
+    (Workload::Stream { capacity: 1024, pause: true }, "1024 slots, pause"),
+    (Workload::Pair, "one thread"),
 ];
 
 const RTRB: &str = "rtrb";
@@ -118,7 +118,7 @@ struct Sample {
 }
 
 /// `None` if it does not run on this course.
-type Run = fn(Course, &Cores) -> Option<Sample>;
+type Run = fn(Workload, &Cores) -> Option<Sample>;
 
 fn contenders<J: Job>() -> [(&'static str, Run); 13] {
     fn ours<J: Job>(
@@ -163,7 +163,7 @@ fn contenders<J: Job>() -> [(&'static str, Run); 13] {
         ("– aligned to lines", |course, cores| sample::<Lone<J>, _, _>(course, cores, ours)),
         ("ringbuf", |course, cores| sample::<J, _, _>(course, cores, |n| ringbuf::HeapRb::new(n).split())),
         ("heapless", |course, cores| match course {
-            Course::Stream { capacity: 1024, .. } => {
+            Workload::Stream { capacity: 1024, .. } => {
                 sample::<J, _, _>(course, cores, |_| heapless::<J, 1025>())
             }
             _ => sample::<J, _, _>(course, cores, |_| heapless::<J, 65>()),
@@ -231,9 +231,9 @@ fn race_of<const N: usize>(job: &str, contenders: [(&str, Run); N], streamed: f6
             missed += usize::from(!is_met);
             let ratio = ratio.map_or("–".into(), |ratio| ratio.show(2, ""));
             let name = match COURSES[course].0 {
-                Course::RoundTrip { pause } => format!("round trip, {}", waits(pause)),
-                Course::Stream { pause, .. } => format!("stream, 64 slots, {}", waits(pause)),
-                Course::Pair => "one thread".into(),
+                Workload::RoundTrip { pause } => format!("round trip, {}", waits(pause)),
+                Workload::Stream { pause, .. } => format!("stream, 64 slots, {}", waits(pause)),
+                Workload::Pair => "one thread".into(),
             };
             let verdict = if is_met { "met" } else { "MISSED" };
             goals.add_row([ours, peer, &name, &ratio, &format!("{most:.1}"), verdict]);
@@ -300,12 +300,12 @@ impl Quartiles {
 }
 
 fn sample<J: Job, W: Write<J>, R: Read<J>>(
-    course: Course,
+    course: Workload,
     cores: &Cores,
     ring: impl Fn(usize) -> (W, R),
 ) -> Option<Sample> {
     match course {
-        Course::RoundTrip { pause } => {
+        Workload::RoundTrip { pause } => {
             let line = Some(cores.cache_line());
             Some(Sample { time: round_trip(cores, pause, ring(64), ring(64)), line })
         }
@@ -315,17 +315,17 @@ fn sample<J: Job, W: Write<J>, R: Read<J>>(
 
 /// Measures batches; `None` for the round trip of one job, which is not a batch.
 fn batches<J: Job, W: Write<J>, R: Read<J>>(
-    course: Course,
+    course: Workload,
     cores: &Cores,
     ring: impl Fn(usize) -> (W, R),
 ) -> Option<Sample> {
     match course {
-        Course::RoundTrip { .. } => None,
-        Course::Stream { capacity, pause } => {
+        Workload::RoundTrip { .. } => None,
+        Workload::Stream { capacity, pause } => {
             let line = Some(cores.cache_line());
             Some(Sample { time: stream(cores, pause, ring(capacity)), line })
         }
-        Course::Pair => Some(Sample { time: pair(ring(64)), line: None }),
+        Workload::Pair => Some(Sample { time: pair(ring(64)), line: None }),
     }
 }
 

@@ -77,18 +77,18 @@ mod linux {
     pub(in super::super) struct Evdev {
         path: PathBuf,
         context: Context,
-        open: Option<Open>,
+        open: Option<OpenDevice>,
         next: Duration,
     }
 
-    struct Open {
+    struct OpenDevice {
         device: Device,
         ranges: [Option<Range>; 6],
         /// The codes of its buttons, in their order.
         buttons: Vec<u16>,
     }
 
-    impl Open {
+    impl OpenDevice {
         fn new(path: &Path) -> io::Result<Self> {
             let device = Device::open(path)?;
             let state = device.get_abs_state()?;
@@ -119,7 +119,7 @@ mod linux {
 
     impl Evdev {
         pub(in super::super) fn open(path: &Path, context: Context) -> Result<Self> {
-            let open = Open::new(path).with_context(|| {
+            let open = OpenDevice::new(path).with_context(|| {
                 format!(
                     "cannot open the input device {} (see /dev/input/by-id; needs the group `input`)",
                     path.display()
@@ -141,7 +141,7 @@ mod linux {
             }
             let Some(open) = &self.open else {
                 self.next = now + REOPEN;
-                if let Ok(open) = Open::new(&self.path) {
+                if let Ok(open) = OpenDevice::new(&self.path) {
                     self.open = Some(open);
                     self.context.notify(Notification::PortOpen("input", self.path.display().to_string()));
                 }

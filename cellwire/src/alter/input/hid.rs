@@ -331,9 +331,9 @@ mod tests {
         PLUGGED.lock().unwrap()
     }
 
-    struct Recorded(Receiver<Vec<u8>>);
+    struct RecordedReports(Receiver<Vec<u8>>);
 
-    impl Reports for Recorded {
+    impl Reports for RecordedReports {
         fn open(_: &str) -> anyhow::Result<(Self, String)> {
             let reports = plugged().take().ok_or_else(|| anyhow::anyhow!("nothing is plugged in"))?;
             Ok((Self(reports), "recorded".into()))
@@ -367,10 +367,10 @@ mod tests {
     #[test]
     fn a_device_that_is_pulled_out_is_lost_and_found_again_at_rest() {
         let context = context();
-        assert!(Mouse::<Recorded>::open("", context.clone()).is_err());
+        assert!(Mouse::<RecordedReports>::open("", context.clone()).is_err());
         let (reports, receiver) = channel();
         *plugged() = Some(receiver);
-        let mut mouse = Mouse::<Recorded>::open("", context).unwrap();
+        let mut mouse = Mouse::<RecordedReports>::open("", context).unwrap();
         let mut poll = || {
             let mut events = Vec::new();
             mouse.poll(5 * MS, &mut events);

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-pub use self::recording::{Recorded, read as read_recording};
+pub use self::recording::{RecordedEvent, read as read_recording};
 
 use self::device::{Input, InputEvent};
 use self::recording::Recorder;
@@ -23,7 +23,7 @@ use super::context::Context;
 use super::messages::{Notification, Order};
 use super::port::PortConfig;
 pub use super::sample::{FULL, Jog, Sample};
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 
 /// Where the hand is.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +58,7 @@ impl InputConfig {
 }
 
 /// An input that is driven by a thread.
-pub(super) struct Hand {
+pub(super) struct InputThread {
     input: Box<dyn Input>,
     context: Context,
     orders: Sender<Order>,
@@ -67,7 +67,7 @@ pub(super) struct Hand {
     pub(super) jog: Option<Sender<Jog>>,
 }
 
-impl Hand {
+impl InputThread {
     /// Opens the input; `record` is the file that keeps its values.
     pub(super) fn open(
         config: &InputConfig,
@@ -97,7 +97,7 @@ impl Hand {
     pub(super) fn run(mut self) {
         /// The stop is looked at this often.
         const IDLE: Duration = Duration::from_millis(20);
-        priority::raise(Rank::Poll);
+        priority::raise(ThreadRole::Poll);
         let mut events = Vec::new();
         while !self.context.is_stopped() {
             self.input.poll(IDLE, &mut events);

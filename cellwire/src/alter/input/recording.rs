@@ -20,14 +20,14 @@ const HEADER: &str =
 
 /// An event and its time since ALTER began to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Recorded {
+pub struct RecordedEvent {
     /// The time of the values.
     pub at: Duration,
     /// Axes, buttons, and how long they may be used from `at` on; `Err(true)`: the device is gone, `Err(false)`: old values.
     pub values: Result<([i16; 6], u32, Duration), bool>,
 }
 
-impl Recorded {
+impl RecordedEvent {
     fn line(&self) -> String {
         let at = self.at.as_micros();
         match self.values {
@@ -76,7 +76,7 @@ impl Recorder {
             InputEvent::Lost => Err(true),
         };
         // A writer that has ended has the error.
-        let _ = self.lines.send(Recorded { at, values }.line());
+        let _ = self.lines.send(RecordedEvent { at, values }.line());
     }
 
     pub(super) fn finish(self) -> Result<()> {
@@ -94,8 +94,8 @@ fn flush(file: BufWriter<File>) -> Result<()> {
 ///
 /// # Errors
 /// If a line is not one of a recording, with its number, or if the time decreases.
-pub fn read(text: &str) -> Result<Vec<Recorded>> {
-    let mut events: Vec<Recorded> = Vec::new();
+pub fn read(text: &str) -> Result<Vec<RecordedEvent>> {
+    let mut events: Vec<RecordedEvent> = Vec::new();
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.starts_with('#')) {
         let event = parse(line).with_context(|| format!("line {number}"))?;
         let before = events.last().map_or(Duration::ZERO, |last| last.at);
@@ -106,14 +106,14 @@ pub fn read(text: &str) -> Result<Vec<Recorded>> {
     Ok(events)
 }
 
-fn parse(line: &str) -> Result<Recorded> {
+fn parse(line: &str) -> Result<RecordedEvent> {
     let fields: Vec<&str> = line.split_whitespace().collect();
     let time = |text: &str| {
         text.parse().map(Duration::from_micros).with_context(|| format!("`{text}` is not a time"))
     };
     match fields.as_slice() {
-        [at, "old"] => Ok(Recorded { at: time(at)?, values: Err(false) }),
-        [at, "lost"] => Ok(Recorded { at: time(at)?, values: Err(true) }),
+        [at, "old"] => Ok(RecordedEvent { at: time(at)?, values: Err(false) }),
+        [at, "lost"] => Ok(RecordedEvent { at: time(at)?, values: Err(true) }),
         [at, axes @ .., buttons, fresh] if axes.len() == 6 => {
             let mut values = [0; 6];
             for (value, text) in values.iter_mut().zip(axes) {
@@ -122,7 +122,7 @@ fn parse(line: &str) -> Result<Recorded> {
                 *value = axis;
             }
             let buttons = buttons.parse().with_context(|| format!("`{buttons}` is not a button mask"))?;
-            Ok(Recorded { at: time(at)?, values: Ok((values, buttons, time(fresh)?)) })
+            Ok(RecordedEvent { at: time(at)?, values: Ok((values, buttons, time(fresh)?)) })
         }
         _ => bail!("expected nine numbers, or a time with `old` or `lost`"),
     }
@@ -131,8 +131,8 @@ fn parse(line: &str) -> Result<Recorded> {
 /// Plays a recording, from the moment on at which ALTER runs.
 pub(super) struct Playback {
     context: Context,
-    events: std::vec::IntoIter<Recorded>,
-    next: Option<Recorded>,
+    events: std::vec::IntoIter<RecordedEvent>,
+    next: Option<RecordedEvent>,
     begin: Option<Duration>,
 }
 
@@ -179,11 +179,11 @@ mod tests {
     fn what_was_written_is_read() {
         let values = Ok(([1, -2, 3, -1000, 1000, 0], 5, Duration::from_micros(72_000)));
         let events = [
-            Recorded { at: Duration::ZERO, values },
-            Recorded { at: Duration::from_micros(28_001), values: Err(false) },
-            Recorded { at: Duration::from_micros(28_001), values: Err(true) },
+            RecordedEvent { at: Duration::ZERO, values },
+            RecordedEvent { at: Duration::from_micros(28_001), values: Err(false) },
+            RecordedEvent { at: Duration::from_micros(28_001), values: Err(true) },
         ];
-        let text: Vec<String> = events.iter().map(Recorded::line).collect();
+        let text: Vec<String> = events.iter().map(RecordedEvent::line).collect();
         assert_eq!(text[0], "0 1 -2 3 -1000 1000 0 5 72000");
         assert_eq!(read(&format!("{HEADER}\n{}\n", text.join("\n"))).unwrap(), events);
     }

@@ -22,7 +22,7 @@ const MESSAGES: usize = 200;
 /// Corrupt bytes are messages so far apart at least.
 const DAMAGE: Duration = Duration::from_secs(1);
 /// ALTER that ends after fewer replies has ended soon.
-const SOON: u64 = 100;
+const SHORT_ALTER_CYCLES: u64 = 100;
 
 /// The ports, for the operator to read.
 pub(super) struct Ports {
@@ -390,7 +390,7 @@ impl Model {
         if end.error != ErrorCode::Timeout || missed > before.missed {
             return;
         }
-        let is_soon = cycles - before.cycles < SOON;
+        let is_soon = cycles - before.cycles < SHORT_ALTER_CYCLES;
         self.late_ends.count = if is_soon { before.count + 1 } else { 1 };
         if self.late_ends.count == 2 {
             self.show("the replies leave in time and arrive late: set the adapter's latency timer to 1 ms, see docs/alter.md".into());

@@ -469,7 +469,11 @@ pub(super) mod tests {
     #[test]
     fn the_debug_view_shows_the_last_bytes() {
         let mut model = model();
-        model.traces.robot.add(Duration::from_millis(5), cellwire_io::trace::Way::Sent, &[0x10, 0x02]);
+        model.traces.robot.add(
+            Duration::from_millis(5),
+            cellwire_io::trace::TraceDirection::Sent,
+            &[0x10, 0x02],
+        );
         model.view = View::Debug(0);
         let rows = rows(&drawn(&model));
         assert!(rows.iter().any(|row| row.starts_with("│10 02 # 0.005000 s sent")), "{rows:#?}");

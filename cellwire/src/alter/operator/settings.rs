@@ -3,7 +3,7 @@
 use val2_alter::{HostConfig, Policy};
 
 use crate::alter::{LIMITS, Profile, host_config};
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The settings of the cell.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +30,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { alter, polls, viewer, profile } = self;
         alter.configure(fields);
         fields.group("ball", |fields| polls.configure(fields));

@@ -13,7 +13,7 @@ const MEASURED: [&str; 8] = ["f32", "registers", "values", "transform", "pose", 
 /// Fields whose texts may name something.
 const TEXTS: [&str; 3] = ["char", "header", "fields"];
 /// Texts of so few digits are kinds and counts.
-const SHORT: usize = 2;
+const MAX_KIND_LEN: usize = 2;
 
 /// Replaces values, and counts them.
 pub(super) struct Anonymous<'a> {
@@ -68,7 +68,7 @@ impl<'a> Anonymous<'a> {
     /// Replaces a text by one of the same length.
     fn text(&mut self, name: &str, text: &mut String) {
         let is_number = text.parse::<f64>().is_ok();
-        if text.is_empty() || is_number && text.len() <= SHORT {
+        if text.is_empty() || is_number && text.len() <= MAX_KIND_LEN {
             return;
         }
         let replaced: String = text

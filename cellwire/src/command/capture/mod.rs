@@ -2,8 +2,8 @@
 
 mod anonymous;
 mod message;
+mod range;
 mod story;
-mod stretch;
 mod vectors;
 
 use std::io::Write as _;
@@ -13,7 +13,7 @@ use anyhow::Result;
 use cellwire_links::reference::json;
 use clap::Subcommand;
 
-use self::stretch::StretchArgs;
+use self::range::RangeArgs;
 use cellwire_io::files;
 use cellwire_io::output::stdout;
 
@@ -39,7 +39,7 @@ cellwire capture to-vectors [OPTIONS] --source <TEXT> --out <FILE>
            <LINK> [FILE]")]
 struct VectorsArgs {
     #[command(flatten)]
-    stretch: StretchArgs,
+    stretch: RangeArgs,
     #[command(flatten)]
     out: OutArgs,
 }

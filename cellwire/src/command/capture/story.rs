@@ -6,12 +6,12 @@ use anyhow::{Context, Result, ensure};
 use cellwire_links::codec::items;
 use cellwire_links::end::End;
 use cellwire_links::reference::json::{Object, hex};
-use cellwire_links::reference::story::{Do, Omits, line, step};
+use cellwire_links::reference::story::{OmittedActions, StoryInput, line, step};
 use serde_json::{Map, Value, json};
 
 use super::OutArgs;
 use super::message::Message;
-use super::stretch::StretchArgs;
+use super::range::RangeArgs;
 use crate::command::compare::{Compare, Follow};
 
 /// Writes a story of the session at one end, from the messages that this end received, at the captured times
@@ -25,7 +25,7 @@ cellwire capture to-story [OPTIONS] --as <END> --source <TEXT>
            --out <FILE> <LINK> [FILE]")]
 pub(super) struct Args {
     #[command(flatten)]
-    stretch: StretchArgs,
+    stretch: RangeArgs,
     /// The end
     #[arg(long = "as", value_name = "END")]
     end: String,
@@ -45,7 +45,7 @@ pub(super) struct Args {
 #[derive(Debug, Clone)]
 struct Call {
     at: Duration,
-    input: Do,
+    input: StoryInput,
 }
 
 fn object(text: &str) -> Result<Map<String, Value>, String> {
@@ -56,30 +56,30 @@ fn call(text: &str) -> Result<Call, String> {
     let (at, call) = text.split_once('=').ok_or("give TIME=JSON")?;
     let at = at.parse().ok().and_then(|at| Duration::try_from_secs_f64(at).ok());
     let at = at.ok_or("the time is not a number of seconds")?;
-    let input = Do::read(&object(call)?).map_err(|error| error.to_string())?;
+    let input = StoryInput::read(&object(call)?).map_err(|error| error.to_string())?;
     Ok(Call { at, input })
 }
 
 /// The maximum number of steps of a story: an end that polls makes one each time.
-const MOST: usize = 10_000;
+const MAX_STEPS: usize = 10_000;
 
 pub(super) fn run(args: &Args) -> Result<bool> {
     let of = &args.stretch.of;
     let (conversation, messages) = args.stretch.read()?;
     let [ours, other] = conversation.ends(of.link, &args.end)?;
     let row = of.link.end(if of.link.end(&args.end).is_ok() { &args.end } else { "device" })?;
-    let mut playing = Playing {
+    let mut playing = StoryPlayer {
         end: (row.make)(&args.config, None).context("the configuration")?,
         now: Duration::ZERO,
         lines: Vec::new(),
         sent: Vec::new(),
     };
-    playing.take(Duration::ZERO, &Do::Connected)?;
+    playing.take(Duration::ZERO, &StoryInput::Connected)?;
     let begin = messages.first().map_or(Duration::ZERO, |first| first.at);
-    let mut inputs: Vec<(Duration, Do)> = messages
+    let mut inputs: Vec<(Duration, StoryInput)> = messages
         .iter()
         .filter(|message| message.is_first == other.is_first)
-        .map(|message| (message.at - begin, Do::Input(message.bytes.clone())))
+        .map(|message| (message.at - begin, StoryInput::Input(message.bytes.clone())))
         .chain(args.call.iter().map(|call| (call.at, call.input.clone())))
         .collect();
     ensure!(!inputs.is_empty(), "`{}` received nothing in the range", args.end);
@@ -110,7 +110,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     Ok(is_same)
 }
 
-struct Playing {
+struct StoryPlayer {
     end: Box<dyn End>,
     now: Duration,
     lines: Vec<String>,
@@ -118,13 +118,16 @@ struct Playing {
     sent: Vec<(Duration, Vec<u8>)>,
 }
 
-impl Playing {
-    fn take(&mut self, at: Duration, input: &Do) -> Result<()> {
-        ensure!(self.lines.len() < MOST, "the story has more than {MOST} steps: choose a shorter range");
+impl StoryPlayer {
+    fn take(&mut self, at: Duration, input: &StoryInput) -> Result<()> {
+        ensure!(
+            self.lines.len() < MAX_STEPS,
+            "the story has more than {MAX_STEPS} steps: choose a shorter range"
+        );
         self.now = self.now.max(at);
-        let done = step(&mut *self.end, self.now, input, Omits::default())?;
+        let done = step(&mut *self.end, self.now, input, OmittedActions::default())?;
         let (deadline, state) = (self.end.poll_timeout(), self.end.state());
-        self.lines.push(line(self.now, input, Omits::default(), &done, deadline, state)?);
+        self.lines.push(line(self.now, input, OmittedActions::default(), &done, deadline, state)?);
         self.sent.extend(done.transmit.into_iter().map(|bytes| (self.now, bytes)));
         Ok(())
     }
@@ -136,7 +139,7 @@ impl Playing {
             if due <= self.now && self.lines.last().is_some_and(|last| last.contains("\"timeout\"")) {
                 return Ok(());
             }
-            self.take(due, &Do::Timeout)?;
+            self.take(due, &StoryInput::Timeout)?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! The messages of a stretch as vectors, and each side's bytes as a stream.
 
 use anyhow::Result;
-use cellwire_links::codec::{Found, items};
+use cellwire_links::codec::{StreamItem, items};
 use cellwire_links::reference::json::{Object, hex, spaced};
 use serde_json::Value;
 
@@ -77,7 +77,7 @@ pub(super) fn run(args: &VectorsArgs) -> Result<bool> {
     Ok(true)
 }
 
-fn item(item: &Found) -> String {
+fn item(item: &StreamItem) -> String {
     let object = Object::new().raw("offset", item.offset).raw("length", item.length);
     let object = if item.at_end { object.raw("end", "true") } else { object };
     match &item.content {

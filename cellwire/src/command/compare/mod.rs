@@ -12,7 +12,7 @@ pub(super) use self::follow::{Follow, IsCommand};
 use self::report::Report;
 
 /// The number of messages that may be missing before one that is known again.
-const AHEAD: usize = 8;
+const MAX_MISSING: usize = 8;
 
 /// The differences of each kind that are printed.
 const PRINTED: usize = 5;
@@ -87,7 +87,7 @@ impl Compare {
         let number = self.passed;
         let Some(then) = rest.first() else { return self.tell("more", number, None, Some((at, now))) };
         let is_filler = |at: &(usize, &Value)| self.is_filler(number + at.0);
-        let ahead = || rest.iter().enumerate().filter(|it| !is_filler(it)).take(AHEAD);
+        let ahead = || rest.iter().enumerate().filter(|it| !is_filler(it)).take(MAX_MISSING);
         // A message that is in the capture once is known again.
         let is_once = || self.expected.iter().filter(|it| is_same(it)).nth(1).is_none();
         let place = |is: &dyn Fn(&Value) -> bool| ahead().find(|(_, it)| is(it)).map(|(at, _)| at);

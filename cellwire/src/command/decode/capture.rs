@@ -19,14 +19,14 @@ use crate::io::capture::write::SERIAL;
 use crate::io::capture::{Fault, Flow, Line, Reading};
 use cellwire_io::output::{counted, remark};
 use cellwire_links::codec::{Item, Kind, Stream};
-use cellwire_links::shadow::{self, Complaint, Seen, Watcher};
+use cellwire_links::shadow::{self, Complaint, LineEvent, Watcher};
 
 /// Decodes every flow of a capture.
 ///
 /// # Errors
 /// If the input is not a capture, or contains nothing for the link.
 pub(super) fn decode(args: &Args, reading: &Reading, input: Box<dyn Read>, out: &mut Lines) -> Result<()> {
-    let (summary, found) = connections::read(input, reading, &mut Decoding::new(args, out))?;
+    let (summary, found) = connections::read(input, reading, &mut FlowDecoder::new(args, out))?;
     report(&summary);
     ensure!(
         found || !out.clean,
@@ -38,7 +38,7 @@ pub(super) fn decode(args: &Args, reading: &Reading, input: Box<dyn Read>, out: 
 }
 
 /// Each direction becomes lines.
-struct Decoding<'a> {
+struct FlowDecoder<'a> {
     args: &'a Args,
     out: &'a mut Lines,
     now: Duration,
@@ -80,7 +80,7 @@ struct Decoded {
     clock: Clock,
 }
 
-impl<'a> Decoding<'a> {
+impl<'a> FlowDecoder<'a> {
     fn new(args: &'a Args, out: &'a mut Lines) -> Self {
         Self { args, out, now: Duration::ZERO, watchers: HashMap::new() }
     }
@@ -103,7 +103,7 @@ impl<'a> Decoding<'a> {
             // Earlier bytes of a line are unknown.
             let mut watcher = self.args.codec.of.watcher(None, is_serial)?;
             if is_whole && !is_serial {
-                watcher.see(self.now, &Seen::Opened);
+                watcher.see(self.now, &LineEvent::Opened);
             }
             self.watchers.insert(ends, watcher);
         }
@@ -111,14 +111,14 @@ impl<'a> Decoding<'a> {
     }
 
     /// Reports the complaints about an event.
-    fn see(&mut self, ends: &Ends, seen: &Seen<'_>) -> Result<()> {
+    fn see(&mut self, ends: &Ends, seen: &LineEvent<'_>) -> Result<()> {
         let Some(watcher) = self.watchers.get_mut(ends) else { return Ok(()) };
         let complaints = watcher.see(self.now, seen);
         self.out.complain(ends, self.now, &complaints)
     }
 }
 
-impl Directions for Decoding<'_> {
+impl Directions for FlowDecoder<'_> {
     type Direction = Box<Decoded>;
 
     fn pass_time(&mut self, at: Duration) -> Result<()> {
@@ -148,7 +148,7 @@ impl Directions for Decoding<'_> {
 
     fn take(&mut self, decoded: &mut Box<Decoded>, piece: Piece<'_>) -> Result<()> {
         if let (Some((ends, from)), Piece::Bytes(bytes)) = (decoded.watched, piece) {
-            self.see(&ends, &Seen::Bytes { from, bytes })?;
+            self.see(&ends, &LineEvent::Bytes { from, bytes })?;
         }
         decoded.label.clone_from(&decoded.untimed);
         match decoded.clock {
@@ -170,9 +170,9 @@ impl Directions for Decoding<'_> {
             }
             let json: Value = serde_json::from_slice(&json)?;
             let seen = match kind {
-                _ if length == 0 => Seen::Missed { from },
-                Kind::Message => Seen::Message { from, length, message: &json },
-                Kind::Error => Seen::Corrupt { from, length, error: &json },
+                _ if length == 0 => LineEvent::Missed { from },
+                Kind::Message => LineEvent::Message { from, length, message: &json },
+                Kind::Error => LineEvent::Corrupt { from, length, error: &json },
             };
             self.see(&ends, &seen)?;
         }
@@ -301,7 +301,7 @@ fn write(label: &str, polls: &mut Option<u64>, out: &mut Lines, item: Item<'_>) 
 /// The bytes of a flow that the capture lacks.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-enum Lack {
+enum MissingBytes {
     /// No packet has these bytes.
     Gap { missing: u64 },
     /// The capture has cut them off.
@@ -313,11 +313,17 @@ enum Lack {
 }
 
 /// The kind of an item of a stream, the number of its bytes, and its object.
-type Said = (Kind, u64, Vec<u8>);
+type DecodedItem = (Kind, u64, Vec<u8>);
 
 impl Decoded {
     /// Decodes a piece; `said` gets the items for the watcher.
-    fn take(&mut self, args: &Args, piece: Piece<'_>, out: &mut Lines, said: &mut Vec<Said>) -> Result<()> {
+    fn take(
+        &mut self,
+        args: &Args,
+        piece: Piece<'_>,
+        out: &mut Lines,
+        said: &mut Vec<DecodedItem>,
+    ) -> Result<()> {
         let is_watched = self.watched.is_some();
         let polls = &mut self.polls;
         let mut write = |label: &str, item: Item<'_>| {
@@ -334,13 +340,13 @@ impl Decoded {
                 }
                 return Ok(());
             }
-            Piece::Gap(missing) => Lack::Gap { missing },
-            Piece::Cut(missing) => Lack::CutOff { missing },
-            Piece::Late(bytes) => Lack::Late { bytes },
-            Piece::BeforeStart(bytes) => Lack::BeforeStart { bytes },
+            Piece::Gap(missing) => MissingBytes::Gap { missing },
+            Piece::Cut(missing) => MissingBytes::CutOff { missing },
+            Piece::Late(bytes) => MissingBytes::Late { bytes },
+            Piece::BeforeStart(bytes) => MissingBytes::BeforeStart { bytes },
         };
         let offset = self.stream.offset();
-        if let Lack::Gap { .. } | Lack::CutOff { .. } = lack {
+        if let MissingBytes::Gap { .. } | MissingBytes::CutOff { .. } = lack {
             // The bytes before and after the gap are not one frame.
             let next = args.codec.of.stream_of(self.side, offset)?;
             core::mem::replace(&mut self.stream, next).finish(|item| write(&self.label, item))?;

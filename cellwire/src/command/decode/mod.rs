@@ -13,7 +13,7 @@ use self::hex::HexReader;
 
 use super::codec::CodecArgs;
 use super::source::{Format, SourceArgs};
-use cellwire_io::output::{EventArgs, Unwritten, is_for_people, log, remark};
+use cellwire_io::output::{EventArgs, OutputFailed, is_for_people, log, remark};
 use cellwire_links::codec::{Item, Kind, Stream};
 
 /// The number of bytes that are read and written at once.
@@ -48,9 +48,11 @@ pub fn run(args: &Args) -> Result<bool> {
         !args.shadow || reading.is_some(),
         "--shadow needs both ends: use it with a capture, such as a file of pcap"
     );
-    let out =
-        Rc::new(RefCell::new(Printed { out: BufWriter::with_capacity(CHUNK, io::stdout()), error: None }));
-    let input = Box::new(Tied { input, out: Rc::clone(&out) });
+    let out = Rc::new(RefCell::new(DecodeOutput {
+        out: BufWriter::with_capacity(CHUNK, io::stdout()),
+        error: None,
+    }));
+    let input = Box::new(TiedInput { input, out: Rc::clone(&out) });
     let mut out = Lines { out, clean: true, messages: 0 };
     let decoded = match (format, reading) {
         (_, Some(reading)) => capture::decode(args, &reading, input, &mut out),
@@ -58,7 +60,7 @@ pub fn run(args: &Args) -> Result<bool> {
     };
     let printed = decoded.and_then(|()| Ok(out.out.borrow_mut().flush()?));
     if let Some(error) = out.out.borrow_mut().error.take() {
-        return Err(error).context(Unwritten);
+        return Err(error).context(OutputFailed);
     }
     printed?;
     if !out.clean && out.messages == 0 {
@@ -101,12 +103,12 @@ fn decode_stream(args: &Args, format: Format, mut input: Box<dyn Read>, out: &mu
 }
 
 /// Standard output, and the reason that it does not accept output: an input that is tied to it has the error too.
-struct Printed {
+struct DecodeOutput {
     out: BufWriter<io::Stdout>,
     error: Option<io::Error>,
 }
 
-impl Printed {
+impl DecodeOutput {
     fn note<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
         result.map_err(|error| {
             let kind = error.kind();
@@ -116,7 +118,7 @@ impl Printed {
     }
 }
 
-impl Write for Printed {
+impl Write for DecodeOutput {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.out.write(bytes);
         self.note(written)
@@ -136,7 +138,7 @@ impl Write for Printed {
 }
 
 /// Standard output, shared by the lines and by the input that is tied to it.
-type Output = Rc<RefCell<Printed>>;
+type Output = Rc<RefCell<DecodeOutput>>;
 
 /// Standard output, and whether every line so far was a message.
 struct Lines {
@@ -173,12 +175,12 @@ impl Lines {
 }
 
 /// The input. Before it may have to wait for bytes, the lines so far are written.
-struct Tied {
+struct TiedInput {
     input: Box<dyn BufRead>,
     out: Output,
 }
 
-impl Read for Tied {
+impl Read for TiedInput {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.out.borrow_mut().flush()?;
         self.input.read(buffer)

@@ -22,7 +22,7 @@ use crate::devices::fanuc_hmi_modbus::client::{Port, PortKind};
 use crate::io::samples::Samples;
 use crate::report::Report;
 use crate::telemetry::Implausible;
-use crate::telemetry::logger::{Logger, Reading, Source};
+use crate::telemetry::logger::{Logger, Reading, TelemetrySource};
 use crate::telemetry::recording::{self, Recording};
 use cellwire_io::clock::Clock;
 use cellwire_io::files;
@@ -34,7 +34,7 @@ use cellwire_io::tls::TlsArgs;
 use cellwire_links::fanuc_hmi_modbus::Frames;
 use cellwire_motion::plausibility::{Fault, Plausibility};
 
-const ENDED: files::Unwritten = files::Unwritten(Cow::Borrowed("the recording ends early"));
+const ENDED: files::FileWriteError = files::FileWriteError(Cow::Borrowed("the recording ends early"));
 
 /// Logs the telemetry block of a controller, as a table.
 ///
@@ -127,7 +127,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     let clock = Clock::start();
     let unit = args.unit.or(view.unit).unwrap_or(1);
     let address = args.address.or(view.address).unwrap_or(TelemetryBlock::ADDRESS);
-    let source = Source { port, unit, address, poll };
+    let source = TelemetrySource { port, unit, address, poll };
     let mut logger = Logger::open(source, clock)?;
     let (file, csv) = files::create_new(&args.csv)?;
     let target =
@@ -148,7 +148,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         recording: Recording::new(period, poll),
         turn_around: Samples::default(),
         tally: Tally::default(),
-        unread: Unread { timeout, since: clock.now(), failed: false },
+        unread: BlockTimeout { timeout, since: clock.now(), failed: false },
         lost_at: None,
         is_first: true,
         progress,
@@ -200,7 +200,7 @@ struct Log {
     recording: Recording,
     turn_around: Samples,
     tally: Tally,
-    unread: Unread,
+    unread: BlockTimeout,
     /// The time at which the connection was lost, while there is no other.
     lost_at: Option<Duration>,
     /// Whether there has been no connection to lose.
@@ -210,7 +210,7 @@ struct Log {
 }
 
 /// The time without a block on an open connection.
-struct Unread {
+struct BlockTimeout {
     /// The longest time that needs no note: the timeout of a request.
     timeout: Duration,
     /// The time of the last block, or at which the connection was opened.
@@ -219,7 +219,7 @@ struct Unread {
     failed: bool,
 }
 
-impl Unread {
+impl BlockTimeout {
     /// Returns the time without a block if it needs a note, and measures from `now` on.
     fn end(&mut self, now: Duration) -> Option<Duration> {
         let time = now.saturating_sub(core::mem::replace(&mut self.since, now));
@@ -384,7 +384,7 @@ struct Order {
 
 impl Order {
     /// The number of blocks after which a life counter that has not shown the word order is stalled, or is something else.
-    const PATIENCE: usize = 500;
+    const STALLED_AFTER: usize = 500;
 
     /// Returns the blocks whose word order is known now.
     fn push(&mut self, registers: &[u16; 37]) -> Result<Vec<(SystemTime, TelemetryBlock)>> {
@@ -395,7 +395,7 @@ impl Order {
         self.waiting.push((SystemTime::now(), *registers));
         let Some(order) = self.known else {
             ensure!(
-                self.waiting.len() < Self::PATIENCE,
+                self.waiting.len() < Self::STALLED_AFTER,
                 Implausible(format!(
                     "the life counter does not count (it reads {first:#06X} {second:#06X}): {NO_COUNTER}"
                 ))

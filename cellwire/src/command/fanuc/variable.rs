@@ -7,9 +7,9 @@ use fanuc_hmi_modbus::{Exception, Failure, PositionRegister, Reply, Request, Wor
 use serde_json::{Value, json};
 
 use super::{OrderArg, USES};
-use crate::command::modbus::{Refused, silent_unit};
+use crate::command::modbus::{RefusedRequest, silent_unit};
 use crate::command::settings::SetArgs;
-use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use crate::devices::fanuc_hmi_modbus::client::{Client, Port, PortKind, RequestOutcome};
 use cellwire_io::output::{log, remark};
 use cellwire_io::tcp::TimeoutArgs;
 use cellwire_io::tls::TlsArgs;
@@ -94,7 +94,7 @@ pub(super) fn read(args: &ReadArgs) -> Result<bool> {
 
 /// Returns the error of a refused request, with its exit status.
 pub(super) fn refused(exception: Exception) -> Error {
-    Refused(format!("the controller refuses: {exception}")).into()
+    RefusedRequest(format!("the controller refuses: {exception}")).into()
 }
 
 /// The reason that unit 0 has no outcome.
@@ -184,13 +184,13 @@ impl Variable<'_> {
             _ => Ok(Vec::new()),
         })?;
         Ok(match answer {
-            Answer::Replied(Ok(registers)) => Outcome::Registers(registers),
-            Answer::Replied(Err(exception)) => Outcome::Refused(exception),
-            Answer::Failed(failure) => match failure.exception() {
+            RequestOutcome::Replied(Ok(registers)) => Outcome::Registers(registers),
+            RequestOutcome::Replied(Err(exception)) => Outcome::Refused(exception),
+            RequestOutcome::Failed(failure) => match failure.exception() {
                 Some(exception) => Outcome::Refused(exception),
                 None => Outcome::Failed(failure, self.explain(client, failure)),
             },
-            Answer::Announced => Outcome::Announced,
+            RequestOutcome::Announced => Outcome::Announced,
         })
     }
 

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::variable::{BROADCAST, KindArg, Outcome, PlaceArgs, Variable, refused};
 use crate::command::modbus::Unknown;
 use crate::devices::fanuc_hmi_modbus::client::Client;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{log, remark};
 
@@ -53,9 +53,9 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
         Ok(Outcome::Registers(_)) => {}
         Ok(Outcome::Refused(exception)) => return Err(refused(exception)),
         Ok(Outcome::Failed(failure, why)) if failure.is_unknown() => return Err(unknown(&why)),
-        Ok(Outcome::Failed(_, why)) => bail!(Lost(why)),
+        Ok(Outcome::Failed(_, why)) => bail!(ConnectionLost(why)),
         Ok(Outcome::Announced) => return Err(unknown(BROADCAST)),
-        Err(error) if error.is::<Lost>() && client.lost().is_unknown() => {
+        Err(error) if error.is::<ConnectionLost>() && client.lost().is_unknown() => {
             return Err(unknown(&format!("{error:#}")));
         }
         Err(error) => return Err(error),
@@ -80,7 +80,7 @@ impl Variable<'_> {
     /// connection is used.
     fn read_back(&self, client: &mut Client) -> Result<Vec<u16>> {
         let mut outcome = self.read(client, self.address);
-        if outcome.as_ref().is_err_and(Error::is::<Lost>) {
+        if outcome.as_ref().is_err_and(Error::is::<ConnectionLost>) {
             let end = Instant::now() + READ_BACK_WITHIN;
             if client.regain(|| Instant::now() < end && !interrupt::requested()) {
                 outcome = self.read(client, self.address);
@@ -94,7 +94,7 @@ impl Variable<'_> {
             Ok(Outcome::Refused(exception)) => format!("the controller refuses: {exception}"),
             Ok(Outcome::Failed(_, why)) => why,
             Ok(Outcome::Announced) => BROADCAST.to_owned(),
-            Err(error) if error.is::<Lost>() => format!("{error:#}"),
+            Err(error) if error.is::<ConnectionLost>() => format!("{error:#}"),
             Err(error) => return Err(error),
         };
         Err(unknown(&format!(

@@ -16,7 +16,7 @@ use crate::io::capture::{Fault, Flow, Line, Reading};
 use cellwire_io::output::{counted, remark};
 
 /// The number of bytes of each stream that are read.
-const MOST: u64 = 1 << 20;
+const MAX_STREAM_LEN: u64 = 1 << 20;
 /// The number of conversations that are examined: those with most bytes.
 const CONVERSATIONS: usize = 8;
 
@@ -61,7 +61,7 @@ fn stream(args: &Args, format: Format, input: Box<dyn BufRead>) -> Result<Conver
     loop {
         let chunk = input.fill_buf().context("cannot read the input")?;
         let taken = chunk.len();
-        if taken == 0 || bytes.len() as u64 >= MOST {
+        if taken == 0 || bytes.len() as u64 >= MAX_STREAM_LEN {
             break;
         }
         match format {
@@ -70,7 +70,7 @@ fn stream(args: &Args, format: Format, input: Box<dyn BufRead>) -> Result<Conver
         }
         input.consume(taken);
     }
-    if bytes.len() as u64 >= MOST {
+    if bytes.len() as u64 >= MAX_STREAM_LEN {
         remark("only the first 1 MiB is examined");
     } else if let Format::Hex = format {
         hex.finish()?;
@@ -84,7 +84,7 @@ fn stream(args: &Args, format: Format, input: Box<dyn BufRead>) -> Result<Conver
 }
 
 fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<Conversation>> {
-    let mut collecting = Collecting {
+    let mut collecting = StreamCollector {
         from: args.from.as_deref(),
         conversations: Vec::new(),
         faults: 0,
@@ -94,7 +94,7 @@ fn capture(args: &Args, reading: &Reading, input: Box<dyn Read>) -> Result<Vec<C
     };
     let (summary, found) = connections::read(input, reading, &mut collecting)?;
     report(&summary);
-    let Collecting { conversations, faults, cut, .. } = collecting;
+    let StreamCollector { conversations, faults, cut, .. } = collecting;
     if faults > 0 {
         remark(&format!("{} could not be read; cellwire decode lists them", counted(faults, "packet")));
     }
@@ -110,7 +110,7 @@ fn after(before: Duration, at: Duration) -> Duration {
     at.max(before.saturating_add(Duration::from_nanos(1)))
 }
 
-struct Collecting<'a> {
+struct StreamCollector<'a> {
     from: Option<&'a str>,
     conversations: Vec<Conversation>,
     faults: usize,
@@ -122,22 +122,22 @@ struct Collecting<'a> {
 }
 
 /// A direction, and where it goes.
-struct Collected {
+struct CollectedStream {
     name: String,
     carrier: Carrier,
     stream: Stream,
     len: u64,
 }
 
-impl Directions for Collecting<'_> {
-    type Direction = Collected;
+impl Directions for StreamCollector<'_> {
+    type Direction = CollectedStream;
 
     fn pass_time(&mut self, at: Duration) -> Result<()> {
         self.at = at;
         Ok(())
     }
 
-    fn begin(&mut self, flow: Flow, is_client: bool, _: u64, _: bool) -> Result<Option<Collected>> {
+    fn begin(&mut self, flow: Flow, is_client: bool, _: u64, _: bool) -> Result<Option<CollectedStream>> {
         let (name, sender, carrier) = match flow {
             Flow::Tcp(from, to) | Flow::Udp(from, to) => {
                 let server = if is_client { to } else { from };
@@ -161,7 +161,7 @@ impl Directions for Collecting<'_> {
             (Some(from), Flow::Kept(_, false)) => Sender::Other(from.into()),
             _ => sender,
         };
-        Ok(Some(Collected {
+        Ok(Some(CollectedStream {
             name,
             carrier,
             stream: Stream { sender, parts: vec![Vec::new()], arrivals: Vec::new() },
@@ -169,9 +169,9 @@ impl Directions for Collecting<'_> {
         }))
     }
 
-    fn take(&mut self, direction: &mut Collected, piece: Piece<'_>) -> Result<()> {
+    fn take(&mut self, direction: &mut CollectedStream, piece: Piece<'_>) -> Result<()> {
         match piece {
-            Piece::Bytes(bytes) if direction.len < MOST => {
+            Piece::Bytes(bytes) if direction.len < MAX_STREAM_LEN => {
                 direction.len += bytes.len() as u64;
                 self.now = after(self.now, self.at);
                 direction.stream.arrivals.push((direction.stream.size(), self.now));
@@ -187,7 +187,7 @@ impl Directions for Collecting<'_> {
         Ok(())
     }
 
-    fn end(&mut self, Collected { name, carrier, stream, .. }: Collected) -> Result<()> {
+    fn end(&mut self, CollectedStream { name, carrier, stream, .. }: CollectedStream) -> Result<()> {
         match self.conversations.iter_mut().find(|conversation| conversation.name == name) {
             Some(conversation) => conversation.streams.push(stream),
             None => self.conversations.push(Conversation { name, carrier, streams: vec![stream] }),

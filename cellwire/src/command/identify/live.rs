@@ -10,19 +10,19 @@ use cellwire_links::{LINKS, Link};
 
 use super::Args;
 use super::input::Conversation;
-use super::line::{Judged, Search, Setting, likely};
+use super::line::{Search, Setting, SettingScore, likely};
 use cellwire_io::interrupt::{self, Policy};
-use cellwire_io::marked::Marked;
+use cellwire_io::marked_port::MarkedPort;
 
 /// A turn of each setting is this share of the time, within limits: short messages come seldom, and everything must have
 /// its turn.
 const TURNS: u32 = 40;
-const SHORTEST: Duration = Duration::from_millis(300);
-const LONGEST: Duration = Duration::from_secs(2);
+const MIN_TURN: Duration = Duration::from_millis(300);
+const MAX_TURN: Duration = Duration::from_secs(2);
 /// The interval at which the progress is shown, and an interrupt seen.
 const TICK: Duration = Duration::from_millis(100);
 /// The number of bytes that are kept.
-const MOST: usize = 1 << 20;
+const MAX_BYTES: usize = 1 << 20;
 /// The number of settings that are tried with the links.
 const TRIED: usize = 3;
 
@@ -30,7 +30,7 @@ const TRIED: usize = 3;
 pub(super) struct Line {
     pub(super) conversation: Conversation,
     /// Every setting, the likeliest first.
-    pub(super) judged: Vec<Judged>,
+    pub(super) judged: Vec<SettingScore>,
     /// The number of these settings that are not ruled out.
     pub(super) likely: usize,
 }
@@ -38,14 +38,15 @@ pub(super) struct Line {
 /// Finds the rate and the format of a line, and listens with them until the time is over or the user interrupts.
 pub(super) fn listen(args: &Args, name: &str) -> Result<Line> {
     interrupt::on_interrupt(Policy::Note)?;
-    let mut port = Marked::open(name)?;
-    let mut ear = Ear { port: &mut port, end: Instant::now() + args.duration, begin: Instant::now() };
+    let mut port = MarkedPort::open(name)?;
+    let mut ear =
+        PortListener { port: &mut port, end: Instant::now() + args.duration, begin: Instant::now() };
     let mut search = Search::default();
     let mut formats = Vec::new();
-    for mode in super::line::OTHERS {
+    for mode in super::line::OTHER_MODES {
         formats.extend(ear.port.set(super::line::RATES[0], mode)?.then_some(mode));
     }
-    let turn = (args.duration / TURNS).clamp(SHORTEST, LONGEST);
+    let turn = (args.duration / TURNS).clamp(MIN_TURN, MAX_TURN);
     while let Some(setting) = search.next(&|mode| formats.contains(&mode)).filter(|_| !ear.is_over()) {
         ear.listen(&mut search, setting, ear.end.min(Instant::now() + turn), false)?;
     }
@@ -79,13 +80,13 @@ pub(super) fn listen(args: &Args, name: &str) -> Result<Line> {
     })
 }
 
-struct Ear<'a> {
-    port: &'a mut Marked,
+struct PortListener<'a> {
+    port: &'a mut MarkedPort,
     begin: Instant,
     end: Instant,
 }
 
-impl Ear<'_> {
+impl PortListener<'_> {
     fn is_over(&self) -> bool {
         interrupt::requested() || Instant::now() >= self.end
     }
@@ -96,7 +97,7 @@ impl Ear<'_> {
         search.listening(setting).times += 1;
         while Instant::now() < until && !self.is_over() {
             let heard = search.listening(setting);
-            if heard.count() >= MOST || !on && Search::has_enough(heard) {
+            if heard.count() >= MAX_BYTES || !on && Search::has_enough(heard) {
                 break;
             }
             let left = until.saturating_duration_since(Instant::now());

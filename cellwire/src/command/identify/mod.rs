@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
-use cellwire_identify::{Decided, Finding, Open, identify};
+use cellwire_identify::{DecidedBy, Finding, OpenSetting, identify};
 use cellwire_links::{LINKS, Link};
 
 use self::input::Conversation;
@@ -120,7 +120,7 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// Returns a remark with the name of the written file, and the number of its lines that are to be checked.
 fn written(file: &Path, finding: &Finding, text: &str, is_draft: bool) -> String {
-    let is_undecided = |option: &&Open| matches!(option.decided, Decided::Not { .. });
+    let is_undecided = |option: &&OpenSetting| matches!(option.decided, DecidedBy::Not { .. });
     let left = match is_draft {
         true => match text.lines().filter(|line| line.contains("# ?")).count() {
             0 => "no line has a ?".into(),

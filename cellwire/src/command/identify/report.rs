@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 
 use anyhow::Result;
-use cellwire_identify::unknown::{Check, Nearest, Number, Seen, look, nearest};
-use cellwire_identify::{Decided, Finding, Open, draft};
+use cellwire_identify::unknown::{Check, Nearest, Number, StreamStructure, look, nearest};
+use cellwire_identify::{DecidedBy, Finding, OpenSetting, draft};
 use cellwire_links::LINKS;
 use cellwire_links::kawasaki_msg::layout::Layout;
 use comfy_table::Table;
@@ -139,7 +139,7 @@ fn unknown(conversation: &Conversation, out: &mut impl Write) -> Result<()> {
 }
 
 /// Returns one line for each property that was found.
-fn lines(seen: &Seen) -> Vec<String> {
+fn lines(seen: &StreamStructure) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(byte) = seen.doubled {
         lines.push(format!("{byte:02X} is doubled outside of marks"));
@@ -259,11 +259,11 @@ fn finding_json(finding: &Finding) -> Value {
     })
 }
 
-fn option_json(Open { name, value, decided }: &Open) -> Value {
+fn option_json(OpenSetting { name, value, decided }: &OpenSetting) -> Value {
     match decided {
-        Decided::ByBytes => json!({"name": name, "value": value, "decided": "bytes"}),
-        Decided::ByValues => json!({"name": name, "value": value, "decided": "values"}),
-        Decided::Not { others, message } => {
+        DecidedBy::ByBytes => json!({"name": name, "value": value, "decided": "bytes"}),
+        DecidedBy::ByValues => json!({"name": name, "value": value, "decided": "values"}),
+        DecidedBy::Not { others, message } => {
             let values: Vec<&Value> = others.iter().map(|it| &it.value).collect();
             let fewer: Vec<u64> = others.iter().map(|it| it.fewer).collect();
             let [values, fewer] =
@@ -294,11 +294,11 @@ fn say(out: &mut impl Write, text: &str) -> io::Result<()> {
     write!(out, "{}", wrapped(text, terminal_columns().unwrap_or(usize::MAX), 2))
 }
 
-fn decided(option: &Open) -> String {
+fn decided(option: &OpenSetting) -> String {
     match &option.decided {
-        Decided::ByBytes => "the bytes".into(),
-        Decided::ByValues => "its values: others make no sense".into(),
-        Decided::Not { others, message } => {
+        DecidedBy::ByBytes => "the bytes".into(),
+        DecidedBy::ByValues => "its values: others make no sense".into(),
+        DecidedBy::Not { others, message } => {
             format!("nothing yet: {}; {}", or(others), would_decide(others, message.as_deref()))
         }
     }

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use anyhow::Result;
-use cellwire_identify::{Decided, Finding, Open, Other};
+use cellwire_identify::{DecidedBy, Finding, OpenSetting, OtherValue};
 use serde_json::{Map, Value};
 
 use super::input::Conversation;
@@ -38,7 +38,7 @@ fn options(finding: &Finding, mark: &str, given: &Map<String, Value>) -> Result<
     for (name, value) in finding.settings.iter().filter(|(name, _)| !given.contains_key(*name)) {
         let inner = format!("{name}.");
         for option in finding.options.iter().filter(|it| it.name == *name || it.name.starts_with(&inner)) {
-            let mark = if matches!(option.decided, Decided::Not { .. }) { mark } else { "#" };
+            let mark = if matches!(option.decided, DecidedBy::Not { .. }) { mark } else { "#" };
             remarks(&mut text, mark, option)?;
         }
         writeln!(text, "{name} = {}", toml_value(value).unwrap_or_default())?;
@@ -47,13 +47,17 @@ fn options(finding: &Finding, mark: &str, given: &Map<String, Value>) -> Result<
 }
 
 /// Adds a comment on an option that the bytes do not decide.
-pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }: &Open) -> Result<()> {
+pub(super) fn remarks(
+    text: &mut String,
+    mark: &str,
+    OpenSetting { name, decided, .. }: &OpenSetting,
+) -> Result<()> {
     match decided {
-        Decided::ByBytes => {}
-        Decided::ByValues => {
+        DecidedBy::ByBytes => {}
+        DecidedBy::ByValues => {
             writeln!(text, "{mark} {name}: other values give numbers or texts that make no sense")?
         }
-        Decided::Not { others, message } => {
+        DecidedBy::Not { others, message } => {
             writeln!(
                 text,
                 "{mark} {name} is undecided: {}; {}",
@@ -66,9 +70,9 @@ pub(super) fn remarks(text: &mut String, mark: &str, Open { name, decided, .. }:
 }
 
 /// Returns the other values, and the difference of each in explained bytes.
-pub(super) fn or(others: &[Other]) -> String {
+pub(super) fn or(others: &[OtherValue]) -> String {
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();
-    for Other { value, fewer, inexact } in others {
+    for OtherValue { value, fewer, inexact } in others {
         let explains = match (fewer, inexact) {
             (0, 0) => "explains the same".to_owned(),
             (0, _) => format!("explains the same, {} less exactly", counted(*inexact, "byte")),
@@ -87,7 +91,7 @@ pub(super) fn or(others: &[Other]) -> String {
 }
 
 /// Returns advice about the messages to capture.
-pub(super) fn would_decide(others: &[Other], message: Option<&str>) -> String {
+pub(super) fn would_decide(others: &[OtherValue], message: Option<&str>) -> String {
     // The capture has such messages, and too few of them to decide.
     let is_seen = !others.is_empty() && others.iter().all(|other| other.fewer > 0);
     match message {
@@ -109,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_message_that_the_capture_has_is_wanted_once_more() {
-        let other = |fewer| [Other { value: "ascii".into(), fewer, inexact: 0 }];
+        let other = |fewer| [OtherValue { value: "ascii".into(), fewer, inexact: 0 }];
         let letter = Some("a name with a letter beyond ASCII");
         assert_eq!(would_decide(&other(0), letter), "a name with a letter beyond ASCII would decide");
         assert_eq!(

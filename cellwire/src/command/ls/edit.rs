@@ -30,10 +30,10 @@ pub(super) struct Args {
     speed: Vec<SpeedChange>,
     /// Replace a register, input, output, label, position or frame everywhere: R[5]=R[105], UFRAME[1]=UFRAME[2]
     #[arg(long, value_name = "ITEM=ITEM", value_parser = replacement)]
-    replace: Vec<(Named, Named)>,
+    replace: Vec<(NamedItem, NamedItem)>,
     /// Set the name (comment) of a register, label or position: LBL[3]=retry; an empty name removes it
     #[arg(long, value_name = "ITEM=NAME", value_parser = naming)]
-    name: Vec<(Named, String)>,
+    name: Vec<(NamedItem, String)>,
     /// Shift positions, in mm, each in its own user frame
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     shift: Option<Vec<f64>>,
@@ -172,7 +172,7 @@ fn errors(document: &Document) -> Vec<Finding> {
     found
 }
 
-type Named = (ItemKind, u32);
+type NamedItem = (ItemKind, u32);
 
 /// The selected motions, and their new speed.
 #[derive(Debug, Clone)]
@@ -258,7 +258,7 @@ fn speed(text: &str) -> Result<Speed> {
     }
 }
 
-fn named(text: &str) -> Result<Named> {
+fn named(text: &str) -> Result<NamedItem> {
     match Operation::decode(&format!("R[1]={}", text.trim())) {
         Some(Operation::Assign(_, Expression::Item(item))) => match item.index {
             Index::Number(number) if item.element.is_none() => Ok((item.kind, number)),
@@ -268,7 +268,7 @@ fn named(text: &str) -> Result<Named> {
     }
 }
 
-fn replacement(text: &str) -> Result<(Named, Named)> {
+fn replacement(text: &str) -> Result<(NamedItem, NamedItem)> {
     let (from, to) = text.split_once('=').context("give ITEM=ITEM, such as R[5]=R[105]")?;
     let (from, to) = (named(from)?, named(to)?);
     let keeps = [ItemKind::Label, ItemKind::Position, ItemKind::UserFrame, ItemKind::UserTool];
@@ -277,7 +277,7 @@ fn replacement(text: &str) -> Result<(Named, Named)> {
     Ok((from, to))
 }
 
-fn naming(text: &str) -> Result<(Named, String)> {
+fn naming(text: &str) -> Result<(NamedItem, String)> {
     let (item, name) = text.split_once('=').context("give ITEM=NAME, such as LBL[3]=retry")?;
     Ok((named(item)?, name.trim().to_owned()))
 }

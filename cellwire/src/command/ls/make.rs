@@ -44,7 +44,7 @@ pub(super) struct Args {
     max: Option<f64>,
     /// --mode dynamic: the acceleration to use [default: either]
     #[arg(long, value_enum)]
-    by: Option<By>,
+    by: Option<Unit>,
     /// The resolution of speeds; the lowest speed is 1 mm/s
     #[arg(long, value_enum, default_value_t = SpeedArg::Whole)]
     speed: SpeedArg,
@@ -92,7 +92,7 @@ enum Mode {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum By {
+enum Unit {
     Translation,
     Rotation,
     /// Translation or rotation, whichever is closer to its maximum
@@ -170,10 +170,10 @@ impl Args {
             Mode::Dynamic => Sampling::Dynamic {
                 min: self.min.unwrap_or(0.05),
                 max: self.max.unwrap_or(0.5),
-                by: match self.by.unwrap_or(By::Either) {
-                    By::Translation => Acceleration::Translation,
-                    By::Rotation => Acceleration::Rotation,
-                    By::Either => Acceleration::Either,
+                by: match self.by.unwrap_or(Unit::Either) {
+                    Unit::Translation => Acceleration::Translation,
+                    Unit::Rotation => Acceleration::Rotation,
+                    Unit::Either => Acceleration::Either,
                 },
             },
         })

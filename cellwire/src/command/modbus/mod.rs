@@ -3,8 +3,8 @@
 mod poll;
 mod range;
 mod requests;
+mod retries;
 mod scan;
-mod seen;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -100,7 +100,7 @@ struct PortArgs {
 /// A server has refused a request.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct Refused(pub(super) String);
+pub struct RefusedRequest(pub(super) String);
 
 /// A request that is not a read has no reply: a server may have executed it.
 #[derive(Debug, thiserror::Error)]
@@ -131,7 +131,7 @@ pub(super) fn silent_unit(server: &str, unit: u8) -> String {
 /// Returns true when there was a usable reply to every request.
 ///
 /// # Errors
-/// When the server cannot be reached or is lost, the requests cannot be read, or the server has [refused](Refused) one.
+/// When the server cannot be reached or is lost, the requests cannot be read, or the server has [refused](RefusedRequest) one.
 pub fn run(args: &Args) -> Result<bool> {
     match &args.command {
         Command::Scan(args) => scan::scan(args),

@@ -7,10 +7,10 @@ use serde_json::{Map, Value, json};
 
 use super::range::{Range, values};
 use super::{PortArgs, silent_unit};
-use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, PortKind};
+use crate::devices::fanuc_hmi_modbus::client::{Client, Port, PortKind, RequestOutcome};
 use cellwire_io::backoff::Backoff;
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{log, remark};
@@ -40,7 +40,7 @@ pub(super) struct Args {
 }
 
 /// An interrupt is seen after this time at the latest.
-const TURN: Duration = Duration::from_millis(100);
+const INTERRUPT_CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::on_interrupt(Policy::Note)?;
@@ -49,10 +49,10 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
     // The time of --for begins with the first request.
     let end = Instant::now() + client.first_wait();
     while Instant::now() < end && !interrupt::requested() {
-        client.idle(end.saturating_duration_since(Instant::now()).min(TURN))?;
+        client.idle(end.saturating_duration_since(Instant::now()).min(INTERRUPT_CHECK_INTERVAL))?;
     }
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
-    let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
+    let mut watched: Vec<WatchedRange> = parts.map(|range| WatchedRange { range, shown: None }).collect();
     let (clock, every) = (Clock::start(), args.every);
     let (mut all, mut hinted) = (true, false);
     let mut next = clock.now();
@@ -78,7 +78,7 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
         // Missed polls are not made up for.
         next = (next + every).max(clock.now());
         while goes_on() && clock.now() < next {
-            let step = next.saturating_sub(clock.now()).min(TURN);
+            let step = next.saturating_sub(clock.now()).min(INTERRUPT_CHECK_INTERVAL);
             if let Err(error) = client.idle(step) {
                 all = false;
                 again(&mut client, error, &clock, goes_on)?;
@@ -91,7 +91,7 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
 /// Opens a client. A server over TCP that is off is waited for.
 ///
 /// # Errors
-/// [`Lost`] if it is off until the end; when a serial port cannot be opened, or the name of a server has no address.
+/// [`ConnectionLost`] if it is off until the end; when a serial port cannot be opened, or the name of a server has no address.
 fn open(port: &Port, duration: Option<Duration>) -> Result<Client> {
     let (clock, mut backoff, mut is_reported) = (Clock::start(), Backoff::default(), false);
     if let PortKind::Tcp { server, .. } = &port.kind {
@@ -109,7 +109,9 @@ fn open(port: &Port, duration: Option<Duration>) -> Result<Client> {
             (Err(error), PortKind::Tcp { .. }) if !core::mem::replace(&mut is_reported, true) => {
                 log(&event(&clock, json!({"event": "not_connected", "why": format!("{error:#}")})))?;
             }
-            (Err(error), PortKind::Tcp { .. }) if !goes_on() => return Err(Lost(format!("{error:#}")).into()),
+            (Err(error), PortKind::Tcp { .. }) if !goes_on() => {
+                return Err(ConnectionLost(format!("{error:#}")).into());
+            }
             _ => {}
         }
         backoff.wait(goes_on);
@@ -118,7 +120,7 @@ fn open(port: &Port, duration: Option<Duration>) -> Result<Client> {
 
 /// Reports that the connection is lost, and connects again.
 fn again(client: &mut Client, error: Error, clock: &Clock, goes_on: impl Fn() -> bool) -> Result<()> {
-    if !error.is::<Lost>() {
+    if !error.is::<ConnectionLost>() {
         return Err(error);
     }
     log(&event(clock, json!({"event": "disconnected", "why": error.to_string()})))?;
@@ -139,39 +141,39 @@ fn event(clock: &Clock, line: Value) -> Value {
 }
 
 /// The range of one request, and its values that were shown last.
-struct Watched {
+struct WatchedRange {
     range: Range,
     shown: Option<Result<Vec<Value>, String>>,
 }
 
 /// The reason why a range could not be read.
-struct Unread {
+struct ReadFailure {
     /// The reason, which is the same as long as nothing changes.
     why: String,
     /// The same, with the bytes that came in place of the reply.
     explained: String,
 }
 
-impl From<String> for Unread {
+impl From<String> for ReadFailure {
     fn from(why: String) -> Self {
         Self { explained: why.clone(), why }
     }
 }
 
-impl Watched {
-    fn read(&self, unit: u8, client: &mut Client) -> Result<Result<Vec<Value>, Unread>> {
+impl WatchedRange {
+    fn read(&self, unit: u8, client: &mut Client) -> Result<Result<Vec<Value>, ReadFailure>> {
         let Some(request) = self.range.request() else { return Ok(Err("too many".to_owned().into())) };
         Ok(match client.ask(unit, &request, values)? {
-            Answer::Replied(values) => values.map_err(Unread::from),
-            Answer::Failed(failure) => {
-                Err(Unread { why: failure.to_string(), explained: client.explain(failure) })
+            RequestOutcome::Replied(values) => values.map_err(ReadFailure::from),
+            RequestOutcome::Failed(failure) => {
+                Err(ReadFailure { why: failure.to_string(), explained: client.explain(failure) })
             }
-            Answer::Announced => Err("unit 0 is a broadcast, without a reply".to_owned().into()),
+            RequestOutcome::Announced => Err("unit 0 is a broadcast, without a reply".to_owned().into()),
         })
     }
 
     /// Returns the lines that show the changes.
-    fn changes(&mut self, answer: Result<Vec<Value>, Unread>) -> Vec<Value> {
+    fn changes(&mut self, answer: Result<Vec<Value>, ReadFailure>) -> Vec<Value> {
         let name = self.range.name();
         let place = |more: Value| {
             let mut line = Map::from_iter([("table".into(), json!(name))]);

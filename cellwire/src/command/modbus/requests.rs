@@ -7,9 +7,9 @@ use anyhow::{Context, Result, anyhow};
 use fanuc_hmi_modbus::{Failure, Frame, PduBuf, Reply, Request, Side};
 use serde_json::{Value, json};
 
-use super::{Refused, Unknown, silent_unit};
-use crate::devices::fanuc_hmi_modbus::client::{Answer, Client, Port, changes_nothing};
-use cellwire_io::drive::Lost;
+use super::{RefusedRequest, Unknown, silent_unit};
+use crate::devices::fanuc_hmi_modbus::client::{Client, Port, RequestOutcome, changes_nothing};
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::input;
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{log, remark};
@@ -39,7 +39,7 @@ pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> 
         }
         // Each request has its line, even when the connection is lost.
         let mut answer = match ask(&mut client, &frame) {
-            Err(error) if error.is::<Lost>() => {
+            Err(error) if error.is::<ConnectionLost>() => {
                 lost = Some(error.context(format!("line {number}")));
                 let failure = client.lost();
                 failed(&frame, failure, &failure.to_string())
@@ -49,7 +49,7 @@ pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> 
         refused += u64::from(answer.get("exception").is_some());
         if confirm && answer.get("exception").is_none() && answer.get("failed").is_none() {
             match self::confirm(&mut client, &frame, &mut answer) {
-                Err(error) if error.is::<Lost>() => {
+                Err(error) if error.is::<ConnectionLost>() => {
                     put(&mut answer, json!(client.lost().to_string()));
                     lost = Some(error.context(format!("line {number}")));
                 }
@@ -76,7 +76,7 @@ pub(super) fn run(port: &Port, unit: u8, file: Option<&Path>, confirm: bool) -> 
         return Err(lost);
     }
     if refused > 0 && all {
-        return Err(Refused(format!("{} refused: see \"exception\"", requests(refused))).into());
+        return Err(RefusedRequest(format!("{} refused: see \"exception\"", requests(refused))).into());
     }
     Ok(all)
 }
@@ -97,9 +97,9 @@ fn request(text: &str, unit: u8) -> Result<Frame<PduBuf>> {
 /// Sends one request; returns the answer as the object to print.
 fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
     Ok(match client.ask(frame.unit, &frame.pdu.request()?, |reply| object(reply))? {
-        Answer::Replied(reply) => reply,
-        Answer::Announced => json!({"broadcast": true}),
-        Answer::Failed(failure) => failed(frame, failure, &client.explain(failure)),
+        RequestOutcome::Replied(reply) => reply,
+        RequestOutcome::Announced => json!({"broadcast": true}),
+        RequestOutcome::Failed(failure) => failed(frame, failure, &client.explain(failure)),
     })
 }
 
@@ -121,10 +121,10 @@ fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Re
         return Ok(true);
     }
     let found = match client.ask(frame.unit, &read, |reply| differs(&request, &reply.pdu))? {
-        Answer::Replied(None) => json!(true),
-        Answer::Replied(Some(found)) => found,
-        Answer::Announced => json!(false),
-        Answer::Failed(failure) => json!(client.explain(failure)),
+        RequestOutcome::Replied(None) => json!(true),
+        RequestOutcome::Replied(Some(found)) => found,
+        RequestOutcome::Announced => json!(false),
+        RequestOutcome::Failed(failure) => json!(client.explain(failure)),
     };
     Ok(put(answer, found))
 }

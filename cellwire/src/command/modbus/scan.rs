@@ -10,14 +10,14 @@ use serde_json::json;
 
 use super::PortArgs;
 use super::range::{Range, TABLES};
-use super::seen::Seen;
-use crate::devices::fanuc_hmi_modbus::client::{Answer, Client};
-use cellwire_io::drive::Lost;
+use super::retries::RetryStatistics;
+use crate::devices::fanuc_hmi_modbus::client::{Client, RequestOutcome};
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::interrupt::{self, Policy};
 use cellwire_io::output::{self, log, remark};
 
 /// The number of times that a request is made whose connection is lost.
-const TRIES: usize = 2;
+const MAX_ATTEMPTS: usize = 2;
 /// A server that cannot be connected to for this long ends the scan.
 const GIVEN_UP: Duration = Duration::from_secs(20);
 
@@ -58,7 +58,7 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
         config.settle = config.settle.min(config.timeout);
     })?;
     let mut client = super::open(&port)?;
-    let mut seen = Seen::new();
+    let mut seen = RetryStatistics::new();
     let found = if args.ranges {
         ranges(args, unit, &mut client, &mut seen)
     } else {
@@ -72,7 +72,7 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
     Ok(found > 0)
 }
 
-fn units_of(args: &Args, client: &mut Client, seen: &mut Seen) -> Result<u64> {
+fn units_of(args: &Args, client: &mut Client, seen: &mut RetryStatistics) -> Result<u64> {
     let progress = progress(args.units.clone().count() as u64);
     let mut found = 0;
     for unit in args.units.clone() {
@@ -88,13 +88,13 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut Seen) -> Result<u64> {
         let request = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
         let Some(answer) = seen.ask(client, |client| ask(client, unit, &request))? else { break };
         let reply = match answer {
-            Answer::Replied(Ok(())) => "has holding register 0".into(),
-            Answer::Replied(Err(
+            RequestOutcome::Replied(Ok(())) => "has holding register 0".into(),
+            RequestOutcome::Replied(Err(
                 Exception::GatewayPathUnavailable | Exception::GatewayTargetFailedToRespond,
             )) => continue,
-            Answer::Replied(Err(exception)) => exception.to_string(),
-            Answer::Failed(failure) if is_malformed(failure) => failure.to_string(),
-            Answer::Failed(_) | Answer::Announced => continue,
+            RequestOutcome::Replied(Err(exception)) => exception.to_string(),
+            RequestOutcome::Failed(failure) if is_malformed(failure) => failure.to_string(),
+            RequestOutcome::Failed(_) | RequestOutcome::Announced => continue,
         };
         found += 1;
         log(&json!({"unit": unit, "reply": reply}))?;
@@ -104,7 +104,7 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut Seen) -> Result<u64> {
 }
 
 /// The result of a request for a run of addresses.
-enum Tried {
+enum ScanResult {
     Read,
     /// Smaller runs may be read.
     Refused,
@@ -114,7 +114,7 @@ enum Tried {
     Nothing(String),
 }
 
-fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut Seen) -> Result<u64> {
+fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut RetryStatistics) -> Result<u64> {
     anyhow::ensure!(args.from <= args.to, "--from is after --to");
     let mut found = 0;
     for (table, name) in TABLES {
@@ -130,24 +130,24 @@ fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut Seen) -> Result
                 break;
             }
             let tried = try_read(unit, client, seen, part)?;
-            if let Tried::Malformed(reason) = &tried
+            if let ScanResult::Malformed(reason) = &tried
                 && !core::mem::replace(&mut malformed, true)
             {
                 let place = format!("{name}:{}-{}", part.first, part.last);
                 remark(&format!("{place} counts as refused: {reason}"));
             }
             match tried {
-                Tried::Read => {
+                ScanResult::Read => {
                     open = Some(open.map_or(part, |open: Range| Range { last: part.last, ..open }));
                 }
-                Tried::Refused | Tried::Malformed(_) if part.count() > 1 => {
+                ScanResult::Refused | ScanResult::Malformed(_) if part.count() > 1 => {
                     let half = u16::try_from(part.count().div_ceil(2)).unwrap_or(u16::MAX);
                     let halves: Vec<Range> = part.parts(half).collect();
                     parts.extend(halves.into_iter().rev());
                     continue;
                 }
-                Tried::Refused | Tried::Malformed(_) => runs.extend(open.take()),
-                Tried::Nothing(reason) => {
+                ScanResult::Refused | ScanResult::Malformed(_) => runs.extend(open.take()),
+                ScanResult::Nothing(reason) => {
                     why = Some(reason);
                     break;
                 }
@@ -168,18 +168,22 @@ fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut Seen) -> Result
     Ok(found)
 }
 
-fn try_read(unit: u8, client: &mut Client, seen: &mut Seen, part: Range) -> Result<Tried> {
-    let Some(request) = part.request() else { return Ok(Tried::Refused) };
+fn try_read(unit: u8, client: &mut Client, seen: &mut RetryStatistics, part: Range) -> Result<ScanResult> {
+    let Some(request) = part.request() else { return Ok(ScanResult::Refused) };
     let Some(answer) = seen.ask(client, |client| ask(client, unit, &request))? else {
-        return Ok(Tried::Nothing("the scan was interrupted".into()));
+        return Ok(ScanResult::Nothing("the scan was interrupted".into()));
     };
     Ok(match answer {
-        Answer::Replied(Ok(())) => Tried::Read,
-        Answer::Replied(Err(exception @ Exception::IllegalFunction)) => Tried::Nothing(exception.to_string()),
-        Answer::Replied(Err(_)) => Tried::Refused,
-        Answer::Failed(failure) if is_malformed(failure) => Tried::Malformed(failure.to_string()),
-        Answer::Failed(failure) => Tried::Nothing(client.explain(failure)),
-        Answer::Announced => Tried::Nothing("unit 0 is a broadcast, without a reply".into()),
+        RequestOutcome::Replied(Ok(())) => ScanResult::Read,
+        RequestOutcome::Replied(Err(exception @ Exception::IllegalFunction)) => {
+            ScanResult::Nothing(exception.to_string())
+        }
+        RequestOutcome::Replied(Err(_)) => ScanResult::Refused,
+        RequestOutcome::Failed(failure) if is_malformed(failure) => {
+            ScanResult::Malformed(failure.to_string())
+        }
+        RequestOutcome::Failed(failure) => ScanResult::Nothing(client.explain(failure)),
+        RequestOutcome::Announced => ScanResult::Nothing("unit 0 is a broadcast, without a reply".into()),
     })
 }
 
@@ -189,7 +193,7 @@ fn ask(
     client: &mut Client,
     unit: u8,
     request: &Request<'_>,
-) -> Result<Option<Answer<Result<(), Exception>>>> {
+) -> Result<Option<RequestOutcome<Result<(), Exception>>>> {
     let once = |client: &mut Client| {
         client.ask(unit, request, |reply| match reply.pdu {
             Reply::Exception { exception, .. } => Err(exception),
@@ -197,9 +201,9 @@ fn ask(
         })
     };
     let mut failure = None;
-    for _ in 0..TRIES {
+    for _ in 0..MAX_ATTEMPTS {
         match once(client) {
-            Err(error) if error.is::<Lost>() => {
+            Err(error) if error.is::<ConnectionLost>() => {
                 failure = Some(client.lost());
                 let end = Instant::now() + GIVEN_UP;
                 let goes_on = || !interrupt::requested() && Instant::now() < end;
@@ -210,7 +214,7 @@ fn ask(
             answer => return answer.map(Some),
         }
     }
-    Ok(failure.map(Answer::Failed))
+    Ok(failure.map(RequestOutcome::Failed))
 }
 
 /// Returns whether the unit has answered with a reply that cannot be used.

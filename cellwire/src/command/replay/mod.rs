@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 use clap::ValueEnum;
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
 use self::script::{Part, Reader, Script};
 use self::transport::TransportArgs;
@@ -168,7 +168,7 @@ fn commands(link: &str, side: &str) -> Option<IsCommand> {
 /// Sends all of it, also through a port that has not room for all at once.
 fn send(transport: &mut dyn Transport, bytes: &[u8]) -> io::Result<()> {
     let mut left = bytes;
-    while let Sent::Part(length) = transport.send(left)? {
+    while let SendOutcome::Part(length) = transport.send(left)? {
         left = left.get(length..).unwrap_or_default();
         transport.wait_for_room(Wait::default())?;
     }
@@ -263,7 +263,7 @@ impl Play {
         {
             self.is_closed = !matches!(
                 transport.receive(&mut [0; 4096], Wait::limited(left)),
-                Ok(Received::Bytes(_) | Received::Nothing)
+                Ok(ReceiveOutcome::Bytes(_) | ReceiveOutcome::Nothing)
             );
         }
     }
@@ -271,8 +271,8 @@ impl Play {
     fn read(&mut self, transport: &mut dyn Transport, limit: Duration) -> Result<()> {
         let mut buffer = [0; 4096];
         let length = match transport.receive(&mut buffer, Wait::limited(limit)) {
-            Ok(Received::Bytes(length)) => length,
-            Ok(Received::Nothing) => return Ok(()),
+            Ok(ReceiveOutcome::Bytes(length)) => length,
+            Ok(ReceiveOutcome::Nothing) => return Ok(()),
             Ok(_) | Err(_) => {
                 self.is_closed = true;
                 return Ok(());

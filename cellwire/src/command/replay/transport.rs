@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use robot_session::{Received, Sent, Serial, Transport, Wait, discard_unacknowledged};
+use robot_session::{ReceiveOutcome, SendOutcome, Serial, Transport, Wait, discard_unacknowledged};
 
 use cellwire_io::output::ready;
 use cellwire_io::serial::{self, Mode, PtyLink, baud_rate};
@@ -107,7 +107,7 @@ impl Terminal {
 }
 
 impl Transport for Terminal {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         if self.first.is_empty() {
             return self.port.receive(buffer, wait);
         }
@@ -115,10 +115,10 @@ impl Transport for Terminal {
         for (to, from) in buffer.iter_mut().zip(self.first.drain(..length)) {
             *to = from;
         }
-        Ok(Received::Bytes(length))
+        Ok(ReceiveOutcome::Bytes(length))
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.port.send(bytes)
     }
 }

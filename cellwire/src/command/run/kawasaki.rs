@@ -8,14 +8,14 @@ use anyhow::{Result, ensure};
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use super::work::{self, RunInput, WorkArgs, ended, say_resumed};
 use crate::command::settings::connect_settings;
 use crate::devices::device::Endpoint;
-use crate::devices::kawasaki_msg::meeting::Meeting;
+use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
 use crate::devices::kawasaki_msg::simulate::pc_config;
 use crate::io::journal::Tally;
 use crate::run::Console;
-use crate::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
+use crate::run::kawasaki::{Jobs, Journal, RunEnd, Runner, Settings};
 use cellwire_io::bell::Bell;
 use cellwire_io::input::{self, time};
 use cellwire_io::output::{log, ready, stdout};
@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     let jobs = Jobs::read(file, &settings, args.allow.is_some())?;
     let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
     let (what, lines, unit) = ("file of jobs", jobs.lines.clone(), jobs.unit);
-    let work = Work { robot: "kawasaki", file, what, fingerprint, parts, lines, unit };
+    let work = RunInput { robot: "kawasaki", file, what, fingerprint, parts, lines, unit };
     let earlier: Option<Journal> = args.work.look(&work);
     if let Some(picture) = &args.work.picture {
         let outcomes = earlier.as_ref().map(Journal::outcomes).unwrap_or_default();
@@ -126,15 +126,15 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     };
     let ran = args.work.run(work, run)?;
     let why = match ran.ended {
-        Ended::Complete => "complete",
-        Ended::Stopped => "stopped",
-        Ended::Refused { .. } => "refused",
+        RunEnd::Complete => "complete",
+        RunEnd::Stopped => "stopped",
+        RunEnd::Refused { .. } => "refused",
     };
     let mut line = ended(&ran.journal, why, &machine(&ran.journal.tally()));
-    if let (Ended::Refused { active }, Some(fields)) = (&ran.ended, line.as_object_mut()) {
+    if let (RunEnd::Refused { active }, Some(fields)) = (&ran.ended, line.as_object_mut()) {
         fields.insert("active_order".into(), json!(active));
     }
-    Ok(ran.say(&line)? == Ended::Complete)
+    Ok(ran.say(&line)? == RunEnd::Complete)
 }
 
 fn serve(
@@ -144,7 +144,7 @@ fn serve(
     jobs: &Jobs,
     journal: &mut Journal,
     progress: &ProgressBar,
-) -> Result<Ended> {
+) -> Result<RunEnd> {
     let typed = work::operator(Bell::default())?;
     let endpoint = match (&args.listen, &args.connect_to) {
         (Some(address), _) => Endpoint::Listen(address.clone()),
@@ -152,7 +152,7 @@ fn serve(
     };
     let dialing = args.work.set.dialing(None, args.work.connect)?;
     let (mut meeting, kind, place) =
-        Meeting::of_pc(&endpoint, config.datagrams, config.dialect, dialing, &args.tls)?;
+        PeerEndpoint::of_pc(&endpoint, config.datagrams, config.dialect, dialing, &args.tls)?;
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");

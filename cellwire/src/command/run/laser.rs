@@ -7,11 +7,11 @@ use clap::ValueEnum;
 use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use super::work::{self, RunInput, WorkArgs, ended, say_resumed};
 use crate::command::settings::connect_settings;
 use crate::io::journal::{Outcome, Tally};
 use crate::run::Console;
-use crate::run::laser::{Coordinate, Ended, Journal, Program, Runner, Settings};
+use crate::run::laser::{Coordinate, Journal, Program, RunEnd, Runner, Settings};
 use cellwire_io::bell::Bell;
 use cellwire_io::output::{log, ready, remark};
 use cellwire_io::port::AnyPort;
@@ -100,7 +100,7 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
     let lines = program.instructions.iter().map(|instruction| instruction.line).collect();
     let (file, unit) = (&args.file, program.unit);
-    let work = Work { robot: "laser", file, what: "program", fingerprint, parts, lines, unit };
+    let work = RunInput { robot: "laser", file, what: "program", fingerprint, parts, lines, unit };
     let earlier: Option<Journal> = args.work.look(&work);
     if let Some(file) = &args.work.picture {
         let outcomes = earlier.as_ref().map(Journal::outcomes).unwrap_or_default();
@@ -123,12 +123,12 @@ pub(super) fn run(args: &Args) -> Result<bool> {
         |journal: &mut Journal, progress: &ProgressBar| execute(args, &program, journal, progress, host);
     let ran = args.work.run(work, run)?;
     let why = match ran.ended.0 {
-        Ended::Complete => "complete",
-        Ended::Stopped => "stopped",
-        Ended::Refused => "refused",
+        RunEnd::Complete => "complete",
+        RunEnd::Stopped => "stopped",
+        RunEnd::Refused => "refused",
     };
     let line = ended(&ran.journal, why, &machine(ran.ended.1, &ran.journal.tally()));
-    Ok(ran.say(&line)?.0 == Ended::Complete)
+    Ok(ran.say(&line)?.0 == RunEnd::Complete)
 }
 
 /// Runs the program; returns how the run has ended, and the number of instructions that were done before it.
@@ -138,7 +138,7 @@ fn execute(
     journal: &mut Journal,
     progress: &ProgressBar,
     host: laser_eb90::HostConfig,
-) -> Result<(Ended, usize)> {
+) -> Result<(RunEnd, usize)> {
     let typed = work::operator(Bell::default())?;
     say_resumed(journal)?;
     let before = journal.count(Outcome::Done);
@@ -151,7 +151,7 @@ fn execute(
     ready("laser", "serial", place)?;
     let mut runner = Runner::new(program, journal, host, console);
     if !runner.settle_earlier(args.work.unknown)? {
-        return Ok((Ended::Stopped, before));
+        return Ok((RunEnd::Stopped, before));
     }
     Ok((runner.run(port)?, before))
 }

@@ -7,10 +7,12 @@ use indicatif::ProgressBar;
 use mmacell_task::Step;
 use serde_json::json;
 
-use super::work::{self, Work, WorkArgs, ended, say_resumed};
+use super::work::{self, RunInput, WorkArgs, ended, say_resumed};
 use crate::command::settings::connect_settings;
 use crate::run::Console;
-use crate::run::mma::{Addresses, Ended, Journal, Line, Part, Periphery, Rest, Runner, Settings, Simulated};
+use crate::run::mma::{
+    Addresses, FinalState, Journal, Line, Part, Periphery, RunEnd, Runner, Settings, SimulatedPeriphery,
+};
 use cellwire_io::bell::Bell;
 use cellwire_io::input;
 use cellwire_io::output::{announce, log};
@@ -90,7 +92,8 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     let settings = settings::read("the task", Settings::default(), &given)?;
     let parts = settings.count(args.periphery.is_none())?;
     let (fingerprint, lines) = (settings.fingerprint(), lines(&input::text(&args.file)?));
-    let work = Work { robot: "mma", file: &args.file, what: "task", fingerprint, parts, lines, unit: "line" };
+    let work =
+        RunInput { robot: "mma", file: &args.file, what: "task", fingerprint, parts, lines, unit: "line" };
     let earlier: Option<Journal> = args.work.look(&work);
     if let Some(file) = &args.work.picture {
         settings.draw(file, &earlier.as_ref().map(Journal::outcomes).unwrap_or_default())?;
@@ -102,11 +105,11 @@ pub(super) fn run(args: &Args) -> Result<bool> {
     }
     let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);
     let ran = args.work.run(work, run)?;
-    let is_complete = ran.ended == Ended::Complete;
+    let is_complete = ran.ended == RunEnd::Complete;
     let machine = match ran.ended {
-        Ended::Complete | Ended::Stopped(Rest::AtRest) => "at rest",
-        Ended::Stopped(Rest::MayMove) => MAY_MOVE,
-        Ended::Stopped(Rest::NotAsked) => "the devices were not asked",
+        RunEnd::Complete | RunEnd::Stopped(FinalState::AtRest) => "at rest",
+        RunEnd::Stopped(FinalState::MayMove) => MAY_MOVE,
+        RunEnd::Stopped(FinalState::NotAsked) => "the devices were not asked",
     };
     let line = ended(&ran.journal, if is_complete { "complete" } else { "stopped" }, machine);
     ran.say(&line)?;
@@ -153,7 +156,12 @@ fn dry_run(args: &Args, settings: &Settings, parts: usize, lines: &[u64]) -> Res
     Ok(())
 }
 
-fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &ProgressBar) -> Result<Ended> {
+fn execute(
+    args: &Args,
+    settings: &Settings,
+    journal: &mut Journal,
+    progress: &ProgressBar,
+) -> Result<RunEnd> {
     let bell = Bell::default();
     let typed = work::operator(bell.clone())?;
     say_resumed(journal)?;
@@ -162,7 +170,7 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     let console = Console::new(typed, notify, progress);
     let mut runner = Runner::new(journal, console, bell.clone());
     if !runner.settle_begun(args.work.unknown)? {
-        return Ok(Ended::Stopped(Rest::NotAsked));
+        return Ok(RunEnd::Stopped(FinalState::NotAsked));
     }
     let dialing = args.work.set.dialing(Some(&args.file), args.work.connect)?;
     let address = |given: &Option<String>| given.clone().unwrap_or_default();
@@ -170,7 +178,7 @@ fn execute(args: &Args, settings: &Settings, journal: &mut Journal, progress: &P
     let addresses = Addresses { robot, platform, dialing, tls };
     let mut periphery: Box<dyn Periphery> = match &args.periphery {
         Some(address) => Box::new(Line::open(address, dialing, addresses.tls.as_ref(), bell)?),
-        None => Box::new(Simulated::new(settings.part.clone(), settings.vacuum)),
+        None => Box::new(SimulatedPeriphery::new(settings.part.clone(), settings.vacuum)),
     };
     announce(&json!({"ready": "mma", "robot": addresses.robot, "platform": addresses.platform}))?;
     runner.run(settings, &addresses, &mut *periphery)

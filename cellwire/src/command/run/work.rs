@@ -9,11 +9,11 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Map, Value, json};
 
 use crate::command::settings::SetArgs;
-use crate::io::journal::{self, Head, Journal, Outcome, Record, Tally, Unwritten};
-use crate::run::{Answer, END_WITHIN, STOP_WITHIN};
+use crate::io::journal::{self, Head, Journal, JournalWriteError, Outcome, Record, Tally};
+use crate::run::{END_WITHIN, ResumeChoice, STOP_WITHIN};
 use cellwire_io::bell::Bell;
-use cellwire_io::drive::Lost;
-use cellwire_io::input::{self, Typed};
+use cellwire_io::drive::ConnectionLost;
+use cellwire_io::input::{self, OperatorInput};
 use cellwire_io::output::{self, EventArgs, log, remark};
 use cellwire_io::tcp::TimeoutArgs;
 use cellwire_io::{files, interrupt};
@@ -38,7 +38,7 @@ pub(super) struct WorkArgs {
     /// The answer for what an earlier run has left unknown, without a question: done, repeat, or the number of the last that
     /// is done; check the machine first
     #[arg(long, value_name = "ANSWER", conflicts_with = "again")]
-    pub(super) unknown: Option<Answer>,
+    pub(super) unknown: Option<ResumeChoice>,
     #[command(flatten)]
     pub(super) connect: TimeoutArgs,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub(super) struct WorkArgs {
 }
 
 /// A piece of work in a file.
-pub(super) struct Work<'a> {
+pub(super) struct RunInput<'a> {
     /// The name of the robot in the command.
     pub(super) robot: &'a str,
     /// The file.
@@ -65,10 +65,11 @@ pub(super) struct Work<'a> {
     pub(super) unit: &'a str,
 }
 
-const NO_TABLE: files::Unwritten = files::Unwritten(Cow::Borrowed("the outcomes are in the journal alone"));
+const NO_TABLE: files::FileWriteError =
+    files::FileWriteError(Cow::Borrowed("the outcomes are in the journal alone"));
 
 /// A run that has ended.
-pub(super) struct Ran<R, T> {
+pub(super) struct FinishedRun<R, T> {
     /// The way in which it ended.
     pub(super) ended: T,
     /// The journal of the run.
@@ -77,7 +78,7 @@ pub(super) struct Ran<R, T> {
     table: Result<()>,
 }
 
-impl Work<'_> {
+impl RunInput<'_> {
     /// Returns the head of the journal.
     fn head(&self) -> Head {
         Head { robot: self.robot.into(), work: self.fingerprint.clone(), parts: self.parts }
@@ -86,12 +87,12 @@ impl Work<'_> {
 
 impl WorkArgs {
     /// Returns the file of the journal.
-    fn path(&self, work: &Work<'_>) -> PathBuf {
+    fn path(&self, work: &RunInput<'_>) -> PathBuf {
         self.journal.clone().unwrap_or_else(|| journal::beside(work.file))
     }
 
     /// Returns the journal for a dry run. `None` without one, and with --again; one that cannot be used is reported.
-    pub(super) fn look<R: Record>(&self, work: &Work<'_>) -> Option<Journal<R>> {
+    pub(super) fn look<R: Record>(&self, work: &RunInput<'_>) -> Option<Journal<R>> {
         if !self.dry_run || self.again {
             return None;
         }
@@ -105,7 +106,7 @@ impl WorkArgs {
     ///
     /// # Errors
     /// When `--unknown` does not answer what is unknown, or the output cannot be written.
-    pub(super) fn tell<R: Record>(&self, work: &Work<'_>, journal: Option<&Journal<R>>) -> Result<()> {
+    pub(super) fn tell<R: Record>(&self, work: &RunInput<'_>, journal: Option<&Journal<R>>) -> Result<()> {
         let Some(journal) = journal else {
             let is_asked = self.outcomes.is_some() || self.unknown.is_some();
             ensure!(!is_asked, "--outcomes and --unknown are about a journal, and there is none");
@@ -120,7 +121,7 @@ impl WorkArgs {
 
     /// Checks that the number of `--unknown` is an answer to the question about the unknown parts.
     fn check_answer<R: Record>(&self, journal: &Journal<R>) -> Result<()> {
-        let Some(Answer::Last(last)) = self.unknown else { return Ok(()) };
+        let Some(ResumeChoice::Last(last)) = self.unknown else { return Ok(()) };
         match journal.unknown() {
             Some((first, count)) => ensure!(
                 (first..=first + count).contains(&last),
@@ -140,9 +141,9 @@ impl WorkArgs {
     /// When all are done, or the journal is not this work's; those of `run`.
     pub(super) fn run<R: Record, T>(
         &self,
-        work: Work<'_>,
+        work: RunInput<'_>,
         run: impl FnOnce(&mut Journal<R>, &ProgressBar) -> Result<T>,
-    ) -> Result<Ran<R, T>> {
+    ) -> Result<FinishedRun<R, T>> {
         let mut journal = Journal::open(&self.path(&work), work.what, work.head(), self.again)?;
         self.check_answer(&journal)?;
         let ended = self.go_on(work.what, work.parts, &mut journal, run);
@@ -151,7 +152,7 @@ impl WorkArgs {
             None => Ok(()),
         };
         match (ended, table) {
-            (Ok(ended), table) => Ok(Ran { ended, journal, table }),
+            (Ok(ended), table) => Ok(FinishedRun { ended, journal, table }),
             (Err(error), table) => {
                 table.unwrap_or_else(|error| remark(&format!("warning: {error:#}")));
                 Err(error)
@@ -198,10 +199,10 @@ impl WorkArgs {
         ended.map_err(|error| {
             let (tally, path) = (journal.tally(), journal.path().display());
             match error.downcast_ref() {
-                Some(Lost(why)) => {
-                    Lost(format!("{why}; {tally}: the same command continues from {path}")).into()
+                Some(ConnectionLost(why)) => {
+                    ConnectionLost(format!("{why}; {tally}: the same command continues from {path}")).into()
                 }
-                None if error.is::<Unwritten>() => error.context(format!(
+                None if error.is::<JournalWriteError>() => error.context(format!(
                     "the run has ended with {tally}: when the cause is removed, the same command continues"
                 )),
                 None => error,
@@ -210,7 +211,7 @@ impl WorkArgs {
     }
 }
 
-impl<R, T> Ran<R, T> {
+impl<R, T> FinishedRun<R, T> {
     /// Prints the last line, on standard error if standard output does not accept it.
     ///
     /// # Errors
@@ -219,7 +220,7 @@ impl<R, T> Ran<R, T> {
         log(line).map_err(|error| {
             remark(&line.to_string());
             // A run that stops because its output is not read is not done.
-            if output::is_closed(&error) { output::Unwritten.into() } else { error }
+            if output::is_closed(&error) { output::OutputFailed.into() } else { error }
         })?;
         self.table?;
         Ok(self.ended)
@@ -227,7 +228,7 @@ impl<R, T> Ran<R, T> {
 }
 
 /// Writes `number,line,outcome` of each part; for a drawing, `outline` replaces `line`.
-fn table<R: Record>(Work { lines, unit, .. }: &Work<'_>, journal: &Journal<R>) -> String {
+fn table<R: Record>(RunInput { lines, unit, .. }: &RunInput<'_>, journal: &Journal<R>) -> String {
     let mut text = format!("number,{unit},outcome\n");
     for (number, outcome) in journal.outcomes().iter().enumerate() {
         let line = lines.get(number).map(u64::to_string).unwrap_or_default();
@@ -252,7 +253,7 @@ pub(super) fn ended<R: Record>(journal: &Journal<R>, why: &str, machine: &str) -
 
 /// Returns the lines and the signals of an operator: the first signal is a stop; the second one prints `account` and ends
 /// the program.
-pub(super) fn operator(bell: Bell) -> Result<Receiver<Option<Typed>>> {
+pub(super) fn operator(bell: Bell) -> Result<Receiver<Option<OperatorInput>>> {
     // A run that waits for its machine ends by itself before that.
     input::operator(bell, STOP_WITHIN + 2 * END_WITHIN)
 }
@@ -267,7 +268,7 @@ pub(super) fn say_resumed<R: Record>(journal: &Journal<R>) -> Result<()> {
 
 /// Returns the line of a dry run about its journal: the number of parts for each outcome, their numbers, and the next action
 /// of a run.
-fn standing<R: Record>(work: &Work<'_>, journal: &Journal<R>, answer: Option<Answer>) -> Value {
+fn standing<R: Record>(work: &RunInput<'_>, journal: &Journal<R>, answer: Option<ResumeChoice>) -> Value {
     let (count, outcomes) = (|outcome| journal.count(outcome), journal.outcomes());
     let mut first = 0;
     let mut spans = Vec::new();

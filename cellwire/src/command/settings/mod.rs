@@ -15,7 +15,7 @@ use cellwire_io::output::remark;
 use cellwire_io::tcp::{Dialing, MAX_PAUSE, TimeoutArgs};
 use cellwire_links::LINKS;
 use cellwire_links::fanuc_hmi_modbus::{ClientSettings, ViewSettings, client_settings};
-use cellwire_links::settings::{self, Configure, Fields, Refused, Setting};
+use cellwire_links::settings::{self, Configure, FieldVisitor, RefusedSetting, Setting};
 
 pub(super) use self::list::toml_value;
 pub use self::list::{Args, named, run};
@@ -112,7 +112,11 @@ impl SetArgs {
         }
         let known = client_known(&client_settings(), uses);
         if let Some(name) = given.keys().find(|name| !known.contains(name)) {
-            return Err(Refused { text: settings::no_setting(what, name, &known), name: name.clone() }.into());
+            return Err(RefusedSetting {
+                text: settings::no_setting(what, name, &known),
+                name: name.clone(),
+            }
+            .into());
         }
         let (has_order, frames_given) = (shown.contains_key("word_order"), shown.contains_key("framing"));
         let view = settings::read(what, ViewSettings::default(), &shown)?;
@@ -129,7 +133,7 @@ impl SetArgs {
         if let Some(name) = client.given.keys().find(|name| !known.contains(name)) {
             let (what, known) = (client.what, known.join(", "));
             let text = format!("{what} has no setting `{name}` on this kind of connection: it has {known}");
-            return Err(Refused { name: name.clone(), text }.into());
+            return Err(RefusedSetting { name: name.clone(), text }.into());
         }
         settings::read(client.what, ClientSettings(config), &client.given)?;
         Ok(())
@@ -157,7 +161,7 @@ static ORIGIN: Mutex<Origin> = Mutex::new(Origin { files: Vec::new(), set: Vec::
 /// Returns the error of a command; if a setting is rejected, with its line of the file, and if it is unknown, with the
 /// command that lists all settings.
 pub fn located(error: anyhow::Error) -> anyhow::Error {
-    let Some(Refused { name, .. }) = error.downcast_ref() else { return error };
+    let Some(RefusedSetting { name, .. }) = error.downcast_ref() else { return error };
     let lists = match list::settings_of_command_line() {
         Some((command, known)) => {
             let is_within =
@@ -227,7 +231,7 @@ struct ConnectSettings {
 }
 
 impl Configure for ConnectSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { pause } = self;
         let about =
             "the pause between each new connection, or the opened serial port, and the first byte sent";

@@ -9,7 +9,7 @@ use crate::io::capture::{is_dump, is_socat, unreadable};
 use cellwire_io::trace::{parse_line, parse_name};
 
 /// The maximum number of bytes by which the format is decided.
-const MOST: usize = 4096;
+const MAX_PROBE_LEN: usize = 4096;
 
 /// The first bytes of pcap, in microseconds and in nanoseconds, in both byte orders, with Kuznetzov's changes, and of pcapng.
 const PACKETS: [[u8; 4]; 7] = [
@@ -33,7 +33,7 @@ pub(super) fn detect(mut input: Box<dyn BufRead>) -> Result<(Format, Box<dyn Buf
         let length = taken.len();
         begin.extend_from_slice(taken);
         input.consume(length);
-        let is_all = length == 0 || begin.len() >= MOST;
+        let is_all = length == 0 || begin.len() >= MAX_PROBE_LEN;
         if let Some(format) = of(&begin, is_all)? {
             break format;
         }
@@ -52,7 +52,7 @@ fn of(begin: &[u8], is_all: bool) -> Result<Option<Format>> {
     if let Some(why) = unreadable(begin) {
         bail!(why);
     }
-    let begin = begin.get(..MOST).unwrap_or(begin);
+    let begin = begin.get(..MAX_PROBE_LEN).unwrap_or(begin);
     let begin = begin.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(begin);
     if begin.iter().any(|byte| *byte < b' ' && !matches!(byte, b'\t' | b'\r' | b'\n')) {
         return Ok(Some(Format::Raw));

@@ -6,9 +6,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use anyhow::Result;
 use serde_json::Value;
 
-use super::split::{Said, Split};
+use super::split::{LineBytes, LineSplitter};
 use crate::command::codec::LinkArgs;
-use crate::io::tap::{End, Place, Seen, What};
+use crate::io::tap::{ConnectionTransport, End, TapEvent, TapRecord};
 use cellwire_links::codec::{Item, Kind, Stream};
 use cellwire_links::link::Link;
 use cellwire_links::shadow::{self, Complaint, Watcher};
@@ -22,7 +22,7 @@ pub(super) struct Entry {
     pub(super) connection: u32,
     /// The name of the end, or [`UNKNOWN`].
     pub(super) end: &'static str,
-    pub(super) what: Told,
+    pub(super) what: DecodedEvent,
 }
 
 /// On a line that carries both directions: the unknown sender of bytes that neither end sends.
@@ -30,8 +30,8 @@ pub(super) const UNKNOWN: &str = "unknown";
 
 /// A message or another event of an end.
 #[derive(Debug, Clone)]
-pub(super) enum Told {
-    Opened(Place),
+pub(super) enum DecodedEvent {
+    Opened(ConnectionTransport),
     Message {
         offset: u64,
         length: u64,
@@ -55,7 +55,7 @@ pub(super) enum Told {
 }
 
 /// Decodes the observed bytes.
-pub(super) struct Decoding<'a> {
+pub(super) struct TapDecoder<'a> {
     args: &'a LinkArgs,
     /// The rate of the ports.
     baud: Option<u32>,
@@ -69,7 +69,7 @@ enum Connection {
     /// The bytes of the ends A and B.
     Ends([Direction; 2]),
     /// A line that carries both directions.
-    Line(Split),
+    Line(LineSplitter),
 }
 
 /// The bytes of one end.
@@ -77,20 +77,20 @@ struct Direction {
     /// The name of the end.
     end: &'static str,
     /// `None` where it sends no messages, and polls.
-    decoded: Option<Decoded>,
+    decoded: Option<SideDecoder>,
     /// The end sends datagrams, each of which is whole.
     is_datagrams: bool,
 }
 
 /// A side that sends messages.
-struct Decoded {
+struct SideDecoder {
     side: &'static str,
     stream: Box<Stream>,
     /// The bytes that are in no item yet.
     held: VecDeque<u8>,
 }
 
-impl<'a> Decoding<'a> {
+impl<'a> TapDecoder<'a> {
     /// # Errors
     /// When the link has no such setting.
     pub(super) fn new(args: &'a LinkArgs, baud: Option<u32>) -> Result<Self> {
@@ -109,24 +109,24 @@ impl<'a> Decoding<'a> {
     }
 
     /// Handles observed bytes; `tell` gets the messages that are certain now, and the complaints.
-    pub(super) fn take(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
-        let Seen { at, connection, from, what } = seen;
+    pub(super) fn take(&mut self, seen: &TapRecord, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        let TapRecord { at, connection, from, what } = seen;
         self.pass_time(*at, tell)?;
-        if let What::Opened(place) = what {
-            let is_serial = matches!(place, Place::Ports(_) | Place::Line(_));
+        if let TapEvent::Opened(place) = what {
+            let is_serial = matches!(place, ConnectionTransport::Ports(_) | ConnectionTransport::Line(_));
             self.watchers.insert(*connection, self.args.watcher(self.baud, is_serial)?);
         }
         match what {
-            What::Opened(_) => _ = self.closed.remove(connection),
-            What::Closed(_) => _ = self.closed.insert(*connection),
-            What::Bytes(_) | What::Missed(_) => {}
+            TapEvent::Opened(_) => _ = self.closed.remove(connection),
+            TapEvent::Closed(_) => _ = self.closed.insert(*connection),
+            TapEvent::Bytes(_) | TapEvent::Missed(_) => {}
         }
         let mut watcher = self.watchers.remove(connection);
-        if let (Some(watcher), What::Bytes(bytes)) = (&mut watcher, what)
+        if let (Some(watcher), TapEvent::Bytes(bytes)) = (&mut watcher, what)
             && let Some(Connection::Ends([a, b])) = self.connections.get(connection)
         {
             let from = if *from == End::A { a.end } else { b.end };
-            let complaints = watcher.see(since(*at), &shadow::Seen::Bytes { from, bytes });
+            let complaints = watcher.see(since(*at), &shadow::LineEvent::Bytes { from, bytes });
             complain(*at, *connection, complaints, tell)?;
         }
         let poller = self.args.poller();
@@ -149,19 +149,19 @@ impl<'a> Decoding<'a> {
             .try_for_each(|(connection, watcher)| complain(at, *connection, watcher.pass(since(at)), tell))
     }
 
-    fn decode(&mut self, seen: &Seen, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
-        let Seen { at, connection, from, what } = seen;
+    fn decode(&mut self, seen: &TapRecord, tell: &mut dyn FnMut(Entry) -> Result<()>) -> Result<()> {
+        let TapRecord { at, connection, from, what } = seen;
         let (at, connection) = (*at, *connection);
-        if let What::Opened(place) = what {
+        if let TapEvent::Opened(place) = what {
             self.connections.insert(connection, Connection::new(self.args, place)?);
-            return tell(Entry { at, connection, end: UNKNOWN, what: Told::Opened(place.clone()) });
+            return tell(Entry { at, connection, end: UNKNOWN, what: DecodedEvent::Opened(place.clone()) });
         }
         let directions = match self.connections.get_mut(&connection) {
             Some(Connection::Ends(directions)) => directions,
             Some(Connection::Line(line)) => {
                 let say = |said| tell(said_on_line(connection, said));
                 return match what {
-                    What::Bytes(bytes) => line.push(at, bytes, say),
+                    TapEvent::Bytes(bytes) => line.push(at, bytes, say),
                     _ => line.finish(at, say),
                 };
             }
@@ -174,15 +174,15 @@ impl<'a> Decoding<'a> {
         let end = direction.end;
         let mut tell = |what| tell(Entry { at, connection, end, what });
         match what {
-            What::Opened(_) => Ok(()),
-            What::Bytes(bytes) => direction.push(self.args.link, bytes, &mut tell),
-            What::Missed(missing) => {
+            TapEvent::Opened(_) => Ok(()),
+            TapEvent::Bytes(bytes) => direction.push(self.args.link, bytes, &mut tell),
+            TapEvent::Missed(missing) => {
                 direction.skip(self.args, *missing, &mut tell)?;
-                tell(Told::Missed(*missing))
+                tell(DecodedEvent::Missed(*missing))
             }
-            What::Closed(why) => {
+            TapEvent::Closed(why) => {
                 direction.finish(self.args.link, &mut tell)?;
-                tell(Told::Closed(why.clone()))
+                tell(DecodedEvent::Closed(why.clone()))
             }
         }
     }
@@ -215,21 +215,21 @@ fn watch(watcher: &mut Watcher, entry: &Entry, poller: Option<&'static str>) -> 
     let from = entry.end;
     let seen = match &entry.what {
         // Earlier bytes of lines and ports are unknown.
-        Told::Opened(Place::Tcp(..)) => shadow::Seen::Opened,
-        Told::Message { length, content, .. } => {
-            shadow::Seen::Message { from, length: *length, message: content }
+        DecodedEvent::Opened(ConnectionTransport::Tcp(..)) => shadow::LineEvent::Opened,
+        DecodedEvent::Message { length, content, .. } => {
+            shadow::LineEvent::Message { from, length: *length, message: content }
         }
-        Told::Corrupt { error, bytes, .. } => {
-            shadow::Seen::Corrupt { from, length: bytes.len() as u64, error }
+        DecodedEvent::Corrupt { error, bytes, .. } => {
+            shadow::LineEvent::Corrupt { from, length: bytes.len() as u64, error }
         }
         // On a line that carries both directions.
-        Told::Bytes(bytes) if from == UNKNOWN => match poller {
-            Some(from) => shadow::Seen::Bytes { from, bytes },
+        DecodedEvent::Bytes(bytes) if from == UNKNOWN => match poller {
+            Some(from) => shadow::LineEvent::Bytes { from, bytes },
             None => return Vec::new(),
         },
-        Told::Missed(_) => shadow::Seen::Missed { from },
-        Told::Closed(_) => shadow::Seen::Closed,
-        Told::Opened(_) | Told::Bytes(_) | Told::Wrong(_) => return Vec::new(),
+        DecodedEvent::Missed(_) => shadow::LineEvent::Missed { from },
+        DecodedEvent::Closed(_) => shadow::LineEvent::Closed,
+        DecodedEvent::Opened(_) | DecodedEvent::Bytes(_) | DecodedEvent::Wrong(_) => return Vec::new(),
     };
     watcher.see(since(entry.at), &seen)
 }
@@ -241,7 +241,7 @@ fn complain(
     tell: &mut dyn FnMut(Entry) -> Result<()>,
 ) -> Result<()> {
     complaints.into_iter().try_for_each(|complaint| {
-        tell(Entry { at, connection, end: complaint.end, what: Told::Wrong(complaint) })
+        tell(Entry { at, connection, end: complaint.end, what: DecodedEvent::Wrong(complaint) })
     })
 }
 
@@ -251,30 +251,32 @@ fn since(at: SystemTime) -> Duration {
 }
 
 /// Returns the entry for bytes on a line that carries both directions.
-fn said_on_line(connection: u32, said: Said) -> Entry {
-    let Said { at, offset, bytes, message } = said;
+fn said_on_line(connection: u32, said: LineBytes) -> Entry {
+    let LineBytes { at, offset, bytes, message } = said;
     let (end, what) = match message {
-        Some((side, content)) => (side, Told::Message { offset, length: bytes.len() as u64, content }),
-        None => (UNKNOWN, Told::Bytes(bytes)),
+        Some((side, content)) => {
+            (side, DecodedEvent::Message { offset, length: bytes.len() as u64, content })
+        }
+        None => (UNKNOWN, DecodedEvent::Bytes(bytes)),
     };
     Entry { at, connection, end, what }
 }
 
 impl Connection {
-    fn new(args: &LinkArgs, place: &Place) -> Result<Self> {
+    fn new(args: &LinkArgs, place: &ConnectionTransport) -> Result<Self> {
         let port = match place {
-            Place::Tcp(_, server) | Place::Udp(_, server) => server.port(),
-            Place::Ports(_) => 0,
-            Place::Line(_) => return Ok(Self::Line(Split::new(args)?)),
+            ConnectionTransport::Tcp(_, server) | ConnectionTransport::Udp(_, server) => server.port(),
+            ConnectionTransport::Ports(_) => 0,
+            ConnectionTransport::Line(_) => return Ok(Self::Line(LineSplitter::new(args)?)),
         };
-        let is_datagrams = matches!(place, Place::Udp(..));
+        let is_datagrams = matches!(place, ConnectionTransport::Udp(..));
         let [a, b] = [true, false]
             .map(|is_client| Direction::new(args, (args.link.sender)(is_client, port), is_datagrams));
         Ok(Self::Ends([a?, b?]))
     }
 }
 
-type Tell<'a> = &'a mut dyn FnMut(Told) -> Result<()>;
+type EventSink<'a> = &'a mut dyn FnMut(DecodedEvent) -> Result<()>;
 
 impl Direction {
     fn new(args: &LinkArgs, side: Option<&'static str>, is_datagrams: bool) -> Result<Self> {
@@ -282,12 +284,12 @@ impl Direction {
             let end = args.link.ends.iter().find(|end| !args.link.sides.contains(&end.name));
             return Ok(Self { end: end.map_or(UNKNOWN, |end| end.name), decoded: None, is_datagrams });
         };
-        Ok(Self { end: side, decoded: Some(Decoded::new(args, side, 0)?), is_datagrams })
+        Ok(Self { end: side, decoded: Some(SideDecoder::new(args, side, 0)?), is_datagrams })
     }
 
-    fn push(&mut self, link: &Link, bytes: &[u8], tell: Tell<'_>) -> Result<()> {
-        let Some(Decoded { stream, held, .. }) = &mut self.decoded else {
-            return tell(Told::Bytes(bytes.into()));
+    fn push(&mut self, link: &Link, bytes: &[u8], tell: EventSink<'_>) -> Result<()> {
+        let Some(SideDecoder { stream, held, .. }) = &mut self.decoded else {
+            return tell(DecodedEvent::Bytes(bytes.into()));
         };
         // Flow control is in no item.
         let (flow, data): (Vec<u8>, Vec<u8>) =
@@ -297,41 +299,41 @@ impl Direction {
         if self.is_datagrams {
             stream.finish(|item| tell(told(link, item, held)?))?;
         }
-        if flow.is_empty() { Ok(()) } else { tell(Told::Bytes(flow)) }
+        if flow.is_empty() { Ok(()) } else { tell(DecodedEvent::Bytes(flow)) }
     }
 
     /// Skips missing bytes: those before and after them are not one frame.
-    fn skip(&mut self, args: &LinkArgs, missing: u64, tell: Tell<'_>) -> Result<()> {
+    fn skip(&mut self, args: &LinkArgs, missing: u64, tell: EventSink<'_>) -> Result<()> {
         self.finish(args.link, tell)?;
         if let Some(decoded) = &mut self.decoded {
-            *decoded = Decoded::new(args, decoded.side, decoded.stream.offset() + missing)?;
+            *decoded = SideDecoder::new(args, decoded.side, decoded.stream.offset() + missing)?;
         }
         Ok(())
     }
 
-    fn finish(&mut self, link: &Link, tell: Tell<'_>) -> Result<()> {
-        let Some(Decoded { stream, held, .. }) = &mut self.decoded else { return Ok(()) };
+    fn finish(&mut self, link: &Link, tell: EventSink<'_>) -> Result<()> {
+        let Some(SideDecoder { stream, held, .. }) = &mut self.decoded else { return Ok(()) };
         stream.finish(|item| tell(told(link, item, held)?))
     }
 }
 
-impl Decoded {
+impl SideDecoder {
     fn new(args: &LinkArgs, side: &'static str, begin: u64) -> Result<Self> {
         Ok(Self { side, stream: Box::new(args.stream_of(side, begin)?), held: VecDeque::new() })
     }
 }
 
 /// Returns an item, whose bytes are the first in the buffer.
-fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<Told> {
+fn told(link: &Link, item: Item<'_>, held: &mut VecDeque<u8>) -> Result<DecodedEvent> {
     let Item { offset, length, kind, json } = item;
     let length_held = usize::try_from(length).unwrap_or(usize::MAX).min(held.len());
     let bytes: Vec<u8> = held.drain(..length_held).collect();
     let content: Value = serde_json::from_slice(json)?;
     Ok(match kind {
-        Kind::Message => Told::Message { offset, length, content },
+        Kind::Message => DecodedEvent::Message { offset, length, content },
         Kind::Error => {
             let clause = content.get("kind").and_then(Value::as_str).and_then(|kind| link.clause(kind));
-            Told::Corrupt { offset, error: content, clause, bytes }
+            DecodedEvent::Corrupt { offset, error: content, clause, bytes }
         }
     })
 }
@@ -356,17 +358,18 @@ mod tests {
     #[test]
     fn a_connection_that_was_seen_from_its_beginning_is_closed_and_not_unknown() {
         let cli = Cli::parse_from(["tap", "ball"]);
-        let mut decoding = Decoding::new(&cli.of, None).unwrap();
+        let mut decoding = TapDecoder::new(&cli.of, None).unwrap();
         let mut state = |what| {
-            let seen = Seen { at: UNIX_EPOCH, connection: 1, from: End::A, what };
+            let seen = TapRecord { at: UNIX_EPOCH, connection: 1, from: End::A, what };
             decoding.take(&seen, &mut |_| Ok(())).unwrap();
             decoding.state()
         };
-        let place = || Place::Tcp("127.0.0.1:4000".parse().unwrap(), "127.0.0.1:9600".parse().unwrap());
-        assert_eq!(state(What::Opened(place())), "no poll is open");
-        assert_eq!(state(What::Bytes([5].as_slice().into())), "a poll waits for its packet");
-        assert_eq!(state(What::Closed(None)), "the connection is closed");
-        assert_eq!(state(What::Opened(place())), "no poll is open");
-        assert_eq!(state(What::Missed(1)), "the state is not known yet");
+        let place =
+            || ConnectionTransport::Tcp("127.0.0.1:4000".parse().unwrap(), "127.0.0.1:9600".parse().unwrap());
+        assert_eq!(state(TapEvent::Opened(place())), "no poll is open");
+        assert_eq!(state(TapEvent::Bytes([5].as_slice().into())), "a poll waits for its packet");
+        assert_eq!(state(TapEvent::Closed(None)), "the connection is closed");
+        assert_eq!(state(TapEvent::Opened(place())), "no poll is open");
+        assert_eq!(state(TapEvent::Missed(1)), "the state is not known yet");
     }
 }

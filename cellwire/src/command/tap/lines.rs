@@ -7,12 +7,12 @@ use humantime::format_rfc3339_micros;
 use serde_json::{Map, Value, json};
 
 use super::SILENCE;
-use super::decoding::{Decoding, Entry, Told, UNKNOWN, hex};
-use crate::io::tap::{Place, Seeing};
+use super::decoding::{DecodedEvent, Entry, TapDecoder, UNKNOWN, hex};
+use crate::io::tap::{ConnectionTransport, TapReceiver};
 use cellwire_io::output::{self, remark};
 
 /// Prints the observations until there are no more.
-pub(super) fn print(mut decoding: Decoding<'_>, seen: &Seeing) {
+pub(super) fn print(mut decoding: TapDecoder<'_>, seen: &TapReceiver) {
     let mut tell = |entry: Entry| if admits(&entry) { output::log(&line(entry)) } else { Ok(()) };
     loop {
         let outcome = match seen.next_within(SILENCE) {
@@ -35,11 +35,11 @@ const MAX_BYTES: usize = 512;
 /// complaints of a kind as many as [`output::admits`].
 fn admits(entry: &Entry) -> bool {
     match &entry.what {
-        Told::Corrupt { error, .. } => {
+        DecodedEvent::Corrupt { error, .. } => {
             output::admits(error.get("kind").and_then(Value::as_str).unwrap_or_default())
         }
-        Told::Wrong(complaint) => output::admits(complaint.clause),
-        Told::Bytes(bytes) => bytes.len() <= MAX_BYTES || output::admits("bytes"),
+        DecodedEvent::Wrong(complaint) => output::admits(complaint.clause),
+        DecodedEvent::Bytes(bytes) => bytes.len() <= MAX_BYTES || output::admits("bytes"),
         _ => true,
     }
 }
@@ -50,49 +50,49 @@ fn line(entry: Entry) -> Value {
     let mut put = |name: &str, value: Value| drop(line.insert(name.into(), value));
     put("time", json!(format_rfc3339_micros(at).to_string()));
     put("connection", json!(connection));
-    if !matches!(what, Told::Opened(_)) {
+    if !matches!(what, DecodedEvent::Opened(_)) {
         put("from", json!((end != UNKNOWN).then_some(end)));
     }
     match what {
-        Told::Opened(place) => {
+        DecodedEvent::Opened(place) => {
             put("event", json!("opened"));
             match place {
-                Place::Tcp(a, b) | Place::Udp(a, b) => {
+                ConnectionTransport::Tcp(a, b) | ConnectionTransport::Udp(a, b) => {
                     put("a", json!(a.to_string()));
                     put("b", json!(b.to_string()));
                 }
-                Place::Ports([a, b]) => {
+                ConnectionTransport::Ports([a, b]) => {
                     put("a", json!(a));
                     put("b", json!(b));
                 }
-                Place::Line(port) => put("port", json!(port)),
+                ConnectionTransport::Line(port) => put("port", json!(port)),
             }
         }
-        Told::Message { offset, length, content } => {
+        DecodedEvent::Message { offset, length, content } => {
             put("offset", json!(offset));
             put("length", json!(length));
             put("message", content);
         }
-        Told::Corrupt { offset, error, clause, bytes } => {
+        DecodedEvent::Corrupt { offset, error, clause, bytes } => {
             put("offset", json!(offset));
             put("length", json!(bytes.len()));
             put("error", error);
             put("clause", json!(clause));
             put("bytes", json!(first_bytes(&bytes)));
         }
-        Told::Wrong(Complaint { kind, clause, text, .. }) => {
+        DecodedEvent::Wrong(Complaint { kind, clause, text, .. }) => {
             put("shadow", json!(kind));
             put("clause", json!(clause));
             put("text", json!(text));
         }
-        Told::Bytes(bytes) => {
+        DecodedEvent::Bytes(bytes) => {
             if bytes.len() > MAX_BYTES {
                 put("length", json!(bytes.len()));
             }
             put("bytes", json!(first_bytes(&bytes)));
         }
-        Told::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),
-        Told::Closed(why) => {
+        DecodedEvent::Missed(missing) => put("error", json!({"kind": "gap", "missing": missing})),
+        DecodedEvent::Closed(why) => {
             put("event", json!("closed"));
             if let Some(why) = why {
                 put("why", json!(why));

@@ -4,7 +4,7 @@ mod decoding;
 mod lines;
 mod screen;
 mod split;
-mod way;
+mod transport;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -14,10 +14,10 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 
-use self::decoding::Decoding;
-pub(super) use self::way::{Way, WayArgs};
+use self::decoding::TapDecoder;
+pub(super) use self::transport::{TapTransport, TapTransportArgs};
 use super::codec::LinkArgs;
-use crate::io::capture::write::{Ended, Writer};
+use crate::io::capture::write::{CaptureEnd, Writer};
 use crate::io::tap::Watch;
 use cellwire_io::interrupt::{Policy, before_exit, on_interrupt};
 use cellwire_io::output::{self, EventArgs, remark};
@@ -40,7 +40,7 @@ pub struct Args {
     #[command(flatten)]
     of: LinkArgs,
     #[command(flatten)]
-    way: WayArgs,
+    transport: TapTransportArgs,
     /// Show both ends on a live screen instead of lines
     #[arg(long)]
     screen: bool,
@@ -73,18 +73,18 @@ const SILENCE: Duration = Duration::from_millis(100);
 
 /// Runs until interrupted, or until a port is gone.
 pub fn run(args: &Args) -> Result<bool> {
-    let decoding = Decoding::new(&args.of, args.way.baud())?;
+    let decoding = TapDecoder::new(&args.of, args.transport.baud())?;
     args.events.choose();
     if args.screen {
         screen::check()?;
     }
-    let way = Way::open(&args.way)?;
-    way.advise(args.of.link.short, &args.way);
+    let transport = TapTransport::open(&args.transport)?;
+    transport.advise(args.of.link.short, &args.transport);
     output::never_wait()?;
     on_interrupt(Policy::End)?;
     let mut watch = Watch::default();
     thread::scope(|scope| {
-        let mut last = Last::default();
+        let mut last = CaptureCloser::default();
         if !args.no_capture {
             let writer = Writer::create(&args.capture, args.of.link.short)?;
             remark(&format!("capture: {}", writer.path().display()));
@@ -94,11 +94,11 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         let seen = watch.add();
         if !args.screen {
-            way.announce()?;
+            transport.announce()?;
         }
         // An unreachable server is reported at once.
         let remarks = args.screen.then(screen::remarks);
-        let passing = scope.spawn(move || way.pass(&args.way, &watch));
+        let passing = scope.spawn(move || transport.pass(&args.transport, &watch));
         if let Some(remarks) = remarks {
             screen::show(args.of.link.short, decoding, &seen, &remarks)?;
             if !passing.is_finished() {
@@ -118,17 +118,17 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// Writes the rest of a capture when the program ends, also by a signal.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Last(Arc<Mutex<Option<Writing>>>);
+pub(super) struct CaptureCloser(Arc<Mutex<Option<OpenCapture>>>);
 
 /// The watch to be closed, and the message of the writer when the capture has ended.
-type Writing = (Watch, Receiver<Ended>);
+type OpenCapture = (Watch, Receiver<CaptureEnd>);
 
 /// The time that the rest of a capture may take.
-const LAST: Duration = Duration::from_secs(5);
+const FINISH_TIMEOUT: Duration = Duration::from_secs(5);
 
-impl Last {
+impl CaptureCloser {
     /// Registers the capture file of the tap; its writer sends the way in which it has ended.
-    pub(super) fn of(&mut self, watch: &Watch) -> Sender<Ended> {
+    pub(super) fn of(&mut self, watch: &Watch) -> Sender<CaptureEnd> {
         let (written, wait) = channel();
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((watch.clone(), wait));
         let last = self.clone();
@@ -141,10 +141,10 @@ impl Last {
         let last = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some((watch, written)) = last else { return };
         watch.close();
-        if matches!(written.recv_timeout(LAST), Err(RecvTimeoutError::Timeout)) {
+        if matches!(written.recv_timeout(FINISH_TIMEOUT), Err(RecvTimeoutError::Timeout)) {
             remark(&format!(
                 "warning: the capture lacks its end, which was not written within {} s",
-                LAST.as_secs()
+                FINISH_TIMEOUT.as_secs()
             ));
         }
     }

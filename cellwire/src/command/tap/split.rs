@@ -11,7 +11,7 @@ use cellwire_links::codec::{Item, Kind, Stream};
 
 /// Decodes all bytes as either side's. If both have a message at one offset, it belongs to the side that did not send last:
 /// on a line for both directions, the ends take turns.
-pub(super) struct Split {
+pub(super) struct LineSplitter {
     sides: Vec<Side>,
     /// The offset of the first byte whose sender is not yet known.
     at: u64,
@@ -37,7 +37,7 @@ struct Message {
 }
 
 /// Bytes on the line.
-pub(super) struct Said {
+pub(super) struct LineBytes {
     pub(super) at: SystemTime,
     pub(super) offset: u64,
     pub(super) bytes: Vec<u8>,
@@ -45,7 +45,7 @@ pub(super) struct Said {
     pub(super) message: Option<(&'static str, Value)>,
 }
 
-impl Split {
+impl LineSplitter {
     /// # Errors
     /// If the link has no such setting.
     pub(super) fn new(args: &LinkArgs) -> Result<Self> {
@@ -67,7 +67,7 @@ impl Split {
         &mut self,
         now: SystemTime,
         bytes: &[u8],
-        say: impl FnMut(Said) -> Result<()>,
+        say: impl FnMut(LineBytes) -> Result<()>,
     ) -> Result<()> {
         self.held.extend(bytes);
         for Side { stream, messages, decided, .. } in &mut self.sides {
@@ -77,14 +77,14 @@ impl Split {
     }
 
     /// Called when the line is silent: decodes the buffered bytes as they are.
-    pub(super) fn finish(&mut self, now: SystemTime, say: impl FnMut(Said) -> Result<()>) -> Result<()> {
+    pub(super) fn finish(&mut self, now: SystemTime, say: impl FnMut(LineBytes) -> Result<()>) -> Result<()> {
         for Side { stream, messages, decided, .. } in &mut self.sides {
             stream.finish(|item| note(now, item, messages, decided))?;
         }
         self.clear_up(now, say)
     }
 
-    fn clear_up(&mut self, now: SystemTime, mut say: impl FnMut(Said) -> Result<()>) -> Result<()> {
+    fn clear_up(&mut self, now: SystemTime, mut say: impl FnMut(LineBytes) -> Result<()>) -> Result<()> {
         let decided = self.sides.iter().map(|side| side.decided).min().unwrap_or_default();
         loop {
             for side in &mut self.sides {
@@ -104,12 +104,12 @@ impl Split {
             let begin = next.as_ref().map_or(decided, |(_, message)| message.offset);
             if begin > self.at {
                 let (offset, bytes) = (self.at, self.take(begin));
-                say(Said { at: now, offset, bytes, message: None })?;
+                say(LineBytes { at: now, offset, bytes, message: None })?;
             }
             let Some((name, Message { found, offset, length, content })) = next else { return Ok(()) };
             let bytes = self.take(offset + length);
             self.spoke_last = Some(name);
-            say(Said { at: found, offset, bytes, message: Some((name, content)) })?;
+            say(LineBytes { at: found, offset, bytes, message: Some((name, content)) })?;
         }
     }
 

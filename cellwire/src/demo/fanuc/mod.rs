@@ -22,7 +22,7 @@ use crate::devices::fanuc_hmi_modbus::client::Port;
 use crate::devices::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
 use crate::io::samples::Samples;
 use crate::report::{Budget, Report};
-use crate::telemetry::logger::{Logger, Reading, Source};
+use crate::telemetry::logger::{Logger, Reading, TelemetrySource};
 use crate::telemetry::plot;
 use crate::telemetry::recording::{self, Comparison, ComparisonError, Recording};
 use crate::telemetry::task::BackgroundTask;
@@ -177,7 +177,7 @@ impl Log {
         });
         let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
         let address = proxy.as_ref().map_or(address, FaultyProxy::address);
-        let source = Source {
+        let source = TelemetrySource {
             port: Port {
                 config: settings.client,
                 ..Port::tcp(&address.to_string(), tcp::Dialing::default())

@@ -6,7 +6,7 @@ use std::time::Duration;
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig, WordOrder};
 
 use cellwire_links::fanuc_hmi_modbus::{ClientSettings, word_order};
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 use cellwire_sim::fanuc::PERIOD;
 
 /// The times from one request to the next.
@@ -29,7 +29,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { poll, word_order: order, client, server } = self;
         fields.time("poll", POLL, "the time between requests", poll);
         word_order(fields, order);

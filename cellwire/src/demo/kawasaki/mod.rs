@@ -14,8 +14,8 @@ use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timin
 use self::tally::{Orders, Outcome};
 use crate::demo::DemoOptions;
 use crate::devices::device::Endpoint;
-use crate::devices::kawasaki_msg::meeting::Meeting;
 use crate::devices::kawasaki_msg::pc::{self, Packets, Program};
+use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
 use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
@@ -25,7 +25,7 @@ use cellwire_io::tls::TlsArgs;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 use cellwire_sim::FaultyProxy;
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: much faster than an arm, so that the picture takes a few
@@ -46,7 +46,7 @@ const ORDER: u16 = 50;
 
 /// The time within which an order that was ended is over, plus that of the longest line: the job that is being executed is done,
 /// and the robot has reported it.
-const PATIENCE: Duration = Duration::from_secs(10);
+const END_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The settings of the demo.
 #[derive(Debug)]
@@ -69,7 +69,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { port, queue, speed, plant, robot, pc } = self;
         fields.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free port", port);
         fields.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
@@ -101,15 +101,15 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (udp, dialing, tls) = (plant.udp, tcp::Dialing::default(), TlsArgs::default());
     ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
     let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
-    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, dialing, &tls)?;
+    let (mut meeting, _, server) = PeerEndpoint::of_pc(&place, udp, pc.dialect, dialing, &tls)?;
     let proxy = match options.faults {
         true => Some(FaultyProxy::start(server.parse()?, options.seed, BREAKS)?),
         false => None,
     };
     let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
-    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, dialing, &tls)?;
+    let (mut robot_meeting, ..) = PeerEndpoint::of_robot(&Endpoint::Connect(address), udp, dialing, &tls)?;
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
-    let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
+    let patience = END_TIMEOUT + Duration::from_secs_f64(longest / setup.speed);
 
     let (switch, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
     let (sender, strokes) = mpsc::channel();
@@ -132,7 +132,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
     program.ledger.end();
     let (limit, time) = (pc.limits.packet, program.start.elapsed());
-    let seen = Seen { packets: packets?, limit, ledger: program.ledger, robot, time };
+    let seen = RunResults { packets: packets?, limit, ledger: program.ledger, robot, time };
     if let Some(file) = &options.out {
         let drawn = seen.ledger.longest().iter().map(|stroke| board.line(&stroke.job.work));
         drawing::write_svg(file, SHEET, &drawn.collect::<Vec<_>>())?;
@@ -223,7 +223,7 @@ impl<'a> Program for Repeat<'a> {
 }
 
 /// The results of the run.
-struct Seen<'a> {
+struct RunResults<'a> {
     packets: Packets,
     /// The most bytes of a packet.
     limit: usize,
@@ -232,8 +232,13 @@ struct Seen<'a> {
     time: Duration,
 }
 
-fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&FaultyProxy>) -> Report {
-    let Seen { packets, limit, ledger, robot, time } = seen;
+fn report(
+    picture: &Picture,
+    lines: &[AnyWork],
+    seen: &RunResults<'_>,
+    proxy: Option<&FaultyProxy>,
+) -> Report {
+    let RunResults { packets, limit, ledger, robot, time } = seen;
     let tally = ledger.tally();
     let statistics = robot.statistics;
     let title = format!(

@@ -8,7 +8,7 @@ use crate::demo::DemoOptions;
 use crate::devices::kawasaki_msg::robot::Stroke;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_sim::Ledger;
-use cellwire_sim::ledger::{Counts, Reported};
+use cellwire_sim::ledger::{Counts, ReportedOutcome};
 
 /// The end of an order, as the PC knows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,7 +126,7 @@ impl Tally {
         for number in 0..outcome.sent {
             let job = ledger.send(());
             let is_executed = number < outcome.executed;
-            ledger.report(job, if is_executed { Reported::Done } else { Reported::NotDone });
+            ledger.report(job, if is_executed { ReportedOutcome::Done } else { ReportedOutcome::NotDone });
         }
         for stroke in strokes {
             if stroke.order != order {

@@ -11,7 +11,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, SessionError};
 use robot_session::end::End as _;
-use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
+use robot_session::{Driver, ReceiveOutcome, SendOutcome, Session as _, Transport, Wait, now};
 
 use super::path::Cut;
 use crate::io::samples::Samples;
@@ -19,7 +19,7 @@ use cellwire_io::drive::turn;
 use cellwire_io::port::AnyPort;
 use cellwire_io::serial;
 use cellwire_sim::laser::STATUS;
-use cellwire_sim::ledger::Reported;
+use cellwire_sim::ledger::ReportedOutcome;
 
 /// The time for which questions continue when a run is over.
 const GIVE_UP: Duration = Duration::from_secs(60);
@@ -58,7 +58,7 @@ pub struct Plan<'a> {
     /// When the last frame was sent.
     sent: Rc<Cell<Duration>>,
     /// The outcome of each instruction; `None` if it is not known.
-    pub known: Vec<Option<Reported>>,
+    pub known: Vec<Option<ReportedOutcome>>,
     /// The instructions that the robot confirmed, and may have forgotten when it restarted.
     pub doubted: Vec<usize>,
     /// The counts of the run.
@@ -69,11 +69,11 @@ pub struct Plan<'a> {
 struct Port(AnyPort, Rc<Cell<Duration>>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         self.0.receive(buffer, wait)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.1.set(now());
         self.0.send(bytes)
     }
@@ -203,7 +203,7 @@ impl Plan<'_> {
                 if resends == 0 {
                     self.counts.exchange.add(now().saturating_sub(self.sent.get()));
                 }
-                (first, count, Fate::Queued)
+                (first, count, InstructionOutcome::Queued)
             }
             HostEvent::Answer { .. } => {
                 let Some(Ok(Item::I16(values))) = host.answer().next() else {
@@ -213,12 +213,12 @@ impl Plan<'_> {
                 self.take_status(boot, usize::try_from(held)?);
                 return Ok(());
             }
-            HostEvent::Refused { first, count, .. } => (first, count, Fate::Refused),
-            HostEvent::Unknown { first, count, .. } => (first, count, Fate::Unknown),
+            HostEvent::Refused { first, count, .. } => (first, count, InstructionOutcome::Refused),
+            HostEvent::Unknown { first, count, .. } => (first, count, InstructionOutcome::Unknown),
             _ => return Ok(()),
         };
         // Instructions that were submitted meanwhile wait until the robot's status is known. Their tickets are never used again.
-        if fate != Fate::Queued {
+        if fate != InstructionOutcome::Queued {
             let back = self.tickets.len() - usize::from(host.take_back());
             self.again(back..self.tickets.len());
             host.resume();
@@ -226,17 +226,17 @@ impl Plan<'_> {
         let first = usize::try_from(first)?;
         let tickets = first..first + usize::from(count);
         match fate {
-            Fate::Refused => {
-                self.note(tickets.clone(), Reported::NotDone);
+            InstructionOutcome::Refused => {
+                self.note(tickets.clone(), ReportedOutcome::NotDone);
                 self.again(tickets);
             }
-            Fate::Queued => self.note(tickets, Reported::Done),
-            Fate::Unknown => self.note(tickets, Reported::Unknown),
+            InstructionOutcome::Queued => self.note(tickets, ReportedOutcome::Done),
+            InstructionOutcome::Unknown => self.note(tickets, ReportedOutcome::Unknown),
         }
         match fate {
-            Fate::Queued => {}
-            Fate::Refused => self.counts.refused += 1,
-            Fate::Unknown => {
+            InstructionOutcome::Queued => {}
+            InstructionOutcome::Refused => self.counts.refused += 1,
+            InstructionOutcome::Unknown => {
                 self.counts.asked += 1;
                 self.ask = true;
             }
@@ -254,13 +254,13 @@ impl Plan<'_> {
         }
     }
 
-    fn note(&mut self, tickets: Range<usize>, known: Reported) {
+    fn note(&mut self, tickets: Range<usize>, known: ReportedOutcome) {
         for ticket in self.tickets.get(tickets).unwrap_or_default() {
             let Some(index) = *ticket else { continue };
             if let Some(slot) = self.known.get_mut(index) {
                 *slot = Some(known);
             }
-            if known == Reported::Done {
+            if known == ReportedOutcome::Done {
                 self.queued.push(index);
                 self.counts.queued += 1;
             }
@@ -275,7 +275,7 @@ impl Plan<'_> {
             let doubted = self.queued.split_off(self.executed_before);
             for index in &doubted {
                 if let Some(slot) = self.known.get_mut(*index) {
-                    *slot = Some(Reported::Unknown);
+                    *slot = Some(ReportedOutcome::Unknown);
                 }
             }
             self.doubted.extend(doubted);
@@ -285,7 +285,7 @@ impl Plan<'_> {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fate {
+enum InstructionOutcome {
     Queued,
     Refused,
     Unknown,

@@ -13,7 +13,7 @@ use laser_eb90::{HostConfig, timing};
 
 use self::host::{Cutter, Plan};
 use self::path::{Cut, SHEET};
-use self::tally::{Known, Places, Record, Tally};
+use self::tally::{HostKnowledge, PathIndex, Record, Tally};
 use crate::demo::DemoOptions;
 use crate::devices::laser_eb90::controller::{self, RobotCounts, Switch};
 use crate::io::drawing::{self, Point};
@@ -23,9 +23,9 @@ use crate::report::{Budget, Report, were};
 use cellwire_io::clock::Clock;
 use cellwire_io::port::AnyPort;
 use cellwire_io::tcp::Dialing;
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 use cellwire_sim::laser::Job;
-use cellwire_sim::ledger::Reported;
+use cellwire_sim::ledger::ReportedOutcome;
 use cellwire_sim::{ByteFaults, Laser};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
@@ -42,7 +42,7 @@ const RESTART: Duration = Duration::from_millis(300);
 const SINGLE: Duration = Duration::from_secs(10);
 
 /// Where nothing can be lost, an answer may take as long as a machine without time for us needs.
-const PATIENCE: Duration = Duration::from_secs(10);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// The bytes of a frame of one instruction, of seven, and of an answer.
 const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
@@ -62,7 +62,7 @@ impl Settings {
         let (answer_timeout, execution_timeout) = if faults {
             (defaults.answer_timeout, defaults.answer_timeout * 2)
         } else {
-            (PATIENCE, PATIENCE)
+            (ANSWER_TIMEOUT, ANSWER_TIMEOUT)
         };
         let host = HostConfig {
             answer_timeout,
@@ -82,7 +82,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { host, robot } = self;
         host.configure(fields);
         // Both ends of a line agree, unless they are set apart.
@@ -126,11 +126,12 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (Cutter { plan: cutter, .. }, rates) = cut?;
     let cuts = |jobs: &[Job]| jobs.iter().map(|job| Cut::of(job, &config.profile)).collect::<Vec<_>>();
     let (mut executed, forgotten) = (cuts(&executed.into_inner()?), cuts(&robot.forgotten));
-    let (places, known) = (Places::new(&path), Known { outcomes: &cutter.known, doubted: &cutter.doubted });
+    let (places, known) =
+        (PathIndex::new(&path), HostKnowledge { outcomes: &cutter.known, doubted: &cutter.doubted });
     // The robot confirmed it, and did not forget it at a restart.
     options.spoil(&mut executed, |cut| {
         places.of(cut).is_some_and(|place| {
-            known.outcomes.get(place) == Some(&Some(Reported::Done)) || known.doubted.contains(&place)
+            known.outcomes.get(place) == Some(&Some(ReportedOutcome::Done)) || known.doubted.contains(&place)
         })
     });
     let tally = tally::count(&places, known, Record { executed: &executed, forgotten: &forgotten });

@@ -3,15 +3,15 @@
 use std::collections::{HashMap, HashSet};
 
 use cellwire_sim::Ledger;
-use cellwire_sim::ledger::{Counts, Reported};
+use cellwire_sim::ledger::{Counts, ReportedOutcome};
 
 use super::path::Cut;
 
 /// The host's knowledge of each instruction of the path, by its place.
 #[derive(Debug, Clone, Copy)]
-pub struct Known<'a> {
+pub struct HostKnowledge<'a> {
     /// The reported outcome; `None`: not sent.
-    pub outcomes: &'a [Option<Reported>],
+    pub outcomes: &'a [Option<ReportedOutcome>],
     /// The instructions that the robot confirmed, and may have forgotten when it restarted: they are unknown.
     pub doubted: &'a [usize],
 }
@@ -38,9 +38,9 @@ pub struct Tally {
 
 /// The path, by its instructions.
 #[derive(Debug)]
-pub struct Places(HashMap<(u16, [u32; 6]), usize>);
+pub struct PathIndex(HashMap<(u16, [u32; 6]), usize>);
 
-impl Places {
+impl PathIndex {
     /// Creates an index of these instructions.
     pub fn new(path: &[Cut]) -> Self {
         Self(path.iter().enumerate().map(|(place, cut)| (key(cut), place)).collect())
@@ -57,7 +57,7 @@ fn key(cut: &Cut) -> (u16, [u32; 6]) {
 }
 
 /// Compares the sent instructions with the executed ones, both in their order.
-pub fn count(places: &Places, known: Known<'_>, record: Record<'_>) -> Tally {
+pub fn count(places: &PathIndex, known: HostKnowledge<'_>, record: Record<'_>) -> Tally {
     let mut ledger = Ledger::default();
     let mut jobs: HashMap<usize, usize> = HashMap::new();
     for (place, outcome) in known.outcomes.iter().enumerate() {
@@ -75,7 +75,7 @@ pub fn count(places: &Places, known: Known<'_>, record: Record<'_>) -> Tally {
         // The host has sent no instruction of which it reports nothing.
         let job = *jobs.entry(place).or_insert_with(|| {
             let job = ledger.send(());
-            ledger.report(job, Reported::NotDone);
+            ledger.report(job, ReportedOutcome::NotDone);
             job
         });
         ledger.execute(job);
@@ -90,12 +90,12 @@ pub fn count(places: &Places, known: Known<'_>, record: Record<'_>) -> Tally {
     for place in known.doubted.iter().filter(|place| !forgotten.contains(place)) {
         let job = jobs.get(place).and_then(|job| ledger.jobs_mut().get_mut(*job));
         if let Some(job) = job.filter(|job| job.times == 0) {
-            job.reported = Some(Reported::Done);
+            job.reported = Some(ReportedOutcome::Done);
         }
     }
     let is_altered = |job: &&usize| {
         let job = ledger.jobs().get(**job);
-        job.is_some_and(|job| job.times == 1 && job.reported != Some(Reported::NotDone))
+        job.is_some_and(|job| job.times == 1 && job.reported != Some(ReportedOutcome::NotDone))
     };
     let altered = altered.iter().filter(is_altered).count() as u64;
     let jobs = ledger.count();
@@ -111,7 +111,7 @@ mod tests {
     }
 
     fn counted(
-        outcomes: &[Option<Reported>],
+        outcomes: &[Option<ReportedOutcome>],
         doubted: &[usize],
         executed: &[f32],
         forgotten: &[f32],
@@ -120,11 +120,11 @@ mod tests {
         let [executed, forgotten] =
             [executed, forgotten].map(|all| all.iter().map(|length| Some(cut(*length))).collect::<Vec<_>>());
         let record = Record { executed: &executed, forgotten: &forgotten };
-        count(&Places::new(&path), Known { outcomes, doubted }, record)
+        count(&PathIndex::new(&path), HostKnowledge { outcomes, doubted }, record)
     }
 
-    const QUEUED: Option<Reported> = Some(Reported::Done);
-    const UNKNOWN: Option<Reported> = Some(Reported::Unknown);
+    const QUEUED: Option<ReportedOutcome> = Some(ReportedOutcome::Done);
+    const UNKNOWN: Option<ReportedOutcome> = Some(ReportedOutcome::Unknown);
 
     #[test]
     fn each_fate_is_counted() {
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn an_instruction_that_is_executed_although_it_was_refused_or_never_sent_is_not_overlooked() {
-        let refused = Some(Reported::NotDone);
+        let refused = Some(ReportedOutcome::NotDone);
         let tally = counted(&[QUEUED, refused, None, None, None, None, None], &[], &[1.0, 2.0, 3.0], &[]);
         let jobs = Counts { sent: 3, executed_once: 1, unreported: 2, ..Counts::default() };
         assert_eq!(tally.jobs, jobs);

@@ -8,8 +8,8 @@ use mmacell_task::{Device, TaskConfig};
 
 use super::periphery::Periphery;
 use super::workpiece::Workpieces;
-use cellwire_sim::mma::{Fate, Mma, MmaDevice, MotionFaults, Simulated};
-use cellwire_sim::{Settings as _, Simulator, Told};
+use cellwire_sim::mma::{Mma, MmaDevice, MotionFaults, MotionOutcome, Simulated};
+use cellwire_sim::{Settings as _, Simulator, SimulatorReport};
 use robot_session::{Session as _, Step, Steps};
 
 /// The set-up of the simulated cell. Its times are those of the cell.
@@ -24,7 +24,7 @@ pub const CONFIG: TaskConfig = TaskConfig {
 
 /// The connections of the central controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Which {
+pub enum CellConnection {
     /// The connection to the robot.
     Robot,
     /// The connection to the platform.
@@ -44,7 +44,7 @@ pub struct Cell {
     motions_seen: u64,
 }
 
-impl Which {
+impl CellConnection {
     /// All three.
     pub const ALL: [Self; 3] = [Self::Robot, Self::Platform, Self::Periphery];
 
@@ -81,26 +81,26 @@ impl Cell {
     }
 
     /// Connects to a device; a new connection replaces the previous one.
-    pub fn connect(&mut self, which: Which, now: Duration) {
+    pub fn connect(&mut self, which: CellConnection, now: Duration) {
         match which {
-            Which::Robot => connect(&mut self.robot, now),
-            Which::Platform => connect(&mut self.platform, now),
-            Which::Periphery => self.periphery.connect(now),
+            CellConnection::Robot => connect(&mut self.robot, now),
+            CellConnection::Platform => connect(&mut self.platform, now),
+            CellConnection::Periphery => self.periphery.connect(now),
         }
     }
 
     /// Passes bytes to a device; returns its reply, and whether it then closes the connection.
-    pub fn receive(&mut self, which: Which, now: Duration, bytes: &[u8]) -> (Vec<u8>, bool) {
+    pub fn receive(&mut self, which: CellConnection, now: Duration, bytes: &[u8]) -> (Vec<u8>, bool) {
         self.advance(now);
         match which {
-            Which::Robot => {
+            CellConnection::Robot => {
                 let answer = receive(&mut self.robot, now, bytes);
                 self.break_down();
                 self.advance(now);
                 answer
             }
-            Which::Platform => receive(&mut self.platform, now, bytes),
-            Which::Periphery => {
+            CellConnection::Platform => receive(&mut self.platform, now, bytes),
+            CellConnection::Periphery => {
                 let answer = self.periphery.receive(now, bytes);
                 for (valve, open) in answer.valves {
                     self.parts.set_valve(now, valve, open, self.robot.device().pose());
@@ -144,8 +144,8 @@ impl Cell {
             && let Some(rng) = &mut self.errors
         {
             match rng.u32(..100) {
-                0 => self.robot.device_mut().end_motion(Fate::Fails),
-                1 => self.robot.device_mut().end_motion(Fate::Stalls),
+                0 => self.robot.device_mut().end_motion(MotionOutcome::Fails),
+                1 => self.robot.device_mut().end_motion(MotionOutcome::Stalls),
                 _ => {}
             }
         }
@@ -171,7 +171,7 @@ fn receive<P: Simulated>(
         let mut steps = Steps::NEW;
         loop {
             match steps.next(device, now, &mut buffer) {
-                Step::Event(told) => closed |= matches!(told, Told::Close(_)),
+                Step::Event(told) => closed |= matches!(told, SimulatorReport::Close(_)),
                 Step::Write(bytes) => replies.extend_from_slice(bytes),
                 Step::Wait { .. } => break,
             }

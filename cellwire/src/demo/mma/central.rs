@@ -6,19 +6,19 @@ use std::time::Duration;
 use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
-    Central as Session, CentralConfig, CentralEvent, Closing, Command, NoPose, PlatformPose, Pose, RobotPose,
-    Unfinished,
+    Central as Session, CentralConfig, CentralEvent, CloseReason, Command, NoPose, PlatformPose, Pose,
+    RobotPose, Unfinished,
 };
 use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig};
 use robot_session::{Step as Settled, Steps};
 
-use super::cell::{Cell, Which};
+use super::cell::{Cell, CellConnection};
 use super::motions::Motions;
 use crate::io::samples::Samples;
 
 /// The two times of a run: the cell may run faster than the clock on the wall, the protocol's deadlines do not.
 #[derive(Debug, Clone, Copy)]
-pub struct Now {
+pub struct RunTimes {
     /// The time of the wall clock, for awaiting replies.
     pub wall: Duration,
     /// The time of the cell, for the motion of axes.
@@ -97,43 +97,43 @@ impl Central {
     }
 
     /// Called when a connection was opened.
-    pub fn connected(&mut self, now: Now, which: Which) {
+    pub fn connected(&mut self, now: RunTimes, which: CellConnection) {
         match which {
-            Which::Robot => self.robot.connect(now.wall),
-            Which::Platform => self.platform.connect(now.wall),
-            Which::Periphery => self.periphery.connect(now.wall),
+            CellConnection::Robot => self.robot.connect(now.wall),
+            CellConnection::Platform => self.platform.connect(now.wall),
+            CellConnection::Periphery => self.periphery.connect(now.wall),
         }
     }
 
     /// Called when a connection has ended.
-    pub fn disconnected(&mut self, now: Now, which: Which) {
+    pub fn disconnected(&mut self, now: RunTimes, which: CellConnection) {
         match which {
-            Which::Robot => self.robot.session.handle_disconnected(now.wall),
-            Which::Platform => self.platform.session.handle_disconnected(now.wall),
-            Which::Periphery => self.periphery.session.handle_disconnected(now.wall),
+            CellConnection::Robot => self.robot.session.handle_disconnected(now.wall),
+            CellConnection::Platform => self.platform.session.handle_disconnected(now.wall),
+            CellConnection::Periphery => self.periphery.session.handle_disconnected(now.wall),
         }
     }
 
     /// Called when bytes of a device have arrived.
-    pub fn receive(&mut self, now: Now, which: Which, bytes: &[u8]) {
+    pub fn receive(&mut self, now: RunTimes, which: CellConnection, bytes: &[u8]) {
         match which {
-            Which::Robot => self.robot.session.handle_input(now.wall, bytes),
-            Which::Platform => self.platform.session.handle_input(now.wall, bytes),
-            Which::Periphery => self.periphery.session.handle_input(now.wall, bytes),
+            CellConnection::Robot => self.robot.session.handle_input(now.wall, bytes),
+            CellConnection::Platform => self.platform.session.handle_input(now.wall, bytes),
+            CellConnection::Periphery => self.periphery.session.handle_input(now.wall, bytes),
         }
     }
 
     /// Returns the bytes for a device; empty if there are no bytes to send.
-    pub fn transmit(&mut self, which: Which) -> Vec<u8> {
+    pub fn transmit(&mut self, which: CellConnection) -> Vec<u8> {
         core::mem::take(match which {
-            Which::Robot => &mut self.robot.outgoing,
-            Which::Platform => &mut self.platform.outgoing,
-            Which::Periphery => &mut self.periphery.outgoing,
+            CellConnection::Robot => &mut self.robot.outgoing,
+            CellConnection::Platform => &mut self.platform.outgoing,
+            CellConnection::Periphery => &mut self.periphery.outgoing,
         })
     }
 
     /// Does everything that can be done now. It only reads the cell: its switch, and the results of its cameras.
-    pub fn run(&mut self, now: Now, cell: &Cell) {
+    pub fn run(&mut self, now: RunTimes, cell: &Cell) {
         self.robot.session.handle_timeout(now.wall);
         self.platform.session.handle_timeout(now.wall);
         self.periphery.session.handle_timeout(now.wall);
@@ -146,12 +146,12 @@ impl Central {
             let mut idle = true;
             for (event, turn_around) in self.robot.settle(now.wall) {
                 self.log.note(Some((0, cell.robot().motions())), &event, turn_around);
-                self.report(now, Which::Robot, Device::Robot, &event);
+                self.report(now, CellConnection::Robot, Device::Robot, &event);
                 idle = false;
             }
             for (event, turn_around) in self.platform.settle(now.wall) {
                 self.log.note(Some((1, cell.platform().motions())), &event, turn_around);
-                self.report(now, Which::Platform, Device::Platform, &event);
+                self.report(now, CellConnection::Platform, Device::Platform, &event);
                 idle = false;
             }
             for (event, turn_around) in self.periphery.settle(now.wall) {
@@ -189,11 +189,11 @@ impl Central {
     }
 
     /// Returns whether a connection must be opened again.
-    pub fn is_broken(&self, which: Which) -> bool {
+    pub fn is_broken(&self, which: CellConnection) -> bool {
         let connected = match which {
-            Which::Robot => self.robot.session.is_connected(),
-            Which::Platform => self.platform.session.is_connected(),
-            Which::Periphery => self.periphery.session.is_connected(),
+            CellConnection::Robot => self.robot.session.is_connected(),
+            CellConnection::Platform => self.platform.session.is_connected(),
+            CellConnection::Periphery => self.periphery.session.is_connected(),
         };
         !connected && !matches!(self.task.step(), Step::Closing | Step::Finished)
     }
@@ -208,7 +208,7 @@ impl Central {
         self.parts = Some(0);
     }
 
-    fn carry_out(&mut self, now: Now, cell: &Cell, output: Output) {
+    fn carry_out(&mut self, now: RunTimes, cell: &Cell, output: Output) {
         let sent = match output {
             Output::Entered(step) => {
                 self.entered(now, cell, step);
@@ -236,7 +236,7 @@ impl Central {
         }
     }
 
-    fn entered(&mut self, now: Now, cell: &Cell, step: Step) {
+    fn entered(&mut self, now: RunTimes, cell: &Cell, step: Step) {
         self.log.steps.push((now.cell, step));
         let event = match step {
             Step::GoCamera1 => {
@@ -261,7 +261,13 @@ impl Central {
         self.task.handle_event(now.cell, event);
     }
 
-    fn report<P: Pose>(&mut self, now: Now, which: Which, device: Device, event: &CentralEvent<P>) {
+    fn report<P: Pose>(
+        &mut self,
+        now: RunTimes,
+        which: CellConnection,
+        device: Device,
+        event: &CentralEvent<P>,
+    ) {
         if *event == CentralEvent::Connected {
             which.devices().iter().for_each(|device| self.task.handle_event(now.cell, Event::Ready(*device)));
         }
@@ -270,9 +276,9 @@ impl Central {
         }
     }
 
-    fn report_periphery(&mut self, now: Now, cell: &Cell, event: &CentralEvent<NoPose>) {
+    fn report_periphery(&mut self, now: RunTimes, cell: &Cell, event: &CentralEvent<NoPose>) {
         if *event == CentralEvent::Connected {
-            return self.report(now, Which::Periphery, Device::Conditioning, event);
+            return self.report(now, CellConnection::Periphery, Device::Conditioning, event);
         }
         let event = match (event, self.asked.take()) {
             (CentralEvent::Done { command: Command::Acquire { camera: 1 } }, _) => {
@@ -282,18 +288,18 @@ impl Central {
             (CentralEvent::Done { command: Command::Acquire { .. } }, _) => {
                 Event::SlotFound { place: cell.parts().place() }
             }
-            (CentralEvent::Closed { reason, .. }, _) if *reason != Closing::Agreed => {
+            (CentralEvent::Closed { reason, .. }, _) if *reason != CloseReason::Agreed => {
                 return self.periphery_lost(now);
             }
-            (event, Some(device)) => return self.report(now, Which::Periphery, device, event),
+            (event, Some(device)) => return self.report(now, CellConnection::Periphery, device, event),
             (_, None) => return,
         };
         self.task.handle_event(now.cell, event);
     }
 
-    fn periphery_lost(&mut self, now: Now) {
+    fn periphery_lost(&mut self, now: RunTimes) {
         (self.asked, self.waiting) = (None, VecDeque::new());
-        for device in Which::Periphery.devices() {
+        for device in CellConnection::Periphery.devices() {
             let event = Event::Failed { device: *device, failure: Failure::Lost };
             self.task.handle_event(now.cell, event);
         }
@@ -344,7 +350,7 @@ impl Log {
                 {
                     motions.lose_reply();
                 }
-                if *reason != Closing::Agreed {
+                if *reason != CloseReason::Agreed {
                     return;
                 }
             }

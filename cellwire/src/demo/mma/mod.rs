@@ -2,7 +2,7 @@
 
 pub mod cell;
 pub mod central;
-pub mod judged;
+pub mod figures;
 pub mod motions;
 mod periphery;
 mod ported;
@@ -25,11 +25,11 @@ use anyhow::{Context, Result, bail};
 use mmacell_proto::{CentralConfig, DeviceConfig};
 use mmacell_task::{Step, TaskConfig};
 
-use self::cell::{Cell, Which};
-use self::central::{Central, Log, Now};
-use self::judged::Judged;
+use self::cell::{Cell, CellConnection};
+use self::central::{Central, Log, RunTimes};
+use self::figures::RunFigures;
 use self::motions::Span;
-use self::ported::Ported;
+use self::ported::PortedDevice;
 use crate::demo::{DemoOptions, MustFail};
 use crate::devices::device::keep;
 use crate::report::{Report, were};
@@ -64,7 +64,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let device = DeviceConfig { accepts: central.writes, writes: central.accepts, ..DeviceConfig::DEFAULT };
     let run = Run::start(options, speed, stalls, device)?;
     let (log, cell) = run.place((!until_limit).then_some(parts), task, central, options)?;
-    let judged = Judged::of(&log, &cell.parts().record);
+    let judged = RunFigures::of(&log, &cell.parts().record);
     if let Some(path) = &options.out {
         timeline::draw(path, &log, &cell.parts().record)?;
     }
@@ -97,9 +97,9 @@ struct Clock {
 }
 
 impl Clock {
-    fn now(&self) -> Now {
+    fn now(&self) -> RunTimes {
         let wall = self.epoch.elapsed();
-        Now { wall, cell: wall * self.speed }
+        RunTimes { wall, cell: wall * self.speed }
     }
 }
 
@@ -111,12 +111,12 @@ impl Run {
         let mut proxies = Vec::new();
         let mut devices = Vec::new();
         let goes_on = Arc::new(AtomicBool::new(true));
-        for which in Which::ALL {
+        for which in CellConnection::ALL {
             let listener = tcp::listen("127.0.0.1:0")?;
             let mut address = listener.local_addr()?;
             let listener = Listener::new(listener)?;
             let trace = options.trace.start(&format!("mma-{}", format!("{which:?}").to_lowercase()));
-            let (device, goes_on) = (Ported::new(which, &cell, speed), Arc::clone(&goes_on));
+            let (device, goes_on) = (PortedDevice::new(which, &cell, speed), Arc::clone(&goes_on));
             devices.push(thread::spawn(move || {
                 let (clock, look) = (|| clock.now().wall, Some(STOP));
                 let server = Server { look, ..Server::new(listener, clock) };
@@ -155,7 +155,7 @@ impl Run {
         let (sender, inbox) = channel();
         let mut central = Central::new(parts, self.clock.speed, task, central)?;
         let mut connections = Vec::new();
-        for (which, address) in Which::ALL.into_iter().zip(self.addresses) {
+        for (which, address) in CellConnection::ALL.into_iter().zip(self.addresses) {
             connections.push(Connection::open(which, address, 0, &sender)?);
             central.connected(self.clock.now(), which);
         }
@@ -244,21 +244,26 @@ impl Run {
 
 /// The bytes that a reading thread received, or the end.
 struct Arrival {
-    which: Which,
+    which: CellConnection,
     number: u64,
     bytes: Option<Vec<u8>>,
 }
 
 /// The central controller's end of one connection, with a thread that reads.
 struct Connection {
-    which: Which,
+    which: CellConnection,
     address: SocketAddr,
     number: u64,
     stream: TcpStream,
 }
 
 impl Connection {
-    fn open(which: Which, address: SocketAddr, number: u64, sender: &Sender<Arrival>) -> Result<Self> {
+    fn open(
+        which: CellConnection,
+        address: SocketAddr,
+        number: u64,
+        sender: &Sender<Arrival>,
+    ) -> Result<Self> {
         let stream = tcp::connect(&address.to_string(), tcp::Dialing::default())
             .with_context(|| format!("the {which:?} is gone"))?;
         let mut reader = stream.try_clone()?;
@@ -305,7 +310,7 @@ fn lock(cell: &Mutex<Cell>) -> MutexGuard<'_, Cell> {
 fn report(
     log: &Log,
     cell: &Cell,
-    judged: &Judged,
+    judged: &RunFigures,
     options: &DemoOptions,
     (stalls, speed): (bool, u32),
     motions: Counts,
@@ -447,12 +452,12 @@ mod tests {
         let steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
         let log = Log { steps, ..Log::default() };
         let mut faulted = Log { steps: log.steps.clone(), ..Log::default() };
-        let judged = Judged::of(&log, &cell.parts().record);
+        let judged = RunFigures::of(&log, &cell.parts().record);
         let report = report(&log, &cell, &judged, &options(false, &[]), (false, 1), Counts::default());
         assert!(!report.is_good());
         assert_eq!(report.to_json()["let_go_elsewhere"], 1);
         faulted.steps.insert(2, (at(2), Step::Faulted));
-        let judged = Judged::of(&faulted, &cell.parts().record);
+        let judged = RunFigures::of(&faulted, &cell.parts().record);
         assert_eq!(judged.let_go_elsewhere, 0, "a fault closes the valves");
     }
 

@@ -9,7 +9,7 @@ use robot_session::{Step, Steps};
 
 /// The result of some bytes.
 #[derive(Debug, Default)]
-pub(super) struct Answer {
+pub(super) struct PeripheryOutput {
     pub(super) replies: Vec<u8>,
     /// Valves that were set: which, and whether open.
     pub(super) valves: Vec<(i32, bool)>,
@@ -31,8 +31,8 @@ impl Periphery {
         self.device.handle_connected(now);
     }
 
-    pub(super) fn receive(&mut self, now: Duration, bytes: &[u8]) -> Answer {
-        let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
+    pub(super) fn receive(&mut self, now: Duration, bytes: &[u8]) -> PeripheryOutput {
+        let (mut answer, mut buffer) = (PeripheryOutput::default(), [0; 64]);
         self.device.handle_input(now, bytes);
         let (device, mut steps) = (&mut self.device, Steps::NEW);
         loop {

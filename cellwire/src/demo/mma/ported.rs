@@ -3,14 +3,14 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use cellwire_sim::host::{Hosted, Request};
+use cellwire_sim::host::{HostedSession, Request};
 use robot_session::Session;
 
-use super::cell::{Cell, Which};
+use super::cell::{Cell, CellConnection};
 
 /// One of the devices, for the host of its port: one central controller at a time, the newest.
-pub(super) struct Ported {
-    which: Which,
+pub(super) struct PortedDevice {
+    which: CellConnection,
     cell: Arc<Mutex<Cell>>,
     /// The cell's clock is faster than the host's by this factor.
     speed: u32,
@@ -20,8 +20,8 @@ pub(super) struct Ported {
     closes: bool,
 }
 
-impl Ported {
-    pub(super) fn new(which: Which, cell: &Arc<Mutex<Cell>>, speed: u32) -> Self {
+impl PortedDevice {
+    pub(super) fn new(which: CellConnection, cell: &Arc<Mutex<Cell>>, speed: u32) -> Self {
         Self { which, cell: Arc::clone(cell), speed, unsent: Vec::new(), closes: false }
     }
 
@@ -30,13 +30,13 @@ impl Ported {
     }
 }
 
-impl Hosted for Ported {
+impl HostedSession for PortedDevice {
     fn request((): &()) -> Option<Request> {
         Some(Request::Close("the central controller has ended the connection"))
     }
 }
 
-impl Session for Ported {
+impl Session for PortedDevice {
     /// The connection is to be closed.
     type Event = ();
     type Statistics = ();

@@ -4,7 +4,7 @@ use mmacell_proto::CentralConfig;
 use mmacell_task::TaskConfig;
 
 use super::cell::CONFIG;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// Parts of a run without a limit.
 const PARTS: u64 = 100;
@@ -30,7 +30,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { parts, speed, stall_every, task, central } = self;
         fields.whole("parts", 1..=MAX_PARTS, "parts", "parts to place, without --for", parts);
         fields.whole(

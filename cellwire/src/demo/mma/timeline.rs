@@ -38,7 +38,7 @@ const BAD: RGBColor = RGBColor(198, 66, 60);
 
 /// The source of the picture.
 #[derive(Clone, Copy)]
-struct Shown<'a> {
+struct TimelineSource<'a> {
     /// Each step of the task, with the time of its beginning.
     steps: &'a [(Duration, Step)],
     vacuum: &'a [(Duration, bool)],
@@ -58,7 +58,7 @@ struct Span {
 /// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
 pub fn draw(path: &Path, log: &Log, record: &Record) -> Result<()> {
     let Record { vacuum, blow, switch, outcomes, .. } = record;
-    let shown = &Shown { steps: &log.steps, vacuum, blow, switch, outcomes };
+    let shown = &TimelineSource { steps: &log.steps, vacuum, blow, switch, outcomes };
     let (from, to) = window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
     let mut drawn = String::new();
     let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
@@ -71,7 +71,7 @@ pub fn draw(path: &Path, log: &Log, record: &Record) -> Result<()> {
 }
 
 /// Returns the times of six attempts: the first in which one part is placed, one missed and one lost, if there are any.
-fn window(shown: &Shown<'_>) -> Option<(Duration, Duration)> {
+fn window(shown: &TimelineSource<'_>) -> Option<(Duration, Duration)> {
     const SHOWN: usize = 6;
     let begins = shown.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
     let begins: Vec<Duration> = begins.chain([shown.steps.last()?.0]).collect();
@@ -91,10 +91,10 @@ struct Picture<'a, 'b> {
     to: Duration,
 }
 
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 impl Picture<'_, '_> {
-    fn draw(&self, shown: &Shown<'_>) -> Drawn {
+    fn draw(&self, shown: &TimelineSource<'_>) -> DrawResult {
         self.area.fill(&WHITE)?;
         self.text(
             (LEFT, 30 * UNIT),
@@ -124,7 +124,7 @@ impl Picture<'_, '_> {
     }
 
     /// Draws the meaning of the colours, beside the labels of the bars.
-    fn legend(&self) -> Drawn {
+    fn legend(&self) -> DrawResult {
         let mut left = LEFT;
         for (color, text) in [
             (ROBOT, "robot without a part"),
@@ -145,7 +145,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn attempts(&self, shown: &Shown<'_>) -> Drawn {
+    fn attempts(&self, shown: &TimelineSource<'_>) -> DrawResult {
         for (at, _) in shown.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
             let x = self.x(*at);
             self.area
@@ -154,7 +154,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn axis(&self) -> Drawn {
+    fn axis(&self) -> DrawResult {
         let bottom = TOP + LANES * LANE;
         self.area.draw(&PathElement::new([(LEFT, bottom), (SIZE.0 - RIGHT, bottom)], thin(INK)))?;
         let span = (self.to - self.from).as_secs_f64();
@@ -169,7 +169,7 @@ impl Picture<'_, '_> {
         self.text(((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38 * UNIT), "cell time", 14, INK, HPos::Center)
     }
 
-    fn lane(&self, row: i32, name: &str, spans: &[Span]) -> Drawn {
+    fn lane(&self, row: i32, name: &str, spans: &[Span]) -> DrawResult {
         let middle = TOP + row * LANE + LANE / 2;
         self.text((LEFT - 14 * UNIT, middle), name, 15, INK, HPos::Right)?;
         self.area.draw(&PathElement::new([(LEFT, middle), (SIZE.0 - RIGHT, middle)], thin(FAINT)))?;
@@ -187,7 +187,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn outcomes(&self, outcomes: &[(Duration, Outcome)]) -> Drawn {
+    fn outcomes(&self, outcomes: &[(Duration, Outcome)]) -> DrawResult {
         let middle = TOP + (LANES - 1) * LANE + LANE / 2;
         self.text((LEFT - 14 * UNIT, middle), "The part is", 15, INK, HPos::Right)?;
         for (at, outcome) in outcomes.iter().filter(|(at, _)| self.shows(*at)) {
@@ -208,7 +208,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn text(&self, at: (i32, i32), text: &str, size: i32, color: RGBColor, side: HPos) -> Drawn {
+    fn text(&self, at: (i32, i32), text: &str, size: i32, color: RGBColor, side: HPos) -> DrawResult {
         let style =
             TextStyle::from(("sans-serif", size * UNIT)).color(&color).pos(Pos::new(side, VPos::Center));
         self.area.draw_text(text, &style, at)
@@ -232,7 +232,7 @@ fn thin(color: RGBColor) -> ShapeStyle {
 }
 
 /// Returns the spans of the steps in which a device has something to do; adjacent spans with one label are merged.
-fn spans(shown: &Shown<'_>, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
+fn spans(shown: &TimelineSource<'_>, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
     let mut spans: Vec<Span> = Vec::new();
     for pair in shown.steps.windows(2) {
         let [(from, step), (to, _)] = pair else { continue };
@@ -283,7 +283,7 @@ fn cameras(step: Step) -> Option<(RGBColor, &'static str)> {
 }
 
 /// Returns the spans of the platform: it turns from step 10 on, and is at rest at the latest at the end of step 12.
-fn platform(shown: &Shown<'_>) -> Vec<Span> {
+fn platform(shown: &TimelineSource<'_>) -> Vec<Span> {
     spans(shown, |step| match step {
         Step::GoHome | Step::AwaitHome | Step::Resetting => Some((PLATFORM, "home")),
         Step::TurnPlatform | Step::GoCamera2 | Step::AwaitCamera2 => Some((PLATFORM, "turn")),

@@ -17,8 +17,8 @@ const FALLS: f64 = 0.08;
 pub struct Workpieces {
     rng: fastrand::Rng,
     part: Part,
-    holds: Holds,
-    fate: Fate,
+    holds: GripperLoad,
+    fate: AttemptOutcome,
     vacuum: bool,
     blow: bool,
     /// When the part fell whose vacuum is still on.
@@ -73,7 +73,7 @@ struct Part {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Holds {
+enum GripperLoad {
     /// The part is on the feeder.
     Nothing,
     /// The part is on the gripper.
@@ -84,7 +84,7 @@ enum Holds {
 
 /// The intended outcome of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Fate {
+enum AttemptOutcome {
     Good,
     Missed,
     /// After this share of the way.
@@ -100,8 +100,8 @@ impl Workpieces {
         Self {
             rng,
             part,
-            holds: Holds::Nothing,
-            fate: Fate::Good,
+            holds: GripperLoad::Nothing,
+            fate: AttemptOutcome::Good,
             vacuum,
             blow,
             fell,
@@ -121,7 +121,7 @@ impl Workpieces {
 
     /// Returns the state of the vacuum switch: high if a part closes the gripper.
     pub fn switch(&self) -> bool {
-        self.vacuum && self.holds != Holds::Nothing
+        self.vacuum && self.holds != GripperLoad::Nothing
     }
 
     /// Returns whether the vacuum is on.
@@ -133,21 +133,21 @@ impl Workpieces {
     pub fn move_to(&mut self, now: Duration, gripper: RobotPose) {
         let (from_pick, from_place) = (distance(gripper, self.part.pick), distance(gripper, self.part.place));
         match (self.holds, self.fate) {
-            (Holds::Nothing, Fate::Good | Fate::Falls(_))
+            (GripperLoad::Nothing, AttemptOutcome::Good | AttemptOutcome::Falls(_))
                 if self.vacuum && self.fell.is_none() && from_pick <= CONTACT_UM =>
             {
-                self.holds = Holds::Part;
+                self.holds = GripperLoad::Part;
             }
-            (Holds::Part, Fate::Falls(share))
+            (GripperLoad::Part, AttemptOutcome::Falls(share))
                 if from_pick >= share * distance(self.part.pick, self.part.place) =>
             {
-                self.holds = Holds::Nothing;
+                self.holds = GripperLoad::Nothing;
                 self.record.lost += 1;
                 self.record.outcomes.push((now, Outcome::Lost));
                 self.fell = Some(now);
             }
-            (Holds::Sticks, _) if from_place > PLACE_UM => {
-                self.holds = Holds::Nothing;
+            (GripperLoad::Sticks, _) if from_place > PLACE_UM => {
+                self.holds = GripperLoad::Nothing;
                 self.record.carried_off += 1;
             }
             _ => {}
@@ -165,9 +165,9 @@ impl Workpieces {
             VACUUM if open && !self.vacuum => {
                 (self.vacuum, self.fell) = (true, None);
                 self.fate = match self.rng.f64() {
-                    chance if chance < MISSED => Fate::Missed,
-                    chance if chance < MISSED + FALLS => Fate::Falls(0.1 + 0.8 * self.rng.f64()),
-                    _ => Fate::Good,
+                    chance if chance < MISSED => AttemptOutcome::Missed,
+                    chance if chance < MISSED + FALLS => AttemptOutcome::Falls(0.1 + 0.8 * self.rng.f64()),
+                    _ => AttemptOutcome::Good,
                 };
                 self.record.vacuum.push((now, true));
             }
@@ -179,8 +179,8 @@ impl Workpieces {
             BLOW if open != self.blow => {
                 self.blow = open;
                 self.record.blow.push((now, open));
-                if open && self.holds == Holds::Sticks {
-                    self.holds = Holds::Nothing;
+                if open && self.holds == GripperLoad::Sticks {
+                    self.holds = GripperLoad::Nothing;
                     self.record.placed += 1;
                     self.record.outcomes.push((now, Outcome::Placed));
                     self.part = Part::next(&mut self.rng, self.record.placed);
@@ -196,17 +196,19 @@ impl Workpieces {
             return; // it lies on the feeder again
         }
         match self.holds {
-            Holds::Part if distance(gripper, self.part.place) <= PLACE_UM => self.holds = Holds::Sticks,
-            Holds::Part => {
-                self.holds = Holds::Nothing;
+            GripperLoad::Part if distance(gripper, self.part.place) <= PLACE_UM => {
+                self.holds = GripperLoad::Sticks
+            }
+            GripperLoad::Part => {
+                self.holds = GripperLoad::Nothing;
                 self.record.dropped += 1;
                 self.record.outcomes.push((now, Outcome::Dropped));
             }
-            Holds::Nothing => {
+            GripperLoad::Nothing => {
                 self.record.missed += 1;
                 self.record.outcomes.push((now, Outcome::Missed));
             }
-            Holds::Sticks => {}
+            GripperLoad::Sticks => {}
         }
     }
 
@@ -244,7 +246,7 @@ mod tests {
 
     const AT: fn(u64) -> Duration = Duration::from_millis;
 
-    fn parts(fate: Fate) -> Workpieces {
+    fn parts(fate: AttemptOutcome) -> Workpieces {
         let mut parts = Workpieces::new(1);
         let pick = parts.part().1;
         parts.set_valve(AT(1), VACUUM, true, RobotPose::ORIGIN);
@@ -255,7 +257,7 @@ mod tests {
 
     #[test]
     fn a_part_is_placed_where_it_belongs_and_only_when_it_is_blown_off() {
-        let mut parts = parts(Fate::Good);
+        let mut parts = parts(AttemptOutcome::Good);
         assert!(parts.switch());
         let place = parts.place();
         parts.move_to(AT(3), place);
@@ -268,7 +270,7 @@ mod tests {
 
     #[test]
     fn a_part_that_nothing_blows_off_leaves_with_the_gripper() {
-        let mut parts = parts(Fate::Good);
+        let mut parts = parts(AttemptOutcome::Good);
         let place = parts.place();
         parts.set_valve(AT(4), VACUUM, false, place);
         parts.move_to(AT(5), RobotPose::ORIGIN);
@@ -277,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_part_falls_on_its_way_and_the_time_until_the_vacuum_is_off_is_known() {
-        let mut parts = parts(Fate::Falls(0.5));
+        let mut parts = parts(AttemptOutcome::Falls(0.5));
         let place = parts.place();
         assert!(parts.switch());
         parts.move_to(AT(10), place);
@@ -289,11 +291,11 @@ mod tests {
 
     #[test]
     fn a_part_is_missed_or_dropped() {
-        let mut missed = parts(Fate::Missed);
+        let mut missed = parts(AttemptOutcome::Missed);
         assert!(!missed.switch());
         missed.set_valve(AT(3), VACUUM, false, RobotPose::ORIGIN);
         assert_eq!(missed.record.missed, 1);
-        let mut dropped = parts(Fate::Good);
+        let mut dropped = parts(AttemptOutcome::Good);
         dropped.set_valve(AT(3), VACUUM, false, RobotPose::ORIGIN);
         assert_eq!(dropped.record.dropped, 1);
         assert_eq!(dropped.record.outcomes, [(AT(3), Outcome::Dropped)]);

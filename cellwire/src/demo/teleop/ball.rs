@@ -7,7 +7,7 @@ use super::plot;
 use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::report::{Budget, Report, were};
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 
 /// The settings of the demo.
 #[derive(Debug, Default)]
@@ -17,7 +17,7 @@ pub struct Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { polls, ball } = self;
         polls.configure(fields);
         ball.configure(fields);

@@ -24,7 +24,7 @@ use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::TraceArgs;
 use cellwire_motion::latch::{Latch, LatchConfig};
-use cellwire_sim::viewer::Drawn;
+use cellwire_sim::viewer::WorkstationCounts;
 use cellwire_sim::{ByteFaults, Viewer};
 
 /// The hand's whole round, and a little more.
@@ -91,7 +91,7 @@ pub struct CellRecord {
     /// The run as the ball saw it.
     pub ball: BallStatistics,
     /// The run as the workstation saw it.
-    pub drawn: Drawn,
+    pub drawn: WorkstationCounts,
     /// The run as the host saw it.
     pub host: HostRecord,
     /// Bytes corrupted by the lines of robot, ball and workstation.

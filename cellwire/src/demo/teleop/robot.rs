@@ -13,7 +13,7 @@ use crate::demo::{DemoOptions, MustFail};
 use crate::devices::val2_alter::puma::{PumaConfig, error_text};
 use crate::report::{Budget, Report, times};
 use cellwire_io::output::counted;
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 
 /// Messages so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
@@ -35,7 +35,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { alter, controller } = self;
         alter.configure(fields);
         // Both ends of a line agree, unless they are set apart.
@@ -227,7 +227,7 @@ pub(super) fn micros(time: Duration) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::val2_alter::judge::Taken;
+    use crate::devices::val2_alter::judge::ReceivedReply;
     use crate::io::samples::Samples;
     use cellwire_io::trace::TraceArgs;
 
@@ -259,7 +259,7 @@ mod tests {
         record.puma.starts = 1;
         for cycle in 1..=100u8 {
             let values = [8, 0, 0, 0, 0, 0];
-            let taken = Taken { session: 1, cycle: cycle.into(), values };
+            let taken = ReceivedReply { session: 1, cycle: cycle.into(), values };
             record.puma.judge.add(taken, val2_alter::Accumulation::Cumulative);
             record.puma.turn_around.add(6 * MS);
             record.host.thinking.add(MS / 20);

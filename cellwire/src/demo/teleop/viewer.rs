@@ -6,7 +6,7 @@ use super::plot;
 use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::report::{Report, were};
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 use cellwire_sim::Viewer;
 
 /// The settings of the demo: the workstation, and the host that answers it.
@@ -17,7 +17,7 @@ pub struct Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { viewer, host } = self;
         viewer.configure(fields);
         fields.group("host", |fields| host.configure(fields));

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::args::{Args, Command, Time, one_of};
-use super::{Fields, Own, fields};
+use super::{Fields, OwnCommands, fields};
 
 /// The time within which the thread of a device begins a command.
 const BEGINS_WITHIN: Duration = Duration::from_secs(2);
@@ -16,7 +16,7 @@ const BEGINS_WITHIN: Duration = Duration::from_secs(2);
 const OFF: Duration = Duration::from_secs(1);
 
 /// The most messages that one command affects, and the most entries of an answer.
-const MOST: usize = 1000;
+const MAX_COUNT: usize = 1000;
 
 /// The commands of every device.
 const COMMON: [Command; 14] = [
@@ -96,7 +96,7 @@ const COMMON: [Command; 14] = [
 pub(super) struct Commands<D: Device> {
     pub(super) device: &'static str,
     pub(super) remote: Remote<D>,
-    pub(super) own: Own<D>,
+    pub(super) own: OwnCommands<D>,
 }
 
 /// The messages that a fault affects.
@@ -105,7 +105,7 @@ pub(super) struct Commands<D: Device> {
 struct Messages {
     next: Option<usize>,
     every: Option<u64>,
-    of: Option<Of>,
+    of: Option<MessageSender>,
     #[serde(default)]
     now: bool,
     ms: Option<f64>,
@@ -115,14 +115,14 @@ struct Messages {
 /// The sender of a message.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Of {
+enum MessageSender {
     Answer,
     Request,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Listed {
+struct ListRange {
     #[serde(default)]
     from: u64,
     most: Option<usize>,
@@ -226,20 +226,20 @@ impl<D: Device + 'static> Commands<D> {
             (None, None) if now && of.is_none() => return self.at_once(fault),
             _ if now => return Err("with `now`, there is no `next`, `every` or `of`".into()),
             (Some(_), Some(_)) => return Err("give `next` or `every`, not both".into()),
-            (_, Some(every @ 1..)) => faults.follow(match of.unwrap_or(Of::Answer) {
-                Of::Answer => Script::new().every_answer(every, fault),
-                Of::Request => Script::new().every_request(every, fault),
+            (_, Some(every @ 1..)) => faults.follow(match of.unwrap_or(MessageSender::Answer) {
+                MessageSender::Answer => Script::new().every_answer(every, fault),
+                MessageSender::Request => Script::new().every_request(every, fault),
             }),
             (_, Some(0)) => return Err("`every` is 1 or more".into()),
             (next, None) => {
                 let next = next.unwrap_or(1);
-                if !(1..=MOST).contains(&next) {
+                if !(1..=MAX_COUNT).contains(&next) {
                     return Err("`next` is 1 to 1000".into());
                 }
                 for _ in 0..next {
-                    match of.unwrap_or(Of::Answer) {
-                        Of::Answer => faults.next_answer(fault),
-                        Of::Request => faults.next_request(fault),
+                    match of.unwrap_or(MessageSender::Answer) {
+                        MessageSender::Answer => faults.next_answer(fault),
+                        MessageSender::Request => faults.next_request(fault),
                     }
                 }
             }
@@ -256,7 +256,7 @@ impl<D: Device + 'static> Commands<D> {
     }
 
     fn happened(&self, args: Args) -> Result<Fields, String> {
-        let Listed { from, most } = args.read()?;
+        let ListRange { from, most } = args.read()?;
         if from != 0 {
             return Err("unknown field `from`, expected `most`".into());
         }
@@ -275,7 +275,7 @@ impl<D: Device + 'static> Commands<D> {
     }
 
     fn executed(&self, args: Args) -> Result<Fields, String> {
-        let Listed { from, most } = args.read()?;
+        let ListRange { from, most } = args.read()?;
         let (total, executed) = self.remote.executed(from, number(most)?);
         let shown = executed.iter().map(|(index, done)| {
             json!({"index": index, "at": done.at.as_secs_f64(), "work": (self.own.show)(&done.work)})
@@ -290,7 +290,7 @@ impl<D: Device + 'static> Commands<D> {
 
 /// Returns the number of entries of an answer.
 fn number(most: Option<usize>) -> Result<usize, String> {
-    Some(most.unwrap_or(100)).filter(|most| *most <= MOST).ok_or_else(|| "`most` is 0 to 1000".into())
+    Some(most.unwrap_or(100)).filter(|most| *most <= MAX_COUNT).ok_or_else(|| "`most` is 0 to 1000".into())
 }
 
 fn name_of(fault: Fault) -> &'static str {

@@ -34,7 +34,7 @@ pub type Show<W> = Box<dyn Fn(&W) -> Value + Send + Sync>;
 
 /// The commands that only this kind of device has.
 #[allow(missing_debug_implementations, reason = "it holds functions")]
-pub struct Own<D: Device> {
+pub struct OwnCommands<D: Device> {
     /// The names of the commands, for `help`.
     pub commands: &'static [Command],
     /// Executes one of them, in the thread of the device. An error states what is allowed.
@@ -60,7 +60,12 @@ impl SimulateOptions {
     ///
     /// # Errors
     /// The system cannot start it.
-    pub fn control<D>(&self, device: &'static str, simulator: &mut Simulator<D>, own: Own<D>) -> Result<()>
+    pub fn control<D>(
+        &self,
+        device: &'static str,
+        simulator: &mut Simulator<D>,
+        own: OwnCommands<D>,
+    ) -> Result<()>
     where
         D: Device + 'static,
     {

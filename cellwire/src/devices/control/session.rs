@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cellwire_sim::Device;
-use cellwire_sim::host::{Hosted, Request};
+use cellwire_sim::host::{HostedSession, Request};
 use robot_session::Session;
 
 use super::commands::Commands;
@@ -50,7 +50,7 @@ impl<D: Device + 'static> Client<D> {
     }
 }
 
-impl<D: Device + 'static> Hosted for Client<D> {
+impl<D: Device + 'static> HostedSession for Client<D> {
     fn another(&self) -> Option<Self> {
         Some(Self::new(Arc::clone(&self.commands)))
     }

@@ -10,10 +10,10 @@ use fanuc_hmi_modbus::{
     self as modbus, ClientConfig, ClientEvent, DecodeError, Failure, Frame, Framing, Reply, Request,
 };
 use robot_session::end::End as _;
-use robot_session::{Driver, Ended, Session as _};
+use robot_session::{Driver, EndReason, Session as _};
 
 use cellwire_io::backoff::Backoff;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::output::remark;
 use cellwire_io::port::AnyPort;
 use cellwire_io::stream::Stream;
@@ -108,12 +108,12 @@ pub struct Client {
     instead: Option<String>,
     /// The time at which the connection was opened.
     opened: Instant,
-    seen: Seen,
+    seen: RequestFacts,
 }
 
 /// Facts about all requests of a client, for remarks at the end of a command.
 #[derive(Debug, Default)]
-struct Seen {
+struct RequestFacts {
     /// The unit of the first request that timed out.
     silent_unit: Option<u8>,
     /// The replies that came after their timeout.
@@ -126,7 +126,7 @@ struct Seen {
 
 /// The outcome of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Answer<T> {
+pub enum RequestOutcome<T> {
     /// The value that was read from the reply, or from the exception.
     Replied(T),
     /// The request was sent as a broadcast, which has no reply.
@@ -152,27 +152,28 @@ impl Client {
             backoff: Backoff::default(),
             instead: None,
             opened: Instant::now(),
-            seen: Seen::default(),
+            seen: RequestFacts::default(),
         })
     }
 
     /// Makes one request, and returns the result of `read` for the reply.
     ///
     /// # Errors
-    /// [`Lost`] if the connection is lost: [`lost`](Self::lost) describes the effect on the request; also a request that the
+    /// [`ConnectionLost`] if the connection is lost: [`lost`](Self::lost) describes the effect on the request; also a request that the
     /// specification does not allow.
     pub fn ask<T>(
         &mut self,
         unit: u8,
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
-    ) -> Result<Answer<T>> {
+    ) -> Result<RequestOutcome<T>> {
         // A server that has room for one connection may not have seen the end of the last one yet: it refuses this one, or
         // closes it.
         let (is_own, end) = (self.is_used_up, Instant::now() + REGAINED);
         loop {
             let asked = self.ask_once(unit, request, &mut read);
-            let again = |error: &anyhow::Error| is_own && error.is::<Lost>() && changes_nothing(request);
+            let again =
+                |error: &anyhow::Error| is_own && error.is::<ConnectionLost>() && changes_nothing(request);
             match asked {
                 Err(error) if again(&error) => {
                     let pause = self.backoff.pause();
@@ -192,7 +193,7 @@ impl Client {
         unit: u8,
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
-    ) -> Result<Answer<T>> {
+    ) -> Result<RequestOutcome<T>> {
         self.request(unit, request)?;
         loop {
             if let Some(answer) = self.answer(unit, None, &mut read)? {
@@ -225,20 +226,20 @@ impl Client {
         unit: u8,
         wait: Option<Duration>,
         read: impl FnMut(Frame<Reply<'_>>) -> T,
-    ) -> Result<Option<Answer<T>>> {
+    ) -> Result<Option<RequestOutcome<T>>> {
         let Some(answer) = self.turn(wait, read)? else { return Ok(None) };
-        if let Answer::Replied(_) = answer {
+        if let RequestOutcome::Replied(_) = answer {
             self.backoff.answered();
         }
-        if matches!(answer, Answer::Failed(Failure::TimedOut)) {
+        if matches!(answer, RequestOutcome::Failed(Failure::TimedOut)) {
             self.seen.silent_unit.get_or_insert(unit);
         }
         let pending = self.session.pending();
-        if matches!(answer, Answer::Failed(Failure::TimedOut)) && pending > 0 {
+        if matches!(answer, RequestOutcome::Failed(Failure::TimedOut)) && pending > 0 {
             let instead = || format!("an incomplete reply, of which {pending} bytes have arrived");
             self.instead.get_or_insert_with(instead);
         }
-        self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
+        self.is_used_up = matches!(answer, RequestOutcome::Failed(_)) && self.is_best_connected_again();
         Ok(Some(answer))
     }
 
@@ -314,7 +315,7 @@ impl Client {
         &mut self,
         wait: Option<Duration>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
-    ) -> Result<Option<Answer<T>>> {
+    ) -> Result<Option<RequestOutcome<T>>> {
         let (instead, seen) = (&mut self.instead, &mut self.seen);
         let turn = self.driver.turn(&mut self.session, wait, |session, event| {
             match answer(session, event, instead, seen, &mut read) {
@@ -324,13 +325,13 @@ impl Client {
         });
         let why = match turn {
             Ok(ControlFlow::Continue(())) => return Ok(None),
-            Ok(ControlFlow::Break(Ended::ByHandler(answer))) => return Ok(Some(answer)),
-            Ok(ControlFlow::Break(Ended::ByPeer)) => "the server closed the connection".into(),
-            Ok(ControlFlow::Break(Ended::Stalled)) => "the server does not read".into(),
+            Ok(ControlFlow::Break(EndReason::ByHandler(answer))) => return Ok(Some(answer)),
+            Ok(ControlFlow::Break(EndReason::ByPeer)) => "the server closed the connection".into(),
+            Ok(ControlFlow::Break(EndReason::Stalled)) => "the server does not read".into(),
             Err(error) => format!("the connection broke: {error}"),
         };
         self.seen.lost_connections += 1;
-        Err(Lost(why).into())
+        Err(ConnectionLost(why).into())
     }
 
     /// Returns whether a new connection is best after a failure. Without it, the rest of a truncated reply would be taken
@@ -346,7 +347,7 @@ impl Client {
     /// Opens another connection in place of this one.
     ///
     /// # Errors
-    /// [`Lost`] when there is no connection.
+    /// [`ConnectionLost`] when there is no connection.
     fn reconnect(&mut self) -> Result<()> {
         self.session.handle_disconnected(robot_session::now());
         while self.session.poll_event().is_some() {}
@@ -355,7 +356,7 @@ impl Client {
             Carrier::Plain(port) => port.close(),
             Carrier::Secure(stream) => stream.close(),
         }
-        self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
+        self.driver = Driver::new(self.port.open().map_err(|error| ConnectionLost(format!("{error:#}")))?);
         self.is_used_up = false;
         self.opened = Instant::now();
         self.session.handle_connected(robot_session::now());
@@ -373,14 +374,14 @@ fn answer<T>(
     session: &modbus::Client<1>,
     event: ClientEvent,
     instead: &mut Option<String>,
-    seen: &mut Seen,
+    seen: &mut RequestFacts,
     read: &mut impl FnMut(Frame<Reply<'_>>) -> T,
-) -> Option<Answer<T>> {
+) -> Option<RequestOutcome<T>> {
     match event {
-        ClientEvent::Replied { ticket, unit } => {
-            session.reply(ticket).map(|pdu| Answer::Replied(read(Frame { transaction: None, unit, pdu })))
-        }
-        ClientEvent::Announced { .. } => Some(Answer::Announced),
+        ClientEvent::Replied { ticket, unit } => session
+            .reply(ticket)
+            .map(|pdu| RequestOutcome::Replied(read(Frame { transaction: None, unit, pdu }))),
+        ClientEvent::Announced { .. } => Some(RequestOutcome::Announced),
         // An exception with a wrong length is one all the same.
         ClientEvent::Failed {
             failure:
@@ -392,9 +393,9 @@ fn answer<T>(
                 remark(&failure.to_string());
             }
             let pdu = Reply::Exception { function, exception };
-            Some(Answer::Replied(read(Frame { transaction: None, unit, pdu })))
+            Some(RequestOutcome::Replied(read(Frame { transaction: None, unit, pdu })))
         }
-        ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
+        ClientEvent::Failed { failure, .. } => Some(RequestOutcome::Failed(failure)),
         ClientEvent::Stray { late, .. } => {
             seen.late_replies += u64::from(late.is_some());
             let what = if late.is_some() { "late" } else { "unasked" };

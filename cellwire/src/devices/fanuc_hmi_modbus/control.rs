@@ -6,15 +6,15 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::signal;
-use crate::devices::control::{Command, Fields, Own, fields};
+use crate::devices::control::{Command, Fields, OwnCommands, fields};
 
 /// Most values of a `get`.
-const MOST: u16 = 1000;
+const MAX_VALUES: u16 = 1000;
 
 /// Values of the tables, by signal or by address.
-pub(super) fn own() -> Own<FanucController> {
+pub(super) fn own() -> OwnCommands<FanucController> {
     const SET: &str = "the `value` of a `signal` such as DI[1], or `values` of a `table` (discrete_inputs, coils, input_registers or holding_registers, the default) from PDU `address` on; 0 and 1, or false and true, for bits";
-    Own {
+    OwnCommands {
         commands: &[
             Command {
                 name: "set",
@@ -38,7 +38,7 @@ pub(super) fn own() -> Own<FanucController> {
                 let Get { signal, table, address, count } = args.read()?;
                 let (table, address) = place(fanuc, signal.as_deref(), table, address)?;
                 let count = count.unwrap_or(1);
-                if count > MOST || signal.is_some() && count != 1 {
+                if count > MAX_VALUES || signal.is_some() && count != 1 {
                     return Err("`count` is 0 to 1000, and 1 for a signal".into());
                 }
                 let values = fanuc.controller().values(table, address, count);

@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::assignment::Slots;
 use fanuc_hmi_modbus::typed::{Kind, Number};
 use fanuc_hmi_modbus::{Assignment, Multiply, PositionRegister, WordOrder, text};
 
-use super::program::{Memory, Place};
+use super::program::{Memory, RobotPosition};
 
 /// The assignments of a controller that runs a program.
 #[derive(Debug, Clone)]
@@ -105,7 +105,7 @@ impl Mapping {
     }
 
     /// Puts the variables into the registers.
-    pub fn show(&self, memory: &Memory, here: &Place, registers: &mut [u16]) {
+    pub fn show(&self, memory: &Memory, here: &RobotPosition, registers: &mut [u16]) {
         for area in &self.areas {
             if let Some(words) = registers.get_mut(area.registers.clone()) {
                 area.show(memory, here, self.order, words);
@@ -164,7 +164,7 @@ impl Area {
         }
     }
 
-    fn show(&self, memory: &Memory, here: &Place, order: WordOrder, words: &mut [u16]) {
+    fn show(&self, memory: &Memory, here: &RobotPosition, order: WordOrder, words: &mut [u16]) {
         for (n, words) in (self.first..).zip(words.chunks_mut(self.each())) {
             match self.variable {
                 Variable::Number(kind, multiply) => {
@@ -177,7 +177,7 @@ impl Area {
                         Variable::Here => Some(here),
                         _ => memory.positions.get(&n),
                     };
-                    let register = place.map_or(PositionRegister::default(), Place::register);
+                    let register = place.map_or(PositionRegister::default(), RobotPosition::register);
                     words
                         .iter_mut()
                         .zip(register.to_registers(order))
@@ -211,7 +211,7 @@ impl Area {
                 Variable::Position => {
                     let register =
                         words.first_chunk().map(|words| PositionRegister::from_registers(words, order));
-                    if let Some(place) = register.as_ref().and_then(Place::of_register) {
+                    if let Some(place) = register.as_ref().and_then(RobotPosition::of_register) {
                         memory.positions.insert(n, place);
                     }
                 }
@@ -266,10 +266,10 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         let mapping = Mapping::parse(LISTING, WordOrder::LowFirst).unwrap();
         let mut memory = Memory::default();
         memory.numbers.extend([(3, 12.3), (4, 5000.0), (5, 0.5)]);
-        memory.positions.insert(3, Place::Joints([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+        memory.positions.insert(3, RobotPosition::Joints([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
         memory.strings.insert(1, "PART".into());
         let mut registers = vec![0; 300];
-        mapping.show(&memory, &Place::default(), &mut registers);
+        mapping.show(&memory, &RobotPosition::default(), &mut registers);
         assert_eq!(registers[..5], [0, 0x3F00, 123, 50_000, 5]);
         assert_eq!(registers[150 + 44], 1, "PR[3] has joints");
         assert_eq!(registers[200..203], [0x5041, 0x5254, 0]);
@@ -307,7 +307,7 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         let strings = [(3, "A".repeat(81)), (4, "PART".into()), (5, "0123456789AB".into()), (6, "NO".into())];
         memory.strings.extend(strings);
         let mut registers = vec![0; 300];
-        mapping.show(&memory, &Place::default(), &mut registers);
+        mapping.show(&memory, &RobotPosition::default(), &mut registers);
         assert_eq!(registers[..40], [0x4141; 40]);
         assert_eq!(registers[40..43], [0x5041, 0x5254, 0]);
         assert_eq!(registers[80..86], [0x3031, 0x3233, 0x3435, 0x3637, 0x3839, 0]);
@@ -332,7 +332,7 @@ SETVAR $SNPX_ASG[4].$MULTIPLY -1
         let mut memory = Memory::default();
         memory.numbers.extend([(1, 100_000.0), (2, 100.0), (3, 1.0), (40, 7.0)]);
         let mut registers = vec![0; 16_448];
-        telemetry.show(&memory, &Place::default(), &mut registers);
+        telemetry.show(&memory, &RobotPosition::default(), &mut registers);
         assert_eq!(registers[..5], [0x86A0, 1, 100, 0, 0x3F80]);
         assert_eq!(registers[39], 7);
     }

@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::{Framing, ServerConfig, WordOrder};
 
 use super::program::Macros;
 use cellwire_links::fanuc_hmi_modbus::{Frames, frames as frames_setting, word_order as word_order_setting};
-use cellwire_links::settings::{Configure, Fields, SOME_TIME};
+use cellwire_links::settings::{Configure, FieldVisitor, SOME_TIME};
 
 /// The simulated controller.
 #[derive(Debug, Clone)]
@@ -96,7 +96,7 @@ impl Default for ProgramSettings {
 }
 
 impl Configure for ProgramSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         // Two of the others are of `ls run` alone, and one follows from the given ones.
         let Self { program, assignments, robot, joints, inputs, repeat, telemetry, .. } = self;
         let about = "the program that the robot runs; programs that it calls are in the same folder";
@@ -210,7 +210,7 @@ impl FanucSettings {
 }
 
 impl Configure for FanucSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self {
             frames,
             unit,

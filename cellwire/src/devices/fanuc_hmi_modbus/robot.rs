@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::inputs::Inputs;
 use super::mapping::Mapping;
-use super::program::{Machine, Place};
+use super::program::{Machine, RobotPosition};
 
 /// A robot that runs a program, and the view of it in its controller.
 #[derive(Debug)]
@@ -65,7 +65,7 @@ impl Robot {
 
     /// Puts all variables into the holding registers.
     pub fn show(&mut self, tables: &mut Tables) {
-        let here = Place::Cartesian { xyzwpr: self.machine.pose().to_xyzwpr(), folded: None };
+        let here = RobotPosition::Cartesian { xyzwpr: self.machine.pose().to_xyzwpr(), folded: None };
         self.mapping.show(&self.machine.memory, &here, &mut tables.holding_registers);
     }
 }
@@ -75,14 +75,14 @@ pub type Reports = Arc<Mutex<Vec<Value>>>;
 
 /// A robot in a controller that serves clients.
 #[derive(Debug)]
-pub struct Reporting {
+pub struct ReportingRobot {
     /// The robot that runs a program.
     pub robot: Robot,
     /// The reports of its program.
     pub reports: Reports,
 }
 
-impl Program for Reporting {
+impl Program for ReportingRobot {
     fn run(&mut self, at: Duration, number: u32, faults: &TelemetryFaults, tables: &mut Tables) {
         self.robot.run(at, number, faults, tables);
         self.reports.lock().unwrap_or_else(PoisonError::into_inner).extend(self.robot.machine.events());

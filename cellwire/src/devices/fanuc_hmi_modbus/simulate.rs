@@ -11,7 +11,7 @@ use cellwire_sim::fanuc::{
     Write, circle,
 };
 use cellwire_sim::host::{Notice, Server};
-use cellwire_sim::{Simulator, Told};
+use cellwire_sim::{Simulator, SimulatorReport};
 use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, TelemetryBlock, WordOrder};
 use serde_json::{Map, Value, json};
 
@@ -20,7 +20,7 @@ use super::inputs::Inputs;
 use super::mapping::Mapping;
 use super::options::{FanucSettings, ProgramSettings};
 use super::program::{Finding, Machine, Programs, load};
-use super::robot::{Reporting, Reports, Robot};
+use super::robot::{ReportingRobot, Reports, Robot};
 use crate::devices::device::{self, Endpoint, SimulateOptions, keep, reason};
 use crate::devices::on_line::{Presence, on_line};
 use cellwire_io::clock::Clock;
@@ -57,11 +57,11 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         Some(program) => {
             let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
             let mapping = robot.mapping.clone();
-            let robot = Reporting { robot, reports: Arc::clone(&reports) };
+            let robot = ReportingRobot { robot, reports: Arc::clone(&reports) };
             (Controller::running(Box::new(robot), settings.word_order), Some(mapping))
         }
     };
-    let shown = Shown { mapping };
+    let shown = AccessPrinter { mapping };
     let controller = Arc::new(Mutex::new(
         controller
             .with_faults(faults)
@@ -98,7 +98,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
                 Presence::Always,
                 || true,
                 |_, notice| {
-                    if let Notice::Event(_, Told::Device(event)) = notice {
+                    if let Notice::Event(_, SimulatorReport::Device(event)) = notice {
                         shown.print(&event, None);
                     }
                     Ok(())
@@ -187,7 +187,7 @@ pub fn serve_tcp<C: Fn() -> Duration>(
     server: Server<C>,
     device: Simulator<FanucController>,
     trace: &Trace,
-    shown: Option<&Shown>,
+    shown: Option<&AccessPrinter>,
 ) -> Result<()> {
     // A script that reads no more does not stop the simulator.
     let print = |event: Value| drop(log(&event));
@@ -204,7 +204,7 @@ pub fn serve_tcp<C: Fn() -> Duration>(
                 Notice::Refused(peer, why) if admits("refused_client") => {
                     print(json!({"event": "refused_client", "peer": peer, "why": why}))
                 }
-                Notice::Event(peer, Told::Device(event)) => {
+                Notice::Event(peer, SimulatorReport::Device(event)) => {
                     if let FanucEvent::Server(ServerEvent::OutOfStep(error)) = &event {
                         // The device closes the connection next.
                         violation = Some(format!("the client violates the protocol: {error}"));
@@ -237,12 +237,12 @@ pub fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator
 
 /// The printed accesses of clients.
 #[derive(Debug)]
-pub struct Shown {
+pub struct AccessPrinter {
     /// The assignments of the holding registers, if there are any.
     mapping: Option<Mapping>,
 }
 
-impl Shown {
+impl AccessPrinter {
     /// Prints the lines of an event: a read, a write, registers without an assignment, a refusal, corrupt bytes.
     fn print(&self, event: &FanucEvent, peer: Option<&str>) {
         let put = |kind: &str, fields: &dyn Fn() -> Value| {

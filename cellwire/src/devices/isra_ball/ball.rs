@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Result;
 use cellwire_sim::ball::{Grip, HeldBall};
 use cellwire_sim::host::Notice;
-use cellwire_sim::{Settings as _, Simulator, TeachBall, Told};
+use cellwire_sim::{Settings as _, Simulator, SimulatorReport, TeachBall};
 use isra_ball::{BallConfig, BallEvent, BallStatistics, Keys};
 use robot_session::Session as _;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::devices::control::{Command, Fields, Own, fields};
+use crate::devices::control::{Command, Fields, OwnCommands, fields};
 use crate::devices::device::{SimulateOptions, serve};
 use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
@@ -32,9 +32,9 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 }
 
 /// Returns the commands of `--control`: the grip on the ball.
-fn own() -> Own<HeldBall> {
+fn own() -> OwnCommands<HeldBall> {
     const SET: &str = "the ball measures `grip`, with `force` and `moment` of three axes from -128 to 127 (default 0) and the `keys` 1 to 8 that are down; null: the simulated hand moves it again";
-    Own {
+    OwnCommands {
         commands: const {
             &[
                 Command {
@@ -48,7 +48,7 @@ fn own() -> Own<HeldBall> {
         execute: |ball, args| {
             if args.name == "set" {
                 let Set { grip } = args.read()?;
-                let grip = grip.map(|Held { force, moment, keys }| {
+                let grip = grip.map(|BallValues { force, moment, keys }| {
                     let down = keys.iter().try_fold(Keys::NONE, |down, key| {
                         (1..=8).contains(key).then(|| down.with(*key)).ok_or("`keys` are 1 to 8")
                     })?;
@@ -70,13 +70,13 @@ fn own() -> Own<HeldBall> {
 #[serde(deny_unknown_fields)]
 struct Set {
     #[serde(deserialize_with = "Option::deserialize")]
-    grip: Option<Held>,
+    grip: Option<BallValues>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[derive(Default)]
-struct Held {
+struct BallValues {
     force: [i8; 3],
     moment: [i8; 3],
     keys: Vec<u8>,
@@ -105,10 +105,10 @@ fn answer_polls(
 ) -> Result<()> {
     let goes_on = || !stop.load(Ordering::Relaxed);
     on_line(ball, line, Presence::OfClient, goes_on, |_, notice| match notice {
-        Notice::Event(_, Told::Device(BallEvent::Reply(packet))) => {
+        Notice::Event(_, SimulatorReport::Device(BallEvent::Reply(packet))) => {
             report(json!({"event": "reply", "message": packet}))
         }
-        Notice::Event(_, Told::Device(BallEvent::Unknown(byte))) => {
+        Notice::Event(_, SimulatorReport::Device(BallEvent::Unknown(byte))) => {
             report(json!({"event": "unknown", "byte": byte}))
         }
         Notice::Connected(_) => report(json!({"event": "connected"})),

@@ -5,12 +5,12 @@ use cellwire_sim::kawasaki::{Kawasaki, Pc};
 use kawasaki_msg::Job;
 use serde_json::{Map, Value, json};
 
-use crate::devices::control::{Command, Own, fields};
+use crate::devices::control::{Command, OwnCommands, fields};
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 
 /// Returns the commands of `--control`: the order of the PC, which executes orders.
-pub(super) fn pc() -> Own<Pc<AnyWork>> {
-    Own {
+pub(super) fn pc() -> OwnCommands<Pc<AnyWork>> {
+    OwnCommands {
         commands: const {
             &[Command::get(
                 "the number of the order, null without one, and the number of its jobs that are executed",
@@ -26,8 +26,8 @@ pub(super) fn pc() -> Own<Pc<AnyWork>> {
 }
 
 /// Returns the commands of `--control`: the jobs of the robot.
-pub(super) fn robot(layout: Layout) -> Own<Kawasaki<AnyWork>> {
-    Own {
+pub(super) fn robot(layout: Layout) -> OwnCommands<Kawasaki<AnyWork>> {
+    OwnCommands {
         commands: const {
             &[Command::get(
                 "the number of jobs that the robot holds, the job that is being executed included",

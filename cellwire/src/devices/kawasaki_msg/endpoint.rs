@@ -6,17 +6,17 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
-use cellwire_sim::host::{Change, Ending, Endpoint, Notice, State};
+use cellwire_sim::host::{Change, ConnectionEnd, Endpoint, Notice, State};
 use kawasaki_msg::START;
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
-use super::meeting::{Carrier, Meeting};
+use super::peer_endpoint::{Carrier, PeerEndpoint};
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::Traced;
+use cellwire_io::drive::TracedTransport;
 use cellwire_io::trace::Trace;
 
 /// A host looks for another peer, and a command to the simulator waits, for this long at most.
-pub(super) const LOOK: Duration = Duration::from_millis(20);
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The end that is connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,13 +29,13 @@ pub(super) enum Side {
 
 impl Side {
     /// Returns the end of a connection in words.
-    pub(super) fn reason(self, ending: &Ending) -> String {
+    pub(super) fn reason(self, ending: &ConnectionEnd) -> String {
         let peer = if self == Self::Pc { "robot" } else { "PC" };
         match ending {
-            Ending::ByPeer => format!("the {peer} closed the connection"),
-            Ending::Stopped if self == Self::Robot => "the robot is switched off".into(),
-            Ending::Stopped => "the PC has ended".into(),
-            Ending::Replaced => format!("another {peer} has connected"),
+            ConnectionEnd::ByPeer => format!("the {peer} closed the connection"),
+            ConnectionEnd::Stopped if self == Self::Robot => "the robot is switched off".into(),
+            ConnectionEnd::Stopped => "the PC has ended".into(),
+            ConnectionEnd::Replaced => format!("another {peer} has connected"),
             ending => ending.to_string(),
         }
     }
@@ -70,10 +70,10 @@ impl Packets {
 /// The connections of an end to its peers. Without a connection nothing arrives.
 pub(super) struct Connections<'a> {
     side: Side,
-    meeting: &'a mut Meeting,
+    meeting: &'a mut PeerEndpoint,
     clock: Clock,
     trace: &'a Trace,
-    carrier: Option<Traced<'a, Carrier>>,
+    carrier: Option<TracedTransport<'a, Carrier>>,
     discard_after: Option<Duration>,
     packets: Rc<Cell<Packets>>,
     /// The time of the next attempt to connect.
@@ -82,7 +82,7 @@ pub(super) struct Connections<'a> {
 
 impl<'a> Connections<'a> {
     /// Creates an end without a connection; the bytes of each connection are added to `trace`.
-    pub(super) fn new(side: Side, meeting: &'a mut Meeting, trace: &'a Trace) -> Self {
+    pub(super) fn new(side: Side, meeting: &'a mut PeerEndpoint, trace: &'a Trace) -> Self {
         let (clock, packets, retry_at) = (Clock::start(), Rc::default(), Duration::ZERO);
         Self { side, meeting, clock, trace, carrier: None, discard_after: None, packets, retry_at }
     }
@@ -120,7 +120,7 @@ impl Endpoint for Connections<'_> {
                 if let Some(after) = self.discard_after {
                     carrier.discard_after(after)?;
                 }
-                self.carrier = Some(Traced::new(carrier, self.trace, self.clock));
+                self.carrier = Some(TracedTransport::new(carrier, self.trace, self.clock));
                 return Ok(Some(Change::Connected(peer)));
             }
             Ok(None) if self.meeting.takes_another() || self.side == Side::Pc => return Ok(None),
@@ -129,10 +129,10 @@ impl Endpoint for Connections<'_> {
             Err(why) => why,
         };
         self.retry_at = now.saturating_add(self.meeting.pause());
-        Ok(Some(Change::Disconnected(Ending::Failed(why))))
+        Ok(Some(Change::Disconnected(ConnectionEnd::Failed(why))))
     }
 
-    fn end(&mut self, _: &Ending) -> bool {
+    fn end(&mut self, _: &ConnectionEnd) -> bool {
         self.carrier = None;
         self.retry_at = self.clock.now().saturating_add(self.meeting.pause());
         true
@@ -144,21 +144,21 @@ impl Transport for Connections<'_> {
         self.clock.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let Some(carrier) = &mut self.carrier else {
             wait.pause()?;
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         };
         let received = carrier.receive(buffer, wait)?;
-        if let Received::Bytes(_) = received {
+        if let ReceiveOutcome::Bytes(_) = received {
             self.meeting.answered();
         }
         Ok(received)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         let sent = self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)?;
-        let length = if let Sent::Part(length) = sent { length } else { bytes.len() };
+        let length = if let SendOutcome::Part(length) = sent { length } else { bytes.len() };
         if let Some(packet @ [_, ..]) = bytes.get(..length) {
             self.packets.set(self.packets.get().and(packet));
         }
@@ -213,7 +213,7 @@ impl Reports {
             }
             Notice::Disconnected(_, ending) => {
                 let why = self.side.reason(ending);
-                let is_news = self.reported != why && !matches!(ending, Ending::Stopped);
+                let is_news = self.reported != why && !matches!(ending, ConnectionEnd::Stopped);
                 if core::mem::take(&mut self.is_connected) || is_news {
                     notify(Connection::Disconnected(&why))?;
                 }

@@ -2,9 +2,9 @@
 
 mod control;
 pub mod endpoint;
-pub mod meeting;
 pub mod options;
 pub mod pc;
+pub mod peer_endpoint;
 pub mod robot;
 pub mod sheet;
 pub mod simulate;

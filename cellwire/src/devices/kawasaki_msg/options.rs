@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 use kawasaki_msg::{PcConfig, RobotConfig};
 
 /// The simulated robot.
@@ -35,7 +35,7 @@ impl Default for RobotSettings {
 }
 
 impl Configure for RobotSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { plant, config, queue, speed, job_time, out, record } = self;
         fields.whole("speed", 1..=u32::MAX, "mm/s", "the speed of the pen", speed);
         let about = "the duration of a job that is not a line";
@@ -80,7 +80,7 @@ impl PcSettings {
 }
 
 impl Configure for PcSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { plant, config, drawing, order, repeat } = self;
         let about = "the SVG file whose outlines are drawn on an A3 sheet";
         fields.text("drawing", "a file", "a built-in picture", about, drawing);

@@ -2,14 +2,14 @@
 
 use std::cell::Cell;
 
-use super::meeting::Meeting;
+use super::peer_endpoint::PeerEndpoint;
 use anyhow::Result;
 use cellwire_io::trace::Trace;
-use cellwire_sim::host::{Ending, Notice, attend};
+use cellwire_sim::host::{ConnectionEnd, Notice, attend};
 use kawasaki_msg::{JobSource, LargePc, PcEvent};
 
 pub use super::endpoint::{Connection, Packets};
-use super::endpoint::{Connections, LOOK, Reports, Side};
+use super::endpoint::{Connections, POLL_INTERVAL, Reports, Side};
 
 /// The program of a PC.
 pub trait Program {
@@ -51,7 +51,7 @@ pub trait Program {
 /// # Errors
 /// The errors of the program, and an endpoint that fails.
 pub fn run<P: Program>(
-    meeting: &mut Meeting,
+    meeting: &mut PeerEndpoint,
     mut session: LargePc<P::Jobs>,
     trace: &Trace,
     program: &mut P,
@@ -62,7 +62,7 @@ pub fn run<P: Program>(
     let outcome = attend(
         &mut session,
         connections,
-        LOOK,
+        POLL_INTERVAL,
         || !is_over.get(),
         |session, notice| match notice {
             Notice::Event(_, event) => program.event(event),
@@ -71,7 +71,7 @@ pub fn run<P: Program>(
             notice => reports.pass(&notice, trace, |change| program.connection(change)),
         },
     );
-    let ended: Notice<'_, ()> = Notice::Disconnected("", &Ending::Stopped);
+    let ended: Notice<'_, ()> = Notice::Disconnected("", &ConnectionEnd::Stopped);
     reports.pass(&ended, trace, |change| program.connection(change))?;
     outcome.map(|()| packets.get())
 }

@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use cellwire_sim::host::{Ending, Hosted, Notice, Request, attend};
+use cellwire_sim::host::{ConnectionEnd, HostedSession, Notice, Request, attend};
 use cellwire_sim::kawasaki::{Kawasaki, TimeOf};
-use cellwire_sim::{Device as _, KawasakiRobot, Settings as _, Simulator, Told};
+use cellwire_sim::{Device as _, KawasakiRobot, Settings as _, Simulator, SimulatorReport};
 use kawasaki_msg::{Job, RobotConfig, RobotEvent, RobotStatistics};
 use robot_session::Session;
 
-use super::endpoint::{Connection, Connections, LOOK, Reports, Side};
-use super::meeting::Meeting;
+use super::endpoint::{Connection, Connections, POLL_INTERVAL, Reports, Side};
+use super::peer_endpoint::PeerEndpoint;
 use super::sheet::Lines;
 use crate::io::samples::Samples;
 use cellwire_io::trace::Trace;
@@ -85,7 +85,7 @@ pub fn simulator(setup: &Setup) -> Result<Simulator<Kawasaki<AnyWork>>> {
 /// The errors of `notify`.
 pub fn run(
     robot: Simulator<Kawasaki<AnyWork>>,
-    meeting: &mut Meeting,
+    meeting: &mut PeerEndpoint,
     trace: &Trace,
     is_off: &AtomicBool,
     mut stroke: impl FnMut(Stroke),
@@ -96,15 +96,15 @@ pub fn run(
     let connections = Connections::new(Side::Robot, meeting, trace);
     let (clock, mut reports) = (connections.clock(), Reports::new(Side::Robot));
     let goes_on = || !is_off.load(Ordering::Relaxed);
-    attend(&mut session, connections, LOOK, goes_on, |session, notice| {
+    attend(&mut session, connections, POLL_INTERVAL, goes_on, |session, notice| {
         // Jobs that were executed before an event belong to the order before it.
         while let Some(done) = session.robot.poll_executed() {
             run.work_cycle.add(clock.now().saturating_sub(done.at));
             stroke(Stroke { order: orders, job: done.work });
         }
         match notice {
-            Notice::Event(_, Told::Device(RobotEvent::Connect)) => Ok(()),
-            Notice::Event(_, Told::Device(event)) => {
+            Notice::Event(_, SimulatorReport::Device(RobotEvent::Connect)) => Ok(()),
+            Notice::Event(_, SimulatorReport::Device(event)) => {
                 orders += u32::from(matches!(event, RobotEvent::OrderStarted { .. }));
                 notify(Notification::Event(event))
             }
@@ -122,7 +122,7 @@ pub fn run(
         }
     })?;
     session.handle_disconnected(clock.now());
-    let ended: Notice<'_, ()> = Notice::Disconnected("", &Ending::Stopped);
+    let ended: Notice<'_, ()> = Notice::Disconnected("", &ConnectionEnd::Stopped);
     reports.pass(&ended, trace, |change| notify(Notification::Connection(change)))?;
     Ok(Run { statistics: session.statistics(), unpack: session.times, ..run })
 }
@@ -133,18 +133,18 @@ struct Unpacking {
     times: Samples,
 }
 
-impl Hosted for Unpacking {
+impl HostedSession for Unpacking {
     fn accepts(&self, now: Duration) -> bool {
         self.robot.accepts(now)
     }
 
-    fn request(event: &Told<RobotEvent>) -> Option<Request> {
+    fn request(event: &SimulatorReport<RobotEvent>) -> Option<Request> {
         Simulator::<Kawasaki<AnyWork>>::request(event)
     }
 }
 
 impl Session for Unpacking {
-    type Event = Told<RobotEvent>;
+    type Event = SimulatorReport<RobotEvent>;
     type Statistics = RobotStatistics;
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Simulator::<Kawasaki<AnyWork>>::MAX_TRANSMIT;

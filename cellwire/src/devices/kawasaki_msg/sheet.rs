@@ -3,7 +3,7 @@
 use anyhow::{Context as _, Result, bail};
 
 use crate::io::drawing::{Line, Picture, Point};
-use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Holds, Layout};
+use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, FieldType, Layout};
 
 /// The board where no other is named: an A3 sheet, in hundredths of a millimetre.
 pub const SHEET: Point = Point { x: 42_000, y: 29_700 };
@@ -31,8 +31,8 @@ impl Lines {
         let place = |name: &str| {
             let place = layout.place(name)?;
             match layout.fields().get(place)?.holds {
-                Holds::Number { places, .. } => Some((place, places)),
-                Holds::Text { .. } => None,
+                FieldType::Number { places, .. } => Some((place, places)),
+                FieldType::Text { .. } => None,
             }
         };
         let [kind, ends @ ..] = NAMES;

@@ -8,22 +8,22 @@ use std::sync::mpsc;
 
 use anyhow::{Context as _, Result};
 use cellwire_sim::host::{Notice, attend};
-use cellwire_sim::{KawasakiPc, Settings as _, Told};
+use cellwire_sim::{KawasakiPc, Settings as _, SimulatorReport};
 use kawasaki_msg::{Charset, Decimal, PcConfig, PcEvent, RobotEvent, Takeover};
 use serde_json::{Map, Value, json};
 
 use super::control;
-use super::endpoint::{Connection, Connections, LOOK, Reports, Side};
-use super::meeting::Meeting;
+use super::endpoint::{Connection, Connections, POLL_INTERVAL, Reports, Side};
 use super::options::{PcSettings, RobotSettings};
+use super::peer_endpoint::PeerEndpoint;
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{Lines, SHEET};
 use crate::devices::device::SimulateOptions;
 use crate::io::drawing::{self, Picture};
 use cellwire_io::output::{log, notice, remark};
-use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, Holds, Layout};
+use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, FieldType, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{self, Refused};
+use cellwire_links::settings::{self, RefusedSetting};
 
 /// Runs the PC until interrupted: a robot that connects gets the picture as an order, or example jobs if the plant's jobs
 /// are not lines.
@@ -45,8 +45,13 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let config = pc_config(&settings.plant, settings.config, &options.settings)?;
     let PcSettings { order, repeat, .. } = settings;
     let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
-    let (mut meeting, kind, place) =
-        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.dialing, &options.tls)?;
+    let (mut meeting, kind, place) = PeerEndpoint::of_pc(
+        &options.endpoint,
+        config.datagrams,
+        config.dialect,
+        options.dialing,
+        &options.tls,
+    )?;
     options.ready("kawasaki-pc", kind, &place)?;
     options.control("kawasaki-pc", &mut pc, control::pc())?;
     let trace = options.trace.start("kawasaki-pc");
@@ -55,10 +60,10 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     attend(
         &mut pc,
         connections,
-        LOOK,
+        POLL_INTERVAL,
         || true,
         |_, event| match event {
-            Notice::Event(_, Told::Device(event)) => {
+            Notice::Event(_, SimulatorReport::Device(event)) => {
                 let print = match event {
                     PcEvent::PeerStatus { .. } | PcEvent::Corrupt(_) | PcEvent::Rejected(_) => notice,
                     _ => log,
@@ -76,7 +81,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// If it cannot work.
 pub fn pc_config(plant: &Plant, config: PcConfig, given: &Map<String, Value>) -> Result<PcConfig> {
-    let lacks_interrupt = |error: &Refused| error.name == "messages.order_interrupt";
+    let lacks_interrupt = |error: &RefusedSetting| error.name == "messages.order_interrupt";
     match plant.pc(config) {
         Err(error)
             if error.downcast_ref().is_some_and(lacks_interrupt) && !given.contains_key("takeover") =>
@@ -100,17 +105,17 @@ fn examples(layout: &Layout, charset: Charset) -> Result<Vec<AnyWork>> {
     let job = |at: usize| {
         let value = |field: &Field| match (field.default, field.holds) {
             (Some(AnyValue::Text(text)), _) => text.to_string(),
-            (Some(AnyValue::Number(units)), Holds::Number { places, .. }) => {
+            (Some(AnyValue::Number(units)), FieldType::Number { places, .. }) => {
                 Decimal { units, places }.to_string()
             }
-            (_, Holds::Number { places, min, max }) => {
+            (_, FieldType::Number { places, min, max }) => {
                 let steps = i64::from(max) - i64::from(min) + 1;
                 let first = 0.clamp(min, max);
                 let from_min = i64::from(first) - i64::from(min) + i64::try_from(at).unwrap_or_default();
                 let units = i32::try_from(i64::from(min) + from_min % steps).unwrap_or(first);
                 Decimal { units, places }.to_string()
             }
-            (_, Holds::Text { min, max }) => "A".repeat(min.max(1).min(max)),
+            (_, FieldType::Text { min, max }) => "A".repeat(min.max(1).min(max)),
         };
         let texts: Vec<String> = layout.fields().iter().map(value).collect();
         let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
@@ -132,7 +137,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
     let out = out.map(PathBuf::from);
     let (mut meeting, kind, place) =
-        Meeting::of_robot(&options.endpoint, config.datagrams, options.dialing, &options.tls)?;
+        PeerEndpoint::of_robot(&options.endpoint, config.datagrams, options.dialing, &options.tls)?;
     options.ready("kawasaki-robot", kind, &place)?;
     let mut simulator = robot::simulator(&setup)?;
     options.control("kawasaki-robot", &mut simulator, control::robot(setup.layout.clone()))?;

@@ -11,19 +11,19 @@ use anyhow::{Context as _, Result};
 use cellwire_sim::host::Notice;
 pub use cellwire_sim::laser::STATUS;
 use cellwire_sim::laser::{Job, LaserEvent, LaserRobot};
-use cellwire_sim::{Device as _, Laser, Simulator, Told};
+use cellwire_sim::{Device as _, Laser, Simulator, SimulatorReport};
 use laser_eb90::{Item, Items};
-use robot_session::{Received, Sent, Session as _, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Session as _, Transport, Wait};
 use serde_json::{Value, json};
 
-use crate::devices::control::{Command, Own, fields};
+use crate::devices::control::{Command, OwnCommands, fields};
 use crate::devices::device::{SimulateOptions, serve};
 use crate::devices::on_line::{OverLine, Presence, on_line};
 use crate::io::line::Line;
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
 use cellwire_io::output::{log, remark};
-use cellwire_links::settings::{self, Configure, Fields};
+use cellwire_links::settings::{self, Configure, FieldVisitor};
 
 /// The counts of a robot.
 #[derive(Debug, Default)]
@@ -81,7 +81,7 @@ pub struct LaserSettings {
 }
 
 impl Configure for LaserSettings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { robot, record } = self;
         let about = "a CSV file to which executed instructions are appended, as a program: `run laser FILE --dry-run --picture` draws it";
         fields.text("record", "a file", "none is written", about, record);
@@ -116,9 +116,9 @@ impl Record {
 }
 
 /// Returns the commands of `--control`: the length of the queue.
-fn own(settings: &Laser) -> Own<LaserRobot> {
+fn own(settings: &Laser) -> OwnCommands<LaserRobot> {
     let settings = *settings;
-    Own {
+    OwnCommands {
         commands: const { &[Command::get("the number of instructions that the robot holds")] },
         execute: |robot, args| {
             args.none()?;
@@ -192,7 +192,7 @@ fn execute(
     mut notify: impl FnMut(Value) -> Result<()>,
     mut executed: Option<&mut dyn FnMut(Job)>,
 ) -> Result<RobotCounts> {
-    let mut measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
+    let mut measured = MeasuredLine { line, clock, woken: clock.now(), counts: RobotCounts::default() };
     if executed.is_none() {
         robot = robot.keeping_nothing();
     }
@@ -208,7 +208,7 @@ fn execute(
         Presence::Always,
         || !switch.is_off(),
         |robot, notice| match notice {
-            Notice::Event(_, Told::Device(event)) => {
+            Notice::Event(_, SimulatorReport::Device(event)) => {
                 refused += u64::from(matches!(event, LaserEvent::Refused(_)));
                 show(&event, settings).map_or(Ok(()), &mut notify)
             }
@@ -244,7 +244,7 @@ fn show(event: &LaserEvent, settings: &Laser) -> Option<Value> {
 }
 
 /// The line, and how long the robot takes in a cycle.
-struct Measured<'a> {
+struct MeasuredLine<'a> {
     line: &'a mut Line,
     clock: Clock,
     /// When the robot had the processor.
@@ -252,28 +252,28 @@ struct Measured<'a> {
     counts: RobotCounts,
 }
 
-impl OverLine for Measured<'_> {
+impl OverLine for MeasuredLine<'_> {
     fn line(&mut self) -> &mut Line {
         self.line
     }
 }
 
-impl Transport for Measured<'_> {
+impl Transport for MeasuredLine<'_> {
     fn now(&self) -> Duration {
         self.line.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let received = Transport::receive(self.line, buffer, wait);
         self.woken = self.clock.now();
         received
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         self.line.send(bytes);
         let sent = self.clock.now();
         self.counts.work.add(sent.saturating_sub(self.woken));
         self.counts.answer.add(sent.saturating_sub(self.line.now()));
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 }

@@ -1,14 +1,14 @@
 //! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
 use anyhow::{Result, bail};
-use cellwire_sim::host::{Ending, Notice};
-use cellwire_sim::mma::{Fate, Mma, MmaDevice, MmaEvent, Simulated};
-use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, Told};
+use cellwire_sim::host::{ConnectionEnd, Notice};
+use cellwire_sim::mma::{Mma, MmaDevice, MmaEvent, MotionOutcome, Simulated};
+use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, SimulatorReport};
 use robot_session::spec::Configure;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::devices::control::{Command, Fields, Own, fields};
+use crate::devices::control::{Command, Fields, OwnCommands, fields};
 use crate::devices::device::{Endpoint, SimulateOptions, keep, reason};
 use cellwire_io::clock::Clock;
 use cellwire_io::output::{admits, log, notice, remark};
@@ -60,10 +60,10 @@ where
             Notice::Event(_, told) => print(&told),
             Notice::Disconnected(peer, ending) => {
                 let why = match ending {
-                    Ending::ByPeer | Ending::Replaced => {
+                    ConnectionEnd::ByPeer | ConnectionEnd::Replaced => {
                         "the central controller closed the connection, or another one replaced it".into()
                     }
-                    Ending::Stalled => "the central controller does not read".into(),
+                    ConnectionEnd::Stalled => "the central controller does not read".into(),
                     ending => reason(ending),
                 };
                 notice(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
@@ -78,8 +78,8 @@ where
 }
 
 /// Returns the commands of `--control`: the end of a motion, and the pose.
-fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
-    Own {
+fn own<P: Simulated + Serialize>() -> OwnCommands<MmaDevice<P>> {
+    OwnCommands {
         commands: const {
             &[
                 Command {
@@ -97,9 +97,9 @@ fn own<P: Simulated + Serialize>() -> Own<MmaDevice<P>> {
                     return Err("no motion is under way; send a motion first".into());
                 }
                 device.end_motion(match fate {
-                    MotionEnd::Arrives => Fate::Arrives,
-                    MotionEnd::Fails => Fate::Fails,
-                    MotionEnd::Stalls => Fate::Stalls,
+                    MotionEnd::Arrives => MotionOutcome::Arrives,
+                    MotionEnd::Fails => MotionOutcome::Fails,
+                    MotionEnd::Stalls => MotionOutcome::Stalls,
                 });
                 return Ok(Fields::new());
             }
@@ -128,26 +128,28 @@ enum MotionEnd {
     Stalls,
 }
 
-fn print<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Result<()> {
+fn print<P: Simulated + Serialize>(told: &SimulatorReport<MmaEvent<P>>) -> Result<()> {
     let print = match told {
-        Told::Device(MmaEvent::Refused(_) | MmaEvent::Rejected(_)) => notice,
+        SimulatorReport::Device(MmaEvent::Refused(_) | MmaEvent::Rejected(_)) => notice,
         _ => log,
     };
     show(told).map_or(Ok(()), |line| print(&line))
 }
 
-fn show<P: Simulated + Serialize>(told: &Told<MmaEvent<P>>) -> Option<Value> {
+fn show<P: Simulated + Serialize>(told: &SimulatorReport<MmaEvent<P>>) -> Option<Value> {
     Some(match told {
-        Told::Fault(Fault::Drop) => json!({"event": "muted"}),
-        Told::Device(MmaEvent::Move(to)) => json!({"event": "move", "to": to}),
-        Told::Device(MmaEvent::Home) => json!({"event": "home"}),
-        Told::Device(MmaEvent::Servo(on)) => json!({"event": "servo", "on": on}),
-        Told::Device(MmaEvent::Override(percent)) => json!({"event": "override", "percent": percent}),
-        Told::Device(MmaEvent::Refused(error)) => json!({"event": "refused", "error": error}),
-        Told::Device(MmaEvent::Rejected(reason)) => {
+        SimulatorReport::Fault(Fault::Drop) => json!({"event": "muted"}),
+        SimulatorReport::Device(MmaEvent::Move(to)) => json!({"event": "move", "to": to}),
+        SimulatorReport::Device(MmaEvent::Home) => json!({"event": "home"}),
+        SimulatorReport::Device(MmaEvent::Servo(on)) => json!({"event": "servo", "on": on}),
+        SimulatorReport::Device(MmaEvent::Override(percent)) => {
+            json!({"event": "override", "percent": percent})
+        }
+        SimulatorReport::Device(MmaEvent::Refused(error)) => json!({"event": "refused", "error": error}),
+        SimulatorReport::Device(MmaEvent::Rejected(reason)) => {
             json!({"event": "rejected", "reason": reason.to_string()})
         }
-        Told::Device(MmaEvent::Closed(reason)) => {
+        SimulatorReport::Device(MmaEvent::Closed(reason)) => {
             json!({"event": "closed", "reason": format!("{reason:?}").to_lowercase()})
         }
         _ => return None,

@@ -6,11 +6,11 @@ use serde_json::json;
 use val2_alter::ControllerState;
 
 use super::script;
-use crate::devices::control::{Command, Fields, Own, fields};
+use crate::devices::control::{Command, Fields, OwnCommands, fields};
 
 /// Returns the commands of `--control`: the incidents of the program, and the position of the arm.
-pub(super) fn own() -> Own<MarkIii> {
-    Own {
+pub(super) fn own() -> OwnCommands<MarkIii> {
+    OwnCommands {
         commands: const {
             &[
                 Command {
@@ -23,7 +23,7 @@ pub(super) fn own() -> Own<MarkIii> {
         },
         execute: |robot, args| {
             if args.name == "incident" {
-                let Asked { incident } = args.read()?;
+                let IncidentArgs { incident } = args.read()?;
                 robot.incident(script::incident(&incident).map_err(|error| format!("{error:#}"))?);
                 return Ok(Fields::new());
             }
@@ -50,6 +50,6 @@ pub(super) fn position(pose: &Pose) -> [f64; 3] {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Asked {
+struct IncidentArgs {
     incident: String,
 }

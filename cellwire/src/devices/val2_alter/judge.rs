@@ -4,7 +4,7 @@ use val2_alter::{AXES, Accumulation, Limits};
 
 /// A reply as it arrived.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Taken {
+pub struct ReceivedReply {
     /// The how many-th ALTER it belongs to, from 1.
     pub session: u64,
     /// The how many-th cycle of the robot it answers.
@@ -18,14 +18,14 @@ pub struct Taken {
 #[derive(Debug, Clone, Default)]
 pub struct Judge {
     /// The last reply, and its speeds.
-    last: Option<(Taken, [i16; AXES])>,
+    last: Option<(ReceivedReply, [i16; AXES])>,
     /// The most that was seen of the speeds.
     pub extremes: Extremes,
 }
 
 impl Judge {
     /// Adds the next reply.
-    pub fn add(&mut self, taken: Taken, accumulation: Accumulation) {
+    pub fn add(&mut self, taken: ReceivedReply, accumulation: Accumulation) {
         let before = self.last.filter(|(last, _)| last.session == taken.session);
         let speeds = match (accumulation, before) {
             (Accumulation::NonCumulative, Some((last, _))) => less(taken.values, last.values),
@@ -78,17 +78,17 @@ pub fn less(values: [i16; AXES], offsets: [i16; AXES]) -> [i16; AXES] {
 mod tests {
     use super::*;
 
-    fn taken(session: u64, cycle: u64, x: i16) -> Taken {
-        Taken { session, cycle, values: [x, 0, 0, 0, 0, 0] }
+    fn taken(session: u64, cycle: u64, x: i16) -> ReceivedReply {
+        ReceivedReply { session, cycle, values: [x, 0, 0, 0, 0, 0] }
     }
 
-    fn extremes(replies: &[Taken], accumulation: Accumulation) -> Extremes {
+    fn extremes(replies: &[ReceivedReply], accumulation: Accumulation) -> Extremes {
         let mut judge = Judge::default();
         replies.iter().for_each(|taken| judge.add(*taken, accumulation));
         judge.extremes
     }
 
-    fn keeps(replies: &[Taken]) -> bool {
+    fn keeps(replies: &[ReceivedReply]) -> bool {
         extremes(replies, Accumulation::Cumulative).keeps(&LIMITS)
     }
 

@@ -2,10 +2,10 @@
 
 use super::puma::PumaConfig;
 use super::script;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 impl Configure for PumaConfig {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { puma, script, keeps_all: _ } = self;
         puma.configure(fields);
         let about = "events, with times since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \

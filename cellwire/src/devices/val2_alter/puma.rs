@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::Result;
 use cellwire_sim::host::Notice;
 use cellwire_sim::puma::{MarkIii, Pose, Puma, PumaEvent};
-use cellwire_sim::{Settings as _, Simulator, Told};
+use cellwire_sim::{Settings as _, Simulator, SimulatorReport};
 use robot_session::end::End as _;
 use robot_session::{Session as _, Transport as _};
 use serde_json::{Value, json};
@@ -15,7 +15,7 @@ use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, ControllerState, ErrorCode};
 
 use super::control::{self, position};
-use super::judge::{Judge, Taken};
+use super::judge::{Judge, ReceivedReply};
 use super::robot_line::{Request, RobotLine, Times};
 use super::script::{self, Script};
 use crate::devices::device::{SimulateOptions, serve};
@@ -26,7 +26,7 @@ use cellwire_io::output::{log, notice};
 use cellwire_links::settings;
 
 /// The number of cycles between notifications of the position: twice a second.
-const TOLD: u64 = 18;
+const NOTIFY_CYCLES: u64 = 18;
 
 /// The behaviour of the simulated robot.
 #[derive(Debug, Clone)]
@@ -55,14 +55,14 @@ pub enum Notification {
     /// The arm has this pose: reported twice a second while replies come.
     Moves(Pose),
     /// The measurements since ALTER began.
-    Measured(Measured),
+    Measured(AlterStatistics),
     /// Whether a client has the port open.
     Connected(bool),
 }
 
 /// The statistics of the replies of an ALTER.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Measured {
+pub struct AlterStatistics {
     /// The number of replies that came in time.
     pub replies: u64,
     /// The times from the last byte of a request to the last byte of its reply: half of them at most, 99 % at most, the longest.
@@ -158,7 +158,7 @@ fn follow(
         match notice {
             Notice::Connected(_) => notify(times.now, Notification::Connected(true)),
             Notice::Disconnected(..) => notify(times.now, Notification::Connected(false)),
-            Notice::Event(_, Told::Device(event)) => {
+            Notice::Event(_, SimulatorReport::Device(event)) => {
                 for told in record.take(event, robot, &mut times) {
                     notify(times.now, told)?;
                 }
@@ -261,17 +261,17 @@ impl Recording {
         if device.controller().state() == ControllerState::Interrupted {
             return None;
         }
-        let taken = Taken { session: stats.starts, cycle: stats.cycles, values };
+        let taken = ReceivedReply { session: stats.starts, cycle: stats.cycles, values };
         record.judge.add(taken, config.mode.accumulation());
         self.cycles += 1;
-        self.cycles.is_multiple_of(TOLD).then(|| device.pose())
+        self.cycles.is_multiple_of(NOTIFY_CYCLES).then(|| device.pose())
     }
 
     /// Returns the measurements since ALTER began.
-    fn measured(&self) -> Option<Measured> {
+    fn measured(&self) -> Option<AlterStatistics> {
         let times = &self.turn_around;
         let turn_around = [times.at(0.5), times.at(0.99), times.max()];
-        self.record.window.map(|window| Measured { replies: times.count(), turn_around, window })
+        self.record.window.map(|window| AlterStatistics { replies: times.count(), turn_around, window })
     }
 }
 
@@ -286,7 +286,7 @@ fn to_json(at: Duration, told: Notification) -> Value {
         Notification::Moves(pose) => {
             return json!({"ms": ms, "event": "moves", "position_mm": position(&pose)});
         }
-        Notification::Measured(Measured { replies, turn_around, window }) => {
+        Notification::Measured(AlterStatistics { replies, turn_around, window }) => {
             let tenths = |time: Duration| (time.as_secs_f64() * 1e4).round() / 10.0;
             let [half, most, longest] = turn_around.map(tenths);
             return json!({

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::io;
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
 use crate::devices::on_line::OverLine;
 use crate::io::line::Line;
@@ -60,13 +60,13 @@ impl Transport for RobotLine<'_> {
         self.times.borrow().now
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let received = Transport::receive(self.line, buffer, wait)?;
         self.go_on();
         let mut times = self.times.borrow_mut();
         let now = times.now;
         // Bytes that arrive before the request was sent are the reply to the previous request.
-        if let (Received::Bytes(_), Some(request)) = (received, &mut times.request)
+        if let (ReceiveOutcome::Bytes(_), Some(request)) = (received, &mut times.request)
             && now >= request.arrived
         {
             request.first_byte.get_or_insert(now);
@@ -75,11 +75,11 @@ impl Transport for RobotLine<'_> {
         Ok(received)
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         let mut times = self.times.borrow_mut();
         let arrived = self.line.send(bytes).saturating_sub(times.stood);
         let (length, last_byte) = (bytes.len(), Duration::ZERO);
         times.request = Some(Request { arrived, length, first_byte: None, last_byte });
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 }

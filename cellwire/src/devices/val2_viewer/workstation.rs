@@ -4,12 +4,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
 use cellwire_sim::host::Notice;
-use cellwire_sim::viewer::{Drawn, Screen};
-use cellwire_sim::{Settings as _, Simulator, Told, Viewer};
+use cellwire_sim::viewer::{Screen, WorkstationCounts};
+use cellwire_sim::{Settings as _, Simulator, SimulatorReport, Viewer};
 use serde_json::{Value, json};
 use val2_viewer::{PosePacket, WorkstationConfig, WorkstationEvent};
 
-use crate::devices::control::{Command, Own, fields};
+use crate::devices::control::{Command, OwnCommands, fields};
 use crate::devices::device::{SimulateOptions, serve};
 use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
@@ -30,8 +30,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 }
 
 /// Returns the commands of `--control`: the counts of the workstation. The workstation executes each pose that it draws.
-fn own() -> Own<Screen> {
-    Own {
+fn own() -> OwnCommands<Screen> {
+    OwnCommands {
         commands: const {
             &[Command::get(
                 "the counts of the workstation: requests sent, poses received, gaps in their numbers, corrupt lines, stale pictures, pauses by the operator, the most poses between two pictures",
@@ -39,7 +39,8 @@ fn own() -> Own<Screen> {
         },
         execute: |screen, args| {
             args.none()?;
-            let Drawn { asked, poses, gaps, damaged, stale, pauses, most_at_once } = screen.drawn();
+            let WorkstationCounts { asked, poses, gaps, damaged, stale, pauses, most_at_once } =
+                screen.drawn();
             Ok(fields([
                 ("asked", asked.into()),
                 ("poses", poses.into()),
@@ -63,7 +64,7 @@ pub fn run(
     config: WorkstationConfig,
     stop: &AtomicBool,
     report: impl FnMut(Value) -> Result<()>,
-) -> Result<Drawn> {
+) -> Result<WorkstationCounts> {
     let mut screen = Viewer { config, ..Viewer::default() }.simulator()?.keeping_nothing();
     draw(line, &mut screen, stop, report)?;
     Ok(screen.device().drawn())
@@ -77,7 +78,7 @@ fn draw(
 ) -> Result<()> {
     let goes_on = || !stop.load(Ordering::Relaxed);
     on_line(screen, line, Presence::OfClient, goes_on, |_, notice| {
-        let Notice::Event(_, Told::Device(event)) = notice else { return Ok(()) };
+        let Notice::Event(_, SimulatorReport::Device(event)) = notice else { return Ok(()) };
         match event {
             WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) => report(pose(&packet)),
             WorkstationEvent::Corrupt(error) => report(json!({"event": "corrupt", "error": error})),

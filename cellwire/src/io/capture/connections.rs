@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::reassembly::{Piece, Reassembly};
-use super::{Fault, Flow, Found, Line, Packet, Reading, Segment, Summary};
+use super::{CaptureItem, Fault, Flow, Line, Packet, Reading, Segment, Summary};
 
 /// The number of connections that are kept at once. With more, the half that has been silent the longest ends, and their next
 /// packets are another connection. The memory of a connection is that of its two directions, and of the segments that wait.
@@ -68,8 +68,8 @@ pub trait Directions {
 pub fn read<D: Directions>(input: Box<dyn Read>, reading: &Reading, to: &mut D) -> Result<(Summary, bool)> {
     let mut table = Table { to, port: reading.port, connections: BTreeMap::new(), clock: 0, found: false };
     let summary = super::read(input, reading, |found| match found {
-        Found::Packet(packet) => table.take(&packet),
-        Found::Fault(number, fault) => table.to.fault(number, &fault),
+        CaptureItem::Packet(packet) => table.take(&packet),
+        CaptureItem::Fault(number, fault) => table.to.fault(number, &fault),
     })?;
     table.finish()?;
     Ok((summary, table.found))

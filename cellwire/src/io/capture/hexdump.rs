@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 
-use super::{Fault, Flow, Found, Line, Packet, Summary};
+use super::{CaptureItem, Fault, Flow, Line, Packet, Summary};
 
 /// The largest dump, in bytes: the leftmost line may be the last one.
 const MAX_DUMP: u64 = 1 << 28;
@@ -21,7 +21,7 @@ const MAX_REPEATED: u64 = 1 << 24;
 
 pub(super) fn read(
     input: BufReader<Box<dyn Read>>,
-    mut take: impl FnMut(Found<'_>) -> Result<()>,
+    mut take: impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<Summary> {
     let mut text = Vec::new();
     let length = input.take(MAX_DUMP).read_to_end(&mut text).context("cannot read the input")?;
@@ -256,13 +256,18 @@ struct Dump {
 }
 
 impl Dump {
-    fn take(&mut self, number: u64, row: &Row, take: &mut impl FnMut(Found<'_>) -> Result<()>) -> Result<()> {
+    fn take(
+        &mut self,
+        number: u64,
+        row: &Row,
+        take: &mut impl FnMut(CaptureItem<'_>) -> Result<()>,
+    ) -> Result<()> {
         if !self.is_marked {
             self.by_keeper = row.indent < self.margin + SHIFT;
         }
         let Some(offset) = row.at(self.radix) else {
             let why = format!("the offset {} is not a number in base {}", row.offset, self.radix);
-            return take(Found::Fault(number, Fault::Line { why }));
+            return take(CaptureItem::Fault(number, Fault::Line { why }));
         };
         self.repeat(number, offset, take)?;
         // A packet begins, or the last one continues.
@@ -270,16 +275,21 @@ impl Dump {
         let next = *self.next();
         if offset != 0 && offset != next {
             let why = format!("the offset is {offset:x}, expected 0 or {next:x}");
-            take(Found::Fault(number, Fault::Line { why }))?;
+            take(CaptureItem::Fault(number, Fault::Line { why }))?;
         }
         *self.next() = offset + row.bytes.len() as u64;
         self.last.clone_from(&row.bytes);
         self.digits = row.offset.len();
-        take(Found::Packet(self.packet(number, &row.bytes)))
+        take(CaptureItem::Packet(self.packet(number, &row.bytes)))
     }
 
     /// Takes the bytes that a line `*` stands for, up to this offset.
-    fn repeat(&mut self, number: u64, to: u64, take: &mut impl FnMut(Found<'_>) -> Result<()>) -> Result<()> {
+    fn repeat(
+        &mut self,
+        number: u64,
+        to: u64,
+        take: &mut impl FnMut(CaptureItem<'_>) -> Result<()>,
+    ) -> Result<()> {
         if !core::mem::take(&mut self.is_repeated) {
             return Ok(());
         }
@@ -289,10 +299,10 @@ impl Dump {
         if last == 0 || !length.is_multiple_of(last) {
             let why =
                 format!("the line * before it does not repeat the line before that to the offset {to:x}");
-            return take(Found::Fault(number, Fault::Line { why }));
+            return take(CaptureItem::Fault(number, Fault::Line { why }));
         }
         for _ in 0..length / last {
-            take(Found::Packet(self.packet(number, &self.last)))?;
+            take(CaptureItem::Packet(self.packet(number, &self.last)))?;
         }
         *self.next() += length;
         Ok(())
@@ -313,7 +323,7 @@ impl Dump {
         &mut self,
         number: u64,
         text: &str,
-        take: &mut impl FnMut(Found<'_>) -> Result<()>,
+        take: &mut impl FnMut(CaptureItem<'_>) -> Result<()>,
     ) -> Result<()> {
         if self.is_repeated
             && let Ok(end) = u64::from_str_radix(text, self.radix)
@@ -357,7 +367,7 @@ mod tests {
         let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
         read(BufReader::new(input), |it| {
             found.push(match it {
-                Found::Packet(Packet { at, flow: Flow::Kept(_, by_keeper), payload, .. }) => {
+                CaptureItem::Packet(Packet { at, flow: Flow::Kept(_, by_keeper), payload, .. }) => {
                     let at = at.map_or_else(String::new, |at| format!("{} ", at.as_secs_f64()));
                     format!("{at}{} {payload:02x?}", if by_keeper { ">" } else { "<" })
                 }

@@ -29,8 +29,8 @@ use etherparse::{IpNumber, TcpSlice, UdpSlice};
 
 use self::blocks::{Block, Blocks, Frame};
 use self::fragments::Fragments;
-use self::network::{Network, Other};
-use self::usb::{Captured, Devices};
+use self::network::{Network, OtherPacket};
+use self::usb::{CapturedPacket, Devices};
 
 pub use self::fault::Fault;
 pub use self::hexdump::is_dump;
@@ -180,7 +180,7 @@ pub struct Packet<'a> {
 
 /// An item of a capture.
 #[derive(Debug)]
-pub enum Found<'a> {
+pub enum CaptureItem<'a> {
     /// A packet with bytes of a flow.
     Packet(Packet<'a>),
     /// A fault of the packet of this number, or of the capture after it.
@@ -205,7 +205,7 @@ pub struct Summary {
 pub fn read(
     input: Box<dyn Read>,
     reading: &Reading,
-    take: impl FnMut(Found<'_>) -> Result<()>,
+    take: impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<Summary> {
     match reading.form {
         Form::Pcap => read_packets(input, reading.adapter, take),
@@ -219,7 +219,7 @@ pub fn read(
 fn read_packets(
     input: Box<dyn Read>,
     adapter: Option<Adapter>,
-    mut take: impl FnMut(Found<'_>) -> Result<()>,
+    mut take: impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<Summary> {
     let mut devices = Devices::new(adapter);
     let mut blocks = Blocks::new(input)?;
@@ -230,7 +230,7 @@ fn read_packets(
         let frame = match blocks.next()? {
             Block::Frame(frame) => frame,
             Block::Fault(fault) => {
-                take(Found::Fault(summary.packets, fault))?;
+                take(CaptureItem::Fault(summary.packets, fault))?;
                 continue;
             }
             Block::End => break,
@@ -240,18 +240,18 @@ fn read_packets(
         let at = frame.at;
         let cut = u64::from(frame.original).saturating_sub(frame.data.len() as u64);
         let Some(link_type) = frame.link_type else {
-            take(Found::Fault(number, Fault::NoInterface { interface: frame.interface }))?;
+            take(CaptureItem::Fault(number, Fault::NoInterface { interface: frame.interface }))?;
             continue;
         };
         match network::of(link_type, frame.data) {
             Network::Serial => {
                 let flow = Flow::Serial(frame.interface);
                 let packet = Packet { number, at, flow, segment: None, payload: frame.data, missing: cut };
-                take(Found::Packet(packet))?;
+                take(CaptureItem::Packet(packet))?;
             }
             Network::Usb(header) => {
                 let Frame { data, is_big, .. } = frame;
-                let captured = Captured { number, at, header, data, is_big, missing: cut };
+                let captured = CapturedPacket { number, at, header, data, is_big, missing: cut };
                 devices.add(&captured, &mut take)?;
             }
             Network::Ip(data) => {
@@ -259,21 +259,21 @@ fn read_packets(
             }
             Network::Other(other) => summary.count(&other),
             Network::Unreadable(why) => {
-                take(Found::Fault(number, Fault::Unreadable { why: why.into(), missing: cut }))?;
+                take(CaptureItem::Fault(number, Fault::Unreadable { why: why.into(), missing: cut }))?;
             }
             Network::UnknownLink(link_type) => {
                 if !strange.contains(&(frame.section, frame.interface)) {
                     strange.push((frame.section, frame.interface));
                     let interface = frame.interface;
-                    take(Found::Fault(number, Fault::LinkType { number: link_type, interface }))?;
+                    take(CaptureItem::Fault(number, Fault::LinkType { number: link_type, interface }))?;
                 }
-                summary.count(&Other::LinkType(link_type));
+                summary.count(&OtherPacket::LinkType(link_type));
             }
         }
     }
     devices.finish(&mut summary, &mut take)?;
     for fault in fragments.finish() {
-        take(Found::Fault(summary.packets, fault))?;
+        take(CaptureItem::Fault(summary.packets, fault))?;
     }
     Ok(summary)
 }
@@ -285,16 +285,16 @@ fn internet(
     cut: u64,
     fragments: &mut Fragments,
     summary: &mut Summary,
-    take: &mut impl FnMut(Found<'_>) -> Result<()>,
+    take: &mut impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<()> {
     let ip = match network::ip(data) {
         Ok(ip) => ip,
-        Err(why) => return take(Found::Fault(number, Fault::Unreadable { why, missing: cut })),
+        Err(why) => return take(CaptureItem::Fault(number, Fault::Unreadable { why, missing: cut })),
     };
     if let Some(fragment) = ip.fragment {
         let (whole, faults) = fragments.add(&ip, fragment);
         for fault in faults {
-            take(Found::Fault(number, fault))?;
+            take(CaptureItem::Fault(number, fault))?;
         }
         return match whole {
             None => Ok(()),
@@ -313,7 +313,7 @@ fn transport(
     (protocol, payload): (IpNumber, &[u8]),
     missing: u64,
     summary: &mut Summary,
-    take: &mut impl FnMut(Found<'_>) -> Result<()>,
+    take: &mut impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<()> {
     let ends = |from, to| ((source, from).into(), (destination, to).into());
     let packet = match protocol {
@@ -336,18 +336,18 @@ fn transport(
             Packet { number, at, flow: Flow::Udp(from, to), segment: None, payload: udp.payload(), missing }
         }),
         IpNumber(other) => {
-            summary.count(&Other::Protocol(other));
+            summary.count(&OtherPacket::Protocol(other));
             return Ok(());
         }
     };
     match packet {
-        Ok(packet) => take(Found::Packet(packet)),
-        Err(why) => take(Found::Fault(number, Fault::Unreadable { why, missing })),
+        Ok(packet) => take(CaptureItem::Packet(packet)),
+        Err(why) => take(CaptureItem::Fault(number, Fault::Unreadable { why, missing })),
     }
 }
 
 impl Summary {
-    fn count(&mut self, other: &Other) {
+    fn count(&mut self, other: &OtherPacket) {
         *self.others.entry(other.to_string()).or_default() += 1;
     }
 }

@@ -23,7 +23,7 @@ pub(super) enum Network<'a> {
     /// A USB transfer.
     Usb(Header),
     /// Packets that never contain a link's bytes.
-    Other(Other),
+    Other(OtherPacket),
     /// A header that is truncated or not valid.
     Unreadable(&'static str),
     /// The capture's link type is not known.
@@ -32,7 +32,7 @@ pub(super) enum Network<'a> {
 
 /// Packets that never contain a link's bytes.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Other {
+pub(super) enum OtherPacket {
     /// Another protocol of a network.
     EtherType(u16),
     /// Another protocol in IP.
@@ -43,7 +43,7 @@ pub(super) enum Other {
     LinkType(u32),
 }
 
-impl fmt::Display for Other {
+impl fmt::Display for OtherPacket {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::EtherType(0x0806) => f.write_str("ARP"),
@@ -84,7 +84,7 @@ pub(super) fn of(link_type: u32, data: &[u8]) -> Network<'_> {
             Some((family, rest)) => match u32::from_le_bytes(*family).min(u32::from_be_bytes(*family)) {
                 // IPv4; IPv6 on Linux, the BSDs and Windows
                 2 | 10 | 23 | 24 | 28 | 30 => Network::Ip(rest),
-                other => Network::Other(Other::LinkType(other)),
+                other => Network::Other(OtherPacket::LinkType(other)),
             },
             None => CUT,
         },
@@ -113,12 +113,12 @@ fn typed(data: &[u8], at: usize, header: usize) -> Option<Network<'_>> {
                     ether_type = word(snap, 0)?;
                     rest = snap.get(2..)?;
                     if ether_type <= 1500 {
-                        return Some(Network::Other(Other::Llc));
+                        return Some(Network::Other(OtherPacket::Llc));
                     }
                 }
-                None => return Some(Network::Other(Other::Llc)),
+                None => return Some(Network::Other(OtherPacket::Llc)),
             },
-            other => return Some(Network::Other(Other::EtherType(other))),
+            other => return Some(Network::Other(OtherPacket::EtherType(other))),
         }
     }
 }
@@ -137,7 +137,7 @@ fn ppp(data: &[u8]) -> Option<Network<'_>> {
     };
     Some(match protocol {
         0x0021 | 0x0057 => Network::Ip(rest),
-        other => Network::Other(Other::EtherType(other)),
+        other => Network::Other(OtherPacket::EtherType(other)),
     })
 }
 

@@ -30,7 +30,7 @@ pub enum Piece<'a> {
 /// One direction of one connection. It holds at most `MAX_WAITING_BYTES` and a segment.
 #[derive(Debug, Default)]
 pub struct Reassembly {
-    started: Option<Started>,
+    started: Option<StreamStart>,
     /// The bytes that wait, by their position, and the number of bytes after them that were cut off.
     waiting: BTreeMap<u64, (Vec<u8>, u64)>,
     waiting_bytes: usize,
@@ -38,7 +38,7 @@ pub struct Reassembly {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Started {
+struct StreamStart {
     /// The sequence number of the first byte.
     first: u32,
     /// The place of the next byte.
@@ -49,7 +49,7 @@ impl Reassembly {
     /// Called when the connection is opened: its first byte has this number. Returns whether another connection had begun
     /// here.
     pub fn open(&mut self, sequence: u32) -> bool {
-        let started = self.started.get_or_insert(Started { first: sequence, next: ORIGIN });
+        let started = self.started.get_or_insert(StreamStart { first: sequence, next: ORIGIN });
         started.first != sequence
     }
 
@@ -72,7 +72,8 @@ impl Reassembly {
         if payload.is_empty() && cut == 0 {
             return Ok(());
         }
-        let Started { first, next } = *self.started.get_or_insert(Started { first: sequence, next: ORIGIN });
+        let StreamStart { first, next } =
+            *self.started.get_or_insert(StreamStart { first: sequence, next: ORIGIN });
         // Half of the sequence numbers are before `next`, half are after it.
         let number = first.wrapping_add(wrapped(next.wrapping_sub(ORIGIN)));
         let start = next.saturating_add_signed(i64::from(sequence.wrapping_sub(number).cast_signed()));
@@ -140,7 +141,7 @@ impl Reassembly {
     }
 
     fn in_order(&mut self, take: &mut impl FnMut(Piece<'_>) -> Result<()>) -> Result<()> {
-        while let (Some(entry), Some(Started { next, .. })) = (self.waiting.first_entry(), self.started) {
+        while let (Some(entry), Some(StreamStart { next, .. })) = (self.waiting.first_entry(), self.started) {
             if *entry.key() > next {
                 break;
             }

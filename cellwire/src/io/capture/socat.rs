@@ -7,14 +7,14 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::hexdump::time;
-use super::{Fault, Flow, Found, Line, Packet, Summary};
+use super::{CaptureItem, Fault, Flow, Line, Packet, Summary};
 
 /// The longest line, in bytes: without -v, socat writes all bytes of a block in one.
 const MAX_LINE: u64 = 1 << 24;
 
 pub(super) fn read(
     mut input: BufReader<Box<dyn Read>>,
-    mut take: impl FnMut(Found<'_>) -> Result<()>,
+    mut take: impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<Summary> {
     let (mut packets, mut open, mut line) = (0, None::<Block>, Vec::new());
     for number in 1.. {
@@ -38,7 +38,7 @@ pub(super) fn read(
                 "line {number}: the bytes are not in hex: use `socat -x`"
             );
             let why = format!("{} of {length} bytes are in the block before it", bytes.len());
-            take(Found::Fault(number, Fault::Line { why }))?;
+            take(CaptureItem::Fault(number, Fault::Line { why }))?;
         } else {
             open = Block::new(number, text);
             match length {
@@ -50,7 +50,14 @@ pub(super) fn read(
         packets += 1;
         let Block { number: head, at, by_keeper, bytes, .. } = block;
         let flow = Flow::Kept(Line::Dump, by_keeper);
-        take(Found::Packet(Packet { number: head, at, flow, segment: None, payload: &bytes, missing: 0 }))?;
+        take(CaptureItem::Packet(Packet {
+            number: head,
+            at,
+            flow,
+            segment: None,
+            payload: &bytes,
+            missing: 0,
+        }))?;
         open = Block::new(number, text);
     }
     if packets == 0 {
@@ -121,7 +128,9 @@ mod tests {
         let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
         read(BufReader::new(input), |it| {
             found.push(match it {
-                Found::Packet(Packet { number, at, flow: Flow::Kept(_, by_keeper), payload, .. }) => {
+                CaptureItem::Packet(Packet {
+                    number, at, flow: Flow::Kept(_, by_keeper), payload, ..
+                }) => {
                     let at = at.unwrap_or_default().as_secs_f64();
                     format!("{number} {at} {} {payload:02x?}", if by_keeper { ">" } else { "<" })
                 }

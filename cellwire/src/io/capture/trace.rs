@@ -5,15 +5,15 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
-use super::{Flow, Found, Line, Packet, Summary};
-use cellwire_io::trace::{Way, parse_line, parse_name};
+use super::{CaptureItem, Flow, Line, Packet, Summary};
+use cellwire_io::trace::{TraceDirection, parse_line, parse_name};
 
 /// The longest line of a trace.
 const MAX_LINE: u64 = 4096;
 
 pub(super) fn read(
     mut input: BufReader<Box<dyn Read>>,
-    mut take: impl FnMut(Found<'_>) -> Result<()>,
+    mut take: impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<Summary> {
     let (mut packets, mut kept, mut line) = (0, None, Vec::new());
     for number in 1.. {
@@ -38,8 +38,8 @@ pub(super) fn read(
             bail!("line {number}: not a line of a trace: {}", text.trim().escape_debug());
         };
         packets += 1;
-        let (at, flow) = (Duration::try_from_secs_f64(at).ok(), Flow::Kept(end, way == Way::Sent));
-        take(Found::Packet(Packet { number, at, flow, segment: None, payload: &bytes, missing: 0 }))?;
+        let (at, flow) = (Duration::try_from_secs_f64(at).ok(), Flow::Kept(end, way == TraceDirection::Sent));
+        take(CaptureItem::Packet(Packet { number, at, flow, segment: None, payload: &bytes, missing: 0 }))?;
     }
     Ok(Summary { packets, ..Summary::default() })
 }

@@ -15,14 +15,14 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::{Context as _, Result};
 use etherparse::{IpHeaders, IpNumber, Ipv4Header, Ipv6FlowLabel, Ipv6Header, PacketBuilder, TcpHeader};
 
-use crate::io::tap::{End, Place, Seeing, Seen, What};
+use crate::io::tap::{ConnectionTransport, End, TapEvent, TapReceiver, TapRecord};
 use cellwire_io::files;
 use cellwire_io::output::remark;
 
 /// The maximum number of bytes that are collected before they are written.
 const BATCH: usize = 1 << 20;
 /// The interval at which a pipe is checked for its reader.
-const GLANCE: Duration = Duration::from_millis(200);
+const READER_CHECK_INTERVAL: Duration = Duration::from_millis(200);
 /// The interval at which missing bytes are reported.
 const REPORT: Duration = Duration::from_secs(10);
 
@@ -42,12 +42,12 @@ pub struct Writer {
     failed: Option<u64>,
     /// The reader of a pipe may be gone.
     is_pipe: bool,
-    missing: Missing,
+    missing: MissedBytes,
 }
 
 /// Bytes that came faster than they could be written.
 #[derive(Debug, Default)]
-struct Missing {
+struct MissedBytes {
     count: u64,
     /// How many of them were reported, and when.
     reported: u64,
@@ -56,7 +56,7 @@ struct Missing {
 
 /// The reason why a capture has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum CaptureEnd {
     /// There is nothing more to see.
     Complete,
     /// The pipe is not read any more.
@@ -101,7 +101,7 @@ impl Writer {
             connections,
             failed: None,
             is_pipe,
-            missing: Missing::default(),
+            missing: MissedBytes::default(),
         };
         writer.write().with_context(|| format!("cannot write {}", writer.path.display()))?;
         Ok(writer)
@@ -113,15 +113,15 @@ impl Writer {
     }
 
     /// Writes all events until the last one, or until the pipe is closed. Reports missing bytes.
-    pub fn record(mut self, seen: &Seeing) -> Ended {
+    pub fn record(mut self, seen: &TapReceiver) -> CaptureEnd {
         let ended = loop {
-            match seen.next_within(GLANCE) {
+            match seen.next_within(READER_CHECK_INTERVAL) {
                 Ok(first) => self.add(&first),
                 Err(RecvTimeoutError::Timeout) if self.is_pipe && files::is_unread(&self.file) => {
-                    break Ended::Unread;
+                    break CaptureEnd::Unread;
                 }
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break Ended::Complete,
+                Err(RecvTimeoutError::Disconnected) => break CaptureEnd::Complete,
             }
             while self.waiting.len() < BATCH
                 && let Some(next) = seen.next_now()
@@ -130,7 +130,7 @@ impl Writer {
             }
             self.flush();
             if self.is_pipe && self.failed.is_some() {
-                break Ended::Unread;
+                break CaptureEnd::Unread;
             }
             self.missing.report(&self.path, REPORT);
         };
@@ -171,8 +171,8 @@ impl Writer {
         outcome
     }
 
-    fn add(&mut self, seen: &Seen) {
-        if let What::Opened(place) = &seen.what {
+    fn add(&mut self, seen: &TapRecord) {
+        if let TapEvent::Opened(place) = &seen.what {
             self.connections.insert(seen.connection, Connection::new(place));
         }
         let Some(connection) = self.connections.get_mut(&seen.connection) else { return };
@@ -183,16 +183,16 @@ impl Writer {
             }
         };
         match &seen.what {
-            What::Opened(_) if connection.is_tcp => {
+            TapEvent::Opened(_) if connection.is_tcp => {
                 add(connection.tcp(End::A, &[], |header| header.syn = true));
                 add(connection.tcp(End::B, &[], |header| header.syn = true));
             }
-            What::Opened(_) => {}
-            What::Bytes(bytes) if connection.is_tcp => {
+            TapEvent::Opened(_) => {}
+            TapEvent::Bytes(bytes) if connection.is_tcp => {
                 add(connection.tcp(seen.from, bytes, |header| header.psh = true));
             }
-            What::Bytes(bytes) => add(connection.udp(seen.from, bytes)),
-            What::Missed(count) => {
+            TapEvent::Bytes(bytes) => add(connection.udp(seen.from, bytes)),
+            TapEvent::Missed(count) => {
                 self.missing.count += count;
                 connection.skip(seen.from, *count);
                 // The packet carries this remark. Without bytes after it, the gap in the sequence numbers would not be visible,
@@ -207,14 +207,14 @@ impl Writer {
                 };
                 self.waiting.extend(block.into_iter().flatten());
             }
-            What::Closed(_) if !connection.is_tcp => {}
-            What::Closed(None) => add(connection.tcp(seen.from, &[], |header| header.fin = true)),
-            What::Closed(Some(_)) => add(connection.tcp(seen.from, &[], |header| header.rst = true)),
+            TapEvent::Closed(_) if !connection.is_tcp => {}
+            TapEvent::Closed(None) => add(connection.tcp(seen.from, &[], |header| header.fin = true)),
+            TapEvent::Closed(Some(_)) => add(connection.tcp(seen.from, &[], |header| header.rst = true)),
         }
     }
 }
 
-impl Missing {
+impl MissedBytes {
     /// Reports the missing packets, if some were not reported, and the last report is at least this old.
     fn report(&mut self, path: &Path, after: Duration) {
         if self.count > self.reported && self.at.is_none_or(|at| at.elapsed() >= after) {
@@ -228,11 +228,13 @@ impl Missing {
 }
 
 impl Connection {
-    fn new(place: &Place) -> Self {
+    fn new(place: &ConnectionTransport) -> Self {
         let (a, b, is_tcp) = match *place {
-            Place::Tcp(a, b) => (a, b, true),
-            Place::Udp(a, b) => (a, b, false),
-            Place::Ports(_) | Place::Line(_) => (SERIAL[0].into(), SERIAL[1].into(), true),
+            ConnectionTransport::Tcp(a, b) => (a, b, true),
+            ConnectionTransport::Udp(a, b) => (a, b, false),
+            ConnectionTransport::Ports(_) | ConnectionTransport::Line(_) => {
+                (SERIAL[0].into(), SERIAL[1].into(), true)
+            }
         };
         Self { places: [a, b], is_tcp, next: [0, 0] }
     }

@@ -213,7 +213,7 @@ impl<'f, 'a> Check<'f, 'a> {
     fn properties(&self, node: Node<'a, 'a>) -> Vec<(&'a str, &'a str, bool)> {
         let attributes = node.attributes().filter(|it| it.namespace().is_none());
         let mut properties: Vec<_> = attributes.map(|it| (it.name(), it.value(), false)).collect();
-        let rules = self.sheet.rules.iter().filter(|it| it.selector.matches(&Styled(node)));
+        let rules = self.sheet.rules.iter().filter(|it| it.selector.matches(&StyledElement(node)));
         let mut declarations: Vec<_> = rules.flat_map(|it| it.declarations.iter().copied()).collect();
         declarations.extend(DeclarationTokenizer::from(node.attribute("style").unwrap_or_default()));
         declarations.sort_by_key(|it| it.important);
@@ -315,9 +315,9 @@ fn value<'a>(properties: &[(&'a str, &'a str, bool)], name: &str) -> Option<&'a 
 }
 
 /// An element as the selectors of a style sheet see it.
-struct Styled<'a>(Node<'a, 'a>);
+struct StyledElement<'a>(Node<'a, 'a>);
 
-impl Element for Styled<'_> {
+impl Element for StyledElement<'_> {
     fn parent_element(&self) -> Option<Self> {
         self.0.parent_element().map(Self)
     }

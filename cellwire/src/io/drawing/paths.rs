@@ -46,7 +46,7 @@ pub(super) struct Outlines<'f, 'a> {
 
 /// The group that is visited: its identifier or that of an outer group, transform and clip.
 #[derive(Clone)]
-struct Place<'t> {
+struct GroupContext<'t> {
     id: &'t str,
     placed: Affine,
     clip: Option<Rc<Clip>>,
@@ -66,11 +66,11 @@ impl<'f, 'a> Outlines<'f, 'a> {
         let page = Size::new(tree.size().width().into(), tree.size().height().into());
         let mut outlines =
             Self { all: Vec::new(), findings, tool, page, scales_dashes, clip_shapes: MAX_CLIP_SHAPES };
-        outlines.group(tree.root(), &Place { id: "", placed: Affine::IDENTITY, clip: None })?;
+        outlines.group(tree.root(), &GroupContext { id: "", placed: Affine::IDENTITY, clip: None })?;
         Ok(outlines.all)
     }
 
-    fn group(&mut self, group: &usvg::Group, outer: &Place<'_>) -> Result<()> {
+    fn group(&mut self, group: &usvg::Group, outer: &GroupContext<'_>) -> Result<()> {
         if group.opacity().get() == 0.0 {
             return Ok(());
         }
@@ -91,7 +91,7 @@ impl<'f, 'a> Outlines<'f, 'a> {
             None => outer.clip.clone(),
         };
         ensure!(self.clip_shapes > 0, "has clips of more than {MAX_CLIP_SHAPES} shapes");
-        let place = Place { id, placed, clip };
+        let place = GroupContext { id, placed, clip };
         for node in group.children() {
             match node {
                 usvg::Node::Group(inner) => self.group(inner, &place)?,
@@ -110,7 +110,7 @@ impl<'f, 'a> Outlines<'f, 'a> {
         }
     }
 
-    fn path(&mut self, path: &usvg::Path, place: &Place<'_>) -> Result<()> {
+    fn path(&mut self, path: &usvg::Path, place: &GroupContext<'_>) -> Result<()> {
         let stroke = path.stroke().filter(|stroke| stroke.opacity().get() > 0.0);
         let fill = path.fill().filter(|fill| fill.opacity().get() > 0.0);
         let id = if path.id().is_empty() { place.id } else { path.id() };

@@ -17,15 +17,15 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use cellwire_sim::ByteFaults;
 use cellwire_sim::host::Listener;
-use robot_session::{Received, Sent, Transport, Wait, is_silence};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, is_silence};
 use serialport::SerialPort;
 
 use cellwire_io::clock::Clock;
 use cellwire_io::output::remark;
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 use cellwire_io::serial::{self, READ_TIMEOUT};
 use cellwire_io::tcp;
-use cellwire_io::trace::{Trace, Way};
+use cellwire_io::trace::{Trace, TraceDirection};
 
 /// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
@@ -209,7 +209,7 @@ impl Line {
         let client = Arc::<Presence>::default();
         let feed = Feed { clock, sender, client: Arc::clone(&client) };
         let thread = thread::Builder::new().name("line".into()).spawn(move || {
-            priority::raise(Rank::Hardware);
+            priority::raise(ThreadRole::Hardware);
             read(feed);
         });
         thread.context("cannot start a thread that reads from the line")?;
@@ -245,7 +245,7 @@ impl Line {
     /// Puts bytes on the line. Returns the time at which the last of them arrives.
     pub fn send(&mut self, bytes: &[u8]) -> Duration {
         let now = self.clock.now();
-        self.trace.add(now, Way::Sent, bytes);
+        self.trace.add(now, TraceDirection::Sent, bytes);
         for &byte in bytes {
             self.faults.pass(byte, |byte| self.sending.put(now, self.byte_time, byte));
         }
@@ -260,7 +260,7 @@ impl Line {
             return None;
         }
         let (at, byte) = self.receiving.take(self.clock.now())?;
-        self.trace.add(at, Way::Received, &[byte]);
+        self.trace.add(at, TraceDirection::Received, &[byte]);
         Some((at, byte))
     }
 
@@ -410,35 +410,35 @@ impl Transport for Line {
         self.driven
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let until = wait.limit.map_or(Duration::MAX, |wait| self.driven.saturating_add(wait));
         let until = until.min(self.clock.now().max(self.driven) + READ_TIMEOUT);
         if !self.wait(until) {
-            return Ok(Received::Closed);
+            return Ok(ReceiveOutcome::Closed);
         }
         let connected = self.is_connected();
         let has_changed = core::mem::replace(&mut self.announced, connected) != connected;
         let has_left = core::mem::replace(&mut self.announced_left, self.left) != self.left;
         if has_changed || has_left {
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         }
         let Some(first) = buffer.first_mut().filter(|_| self.next_byte().is_some_and(|at| at <= until))
         else {
             self.driven = until;
-            return Ok(Received::Nothing);
+            return Ok(ReceiveOutcome::Nothing);
         };
         Ok(match Line::receive(self) {
             Some((at, byte)) => {
                 (self.driven, *first) = (self.driven.max(at), byte);
-                Received::Bytes(1)
+                ReceiveOutcome::Bytes(1)
             }
-            None => Received::Nothing,
+            None => ReceiveOutcome::Nothing,
         })
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         Line::send(self, bytes);
-        Ok(Sent::Buffered)
+        Ok(SendOutcome::Buffered)
     }
 }
 

@@ -12,7 +12,7 @@ use super::{CARRIED, CHUNK, Feed};
 use cellwire_io::serial;
 
 /// A client that opens the other end is looked for this often.
-const GLANCE: Duration = Duration::from_millis(5);
+const CLIENT_CHECK_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Forwards the bytes of clients, with the time of each read, until the line is dropped. If the bytes are not accepted, the
 /// client waits.
@@ -56,7 +56,7 @@ pub(super) fn read(mut port: Box<dyn SerialPort>, path: &Path, feed: &Feed) {
                     feed.client.is_deaf.store(true, Ordering::Relaxed);
                     closed = Some(feed.clock.now());
                 }
-                thread::sleep(GLANCE);
+                thread::sleep(CLIENT_CHECK_INTERVAL);
             }
         }
     }

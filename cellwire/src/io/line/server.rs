@@ -25,7 +25,7 @@ const BUSY: Duration = Duration::from_millis(5);
 
 /// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all
 /// that was sent.
-const AHEAD: usize = 16 << 20;
+const MAX_READ_AHEAD: usize = 16 << 20;
 
 /// The time for which a second client waits for the end of the first connection: on a busy computer that end is reported after
 /// the arrival. Further clients are refused at once meanwhile.
@@ -204,7 +204,7 @@ impl Connection {
     /// Reads on without the line, up to the end of the connection if that is there.
     fn look_ahead(&mut self, now: Duration) {
         let mut buffer = [0; 64 * 1024];
-        while self.left.is_none() && self.ahead.len() < AHEAD {
+        while self.left.is_none() && self.ahead.len() < MAX_READ_AHEAD {
             match (&self.stream.stream).read(&mut buffer) {
                 Ok(0) => self.left = Some(now),
                 Ok(length) => {

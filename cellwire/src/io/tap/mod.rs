@@ -41,7 +41,7 @@ impl End {
 
 /// Something that happened between the ends.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct TapRecord {
     /// The time of the event.
     pub at: SystemTime,
     /// The number of the connection, from 1.
@@ -49,14 +49,14 @@ pub struct Seen {
     /// The end that caused the event.
     pub from: End,
     /// The event between the ends.
-    pub what: What,
+    pub what: TapEvent,
 }
 
 /// An event between the ends.
 #[derive(Debug, Clone)]
-pub enum What {
+pub enum TapEvent {
     /// A connection, from A's address to B's. On a line that is joined or listened to it is the first that is seen.
-    Opened(Place),
+    Opened(ConnectionTransport),
     /// Bytes, as they were read at once.
     Bytes(Arc<[u8]>),
     /// The number of bytes that were passed on, and not seen.
@@ -67,7 +67,7 @@ pub enum What {
 
 /// The transport of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum ConnectionTransport {
     /// TCP from A's address to B's.
     Tcp(SocketAddr, SocketAddr),
     /// Datagrams from A's address to B's.
@@ -87,15 +87,15 @@ pub struct Watch {
 /// The way to one that looks at everything, in a thread of its own.
 #[derive(Debug)]
 struct Sink {
-    queue: SyncSender<Seen>,
-    rest: Arc<Rest>,
+    queue: SyncSender<TapRecord>,
+    rest: Arc<TapOverflow>,
 }
 
 /// Events for which a queue had no room, and whether the tap ends.
 #[derive(Debug, Default)]
-struct Rest {
+struct TapOverflow {
     /// The number of bytes, by connection and end, and all other observations.
-    missed: Mutex<Vec<Seen>>,
+    missed: Mutex<Vec<TapRecord>>,
     has_missed: AtomicBool,
     /// Nothing more is seen.
     is_closed: AtomicBool,
@@ -103,25 +103,25 @@ struct Rest {
 
 /// Everything that was seen, for one that looks at it.
 #[derive(Debug)]
-pub struct Seeing {
-    queue: Receiver<Seen>,
-    rest: Arc<Rest>,
+pub struct TapReceiver {
+    queue: Receiver<TapRecord>,
+    rest: Arc<TapOverflow>,
 }
 
 /// The interval at which a waiting watcher checks whether the tap ends.
-const GLANCE: Duration = Duration::from_millis(100);
+const CLOSE_CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 impl Watch {
     /// Adds one that looks at everything.
-    pub fn add(&mut self) -> Seeing {
-        let ((queue, seen), rest) = (sync_channel(WAITING), Arc::<Rest>::default());
+    pub fn add(&mut self) -> TapReceiver {
+        let ((queue, seen), rest) = (sync_channel(WAITING), Arc::<TapOverflow>::default());
         self.sinks.push(Arc::new(Sink { queue, rest: Arc::clone(&rest) }));
-        Seeing { queue: seen, rest }
+        TapReceiver { queue: seen, rest }
     }
 
     /// Passes an event of a connection to all sinks.
-    pub fn see(&self, connection: u32, from: End, what: What) {
-        let seen = Seen { at: SystemTime::now(), connection, from, what };
+    pub fn see(&self, connection: u32, from: End, what: TapEvent) {
+        let seen = TapRecord { at: SystemTime::now(), connection, from, what };
         for sink in &self.sinks {
             sink.put(seen.clone());
         }
@@ -136,7 +136,7 @@ impl Watch {
 }
 
 impl Sink {
-    fn put(&self, seen: Seen) {
+    fn put(&self, seen: TapRecord) {
         if self.rest.is_closed.load(Ordering::Acquire) {
             return;
         }
@@ -157,15 +157,15 @@ impl Sink {
     }
 }
 
-impl Rest {
-    fn missed(&self) -> MutexGuard<'_, Vec<Seen>> {
+impl TapOverflow {
+    fn missed(&self) -> MutexGuard<'_, Vec<TapRecord>> {
         self.missed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Seeing {
+impl TapReceiver {
     /// Returns the next event; `None` if there is none now. Bytes that did not fit into the queue are counted after those in it.
-    pub fn next_now(&self) -> Option<Seen> {
+    pub fn next_now(&self) -> Option<TapRecord> {
         if let Ok(seen) = self.queue.try_recv() {
             return Some(seen);
         }
@@ -182,7 +182,7 @@ impl Seeing {
     ///
     /// # Errors
     /// There is nothing in time, or there is nothing more to see.
-    pub fn next_within(&self, time: Duration) -> Result<Seen, RecvTimeoutError> {
+    pub fn next_within(&self, time: Duration) -> Result<TapRecord, RecvTimeoutError> {
         let end = Instant::now() + time;
         loop {
             let is_closed = self.rest.is_closed.load(Ordering::Acquire);
@@ -193,7 +193,7 @@ impl Seeing {
             if is_closed {
                 return Err(RecvTimeoutError::Disconnected);
             }
-            match self.queue.recv_timeout(left.min(GLANCE)) {
+            match self.queue.recv_timeout(left.min(CLOSE_CHECK_INTERVAL)) {
                 Ok(seen) => return Ok(seen),
                 Err(RecvTimeoutError::Timeout) if !left.is_zero() => {}
                 Err(RecvTimeoutError::Timeout) => return Err(RecvTimeoutError::Timeout),
@@ -205,14 +205,14 @@ impl Seeing {
 }
 
 /// Adds an event that does not fit into the queue: bytes are counted, other events are stored.
-fn miss(missed: &mut Vec<Seen>, seen: Seen) {
-    let What::Bytes(bytes) = &seen.what else { return missed.push(seen) };
+fn miss(missed: &mut Vec<TapRecord>, seen: TapRecord) {
+    let TapEvent::Bytes(bytes) = &seen.what else { return missed.push(seen) };
     let length = bytes.len() as u64;
-    let is_same = |it: &Seen| it.connection == seen.connection && it.from == seen.from;
+    let is_same = |it: &TapRecord| it.connection == seen.connection && it.from == seen.from;
     let last = missed.iter_mut().rev().find(|it| is_same(it));
     match last {
-        Some(Seen { what: What::Missed(count), .. }) => *count += length,
-        _ => missed.push(Seen { what: What::Missed(length), ..seen }),
+        Some(TapRecord { what: TapEvent::Missed(count), .. }) => *count += length,
+        _ => missed.push(TapRecord { what: TapEvent::Missed(length), ..seen }),
     }
 }
 
@@ -229,25 +229,25 @@ mod tests {
         let reader =
             std::thread::spawn(move || (0..).take_while(|_| quick.next_within(long).is_ok()).count());
         for _ in 0..WAITING + 10 {
-            watch.see(1, End::A, What::Bytes(Arc::clone(&bytes)));
+            watch.see(1, End::A, TapEvent::Bytes(Arc::clone(&bytes)));
             std::thread::yield_now();
         }
-        watch.see(1, End::B, What::Bytes(Arc::clone(&bytes)));
-        watch.see(1, End::A, What::Closed(None));
-        let text = |it: Seen| format!("{} {:?} {:?}", it.connection, it.from, it.what);
+        watch.see(1, End::B, TapEvent::Bytes(Arc::clone(&bytes)));
+        watch.see(1, End::A, TapEvent::Closed(None));
+        let text = |it: TapRecord| format!("{} {:?} {:?}", it.connection, it.from, it.what);
         let next = |count: usize| {
             let texts = (0..count).map_while(|_| slow.next_now().map(text));
             texts.collect::<Vec<String>>()
         };
         assert_eq!(next(2), ["1 A Bytes([1, 2, 3])"; 2]);
         // The missed events come before the next ones, by their end, and without any of the next ones.
-        watch.see(2, End::A, What::Bytes(Arc::clone(&bytes)));
+        watch.see(2, End::A, TapEvent::Bytes(Arc::clone(&bytes)));
         let rest = next(usize::MAX);
         let missed = ["1 A Missed(30)", "1 B Missed(3)", "1 A Closed(None)", "2 A Missed(3)"];
         assert_eq!(rest.split_at(WAITING - 2).1, missed);
-        watch.see(2, End::A, What::Bytes(Arc::clone(&bytes)));
+        watch.see(2, End::A, TapEvent::Bytes(Arc::clone(&bytes)));
         watch.close();
-        watch.see(2, End::A, What::Bytes(bytes));
+        watch.see(2, End::A, TapEvent::Bytes(bytes));
         assert_eq!(slow.next_within(long).ok().map(text).as_deref(), Some("2 A Bytes([1, 2, 3])"));
         assert!(matches!(slow.next_within(long), Err(RecvTimeoutError::Disconnected)));
         assert!(reader.join().unwrap() > WAITING);
@@ -258,7 +258,7 @@ mod tests {
         let mut watch = Watch::default();
         let seeing = watch.add();
         assert!(matches!(seeing.next_within(Duration::from_millis(1)), Err(RecvTimeoutError::Timeout)));
-        watch.see(1, End::A, What::Closed(None));
+        watch.see(1, End::A, TapEvent::Closed(None));
         drop(watch);
         let next = || seeing.next_within(Duration::from_secs(60));
         assert!(next().is_ok() && matches!(next(), Err(RecvTimeoutError::Disconnected)));

@@ -9,18 +9,18 @@ use anyhow::{Result, anyhow};
 use robot_session::is_silence;
 use serialport::SerialPort;
 
-use super::{CHUNK, End, Place, Watch, What};
+use super::{CHUNK, ConnectionTransport, End, TapEvent, Watch};
 
 /// A port by its name.
-pub type Named = (String, Box<dyn SerialPort>);
+pub type NamedPort = (String, Box<dyn SerialPort>);
 
 /// Joins two ports: forwards the bytes of each to the other.
 ///
 /// # Errors
 /// If a port is gone.
-pub fn join([(a_name, a), (b_name, b)]: [Named; 2], watch: &Watch) -> Result<()> {
+pub fn join([(a_name, a), (b_name, b)]: [NamedPort; 2], watch: &Watch) -> Result<()> {
     let (to_a, to_b) = (a.try_clone()?, b.try_clone()?);
-    watch.see(1, End::A, What::Opened(Place::Ports([a_name.clone(), b_name.clone()])));
+    watch.see(1, End::A, TapEvent::Opened(ConnectionTransport::Ports([a_name.clone(), b_name.clone()])));
     let (a, b) = (
         Direction { name: a_name, from: a, to: Some(to_b) },
         Direction { name: b_name, from: b, to: Some(to_a) },
@@ -32,12 +32,12 @@ pub fn join([(a_name, a), (b_name, b)]: [Named; 2], watch: &Watch) -> Result<()>
 ///
 /// # Errors
 /// If a port is gone.
-pub fn listen((a_name, a): Named, b: Option<Named>, watch: &Watch) -> Result<()> {
+pub fn listen((a_name, a): NamedPort, b: Option<NamedPort>, watch: &Watch) -> Result<()> {
     let place = match &b {
-        Some((b_name, _)) => Place::Ports([a_name.clone(), b_name.clone()]),
-        None => Place::Line(a_name.clone()),
+        Some((b_name, _)) => ConnectionTransport::Ports([a_name.clone(), b_name.clone()]),
+        None => ConnectionTransport::Line(a_name.clone()),
     };
-    watch.see(1, End::A, What::Opened(place));
+    watch.see(1, End::A, TapEvent::Opened(place));
     let b = b.map(|(name, from)| Direction { name, from, to: None });
     run(Direction { name: a_name, from: a, to: None }, b, watch)
 }
@@ -73,7 +73,7 @@ impl Direction {
                 Err(error) if is_silence(&error) => continue,
                 Err(error) => break Err(error),
             };
-            watch.see(1, end, What::Bytes(Arc::from(bytes)));
+            watch.see(1, end, TapEvent::Bytes(Arc::from(bytes)));
             if let Some(to) = &mut self.to
                 && let Err(error) = write(to, bytes, is_over)
             {
@@ -81,7 +81,7 @@ impl Direction {
             }
         };
         is_over.store(true, Ordering::Relaxed);
-        watch.see(1, end, What::Closed(outcome.as_ref().err().map(ToString::to_string)));
+        watch.see(1, end, TapEvent::Closed(outcome.as_ref().err().map(ToString::to_string)));
         // As text: a broken pipe is that of standard output elsewhere.
         outcome.map_err(|error| anyhow!("{}: the port is gone: {error}", self.name))
     }

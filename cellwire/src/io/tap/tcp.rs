@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use robot_session::discard_unacknowledged;
 use socket2::SockRef;
 
-use super::{CHUNK, End, Place, Watch, What};
+use super::{CHUNK, ConnectionTransport, End, TapEvent, Watch};
 use cellwire_io::output::remark;
 use cellwire_io::tcp::{self, Dialing};
 
@@ -62,7 +62,7 @@ fn serve(
     if peer.is_ipv4() != place.is_ipv4() {
         place = client.local_addr()?;
     }
-    watch.see(number, End::A, What::Opened(Place::Tcp(peer, place)));
+    watch.see(number, End::A, TapEvent::Opened(ConnectionTransport::Tcp(peer, place)));
     let connection = Connection { number, is_broken: AtomicBool::new(false), watch };
     thread::scope(|scope| {
         scope.spawn(|| connection.pass(client, &server, End::A));
@@ -89,13 +89,13 @@ impl Connection<'_> {
                 Err(error) => return self.end_both([from, to], end, &error),
             };
             // Reported first, so that an answer is not seen before its request.
-            self.watch.see(self.number, end, What::Bytes(Arc::from(bytes)));
+            self.watch.see(self.number, end, TapEvent::Bytes(Arc::from(bytes)));
             if let Err(error) = to.write_all(bytes) {
                 return self.end_both([from, to], end.other(), &error);
             }
         }
         if !self.is_broken.load(Ordering::Acquire) {
-            self.watch.see(self.number, end, What::Closed(None));
+            self.watch.see(self.number, end, TapEvent::Closed(None));
             let _ = to.shutdown(Shutdown::Write);
         }
     }
@@ -103,7 +103,7 @@ impl Connection<'_> {
     /// Breaks the connection of the other end after that of one end broke.
     fn end_both(&self, streams: [&TcpStream; 2], end: End, error: &io::Error) {
         if !self.is_broken.swap(true, Ordering::AcqRel) {
-            self.watch.see(self.number, end, What::Closed(Some(error.to_string())));
+            self.watch.see(self.number, end, TapEvent::Closed(Some(error.to_string())));
         }
         for stream in streams {
             reset(stream);

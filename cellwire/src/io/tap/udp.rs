@@ -8,12 +8,12 @@ use std::thread;
 
 use anyhow::{Context, Result};
 
-use super::{End, Place, Watch, What};
+use super::{ConnectionTransport, End, TapEvent, Watch};
 use cellwire_io::output::remark;
 use cellwire_io::udp;
 
 /// The longest datagram.
-const LONGEST: usize = 65_536;
+const MAX_DATAGRAM_LEN: usize = 65_536;
 
 /// The maximum number of clients; datagrams of more clients are not passed.
 const CLIENTS: usize = 256;
@@ -27,7 +27,7 @@ pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
     let place = server.to_socket_addrs().with_context(|| format!("cannot send to {server}"))?.next();
     let place = place.with_context(|| format!("cannot send to {server}: the name has no address"))?;
     let mut clients: BTreeMap<SocketAddr, (u32, UdpSocket)> = BTreeMap::new();
-    let mut buffer = vec![0; LONGEST];
+    let mut buffer = vec![0; MAX_DATAGRAM_LEN];
     let (mut number, mut is_full) = (0, false);
     loop {
         let (length, from) = match socket.recv_from(&mut buffer) {
@@ -47,10 +47,10 @@ pub fn run(socket: &UdpSocket, server: &str, watch: &Watch) -> Result<()> {
             }
             number += 1;
             clients.insert(from, (number, open(socket, server, number, from, watch)?));
-            watch.see(number, End::A, What::Opened(Place::Udp(from, place)));
+            watch.see(number, End::A, TapEvent::Opened(ConnectionTransport::Udp(from, place)));
         }
         let (Some((number, to)), Some(bytes)) = (clients.get(&from), buffer.get(..length)) else { continue };
-        watch.see(*number, End::A, What::Bytes(Arc::from(bytes)));
+        watch.see(*number, End::A, TapEvent::Bytes(Arc::from(bytes)));
         // One that is lost is lost: the protocol sends again.
         let _ = to.send(bytes);
     }
@@ -68,16 +68,16 @@ fn open(
     to.set_nonblocking(false)?;
     let (from, back, watch) = (to.try_clone()?, socket.try_clone()?, watch.clone());
     let answer = move || {
-        let mut buffer = vec![0; LONGEST];
+        let mut buffer = vec![0; MAX_DATAGRAM_LEN];
         loop {
             match from.recv(&mut buffer) {
                 Ok(length) => {
                     let bytes = buffer.get(..length).unwrap_or_default();
-                    watch.see(number, End::B, What::Bytes(Arc::from(bytes)));
+                    watch.see(number, End::B, TapEvent::Bytes(Arc::from(bytes)));
                     let _ = back.send_to(bytes, client);
                 }
                 Err(error) if is_passing(error.kind()) => {}
-                Err(error) => return watch.see(number, End::B, What::Closed(Some(error.to_string()))),
+                Err(error) => return watch.see(number, End::B, TapEvent::Closed(Some(error.to_string()))),
             }
         }
     };

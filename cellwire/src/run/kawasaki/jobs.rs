@@ -22,7 +22,7 @@ use cellwire_links::kawasaki_msg::plant::Plant;
 const MAX_JOBS: usize = 1_000_000;
 
 /// The number of bad lines that are named.
-const MOST_NAMED: usize = 20;
+const MAX_NAMED: usize = 20;
 
 /// Jobs in the order of their execution.
 #[derive(Debug)]
@@ -227,8 +227,8 @@ fn columns(header: &csv::StringRecord, layout: &Layout) -> Result<Vec<usize>> {
 /// Returns an error with the lines that do not fit, up to a readable number.
 fn refuse(bad: Vec<String>) -> Result<()> {
     let Some(more) = bad.len().checked_sub(1) else { return Ok(()) };
-    let named = bad.iter().take(MOST_NAMED).cloned().collect::<Vec<_>>().join("\n  ");
-    match more.saturating_sub(MOST_NAMED - 1) {
+    let named = bad.iter().take(MAX_NAMED).cloned().collect::<Vec<_>>().join("\n  ");
+    match more.saturating_sub(MAX_NAMED - 1) {
         0 => bail!("nothing is sent:\n  {named}"),
         more => bail!("nothing is sent:\n  {named}\n  and {} more", counted(more, "line")),
     }

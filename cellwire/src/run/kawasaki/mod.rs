@@ -8,5 +8,5 @@ mod settings;
 
 pub use jobs::Jobs;
 pub use journal::Journal;
-pub use run::{Ended, Runner};
+pub use run::{RunEnd, Runner};
 pub use settings::Settings;

@@ -10,16 +10,16 @@ use serde_json::{Value, json};
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
-use crate::devices::kawasaki_msg::meeting::Meeting;
 use crate::devices::kawasaki_msg::pc::{self, Connection, Program};
+use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, Answered, Console, STOP_WITHIN};
-use cellwire_io::drive::Lost;
+use crate::run::{Console, ResumeAnswer, ResumeChoice, STOP_WITHIN};
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::trace::Trace;
 
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum RunEnd {
     /// Every job of the work is done.
     Complete,
     /// The operator has stopped it, or a question was not answered.
@@ -43,10 +43,10 @@ pub struct Runner<'a> {
     /// The number of the next order, if given.
     order: Option<u16>,
     /// The answer for the jobs that an earlier run has left unknown, if given.
-    answer: Option<Answer>,
+    answer: Option<ResumeChoice>,
     /// The time for which no robot may be connected.
     absence: Option<Duration>,
-    ended: Option<Ended>,
+    ended: Option<RunEnd>,
     /// Whether jobs are asked about.
     asks: bool,
     /// The number of jobs that were done before the order began, and the number of its jobs that are reported as done.
@@ -73,7 +73,7 @@ impl<'a> Runner<'a> {
         config: PcConfig,
         journal: &'a mut Journal,
         order: Option<u16>,
-        answer: Option<Answer>,
+        answer: Option<ResumeChoice>,
         absence: Option<Duration>,
         console: Console<'a>,
     ) -> Self {
@@ -103,7 +103,7 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
-    pub fn run(mut self, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
+    pub fn run(mut self, meeting: &mut PeerEndpoint, trace: &Trace) -> Result<RunEnd> {
         let layout = self.jobs.layout().clone();
         let mut pc = LargePc::with_ranges(self.config, layout)?;
         if let Some(flight) = &self.journal.record().flight {
@@ -125,7 +125,7 @@ impl<'a> Runner<'a> {
             );
         }
         pc::run(meeting, pc, trace, &mut self)?;
-        Ok(self.ended.unwrap_or(Ended::Stopped))
+        Ok(self.ended.unwrap_or(RunEnd::Stopped))
     }
 
     /// Begins the next order: all jobs that are not done.
@@ -143,8 +143,8 @@ impl<'a> Runner<'a> {
     }
 
     /// Notes an answer about jobs.
-    fn answer(&mut self, answered: Answered) -> Result<()> {
-        let Answered { first, count, done } = answered;
+    fn answer(&mut self, answered: ResumeAnswer) -> Result<()> {
+        let ResumeAnswer { first, count, done } = answered;
         let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
         if done > 0 {
             self.journal.note(&answer(Outcome::Done, first, done))?;
@@ -199,7 +199,7 @@ impl<'a> Runner<'a> {
         ensure!(!is_strange, NO_TABLE);
         let most = humantime::format_duration(most);
         match self.met {
-            true => Err(Lost(format!("the robot has been disconnected for {most}")).into()),
+            true => Err(ConnectionLost(format!("the robot has been disconnected for {most}")).into()),
             false => bail!("no robot connected within {most}: see --robot-timeout"),
         }
     }
@@ -249,11 +249,11 @@ impl<'a> Program for Runner<'a> {
         }
         if let Some((first, count)) = self.journal.unknown() {
             match self.answer.and_then(|answer| answer.done(first, count)) {
-                Some(done) => self.answer(Answered { first, count, done })?,
+                Some(done) => self.answer(ResumeAnswer { first, count, done })?,
                 None => self.ask(first, count),
             }
         } else if self.journal.count(Outcome::NotSent) == 0 {
-            self.ended = Some(Ended::Complete);
+            self.ended = Some(RunEnd::Complete);
         } else {
             self.begin(session)?;
         }
@@ -311,7 +311,7 @@ impl<'a> Program for Runner<'a> {
             }
             PcEvent::OrderRefused { given_up: true, active, .. } => {
                 self.journal.note(&Entry::End { end: 0, unknown: 0 })?;
-                self.ended = Some(Ended::Refused { active });
+                self.ended = Some(RunEnd::Refused { active });
                 serde_json::to_value(event)?
             }
             PcEvent::JobUnfit { index, error, .. } => bail!("job {} of the order: {error}", index + 1),

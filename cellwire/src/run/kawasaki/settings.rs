@@ -5,7 +5,7 @@ use kawasaki_msg::PcConfig;
 use crate::io::drawing::Point;
 use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The PC's end, and the board that is drawn on.
 #[derive(Debug, Clone)]
@@ -34,7 +34,7 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { plant, config, order, board } = self;
         let about = "the number of the next order; over UDP never used before";
         fields.whole_or("order", 1..=u16::MAX, "", "any", about, order);

@@ -10,7 +10,7 @@ mod svg;
 
 pub use program::Program;
 pub use route::Instruction;
-pub use run::{Ended, Runner};
+pub use run::{RunEnd, Runner};
 pub use settings::{Coordinate, Mapping, Settings};
 
 use crate::io::journal::{self, Outcome};

@@ -11,15 +11,15 @@ use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, Answered, Console, KEYBOARD_WITHIN, STOP_WITHIN};
-use cellwire_io::drive::{Lost, turn};
+use crate::run::{Console, KEYBOARD_WITHIN, ResumeAnswer, ResumeChoice, STOP_WITHIN};
+use cellwire_io::drive::{ConnectionLost, turn};
 
 /// The interval at which the operator's words are checked.
-const GLANCE: Duration = Duration::from_millis(50);
+const OPERATOR_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum RunEnd {
     /// Every instruction of the program is done.
     Complete,
     /// The operator has stopped it, or a question was not answered.
@@ -58,11 +58,11 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn settle_earlier(&mut self, answer: Option<Answer>) -> Result<bool> {
+    pub fn settle_earlier(&mut self, answer: Option<ResumeChoice>) -> Result<bool> {
         while let Some((first, count)) = self.journal.unknown()
             && let Some(done) = answer.and_then(|answer| answer.done(first, count))
         {
-            self.answer(Answered { first, count, done })?;
+            self.answer(ResumeAnswer { first, count, done })?;
         }
         self.settle_unknown("an earlier run ended before the answer")
     }
@@ -84,44 +84,55 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// A lost connection; a journal that cannot be written. The journal has every outcome then, too.
-    pub fn run<T: Transport>(&mut self, transport: T) -> Result<Ended> {
+    pub fn run<T: Transport>(&mut self, transport: T) -> Result<RunEnd> {
         let mut driver = Driver::new(transport);
         let mut host = Host::new(self.config)?;
         host.handle_connected(now());
         loop {
             // While the run is paused there is no other work.
-            let wait = if self.console.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
+            let wait = if self.console.paused && self.flight.is_none() {
+                OPERATOR_CHECK_INTERVAL
+            } else {
+                Duration::ZERO
+            };
             self.console.listen(wait);
             if host.is_idle() && self.flight.is_none() {
                 if self.console.stopping {
-                    return Ok(Ended::Stopped);
+                    return Ok(RunEnd::Stopped);
                 }
                 if !self.console.paused && !self.submit(&mut host)? {
-                    return Ok(Ended::Complete);
+                    return Ok(RunEnd::Complete);
                 }
             }
             if self.flight.is_some() && self.console.has_waited(STOP_WITHIN) {
                 self.outcome(Outcome::Unknown, "no outcome in the time that a stop may take")?;
-                return Ok(Ended::Stopped);
+                return Ok(RunEnd::Stopped);
             }
-            let goes_on = turn(&mut driver, &mut host, Some(GLANCE), |host, event| self.take(host, event));
+            let goes_on = turn(&mut driver, &mut host, Some(OPERATOR_CHECK_INTERVAL), |host, event| {
+                self.take(host, event)
+            });
             if !matches!(goes_on, Ok(true)) && self.flight.is_some() {
                 self.outcome(Outcome::Unknown, "the connection was lost")?;
             }
             match goes_on {
                 Ok(true) => {}
-                Ok(false) => return Err(Lost("the connection to the controller was closed".into()).into()),
+                Ok(false) => {
+                    return Err(ConnectionLost("the connection to the controller was closed".into()).into());
+                }
                 Err(error) if error.is::<std::io::Error>() => {
-                    return Err(Lost(format!("the connection to the controller was lost: {error:#}")).into());
+                    return Err(ConnectionLost(format!(
+                        "the connection to the controller was lost: {error:#}"
+                    ))
+                    .into());
                 }
                 Err(error) => return Err(error),
             }
             if self.refused {
-                return Ok(Ended::Refused);
+                return Ok(RunEnd::Refused);
             }
             if core::mem::take(&mut self.unknown) {
                 if !self.settle_unknown("the controller may have executed them: look at the machine")? {
-                    return Ok(Ended::Stopped);
+                    return Ok(RunEnd::Stopped);
                 }
                 host.resume();
             }
@@ -227,8 +238,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn answer(&mut self, answered: Answered) -> Result<()> {
-        let Answered { first, count, done } = answered;
+    fn answer(&mut self, answered: ResumeAnswer) -> Result<()> {
+        let ResumeAnswer { first, count, done } = answered;
         if done > 0 {
             self.note(Outcome::Done, first, done)?;
         }

@@ -3,7 +3,7 @@
 use laser_eb90::HostConfig;
 use serde::{Deserialize, Serialize};
 
-use cellwire_links::settings::{Configure, Fields};
+use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// A host, and how paths become instructions.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ impl Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { host, mapping } = self;
         fields.group("program", |fields| mapping.configure(fields));
         host.configure(fields);
@@ -74,7 +74,7 @@ impl Default for Mapping {
 }
 
 impl Configure for Mapping {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { cut, rapid, values, tolerance } = self;
         fields.whole("cut", 0..=u16::MAX, "", "the command word for a line with the laser on", cut);
         fields.whole("move", 0..=u16::MAX, "", "the command word of a line with the laser off", rapid);

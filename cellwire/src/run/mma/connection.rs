@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
-use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose};
+use mmacell_proto::{Central, CentralConfig, CentralEvent, CloseReason, Command, Pose};
 use mmacell_task::Device;
 use robot_session::{Step, Steps, now};
 
@@ -196,12 +196,12 @@ impl<P: Pose> Connection<P> {
         for event in &events {
             let CentralEvent::Closed { reason, .. } = event else { continue };
             // Of a connection that is gone this comes late: the next may be open.
-            if *reason != Closing::Disconnected {
+            if *reason != CloseReason::Disconnected {
                 self.end_wire();
             }
-            if *reason != Closing::Agreed {
+            if *reason != CloseReason::Agreed {
                 let why = match reason {
-                    Closing::Disconnected => self.ended.clone(),
+                    CloseReason::Disconnected => self.ended.clone(),
                     reason => reason.to_string(),
                 };
                 self.lost = Some(format!("the connection to the {} was lost: {why}", name(self.from)));

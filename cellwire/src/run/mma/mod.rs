@@ -6,8 +6,8 @@ mod run;
 mod settings;
 mod wire;
 
-pub use periphery::{Line, Periphery, Simulated};
-pub use run::{Addresses, Ended, Rest, Runner};
+pub use periphery::{Line, Periphery, SimulatedPeriphery};
+pub use run::{Addresses, FinalState, RunEnd, Runner};
 pub use settings::{Part, Settings};
 
 use crate::io::journal::{self, Outcome};

@@ -19,7 +19,7 @@ use cellwire_io::tls::Tls;
 
 /// A camera's answer, a valve that is set, the switch.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Happened {
+pub enum PeripheryEvent {
     /// Camera 1 sees a part: the pose of the platform, and that in which the robot takes the part.
     Part(PlatformPose, RobotPose),
     /// Camera 2 sees the place: the pose in which the robot puts the part.
@@ -45,7 +45,7 @@ pub trait Periphery {
     fn set_valve(&mut self, valve: i32, open: bool);
 
     /// Returns the next event.
-    fn poll(&mut self) -> Option<Happened>;
+    fn poll(&mut self) -> Option<PeripheryEvent>;
 
     /// Returns the time of the next event for which no bell rings.
     fn due(&self) -> Option<Duration>;
@@ -53,43 +53,43 @@ pub trait Periphery {
 
 /// Cameras that see the parts of the task, and a vacuum that builds up when its valve is open.
 #[derive(Debug)]
-pub struct Simulated {
+pub struct SimulatedPeriphery {
     parts: Vec<Part>,
     vacuum: Duration,
     high_at: Option<Duration>,
-    happened: VecDeque<Happened>,
+    happened: VecDeque<PeripheryEvent>,
 }
 
-impl Simulated {
+impl SimulatedPeriphery {
     /// Creates a periphery that sees these parts.
     pub fn new(parts: Vec<Part>, vacuum: Duration) -> Self {
         Self { parts, vacuum, high_at: None, happened: VecDeque::new() }
     }
 }
 
-impl Periphery for Simulated {
+impl Periphery for SimulatedPeriphery {
     fn acquire(&mut self, camera: i32, part: usize) {
         self.happened.push_back(match (self.parts.get(part), camera) {
-            (Some(part), 1) => Happened::Part(part.platform, part.pick),
-            (Some(part), _) => Happened::Slot(part.place),
-            (None, _) => Happened::Nothing,
+            (Some(part), 1) => PeripheryEvent::Part(part.platform, part.pick),
+            (Some(part), _) => PeripheryEvent::Slot(part.place),
+            (None, _) => PeripheryEvent::Nothing,
         });
     }
 
     fn set_valve(&mut self, valve: i32, open: bool) {
-        self.happened.push_back(Happened::ValveSet);
+        self.happened.push_back(PeripheryEvent::ValveSet);
         if valve == VACUUM {
             self.high_at = open.then(|| now().saturating_add(self.vacuum));
             if !open {
-                self.happened.push_back(Happened::Switch(false));
+                self.happened.push_back(PeripheryEvent::Switch(false));
             }
         }
     }
 
-    fn poll(&mut self) -> Option<Happened> {
+    fn poll(&mut self) -> Option<PeripheryEvent> {
         if self.high_at.is_some_and(|at| at <= now()) {
             self.high_at = None;
-            self.happened.push_back(Happened::Switch(true));
+            self.happened.push_back(PeripheryEvent::Switch(true));
         }
         self.happened.pop_front()
     }
@@ -158,11 +158,11 @@ impl Periphery for Line {
         self.write(&format!("{valve} {state}\n"));
     }
 
-    fn poll(&mut self) -> Option<Happened> {
+    fn poll(&mut self) -> Option<PeripheryEvent> {
         match self.lines.try_recv() {
             Ok(line) => Some(read(&line)),
             Err(TryRecvError::Disconnected) if !core::mem::replace(&mut self.is_lost, true) => {
-                Some(Happened::Lost)
+                Some(PeripheryEvent::Lost)
             }
             Err(_) => None,
         }
@@ -175,23 +175,23 @@ impl Periphery for Line {
 
 /// Parses a line of the periphery: `part [rad,rad] [mm,mm,mm,rad]`, `slot [mm,mm,mm,rad]`, `none`, `ok`, `switch high`,
 /// `switch low`, or `error TEXT`.
-fn read(line: &str) -> Happened {
+fn read(line: &str) -> PeripheryEvent {
     let line = line.trim();
     let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
-    let strange = || Happened::Failed(format!("it says `{}`", line.escape_debug()));
+    let strange = || PeripheryEvent::Failed(format!("it says `{}`", line.escape_debug()));
     match (word, rest) {
-        ("ok", "") => Happened::ValveSet,
-        ("none", "") => Happened::Nothing,
-        ("switch", "high") => Happened::Switch(true),
-        ("switch", "low") => Happened::Switch(false),
-        ("error", why) => Happened::Failed(format!("it says error {}", why.escape_debug())),
-        ("slot", pose) => serde_json::from_str(pose).map_or_else(|_| strange(), Happened::Slot),
+        ("ok", "") => PeripheryEvent::ValveSet,
+        ("none", "") => PeripheryEvent::Nothing,
+        ("switch", "high") => PeripheryEvent::Switch(true),
+        ("switch", "low") => PeripheryEvent::Switch(false),
+        ("error", why) => PeripheryEvent::Failed(format!("it says error {}", why.escape_debug())),
+        ("slot", pose) => serde_json::from_str(pose).map_or_else(|_| strange(), PeripheryEvent::Slot),
         ("part", poses) => {
             let poses = poses.trim().strip_suffix(']').and_then(|it| it.split_once(']'));
             let part = poses.and_then(|(platform, pick)| {
                 let platform = serde_json::from_str(&format!("{platform}]")).ok()?;
                 let pick = serde_json::from_str(&format!("{pick}]")).ok()?;
-                Some(Happened::Part(platform, pick))
+                Some(PeripheryEvent::Part(platform, pick))
             });
             part.unwrap_or_else(strange)
         }
@@ -206,14 +206,14 @@ mod tests {
     #[test]
     fn the_lines_of_a_periphery() {
         let place = RobotPose::from_units([1000, -2500, 30_000, 0]);
-        assert_eq!(read("slot [1.0,-2.5,30.0,0.0]\r\n"), Happened::Slot(place));
+        assert_eq!(read("slot [1.0,-2.5,30.0,0.0]\r\n"), PeripheryEvent::Slot(place));
         let platform = PlatformPose::from_rad(0.1, -0.2);
-        assert_eq!(read("part [0.1,-0.2] [1.0,-2.5,30.0,0.0]"), Happened::Part(platform, place));
-        assert_eq!(read("switch high"), Happened::Switch(true));
-        assert_eq!(read("none"), Happened::Nothing);
-        assert_eq!(read("error lens\u{7}"), Happened::Failed("it says error lens\\u{7}".into()));
+        assert_eq!(read("part [0.1,-0.2] [1.0,-2.5,30.0,0.0]"), PeripheryEvent::Part(platform, place));
+        assert_eq!(read("switch high"), PeripheryEvent::Switch(true));
+        assert_eq!(read("none"), PeripheryEvent::Nothing);
+        assert_eq!(read("error lens\u{7}"), PeripheryEvent::Failed("it says error lens\\u{7}".into()));
         for line in ["part [1] [2]", "part", "slot 1,2", "switch", "hello"] {
-            assert_eq!(read(line), Happened::Failed(format!("it says `{line}`")));
+            assert_eq!(read(line), PeripheryEvent::Failed(format!("it says `{line}`")));
         }
     }
 }

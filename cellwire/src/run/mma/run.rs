@@ -11,12 +11,12 @@ use serde_json::json;
 
 use super::Journal;
 use super::connection::{Arrival, Connection, Inbox, WAITING};
-use super::periphery::{Happened, Periphery};
+use super::periphery::{Periphery, PeripheryEvent};
 use super::settings::Settings;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Answer, Answered, Console, END_WITHIN, KEYBOARD_WITHIN, STOP_WITHIN};
+use crate::run::{Console, END_WITHIN, KEYBOARD_WITHIN, ResumeAnswer, ResumeChoice, STOP_WITHIN};
 use cellwire_io::bell::Bell;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::tcp::Dialing;
 use cellwire_io::tls::Tls;
 
@@ -35,16 +35,16 @@ pub struct Addresses {
 
 /// The end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum RunEnd {
     /// Every part of the work is placed.
     Complete,
     /// The operator has stopped it, or a question was not answered.
-    Stopped(Rest),
+    Stopped(FinalState),
 }
 
 /// The state of the devices at the end, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rest {
+pub enum FinalState {
     /// The devices report that they are at rest.
     AtRest,
     /// The devices may still finish their last motion.
@@ -81,11 +81,11 @@ impl<'a> Runner<'a> {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn settle_begun(&mut self, answer: Option<Answer>) -> Result<bool> {
+    pub fn settle_begun(&mut self, answer: Option<ResumeChoice>) -> Result<bool> {
         while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
             let answered = match answer.and_then(|answer| answer.done(part, 1)) {
-                Some(done) => Some(Answered { first: part, count: 1, done }),
+                Some(done) => Some(ResumeAnswer { first: part, count: 1, done }),
                 None if self
                     .ask("an earlier run ended while the robot was at this part: clear the gripper") =>
                 {
@@ -99,7 +99,7 @@ impl<'a> Runner<'a> {
         Ok(true)
     }
 
-    fn answer(&mut self, answered: Answered) -> Result<()> {
+    fn answer(&mut self, answered: ResumeAnswer) -> Result<()> {
         self.question = false;
         self.note(if answered.done > 0 { Outcome::Done } else { Outcome::NotSent })?;
         self.console.notify_answered(answered);
@@ -116,8 +116,8 @@ impl<'a> Runner<'a> {
         settings: &Settings,
         addresses: &Addresses,
         periphery: &mut dyn Periphery,
-    ) -> Result<Ended> {
-        let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(Ended::Complete) };
+    ) -> Result<RunEnd> {
+        let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(RunEnd::Complete) };
         self.part = first;
         let (arrivals, inbox) = mpsc::sync_channel(WAITING);
         let sender = Inbox { arrivals, bell: self.bell.clone() };
@@ -168,12 +168,12 @@ impl<'a> Runner<'a> {
         }
         let lost = robot.why_lost().or(platform.why_lost());
         match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), lost) {
-            (None, None, _) => Ok(Ended::Complete),
-            (_, _, Some(why)) => Err(Lost(why.into()).into()),
-            _ => Ok(Ended::Stopped(match task.step() {
-                Step::Finished => Rest::AtRest,
-                Step::AwaitDevices => Rest::NotAsked,
-                _ => Rest::MayMove,
+            (None, None, _) => Ok(RunEnd::Complete),
+            (_, _, Some(why)) => Err(ConnectionLost(why.into()).into()),
+            _ => Ok(RunEnd::Stopped(match task.step() {
+                Step::Finished => FinalState::AtRest,
+                Step::AwaitDevices => FinalState::NotAsked,
+                _ => FinalState::MayMove,
             })),
         }
     }
@@ -242,18 +242,18 @@ impl<'a> Runner<'a> {
         self.end_by.get_or_insert_with(|| now().saturating_add(END_WITHIN));
     }
 
-    fn periphery(&mut self, task: &mut Task, happened: Happened) -> Result<()> {
+    fn periphery(&mut self, task: &mut Task, happened: PeripheryEvent) -> Result<()> {
         let event = match happened {
-            Happened::Part(platform, pick) => Event::PartFound { platform, pick },
-            Happened::Slot(place) => Event::SlotFound { place },
-            Happened::Nothing => Event::NotFound,
-            Happened::ValveSet => Event::Done(Device::Gripper),
-            Happened::Switch(high) => Event::Switch { high },
-            Happened::Failed(why) => {
+            PeripheryEvent::Part(platform, pick) => Event::PartFound { platform, pick },
+            PeripheryEvent::Slot(place) => Event::SlotFound { place },
+            PeripheryEvent::Nothing => Event::NotFound,
+            PeripheryEvent::ValveSet => Event::Done(Device::Gripper),
+            PeripheryEvent::Switch(high) => Event::Switch { high },
+            PeripheryEvent::Failed(why) => {
                 self.console.notify(json!({"event": "periphery", "why": why}));
                 Event::Failed { device: Device::Vision, failure: Failure::Aborted }
             }
-            Happened::Lost => bail!(Lost("the connection to the periphery was lost".into())),
+            PeripheryEvent::Lost => bail!(ConnectionLost("the connection to the periphery was lost".into())),
         };
         task.handle_event(now(), event);
         Ok(())

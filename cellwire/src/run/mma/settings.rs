@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::io::journal::Outcome;
 use crate::io::sheet;
 use cellwire_links::json;
-use cellwire_links::settings::{ANY_TIME, Configure, Fields};
+use cellwire_links::settings::{ANY_TIME, Configure, FieldVisitor};
 
 /// The poses of a part: where it is, and where it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,7 +104,7 @@ impl Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, fields: &mut impl Fields) {
+    fn configure(&mut self, fields: &mut impl FieldVisitor) {
         let Self { parts, part, vacuum, task, central } = self;
         fields.whole("parts", 0..=1_000_000, "parts", "parts to place; 0: every [[part]]", parts);
         let shape = "[[part]] platform = [rad, rad], pick = [mm, mm, mm, rad], place = [mm, mm, mm, rad]";

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Result;
 use cellwire_io::tcp::Dialing;
 use cellwire_io::tls::{Carrier, Tls};
-use robot_session::{Received, Sent, Transport as _, Wait, now};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport as _, Wait, now};
 
 /// A peer that takes nothing for this long is gone.
 pub(super) const STUCK: Duration = Duration::from_secs(5);
@@ -42,7 +42,7 @@ impl Wire {
         let mut end = now().saturating_add(STUCK);
         while !bytes.is_empty() {
             let sent = self.lock().send(bytes)?;
-            let Sent::Part(taken) = sent else { return Ok(()) };
+            let SendOutcome::Part(taken) = sent else { return Ok(()) };
             if taken > 0 {
                 bytes = bytes.get(taken..).unwrap_or_default();
                 end = now().saturating_add(STUCK);
@@ -69,9 +69,9 @@ impl Read for Wire {
         loop {
             let received = self.lock().receive(buffer, Wait::limited(Duration::ZERO))?;
             match received {
-                Received::Bytes(length) => return Ok(length),
-                Received::Closed => return Ok(0),
-                Received::Nothing => Wait::default().readable(&*self.socket)?,
+                ReceiveOutcome::Bytes(length) => return Ok(length),
+                ReceiveOutcome::Closed => return Ok(0),
+                ReceiveOutcome::Nothing => Wait::default().readable(&*self.socket)?,
             };
         }
     }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 
 use super::pty::Pty;
 
@@ -85,7 +85,7 @@ impl Ball {
         self.hand.lock().unwrap().gone = false;
         let hand = Arc::clone(&self.hand);
         thread::spawn(move || {
-            priority::raise(Rank::Hardware);
+            priority::raise(ThreadRole::Hardware);
             let (mut byte, mut asked) = ([0], 0);
             // Each with the time at which it is whole.
             let mut packets: VecDeque<(Instant, [u8; 12])> = VecDeque::new();

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use cellwire_io::priority::{self, Rank};
+use cellwire_io::priority::{self, ThreadRole};
 
 use super::pty::Pty;
 
@@ -133,7 +133,7 @@ fn error(missed: u32) -> u8 {
 
 fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
     // Real hardware does not wait for a processor.
-    priority::raise(Rank::Hardware);
+    priority::raise(ThreadRole::Hardware);
     let see = |cycle| log.lock().unwrap().push(cycle);
     'off: loop {
         let Ok(order) = orders.recv() else { return };

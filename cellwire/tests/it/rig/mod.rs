@@ -18,7 +18,7 @@ use pty::Pty;
 
 /// Moving so fast, of 90 units a cycle, an arm is stopped.
 pub(crate) const FAST: i16 = 72;
-const PATIENCE: Duration = Duration::from_secs(30);
+const TEST_TIMEOUT: Duration = Duration::from_secs(30);
 
 pub(crate) struct Rig {
     pub(crate) controller: Controller,
@@ -74,7 +74,7 @@ impl Rig {
     /// Lets go until the hand may move the arm. Where the machine is so busy that ALTER ends, it is started again.
     pub(crate) fn arm(&self) {
         self.ball.push(0);
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TEST_TIMEOUT;
         while !self.terminal.text().contains(" ARMED ") {
             assert!(Instant::now() < end, "it is not armed: {}", self.terminal.text());
             if self.controller.has_ended() {
@@ -90,7 +90,7 @@ impl Rig {
 
     /// Arms, and pushes until the arm moves so. Where the machine is so busy that values become old, it begins again.
     pub(crate) fn push_until(&self, least: i16) {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TEST_TIMEOUT;
         loop {
             self.arm();
             let since = self.controller.now();
@@ -146,7 +146,7 @@ impl Rig {
             if let Some(status) = self.process.try_wait().unwrap() {
                 return (status, begin.elapsed());
             }
-            assert!(begin.elapsed() < PATIENCE, "it does not end: {}", self.terminal.text());
+            assert!(begin.elapsed() < TEST_TIMEOUT, "it does not end: {}", self.terminal.text());
             thread::sleep(Duration::from_millis(5));
         }
     }
@@ -270,7 +270,7 @@ impl Terminal {
 
     /// Waits until a text is shown.
     pub(crate) fn wait_for(&self, text: &str) {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TEST_TIMEOUT;
         while !self.text().contains(text) {
             assert!(Instant::now() < end, "{text:?} was not shown: {}", self.text());
             thread::sleep(Duration::from_millis(10));
@@ -281,7 +281,7 @@ impl Terminal {
     pub(crate) fn assert_restored(&self) {
         assert_eq!(stty(&self.path, &["-g"]), self.settings);
         // The terminal may not have read the last bytes yet.
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TEST_TIMEOUT;
         while self.screen.lock().unwrap().screen().alternate_screen() {
             assert!(Instant::now() < end, "the alternate screen was not left");
             thread::sleep(Duration::from_millis(5));

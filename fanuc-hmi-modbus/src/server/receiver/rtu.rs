@@ -33,15 +33,15 @@ pub struct RtuReceiver {
 }
 
 /// The frame, or the part of one, that some bytes begin.
-enum Begun {
+enum Prefix {
     /// A frame of this many bytes.
     Frame(usize, Side),
     /// More bytes must come.
-    Part,
+    Incomplete,
 }
 
 /// The number of bytes of a line without a silence that stay buffered: a frame may have begun in them.
-const KEPT: usize = Frame::MAX_RTU_LEN;
+const BUFFERED_LEN: usize = Frame::MAX_RTU_LEN;
 
 impl RtuReceiver {
     #[inline(never)]
@@ -75,18 +75,18 @@ impl RtuReceiver {
                 }
                 match begun(held, self.own, has_ended, !self.is_serial) {
                     _ if self.lost.is_some() => {}
-                    Ok(Begun::Frame(length, side)) => {
+                    Ok(Prefix::Frame(length, side)) => {
                         let range = self.stream.take(length);
                         match side {
                             Side::Client => return Some(Ok(range)),
                             Side::Server => continue,
                         }
                     }
-                    Ok(Begun::Part) if has_ended => {
+                    Ok(Prefix::Incomplete) if has_ended => {
                         self.stream.pass_end();
                         continue;
                     }
-                    Ok(Begun::Part) => return None,
+                    Ok(Prefix::Incomplete) => return None,
                     Err(error) => self.lost = Some(error),
                 }
             }
@@ -111,8 +111,8 @@ impl RtuReceiver {
         let mut rest = held;
         loop {
             match begun(rest, self.own, false, false) {
-                Ok(Begun::Frame(length, _)) => rest = rest.get(length..).unwrap_or_default(),
-                Ok(Begun::Part) => break,
+                Ok(Prefix::Frame(length, _)) => rest = rest.get(length..).unwrap_or_default(),
+                Ok(Prefix::Incomplete) => break,
                 Err(_) => return false,
             }
         }
@@ -178,18 +178,18 @@ impl RtuReceiver {
     }
 
     pub(super) fn next_followed(&mut self) -> Option<Range<usize>> {
-        while self.stream.pending() > KEPT {
+        while self.stream.pending() > BUFFERED_LEN {
             let held = self.stream.held();
             match begun(held, self.own, false, false) {
                 _ if self.lost.is_some() => drop(self.stream.take(held.len())),
-                Ok(Begun::Frame(length, side)) => {
+                Ok(Prefix::Frame(length, side)) => {
                     let range = self.stream.take(length);
                     let is_own = self.frame(range.clone()).is_some_and(|frame| is_for(frame.unit, self.own));
                     if is_own && side == Side::Client {
                         return Some(range);
                     }
                 }
-                Ok(Begun::Part) => break,
+                Ok(Prefix::Incomplete) => break,
                 Err(error) => self.lose(error),
             }
         }
@@ -244,12 +244,12 @@ impl robot_session::Decoder for RtuReceiver {
 
 /// The indices of silences in a stream; the first ones of a message, if there are more than fit.
 #[derive(Debug, Clone, Copy)]
-struct Silences([u16; Self::MOST]);
+struct Silences([u16; Self::MAX_SILENCES]);
 
 impl Silences {
     /// The maximum number of silences: the pieces of a longest frame, of 8 bytes each.
-    const MOST: usize = Frame::MAX_RTU_LEN / 8;
-    const NONE: Self = Self([0; Self::MOST]);
+    const MAX_SILENCES: usize = Frame::MAX_RTU_LEN / 8;
+    const NONE: Self = Self([0; Self::MAX_SILENCES]);
 
     /// Adds a silence at this index, above zero.
     fn add(&mut self, at: usize) {
@@ -281,8 +281,8 @@ fn sides(data: &[u8], own: Option<u8>) -> &'static [Side] {
 fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
     while !message.is_empty() {
         match begun(message, own, true, false) {
-            Ok(Begun::Frame(length, _)) => message = message.get(length..).unwrap_or_default(),
-            Ok(Begun::Part) => return None,
+            Ok(Prefix::Frame(length, _)) => message = message.get(length..).unwrap_or_default(),
+            Ok(Prefix::Incomplete) => return None,
             Err(error) => return Some(error),
         }
     }
@@ -291,12 +291,12 @@ fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
 
 /// Returns the frame, or the part of one, that these bytes begin; they may have ended, or continue after that. It is the
 /// longest possible frame, so that no data of it is read as a frame.
-fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result<Begun, DecodeError> {
+fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result<Prefix, DecodeError> {
     // Before a silence, bytes are a frame by their CRC alone, whatever their byte count. Only the unit shows whether it is a
     // reply.
     let is_whole = has_ended && Frame::decode_rtu_whole(data).is_ok();
     if is_whole && !goes_on {
-        return Ok(Begun::Frame(data.len(), Side::Client));
+        return Ok(Prefix::Frame(data.len(), Side::Client));
     }
     let (mut found, mut waits) = (None, false);
     for side in sides(data, own) {
@@ -315,12 +315,12 @@ fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result
     }
     match found {
         Some((length, is_request)) if has_ended || !waits => {
-            Ok(Begun::Frame(length, if is_request { Side::Client } else { Side::Server }))
+            Ok(Prefix::Frame(length, if is_request { Side::Client } else { Side::Server }))
         }
-        _ if waits && (!has_ended || goes_on) => Ok(Begun::Part),
-        None if is_whole => Ok(Begun::Frame(data.len(), Side::Client)),
+        _ if waits && (!has_ended || goes_on) => Ok(Prefix::Incomplete),
+        None if is_whole => Ok(Prefix::Frame(data.len(), Side::Client)),
         // Without a known length, or with a wrong CRC, the bytes may still be a frame by their end.
-        None if !has_ended && data.len() <= Frame::MAX_RTU_LEN => Ok(Begun::Part),
+        None if !has_ended && data.len() <= Frame::MAX_RTU_LEN => Ok(Prefix::Incomplete),
         _ => Err(no_frame(data)),
     }
 }

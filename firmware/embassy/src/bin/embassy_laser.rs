@@ -38,11 +38,11 @@ impl TryFrom<Instruction<'_>> for Cut {
 }
 
 /// The hook of the queue that wakes the motion.
-type Queued = fn();
-type Session = Controller<'static, Cut, Queued>;
+type WakeHook = fn();
+type Session = Controller<'static, Cut, WakeHook>;
 
 #[embassy_executor::task]
-async fn communicate(uart: Uart, writer: Writer<'static, Cut, Queued>) {
+async fn communicate(uart: Uart, writer: Writer<'static, Cut, WakeHook>) {
     let Ok(mut session) = Controller::new(ControllerConfig::default(), writer) else { panic!("it works") };
     let (receiver, sender) = uart.split();
     let mut driver = Driver::<_, _, _, 64, { Session::MAX_TRANSMIT }>::new(receiver, sender, EmbassyClock);
@@ -68,7 +68,7 @@ fn handle(controller: &mut Session, event: ControllerEvent) -> ControlFlow<()> {
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let uart = board::init(115_200);
-    let (writer, mut motion) = QUEUE.take().split_with((|| QUEUED.signal(())) as Queued, NoWake);
+    let (writer, mut motion) = QUEUE.take().split_with((|| QUEUED.signal(())) as WakeHook, NoWake);
     match communicate(uart, writer) {
         Ok(task) => spawner.spawn(task),
         Err(_) => panic!("it is spawned once"),

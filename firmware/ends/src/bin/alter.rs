@@ -12,9 +12,9 @@ use static_cell::{ConstStaticCell, StaticCell};
 use val2_alter::{Host, HostConfig, HostEvent};
 
 /// Speeds in each cycle, ahead of the robot.
-type Words = [i16; 6];
-const AHEAD: usize = 8;
-static AHEAD_OF_ROBOT: ConstStaticCell<WorkQueue<Words, AHEAD>> =
+type AxisSpeeds = [i16; 6];
+const SPEEDS_AHEAD: usize = 8;
+static AHEAD_OF_ROBOT: ConstStaticCell<WorkQueue<AxisSpeeds, SPEEDS_AHEAD>> =
     ConstStaticCell::new(WorkQueue::numbered::<9999>());
 static LINK: StaticCell<Alter> = StaticCell::new();
 
@@ -22,7 +22,7 @@ static LINK: StaticCell<Alter> = StaticCell::new();
 struct Alter {
     driver: Driver<64, { Host::MAX_TRANSMIT }>,
     session: Host,
-    words: Reader<'static, Words>,
+    words: Reader<'static, AxisSpeeds>,
 }
 
 impl Link for Alter {
@@ -54,13 +54,13 @@ impl Link for Alter {
 }
 
 /// Returns a motion to and fro along X, then along Y: 16 units per cycle are 18 mm/s.
-fn trajectory(cycle: u32) -> Words {
+fn trajectory(cycle: u32) -> AxisSpeeds {
     let speed = if (cycle / 50).is_multiple_of(2) { 16 } else { -16 };
     if (cycle / 100).is_multiple_of(2) { [speed, 0, 0, 0, 0, 0] } else { [0, speed, 0, 0, 0, 0] }
 }
 
 #[inline(never)] // its temporaries use its stack, which is free again for the motion
-fn start(uart: Uart, words: Reader<'static, Words>) {
+fn start(uart: Uart, words: Reader<'static, AxisSpeeds>) {
     let link = LINK.init_with(|| {
         // With an adapter, or in an emulator, bytes that came together may be read apart: no silence ends a frame.
         let config = HostConfig { gap: None, ..HostConfig::default() };

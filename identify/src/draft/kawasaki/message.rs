@@ -3,11 +3,11 @@
 use core::fmt::Write as _;
 
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{self, Refused};
+use cellwire_links::settings::{self, RefusedSetting};
 use serde_json::{Map, Value, json};
 
 use super::super::toml_text;
-use super::{Fields, Guess, Line};
+use super::{Guess, Line, UsedNames};
 
 /// The roles that a plant may lack.
 const OPTIONAL: [&str; 3] = ["job_ack", "pause", "order_interrupt"];
@@ -27,7 +27,7 @@ pub(super) struct Message {
 }
 
 /// Returns the tables of the messages, after changes to those that a plant cannot have.
-pub(super) fn accepted(guesses: &[Guess<'_>], fields: &Fields<'_>, charset: &str) -> Vec<Message> {
+pub(super) fn accepted(guesses: &[Guess<'_>], fields: &UsedNames<'_>, charset: &str) -> Vec<Message> {
     let mut messages: Vec<Message> = guesses.iter().map(Message::new).collect();
     let plant = settings::list(Plant::default());
     let known = |role: &str| -> Vec<String> {
@@ -69,7 +69,7 @@ pub(super) fn accepted(guesses: &[Guess<'_>], fields: &Fields<'_>, charset: &str
 }
 
 /// Returns a name that is not used by any message of the capture.
-fn unused_name(role: &str, fields: &Fields<'_>) -> String {
+fn unused_name(role: &str, fields: &UsedNames<'_>) -> String {
     let mut name = role.to_owned();
     while fields.kinds.iter().any(|kind| kind.name == name) {
         name.push('_');
@@ -84,7 +84,7 @@ fn refused_role(messages: &[Message], charset: &str) -> Option<String> {
         Map::from_iter([("messages".to_owned(), tables.into()), ("charset".to_owned(), charset.into())]);
     let refused = match settings::read("plant", Plant::default(), &given) {
         Err(refused) => refused,
-        Ok(plant) => plant.check().err()?.downcast::<Refused>().ok()?,
+        Ok(plant) => plant.check().err()?.downcast::<RefusedSetting>().ok()?,
     };
     Some(refused.name.split('.').nth(1)?.to_owned())
 }

@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use serde_json::Value;
 
 use self::proof::{Proof, prove};
-use super::Said;
+use super::SentMessage;
 
 /// A message of the plant: all that one end sends by one name.
 struct Kind {
@@ -92,7 +92,7 @@ fn number(value: &str) -> Option<i64> {
 }
 
 /// Returns the draft of a conversation.
-pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
+pub(super) fn draft(said: &[SentMessage], charset: &str) -> Result<String> {
     let mut kinds = kinds(said);
     let proof = prove(&kinds);
     if let Some(pc) = proof.pc {
@@ -128,7 +128,7 @@ pub(super) fn draft(said: &[Said], charset: &str) -> Result<String> {
     let number = shown.unwrap_or(likely);
     let jobs = job.numbers(number);
     let last_job = jobs.iter().copied().max().unwrap_or_default();
-    let fields = Fields { orders: &orders, kinds: &kinds, jobs: &jobs };
+    let fields = UsedNames { orders: &orders, kinds: &kinds, jobs: &jobs };
 
     let is_left = |kind: &&Kind| !core::ptr::eq(*kind, job) && proof.is_free(index(kind));
     let mut left: Vec<&Kind> = kinds.iter().filter(is_left).collect();
@@ -269,9 +269,9 @@ impl Draft<'_> {
     }
 }
 
-fn kinds(said: &[Said]) -> Vec<Kind> {
+fn kinds(said: &[SentMessage]) -> Vec<Kind> {
     let mut kinds: Vec<Kind> = Vec::new();
-    for (at, Said { side, message, .. }) in said.iter().enumerate() {
+    for (at, SentMessage { side, message, .. }) in said.iter().enumerate() {
         let texts = |name: &str| -> Vec<String> {
             let values = message.get(name).and_then(Value::as_array).into_iter().flatten();
             values.filter_map(|value| value.as_str().map(str::to_owned)).collect()
@@ -340,13 +340,13 @@ fn orders(job: &Kind, kinds: &[Kind]) -> Vec<String> {
     found
 }
 
-struct Fields<'a> {
+struct UsedNames<'a> {
     orders: &'a [String],
     kinds: &'a [Kind],
     jobs: &'a [i64],
 }
 
-impl Fields<'_> {
+impl UsedNames<'_> {
     fn is_order(&self, kind: &Kind, at: usize) -> bool {
         let known = kind.values(at).filter(|value| self.orders.iter().any(|it| it == value)).count();
         known * 2 > kind.all.len()

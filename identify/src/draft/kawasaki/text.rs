@@ -5,9 +5,9 @@ use core::fmt::Write as _;
 use anyhow::Result;
 use cellwire_links::kawasaki_msg::layout::MAX_TEXT;
 
-use super::super::TWICE;
+use super::super::MIN_SIGHTINGS;
 use super::message::accepted;
-use super::{Fields, Guess, Kind, number};
+use super::{Guess, Kind, UsedNames, number};
 
 /// The most decimals of a number.
 const MAX_PLACES: usize = 6;
@@ -25,7 +25,7 @@ pub(super) fn draft(
     work: &[usize],
     left: &[&Kind],
     acks: Option<i64>,
-    (fields, charset): (&Fields<'_>, &str),
+    (fields, charset): (&UsedNames<'_>, &str),
 ) -> Result<String> {
     let mut text = String::from("# A draft from a capture: correct what has a ?.\n\n");
     let is_latin1 =
@@ -37,7 +37,7 @@ pub(super) fn draft(
     let doubt = match letters.count() {
         0 => " # ? no other letter is in the capture",
         1 => " # ? one message has other letters",
-        TWICE.. => "",
+        MIN_SIGHTINGS.. => "",
     };
     writeln!(text, "charset = \"{charset}\"{doubt}")?;
     match acks {

@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use cellwire_links::kawasaki_msg::layout::{AnyWork, Holds, Layout};
+use cellwire_links::kawasaki_msg::layout::{AnyWork, FieldType, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::link::Link;
 use cellwire_links::settings;
@@ -252,15 +252,15 @@ impl Drawn {
                         (true, false) => random.below(1000),
                     };
                     match field.holds {
-                        Holds::Number { places: 0, max, .. } => {
+                        FieldType::Number { places: 0, max, .. } => {
                             (value % (usize::try_from(max).unwrap() + 1)).to_string()
                         }
-                        Holds::Number { .. } => format!("{}.{:02}", value % 90, value % 100),
-                        Holds::Text { .. } if charset == Charset::Latin1 && value % 7 == 0 => {
+                        FieldType::Number { .. } => format!("{}.{:02}", value % 90, value % 100),
+                        FieldType::Text { .. } if charset == Charset::Latin1 && value % 7 == 0 => {
                             format!("ä{value}")
                         }
                         // A part's number is a text, too.
-                        Holds::Text { .. } => [format!("P{value}"), value.to_string()][value % 2].clone(),
+                        FieldType::Text { .. } => [format!("P{value}"), value.to_string()][value % 2].clone(),
                     }
                 })
                 .collect();

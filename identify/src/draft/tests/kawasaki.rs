@@ -6,7 +6,7 @@ use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings;
 use serde_json::json;
 
-use super::super::{Said, kawasaki};
+use super::super::{SentMessage, kawasaki};
 
 /// Returns the draft of a conversation. Each line, or the text between two `;`, is a message: `pc Job M 7
 ///  501 101` has the header `M 7`, and `pc Job 501 101` has no header. `_` is a text without characters.
@@ -20,7 +20,7 @@ fn draft(talk: &str) -> anyhow::Result<String> {
         let side = if words[0] == "pc" { "pc" } else { "robot" };
         let (header, fields) = words[2..].split_at(header);
         let message = json!({ "name": words[1], "header": header, "fields": fields });
-        Said { side, message, time: Duration::ZERO }
+        SentMessage { side, message, time: Duration::ZERO }
     };
     let lines = talk.split([';', '\n']).filter(|line| !line.trim().is_empty());
     let said = lines.map(said).collect::<Vec<_>>();

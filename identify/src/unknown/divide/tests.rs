@@ -113,15 +113,18 @@ fn what_speaks_for_a_division() {
     // Seven places of ten, and of eleven.
     let binary: Vec<&[u8]> = vec![&[1, 2, 3]; 9];
     let together = [0, 3, 6, 9, 12, 15, 18];
-    let of_binary = Rank { together: true, begins: true, closes: false, alike: 100, marks: 3 };
+    let of_binary = DivisionRank { together: true, begins: true, closes: false, alike: 100, marks: 3 };
     assert_eq!(rank(&binary, &together), of_binary);
-    assert_eq!(rank(&binary, &[&together[..], &[20]].concat()), Rank { together: false, ..of_binary });
+    assert_eq!(
+        rank(&binary, &[&together[..], &[20]].concat()),
+        DivisionRank { together: false, ..of_binary }
+    );
     let closing = |byte| rank(&[&[b'a', byte], &[b'b', byte], &[b'c', byte]], &[]).closes;
     assert_eq!([b'\n', b'}', b'k'].map(closing), [true, true, false]);
     // One of ten begins otherwise, and one ends otherwise.
     let mut messages: Vec<&[u8]> = vec![&[1, 2, 3, 4]; 10];
     (messages[0], messages[1]) = (&[1, 9, 3, 4], &[1, 2, 3, 9]);
-    let expected = Rank { together: false, begins: true, closes: false, alike: 80, marks: 4 };
+    let expected = DivisionRank { together: false, begins: true, closes: false, alike: 80, marks: 4 };
     assert_eq!(rank(&messages, &[]), expected);
 }
 

@@ -13,7 +13,7 @@ use self::packet::{Packet, read};
 use crate::kawasaki_msg::ends::plant;
 use crate::kawasaki_msg::options::CodecSettings;
 use crate::settings;
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, UNSEEN, ms};
+use crate::shadow::{JITTER, LineEvent, Report, Setup, Shadow, UNSEEN, ms};
 
 const ROBOT: &str = "robot";
 const PC: &str = "pc";
@@ -31,10 +31,10 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
         reply_timeout: robot.reply_timeout,
         exchange: robot.exchange,
         silence: pc.silence,
-        talk: Talk::Unknown,
+        talk: Turn::Unknown,
         packet: None,
         has_bytes: false,
-        asked: Asked::default(),
+        asked: Requested::default(),
         starts: Starts::default(),
         is_whole: false,
         order: None,
@@ -49,13 +49,13 @@ struct Orders {
     reply_timeout: Duration,
     exchange: Duration,
     silence: Duration,
-    talk: Talk,
+    talk: Turn,
     /// The packet whose messages are coming.
     packet: Option<Packet>,
     /// The PC has sent bytes since the robot's packet: they end the robot's wait, even if they are not a message.
     has_bytes: bool,
     /// The robot's messages since the PC's last answer.
-    asked: Asked,
+    asked: Requested,
     starts: Starts,
     /// The connection was seen from its beginning, or the robot without an order: which order it is in is known.
     is_whole: bool,
@@ -66,7 +66,7 @@ struct Orders {
 
 /// The end whose turn it is to send.
 #[derive(Debug, Clone, Copy)]
-enum Talk {
+enum Turn {
     Unknown,
     /// The robot's; its last packet.
     Robot(Option<Duration>),
@@ -78,7 +78,7 @@ enum Talk {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Asked {
+struct Requested {
     status: bool,
     /// The number of the requested job.
     job: Option<u16>,
@@ -105,20 +105,20 @@ struct Order {
 }
 
 impl Shadow for Orders {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened | Seen::Closed | Seen::Missed { .. } => {
+            LineEvent::Opened | LineEvent::Closed | LineEvent::Missed { .. } => {
                 self.close(report);
-                let is_open = matches!(seen, Seen::Opened);
-                self.talk = if is_open { Talk::Robot(None) } else { Talk::Unknown };
+                let is_open = matches!(seen, LineEvent::Opened);
+                self.talk = if is_open { Turn::Robot(None) } else { Turn::Unknown };
                 self.heard = is_open.then_some(report.now);
                 self.is_whole = is_open;
-                (self.asked, self.starts) = (Asked::default(), Starts::default());
+                (self.asked, self.starts) = (Requested::default(), Starts::default());
                 if !is_open {
                     self.order = None;
                 }
             }
-            Seen::Message { from, message, .. } => {
+            LineEvent::Message { from, message, .. } => {
                 let read = read(&self.dialect, message);
                 let packet = self.packet(from, report);
                 match read {
@@ -126,14 +126,14 @@ impl Shadow for Orders {
                     None => packet.is_damaged = true,
                 }
             }
-            Seen::Corrupt { from, .. } => self.packet(from, report).is_damaged = true,
-            Seen::Bytes { from: PC, .. } => {
+            LineEvent::Corrupt { from, .. } => self.packet(from, report).is_damaged = true,
+            LineEvent::Bytes { from: PC, .. } => {
                 if self.packet.as_ref().is_some_and(|packet| packet.from == ROBOT) {
                     self.close(report);
                 }
                 self.has_bytes = true;
             }
-            Seen::Bytes { .. } => {}
+            LineEvent::Bytes { .. } => {}
         }
     }
 
@@ -143,7 +143,7 @@ impl Shadow for Orders {
             self.close(report);
         }
         let limit = self.reply_timeout;
-        if let Talk::Pc { since, is_missed } = &mut self.talk
+        if let Turn::Pc { since, is_missed } = &mut self.talk
             && !*is_missed
             && now > since.saturating_add(limit)
         {
@@ -160,10 +160,10 @@ impl Shadow for Orders {
 
     fn state(&self) -> String {
         let turn = match self.talk {
-            Talk::Unknown => UNSEEN,
-            Talk::Robot(_) => "the robot's turn",
-            Talk::Pc { is_missed: false, .. } => "the PC's turn",
-            Talk::Pc { is_missed: true, .. } => "the PC has not answered",
+            Turn::Unknown => UNSEEN,
+            Turn::Robot(_) => "the robot's turn",
+            Turn::Pc { is_missed: false, .. } => "the PC's turn",
+            Turn::Pc { is_missed: true, .. } => "the PC has not answered",
         };
         match self.order {
             Some(Order { number, executed, sent, .. }) => {
@@ -201,14 +201,14 @@ impl Orders {
     fn told(&mut self, packet: &Packet, report: &mut Report<'_>) {
         let begun = packet.begun;
         match self.talk {
-            Talk::Pc { since, .. }
+            Turn::Pc { since, .. }
                 if begun.saturating_add(JITTER) < since.saturating_add(self.reply_timeout)
                     && !self.has_bytes =>
             {
                 let waited = ms(begun.saturating_sub(since));
                 report.rule(ROBOT, "KM-50", format!("a packet {waited} after one that is not answered"));
             }
-            Talk::Pc { since, .. } | Talk::Robot(Some(since))
+            Turn::Pc { since, .. } | Turn::Robot(Some(since))
                 if begun.saturating_add(JITTER) < since.saturating_add(self.exchange) =>
             {
                 let since = ms(begun.saturating_sub(since));
@@ -217,7 +217,7 @@ impl Orders {
             _ => {}
         }
         let has_answer = packet.has(Role::OrderAck);
-        if !self.datagrams && !matches!(self.talk, Talk::Unknown) && !packet.is_damaged {
+        if !self.datagrams && !matches!(self.talk, Turn::Unknown) && !packet.is_damaged {
             if has_answer && !self.starts.open && self.is_whole {
                 report.rule(ROBOT, "KM-52", "an answer to a start that was not sent on this connection");
             }
@@ -232,11 +232,11 @@ impl Orders {
         }
         self.asked.status |= packet.has(Role::Status);
         // The first packet that is seen may lack its beginning.
-        self.asked.is_damaged |= packet.is_damaged || matches!(self.talk, Talk::Unknown);
+        self.asked.is_damaged |= packet.is_damaged || matches!(self.talk, Turn::Unknown);
         if let Some((_, params)) = packet.messages.iter().find(|(role, _)| *role == Role::JobRequest) {
             self.asked.job = params.number(Field::Number);
         }
-        (self.talk, self.heard) = (Talk::Pc { since: packet.last, is_missed: false }, Some(packet.last));
+        (self.talk, self.heard) = (Turn::Pc { since: packet.last, is_missed: false }, Some(packet.last));
         self.has_bytes = false;
     }
 
@@ -310,15 +310,15 @@ impl Orders {
     /// Checks an answer of the PC.
     fn answered(&mut self, packet: &Packet, report: &mut Report<'_>) {
         match self.talk {
-            Talk::Robot(_) => report.rule(PC, "KM-92", "an answer, and the robot has said nothing"),
-            Talk::Pc { since, is_missed: true } => {
+            Turn::Robot(_) => report.rule(PC, "KM-92", "an answer, and the robot has said nothing"),
+            Turn::Pc { since, is_missed: true } => {
                 let late = ms(packet.begun.saturating_sub(since));
                 report.assumption(PC, "KM-51", format!("an answer after {late}: reply_timeout is too short"));
             }
             _ => {}
         }
         let asked = core::mem::take(&mut self.asked);
-        let is_known = !matches!(self.talk, Talk::Unknown) && !asked.is_damaged && !packet.is_damaged;
+        let is_known = !matches!(self.talk, Turn::Unknown) && !asked.is_damaged && !packet.is_damaged;
         if is_known && asked.status != packet.has(Role::Status) {
             let text = if asked.status { "no status answers a status" } else { "an unsolicited status" };
             report.rule(PC, "KM-92", text);
@@ -361,11 +361,11 @@ impl Orders {
             }
         }
         let since = match self.talk {
-            Talk::Pc { since, .. } => Some(since),
-            Talk::Robot(since) => since,
-            Talk::Unknown => None,
+            Turn::Pc { since, .. } => Some(since),
+            Turn::Robot(since) => since,
+            Turn::Unknown => None,
         };
-        self.talk = Talk::Robot(since);
+        self.talk = Turn::Robot(since);
     }
 
     /// Returns whether a job follows the last acknowledged one; jobs before it are not sent again.

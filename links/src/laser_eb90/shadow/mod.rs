@@ -12,7 +12,7 @@ use serde_json::Value;
 use self::frame::{first_word, items, judge, line};
 use super::codec::Options;
 use crate::settings;
-use crate::shadow::{JITTER, Report, Seen, Setup, Shadow, ms};
+use crate::shadow::{JITTER, LineEvent, Report, Setup, Shadow, ms};
 
 const HOST: &str = "host";
 const CONTROLLER: &str = "controller";
@@ -30,7 +30,7 @@ pub(super) fn shadow(setup: &Setup<'_>) -> Result<Box<dyn Shadow>> {
         controller.words = settings::read("laser", Options::default(), setup.settings)?.words;
     }
     host.words = controller.words;
-    let (opened, asked, is_busy, open) = (None, None, false, Stretch::default());
+    let (opened, asked, is_busy, open) = (None, None, false, HostBytes::default());
     Ok(Box::new(Laser { host, controller, opened, asked, is_busy, open }))
 }
 
@@ -40,15 +40,15 @@ struct Laser {
     /// When the connection was made, until the host has sent a frame.
     opened: Option<Duration>,
     /// The last frame of the host; `None` before the first.
-    asked: Option<Asked>,
+    asked: Option<HostFrame>,
     /// An instruction of an earlier connection may be executed still.
     is_busy: bool,
-    open: Stretch,
+    open: HostBytes,
 }
 
 /// The host's bytes since the last answer.
 #[derive(Default)]
-struct Stretch {
+struct HostBytes {
     /// Bytes that are in no message yet.
     held: u64,
     /// Bytes of no message.
@@ -60,7 +60,7 @@ struct Stretch {
 }
 
 /// A frame of the host.
-struct Asked {
+struct HostFrame {
     word: Option<u16>,
     class: Option<Class>,
     length: u64,
@@ -81,19 +81,19 @@ struct Asked {
 }
 
 impl Shadow for Laser {
-    fn see(&mut self, seen: &Seen<'_>, report: &mut Report<'_>) {
+    fn see(&mut self, seen: &LineEvent<'_>, report: &mut Report<'_>) {
         match *seen {
-            Seen::Opened => {
+            LineEvent::Opened => {
                 self.is_busy |= self.asked.take().is_some_and(|asked| asked.is_executed());
                 self.opened = Some(report.now);
-                self.open = Stretch::default();
+                self.open = HostBytes::default();
             }
-            Seen::Closed | Seen::Missed { .. } => {
+            LineEvent::Closed | LineEvent::Missed { .. } => {
                 self.is_busy |= self.asked.take().is_some_and(|asked| asked.is_executed());
                 self.opened = None;
-                self.open = Stretch::default();
+                self.open = HostBytes::default();
             }
-            Seen::Bytes { from: HOST, bytes } => {
+            LineEvent::Bytes { from: HOST, bytes } => {
                 let open = &mut self.open;
                 if open.held > 0 {
                     open.pause = open.pause.max(report.now.saturating_sub(open.last));
@@ -101,13 +101,13 @@ impl Shadow for Laser {
                 open.held += bytes.len() as u64;
                 open.last = report.now;
             }
-            Seen::Corrupt { from: HOST, length, .. } => {
+            LineEvent::Corrupt { from: HOST, length, .. } => {
                 self.open.held = self.open.held.saturating_sub(length);
                 self.open.corrupt += length;
             }
-            Seen::Message { from: HOST, length, message } => self.ask(length, message, report),
-            Seen::Message { from: CONTROLLER, message, .. } => self.answer(message, report),
-            Seen::Bytes { .. } | Seen::Corrupt { .. } | Seen::Message { .. } => {}
+            LineEvent::Message { from: HOST, length, message } => self.ask(length, message, report),
+            LineEvent::Message { from: CONTROLLER, message, .. } => self.answer(message, report),
+            LineEvent::Bytes { .. } | LineEvent::Corrupt { .. } | LineEvent::Message { .. } => {}
         }
     }
 
@@ -143,7 +143,7 @@ impl Shadow for Laser {
     }
 }
 
-impl Asked {
+impl HostFrame {
     /// Returns whether the frame has no answer, and its execution may be going on.
     fn is_executed(&self) -> bool {
         !self.is_answered && self.class != Some(Class::Interpreted)
@@ -179,7 +179,7 @@ impl Laser {
         let class = word.and_then(|word| self.controller.words.class(word));
         let batch = self.host.batch.max(self.controller.batch);
         judge(message, &self.controller.words, batch, report);
-        let is_over = |asked: &Asked| asked.is_answered || (asked.is_prompt && !asked.is_executed());
+        let is_over = |asked: &HostFrame| asked.is_answered || (asked.is_prompt && !asked.is_executed());
         let is_idle = self.asked.as_ref().is_none_or(is_over) && !self.is_busy;
         let is_prompt = is_idle && pause.is_zero() && self.open.corrupt == 0 && self.open.held == length;
         self.open.held = self.open.held.saturating_sub(length);
@@ -193,7 +193,7 @@ impl Laser {
             report.rule(HOST, "LE-67", "another frame than the one that was to be sent again");
         }
         let (is_wanted, message) = (false, message.clone());
-        self.asked = Some(Asked {
+        self.asked = Some(HostFrame {
             resent,
             is_wanted,
             message,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use cellwire_links::Link;
 use cellwire_links::codec::{Item, Kind, Stream};
-use cellwire_links::shadow::{Complaint, Seen, Setup, Watcher};
+use cellwire_links::shadow::{Complaint, LineEvent, Setup, Watcher};
 use cellwire_links::vectors::unhex;
 use serde_json::{Map, Value};
 
@@ -50,7 +50,7 @@ fn conversation(
     let (mut streams, mut said) = (BTreeMap::<&str, Stream>::new(), Vec::new());
     for (ms, what) in line.split("; ").map(|event| event.split_once(' ').unwrap()) {
         let at = Duration::from_secs_f64(ms.parse::<f64>().unwrap() / 1e3);
-        let mut see = |seen: &Seen<'_>| {
+        let mut see = |seen: &LineEvent<'_>| {
             said.extend(watcher.see(at, seen).iter().map(|it| shown(ms, it)));
         };
         if ["opened", "closed"].contains(&what) {
@@ -58,8 +58,8 @@ fn conversation(
         }
         let Some((from, what)) = names.get(what).unwrap_or(&what).split_once(' ') else {
             match what {
-                "opened" => see(&Seen::Opened),
-                "closed" => see(&Seen::Closed),
+                "opened" => see(&LineEvent::Opened),
+                "closed" => see(&LineEvent::Closed),
                 _ => {
                     said.extend(watcher.pass(at).iter().map(|it| shown(ms, it)));
                     said.push(format!("{ms} {}", watcher.state()));
@@ -74,15 +74,15 @@ fn conversation(
             Ok(message @ Value::Object(_)) => codec(from).encode(message).unwrap(),
             _ => unhex(what).unwrap(),
         };
-        see(&Seen::Bytes { from, bytes: &bytes });
+        see(&LineEvent::Bytes { from, bytes: &bytes });
         if !link.sides.contains(&from) {
             continue;
         }
         let mut take = |Item { length, kind, json, .. }: Item<'_>| {
             let json = &serde_json::from_slice::<Value>(json)?;
             match kind {
-                Kind::Message => see(&Seen::Message { from, length, message: json }),
-                Kind::Error => see(&Seen::Corrupt { from, length, error: json }),
+                Kind::Message => see(&LineEvent::Message { from, length, message: json }),
+                Kind::Error => see(&LineEvent::Corrupt { from, length, error: json }),
             }
             Ok(())
         };

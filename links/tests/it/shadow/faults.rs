@@ -10,7 +10,7 @@ use cellwire_links::{LINKS, Link};
 use serde_json::Value;
 
 use super::counts::{FAULTS as COUNTS, compare, keep};
-use super::told::{Said, Story, Told, What, stories};
+use super::recorded::{LocatedComplaint, Recorded, RecordedBody, Story, stories};
 use super::unseen::{REASONS, unseen};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -67,7 +67,7 @@ fn faults_are_found_where_they_can_be_seen() {
         for story in &kept {
             let before = story.say(link, &story.told);
             for place in 0..story.told.len() {
-                let What::Bytes(from, bytes) = &story.told[place].what else { continue };
+                let RecordedBody::Bytes(from, bytes) = &story.told[place].what else { continue };
                 if bytes.is_empty() || !is_whole(link, story, from, bytes) {
                     continue;
                 }
@@ -138,19 +138,19 @@ fn faults_are_found_where_they_can_be_seen() {
 /// Returns whether both ends follow the rules in a story, and all its bytes are messages.
 fn is_kept(link: &'static Link, story: &Story) -> bool {
     // A story may end before an answer has come.
-    let is_early = |said: &Said| said.place < story.told.len();
+    let is_early = |said: &LocatedComplaint| said.place < story.told.len();
     !story.say(link, &story.told).iter().any(is_early) && !is_error(link, story, &story.told)
 }
 
 /// Returns whether a decoder returns an error, including for the bytes in its buffer when the connection ends.
-fn is_error(link: &Link, story: &Story, told: &[Told]) -> bool {
+fn is_error(link: &Link, story: &Story, told: &[Recorded]) -> bool {
     link.sides.iter().any(|side| {
         let mut parts: Vec<Vec<&[u8]>> = vec![Vec::new()];
         for told in told {
             match &told.what {
-                What::Bytes(from, bytes) if from == side => parts.last_mut().unwrap().push(bytes),
-                What::Bytes(..) => {}
-                What::Opened | What::Closed => parts.push(Vec::new()),
+                RecordedBody::Bytes(from, bytes) if from == side => parts.last_mut().unwrap().push(bytes),
+                RecordedBody::Bytes(..) => {}
+                RecordedBody::Opened | RecordedBody::Closed => parts.push(Vec::new()),
             }
         }
         let codec = || (link.codec)(side, &story.settings(link)).unwrap();
@@ -179,7 +179,7 @@ fn alone(link: &Link, story: &Story, from: &str, bytes: &[u8]) -> Option<Value> 
 }
 
 /// Returns the story with the fault.
-fn faulty(case: &mut Case<'_>, bytes: &[u8]) -> Option<Vec<Told>> {
+fn faulty(case: &mut Case<'_>, bytes: &[u8]) -> Option<Vec<Recorded>> {
     let mut told = case.story.told.clone();
     let place = case.place;
     match case.fault {
@@ -199,13 +199,13 @@ fn faulty(case: &mut Case<'_>, bytes: &[u8]) -> Option<Vec<Told>> {
                 Some((other, bytes))
             })?;
             case.other = Some(other);
-            told[place].what = What::Bytes(case.from, bytes);
+            told[place].what = RecordedBody::Bytes(case.from, bytes);
         }
         Fault::Corrupt => {
             let mut bytes = bytes.to_vec();
             let at = place % bytes.len();
             bytes[at] ^= 1 << (place % 7);
-            told[place].what = What::Bytes(case.from, bytes);
+            told[place].what = RecordedBody::Bytes(case.from, bytes);
         }
     }
     Some(told)
@@ -222,9 +222,9 @@ pub(crate) fn late(link: &Link) -> Duration {
 }
 
 /// Returns the place of the first new complaint.
-fn first_new(before: &[Said], after: &[Said]) -> Option<usize> {
+fn first_new(before: &[LocatedComplaint], after: &[LocatedComplaint]) -> Option<usize> {
     let mut before: Vec<_> = before.iter().map(key).collect();
-    let mut is_new = |said: &&Said| match before.iter().position(|known| *known == key(said)) {
+    let mut is_new = |said: &&LocatedComplaint| match before.iter().position(|known| *known == key(said)) {
         Some(place) => {
             before.remove(place);
             false
@@ -235,7 +235,7 @@ fn first_new(before: &[Said], after: &[Said]) -> Option<usize> {
 }
 
 /// Returns the properties of a complaint apart from the times in its text.
-fn key(said: &Said) -> (&'static str, &'static str, bool) {
+fn key(said: &LocatedComplaint) -> (&'static str, &'static str, bool) {
     (said.complaint.end, said.complaint.clause, said.complaint.kind == Kind::Rule)
 }
 

@@ -6,8 +6,8 @@ use core::fmt::Write as _;
 use cellwire_links::LINKS;
 use cellwire_links::shadow::Kind;
 
+use super::recorded::{RecordedBody, stories};
 use super::stories::is_unseen;
-use super::told::{What, stories};
 
 #[test]
 fn from_the_middle_nothing_is_said_that_cannot_be_known() {
@@ -18,13 +18,13 @@ fn from_the_middle_nothing_is_said_that_cannot_be_known() {
             let whole = story.say(link, &story.told);
             for from in 1..story.told.len() {
                 // Start neither at the beginning of a connection nor within a message.
-                if story.told[from].what == What::Opened {
+                if story.told[from].what == RecordedBody::Opened {
                     continue;
                 }
                 begun += 1;
                 for said in story.say(link, &story.told[from..]) {
                     let (place, it) = (said.place + from, &said.complaint);
-                    let is_known = |other: &&super::told::Said| {
+                    let is_known = |other: &&super::recorded::LocatedComplaint| {
                         (other.place, other.complaint.end, other.complaint.clause)
                             == (place, it.end, it.clause)
                     };

@@ -4,6 +4,6 @@ mod counts;
 mod edges;
 mod faults;
 mod middle;
+mod recorded;
 mod stories;
-mod told;
 mod unseen;

@@ -7,7 +7,7 @@ use cellwire_links::shadow::Kind;
 use cellwire_links::{LINKS, Link};
 
 use super::counts::{STORIES, compare, keep};
-use super::told::stories;
+use super::recorded::stories;
 
 /// Facts that a tap cannot observe. Each causes a complaint; otherwise its line is to be removed.
 const UNSEEN: [(&str, u64, &str); 5] = [

@@ -5,7 +5,7 @@ use core::time::Duration;
 use serde_json::Value;
 
 use super::faults::{Case, Fault, late};
-use super::told::What;
+use super::recorded::RecordedBody;
 
 const AS_GOOD: &str = "another value is as good";
 const NO_ANSWER: &str = "nothing answers it";
@@ -23,7 +23,7 @@ pub(crate) const REASONS: [&str; 8] =
 /// Returns the reason why the fault cannot be seen; `None` if it must be seen.
 pub(crate) fn unseen(case: &Case<'_>) -> Option<&'static str> {
     let asks = case.from == asker(case.link.name);
-    let is_hold = matches!(&case.story.told[case.place].what, What::Bytes(_, bytes) if bytes.iter().all(|byte| [0x11, 0x13].contains(byte)));
+    let is_hold = matches!(&case.story.told[case.place].what, RecordedBody::Bytes(_, bytes) if bytes.iter().all(|byte| [0x11, 0x13].contains(byte)));
     match case.fault {
         _ if case.link.name == "val2-viewer" && is_hold => Some(HOLD),
         Fault::Delayed if asks && may_wait(case) => Some(ANY_TIME),
@@ -66,8 +66,8 @@ fn is_last(case: &Case<'_>) -> bool {
 fn behind<'a>(case: &'a Case<'_>) -> impl Iterator<Item = &'static str> + use<'a> {
     let behind = case.story.told.iter().skip(case.place + 1);
     behind.map_while(|told| match &told.what {
-        What::Bytes(from, _) => Some(*from),
-        What::Opened | What::Closed => None,
+        RecordedBody::Bytes(from, _) => Some(*from),
+        RecordedBody::Opened | RecordedBody::Closed => None,
     })
 }
 
@@ -79,22 +79,22 @@ fn is_answered(case: &Case<'_>) -> bool {
 /// Returns whether its connection ends before it is due.
 fn closes(case: &Case<'_>) -> bool {
     let told = &case.story.told;
-    let end = told.iter().skip(case.place + 1).find(|told| !matches!(told.what, What::Bytes(..)));
-    end.is_some_and(|end| end.at.saturating_sub(told[case.place].at) < late(case.link).min(MOST))
+    let end = told.iter().skip(case.place + 1).find(|told| !matches!(told.what, RecordedBody::Bytes(..)));
+    end.is_some_and(|end| end.at.saturating_sub(told[case.place].at) < late(case.link).min(MAX_WAIT))
 }
 
 /// The longest that any of these stories waits for an answer.
-const MOST: Duration = Duration::from_secs(60);
+const MAX_WAIT: Duration = Duration::from_secs(60);
 
 /// Returns whether no exchange of this connection was seen before the message, on a link on which an end may have worked
 /// before.
 fn is_first(case: &Case<'_>) -> bool {
     let before = case.story.told[..case.place].iter().rev();
-    let before = before.take_while(|told| matches!(told.what, What::Bytes(..)));
+    let before = before.take_while(|told| matches!(told.what, RecordedBody::Bytes(..)));
     let ends: Vec<&str> = before
         .filter_map(|told| match &told.what {
-            What::Bytes(from, _) => Some(*from),
-            What::Opened | What::Closed => None,
+            RecordedBody::Bytes(from, _) => Some(*from),
+            RecordedBody::Opened | RecordedBody::Closed => None,
         })
         .collect();
     let has_both = ends.contains(&case.from) && ends.iter().any(|end| *end != case.from);
@@ -126,7 +126,7 @@ fn is_as_good(case: &Case<'_>) -> bool {
             let is_code =
                 |message: &Value| message["items"][0]["i16"][0].as_i64().is_some_and(|word| word < 0);
             let is_refused = case.story.told.get(case.place + 1).is_some_and(|told| match &told.what {
-                What::Bytes(from, bytes) => {
+                RecordedBody::Bytes(from, bytes) => {
                     *from != case.from && bytes.get(6..8).is_some_and(|word| word[1] == 0xE0)
                 }
                 _ => false,

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
+    Central, CentralConfig, CentralEvent, CloseReason, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
     Mode, Order, Pose, Rejection, RobotPose, Unfinished,
 };
 
@@ -76,7 +76,7 @@ pub fn receive<P: Pose>(central: &mut Central<P>, now: Duration, bytes: &[u8]) -
     event
 }
 
-pub fn closed<P>(reason: Closing, unfinished: Unfinished<P>) -> CentralEvent<P> {
+pub fn closed<P>(reason: CloseReason, unfinished: Unfinished<P>) -> CentralEvent<P> {
     CentralEvent::Closed { reason, unfinished }
 }
 

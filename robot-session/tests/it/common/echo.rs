@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use robot_session::end::{
-    ByteDecoder, Core, CoreOf, Counters, End, EventQueue, Expiry, Machine, Room, is_due,
+    ByteDecoder, Core, CoreOf, Counters, End, EventQueue, Expiry, Machine, QueueSpace, is_due,
 };
 use robot_session::{Decoder as _, Unexpected};
 
@@ -146,7 +146,7 @@ impl End for Echo {
     const END: &'static str = "end";
     const MAX_INPUT: usize = 32;
     const MAX_TRANSMIT: usize = 1;
-    const ROOM: Room = Room { connect: 3, read: 2, transmit: 1 };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 3, read: 2, transmit: 1 };
 
     robot_session::core!(EchoEvent::Unexpected);
 

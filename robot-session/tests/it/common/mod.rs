@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use robot_session::end::EventQueue;
 use robot_session::{Decoder, Encode, Session};
 
-const LONGEST: usize = 8;
+const MAX_MESSAGE_LEN: usize = 8;
 
 /// A line without its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,7 +34,7 @@ impl Encode for Line {
     }
 
     fn encode(&self, out: &mut [u8]) -> Result<usize, TooLong> {
-        if self.encoded_len() > LONGEST.min(out.len()) {
+        if self.encoded_len() > MAX_MESSAGE_LEN.min(out.len()) {
             return Err(TooLong);
         }
         out[..self.0.len()].copy_from_slice(self.0.as_bytes());
@@ -62,7 +62,7 @@ impl Decoder for Lines {
     type Error = TooLong;
 
     fn push(&mut self, bytes: &[u8]) -> usize {
-        let taken = bytes.len().min(LONGEST - self.held.len());
+        let taken = bytes.len().min(MAX_MESSAGE_LEN - self.held.len());
         self.held.extend(&bytes[..taken]);
         taken
     }
@@ -73,7 +73,7 @@ impl Decoder for Lines {
             line.pop();
             return Some(Ok(Line(String::from_utf8_lossy(&line).into_owned())));
         }
-        if self.held.len() < LONGEST && (!self.finished || self.held.is_empty()) {
+        if self.held.len() < MAX_MESSAGE_LEN && (!self.finished || self.held.is_empty()) {
             return None;
         }
         self.clear();
@@ -135,7 +135,7 @@ impl Session for Asker {
     type Event = Event;
     type Statistics = u32;
     const MAX_INPUT: usize = 64;
-    const MAX_TRANSMIT: usize = LONGEST;
+    const MAX_TRANSMIT: usize = MAX_MESSAGE_LEN;
 
     fn handle_connected(&mut self, _: Duration) {
         self.decoder.clear();

@@ -6,13 +6,13 @@ use core::time::Duration;
 
 use anyhow::Result;
 use cellwire_links::Link;
-use cellwire_links::reference::story::{self, Do, Done, Omits};
+use cellwire_links::reference::story::{self, OmittedActions, StepResult, StoryInput};
 use serde_json::{Map, Value};
 
 /// The effects of a step of a session.
 #[derive(Debug, Default)]
 pub(crate) struct Step {
-    pub(crate) done: Done,
+    pub(crate) done: StepResult,
     /// The cells of the machine's matrix: `state: input`.
     pub(crate) cells: Vec<String>,
 }
@@ -42,7 +42,7 @@ impl End {
         Ok(Self { end, names })
     }
 
-    pub(crate) fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
+    pub(crate) fn step(&mut self, now: Duration, input: &StoryInput, omits: OmittedActions) -> Result<Step> {
         let done = story::step(&mut *self.end, now, input, omits)?;
         Ok(Step { done, cells: (self.names.cells)(&mut *self.end) })
     }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::server::machine::{Action, Due, Input, ServerLink, ServerMachine};
+use fanuc_hmi_modbus::server::machine::{Action, DueReply, Input, ServerLink, ServerMachine};
 use fanuc_hmi_modbus::{
     Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent, Words, WordsMut,
 };
@@ -11,7 +11,9 @@ use robot_session::end::Machine as _;
 
 use super::world::{COLLISION, TICK, UNIT};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, SceneOf, WRITTEN, Wired,
+};
 
 pub(super) const ANSWERED: &str = "each request that was carried out has one reply, on its connection";
 pub(super) const UNANSWERED: &str = "a broadcast is not answered";
@@ -21,13 +23,14 @@ pub(super) const GIVEN_UP: &str = "on a serial line a request that another frame
 pub(super) const TAKEN: &str = "through TCP every request is carried out";
 
 const PROPERTIES: &[&str] = &[ANSWERED, UNANSWERED, TAKEN, REST, GIVEN_UP, OTHER_UNIT, COLLISION, EXPECTED];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "FM-2, FM-4, FM-10, FM-43",
     free: "what it asks, when it gives up, whether it waits through TCP, what other units send, what the line damages, in which pieces it arrives",
     shows: &[("FM-61", OTHER_UNIT), ("FM-64", ANSWERED), ("FM-64", WRITTEN)],
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms = Terms { keeps: "", free: "any bytes at any time", ..RULES };
+pub(super) const ANYTHING: PeerAssumptions =
+    PeerAssumptions { keeps: "", free: "any bytes at any time", ..RULES };
 
 /// A client, and the other units of its line, of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +43,7 @@ pub struct AnyClient {
 
 /// The model's knowledge of the line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// The frames that have arrived since the last silence that was seen.
     holds: Vec<Frame>,
     /// The beginning of a frame, after which a silence was seen.
@@ -86,7 +89,7 @@ pub enum Frame {
 }
 
 /// Bytes come.
-pub type Word = Frame;
+pub type Step = Frame;
 
 impl AnyClient {
     fn framing(&self) -> Framing {
@@ -100,8 +103,8 @@ impl AnyClient {
 
 impl Peer for AnyClient {
     type End = ServerMachine<2>;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -113,8 +116,8 @@ impl Peer for AnyClient {
         ServerMachine::NEW
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             holds: vec![],
             waits: Waits::Nothing,
             judging: vec![],
@@ -126,26 +129,26 @@ impl Peer for AnyClient {
         }
     }
 
-    fn words(&self, end: &ServerMachine<2>, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &ServerMachine<2>, known: &Knowledge, steps: &mut Vec<Step>) {
         if end.link == ServerLink::Down {
             return;
         }
         if self.is_serial() && known.holds.last() == Some(&Frame::Part) {
-            words.push(Frame::Rest);
+            steps.push(Frame::Rest);
         } else if known.holds.len() + known.judging.len() < 3 {
             let waits = self.is_serial() && self.keeps_rules && (known.is_arriving || known.open > 0);
             let frames = [Frame::Corrupt, Frame::Other, Frame::Broadcast, Frame::Own, Frame::Part];
             let count = if waits { 2 } else { 4 + usize::from(self.is_serial()) };
-            words.extend(frames.into_iter().take(count));
+            steps.extend(frames.into_iter().take(count));
         }
     }
 
     /// Returns the actor of a word: clients do not wait for the server to read.
-    fn by(&self, _: Word) -> By {
-        By::Others
+    fn by(&self, _: Step) -> Actor {
+        Actor::Others
     }
 
-    fn hear(&self, _: &ServerMachine<2>, known: &mut Known, frame: Word) -> Option<InputOf<Self>> {
+    fn apply(&self, _: &ServerMachine<2>, known: &mut Knowledge, frame: Step) -> Option<InputOf<Self>> {
         known.is_arriving = true;
         let frames = if self.is_serial() { &mut known.holds } else { &mut known.judging };
         if frame == Frame::Rest {
@@ -157,7 +160,7 @@ impl Peer for AnyClient {
         Some(Input::Received)
     }
 
-    fn next(&self, end: &ServerMachine<2>, known: &mut Known) -> Option<InputOf<Self>> {
+    fn next(&self, end: &ServerMachine<2>, known: &mut Knowledge) -> Option<InputOf<Self>> {
         if known.waits == Waits::Found {
             known.waits = Waits::Said;
             return Some(Input::Partial);
@@ -183,11 +186,11 @@ impl Peer for AnyClient {
         None
     }
 
-    fn sent(&self, Due: &Due) -> InputOf<Self> {
+    fn sent(&self, DueReply: &DueReply) -> InputOf<Self> {
         Input::Sent
     }
 
-    fn acted(&self, _: &ServerMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, _: &ServerMachine<2>, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let (judged, waits) = (known.judged.take(), core::mem::replace(&mut known.waits, Waits::Nothing));
         match (cause, action) {
             (Cause::Connected | Cause::Disconnected, _) => self.restarted(known),
@@ -214,7 +217,7 @@ impl Peer for AnyClient {
                 }
             }
             (_, Action::Refuse) if !self.is_serial() => known.wrong = Some(TAKEN),
-            (Cause::Sent(Due), Action::Sent) => {
+            (Cause::Sent(DueReply), Action::Sent) => {
                 match known.open.checked_sub(1) {
                     Some(open) => known.open = open,
                     None => known.wrong = Some(ANSWERED),
@@ -227,19 +230,19 @@ impl Peer for AnyClient {
         }
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         known.is_arriving = false;
     }
 
-    fn restarted(&self, known: &mut Known) {
-        *known = Known { wrong: known.wrong, ..self.known() };
+    fn restarted(&self, known: &mut Knowledge) {
+        *known = Knowledge { wrong: known.wrong, ..self.known() };
     }
 
-    fn broken(&self, _: &ServerMachine<2>, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &ServerMachine<2>, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 
-    fn is_over(&self, _: &ServerMachine<2>, known: &Known) -> bool {
+    fn is_over(&self, _: &ServerMachine<2>, known: &Knowledge) -> bool {
         known.open == 0 && known.holds.is_empty() && known.judging.is_empty()
     }
 }
@@ -254,7 +257,7 @@ impl Wired for AnyClient {
         Server::new(self.config, Bank).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, frame: Word, _: &mut Server<Bank, 2>, _: Duration) -> Vec<u8> {
+    fn speak(&self, _: &Knowledge, frame: Step, _: &mut Server<Bank, 2>, _: Duration) -> Vec<u8> {
         let read = |unit| self.encode(unit, Request::ReadHoldingRegisters { address: 0, quantity: 1 });
         match frame {
             Frame::Own => read(UNIT),
@@ -268,7 +271,7 @@ impl Wired for AnyClient {
         }
     }
 
-    fn is_written(&self, _: &SceneOf<Self>, _: &Due, bytes: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, _: &DueReply, bytes: &[u8]) -> bool {
         bytes.get(if self.framing() == Framing::Tcp { 6 } else { 0 }) == Some(&UNIT)
     }
 

@@ -3,14 +3,14 @@
 use core::time::Duration;
 
 use fanuc_hmi_modbus::client::machine::{
-    Action, ClientLink, ClientMachine, Due, Fit, Held as Request, Input, Line, Stage,
+    Action, ClientLink, ClientMachine, DueRequest, Input, Line, ReplyMatch, RequestState as Request, Stage,
 };
 use fanuc_hmi_modbus::{ClientConfig, Framing};
 
-use super::line_to_client::{DATA, Found, Frame, Held, LINE, MOST, NOBODY, PROBE, Piece, Shape};
-use super::requests::{ENDED_TWICE, Job, Kind, Known, SENT, Stale};
+use super::line_to_client::{DATA, DecoderContents, Found, Frame, LINE, MOST, NOBODY, PROBE, Piece, Shape};
+use super::requests::{ENDED_TWICE, Job, Kind, Knowledge, SENT, Stale};
 use super::world::{COLLISION, TICK, TURNAROUND};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, WRITTEN};
+use crate::model::{Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, WRITTEN};
 
 pub(super) const FOREIGN_REPLY: &str = "a reply is never taken for that of another request";
 pub(super) const STALE: &str = "what waited when the connection was lost is not sent";
@@ -41,13 +41,13 @@ const PROPERTIES: &[&str] = &[
     COLLISION,
     EXPECTED,
 ];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "FM-61, FM-64, replies no later than settle (FM-57)",
     free: "whether it answers, when, in which order, with what; replies in pieces with silences between them, noise on a line, what the line returns, and damaged replies whose data looks like an exception",
     shows: &[("FM-2", WRITTEN), ("FM-4", COLLISION), ("FM-10", WRITTEN), ("FM-43", HEARD)],
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "any frame at any time",
     // A server that does anything may answer other requests.
@@ -72,7 +72,7 @@ pub struct AnyServer {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// The caller makes a request.
     Request(Kind),
     /// The caller polls the oldest outcome.
@@ -101,8 +101,8 @@ impl AnyServer {
     }
 
     /// Nothing of a connection reaches the next; on a serial line nobody notices.
-    fn reconnected(&self, known: &mut Known) {
-        (known.held, known.awaits, known.judged) = (Held::default(), false, None);
+    fn reconnected(&self, known: &mut Knowledge) {
+        (known.held, known.awaits, known.judged) = (DecoderContents::default(), false, None);
         known.arriving.clear();
         if !self.is_serial() {
             known.stale.clear();
@@ -110,13 +110,13 @@ impl AnyServer {
     }
 
     /// The request that a frame with this transaction seems to answer.
-    fn asked(&self, end: &ClientMachine<2>, known: &Known, transaction: u16) -> Option<Kind> {
-        let Request { place, stage } = end.expects(transaction, &self.config)?;
-        if matches!(stage, Stage::Probing { .. }) { Some(Kind::Read) } else { known.kind_of(*place) }
+    fn asked(&self, end: &ClientMachine<2>, known: &Knowledge, transaction: u16) -> Option<Kind> {
+        let Request { slot, stage } = end.expects(transaction, &self.config)?;
+        if matches!(stage, Stage::Probing { .. }) { Some(Kind::Read) } else { known.kind_of(*slot) }
     }
 
     /// The frames that may come.
-    fn frames(&self, known: &Known) -> Vec<Frame> {
+    fn frames(&self, known: &Knowledge) -> Vec<Frame> {
         if !self.keeps_rules {
             let shapes = [Shape::Read, Shape::ReadRefused, Shape::Write, Shape::WriteRefused, Shape::Foreign];
             let shapes = if self.is_tcp() {
@@ -130,9 +130,9 @@ impl AnyServer {
             };
             return transactions.flat_map(each).collect();
         }
-        let replies = known.jobs.iter().zip(0..).filter_map(|(job, place)| {
+        let replies = known.jobs.iter().zip(0..).filter_map(|(job, slot)| {
             let Job { kind, transaction, .. } = job.filter(|job| job.reply.is_some())?;
-            Some((place, Some(kind), transaction))
+            Some((slot, Some(kind), transaction))
         });
         let probe = known.probing.filter(|(_, reply)| reply.is_some());
         let replies = replies.chain(probe.map(|_| (PROBE, Some(Kind::Read), 0)));
@@ -150,8 +150,8 @@ impl AnyServer {
 
 impl Peer for AnyServer {
     type End = ClientMachine<2>;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -163,10 +163,10 @@ impl Peer for AnyServer {
         ClientMachine::NEW
     }
 
-    fn known(&self) -> Known {
+    fn known(&self) -> Knowledge {
         let before = Stale { kind: None, transaction: 0, left: self.memory };
         let stale = if self.is_serial() { vec![before] } else { Vec::new() };
-        Known {
+        Knowledge {
             jobs: [None; 2],
             outcomes: Vec::new(),
             stale,
@@ -175,7 +175,7 @@ impl Peer for AnyServer {
             arriving: Vec::new(),
             ends: false,
             is_first: false,
-            held: Held::default(),
+            held: DecoderContents::default(),
             awaits: false,
             judged: None,
             probing: None,
@@ -185,73 +185,73 @@ impl Peer for AnyServer {
         }
     }
 
-    fn words(&self, end: &ClientMachine<2>, known: &Known, words: &mut Vec<Word>) {
-        if end.free_place().is_some() {
+    fn steps(&self, end: &ClientMachine<2>, known: &Knowledge, steps: &mut Vec<Step>) {
+        if end.free_slot().is_some() {
             let kinds = [Kind::Read, Kind::Write, Kind::Broadcast];
-            words.extend(kinds.into_iter().take(if self.is_tcp() { 1 } else { 3 }).map(Word::Request));
+            steps.extend(kinds.into_iter().take(if self.is_tcp() { 1 } else { 3 }).map(Step::Request));
         }
         if !known.outcomes.is_empty() {
-            words.push(Word::Poll);
+            steps.push(Step::Poll);
         }
         if end.link == ClientLink::Down {
             return;
         }
         let absorbs = known.held.absorbs() && (known.is_arriving || self.is_tcp());
         if !absorbs && !(self.is_tcp() && self.keeps_rules) {
-            words.push(Word::Noise);
+            steps.push(Step::Noise);
         }
         if known.part().is_some() {
-            words.push(Word::Rest);
+            steps.push(Step::Rest);
         }
         if known.held.len() >= MOST {
             return;
         }
         let frames = self.frames(known);
-        words.extend(frames.iter().copied().map(Word::Frame));
+        steps.extend(frames.iter().copied().map(Step::Frame));
         if self.is_tcp() {
             return;
         }
         // Through TCP, which loses nothing, a server does not begin what it does not end.
         if !absorbs && (self.is_serial() || !self.keeps_rules) {
-            words.push(Word::Long);
+            steps.push(Step::Long);
         }
         let Some(asked) = self.asked(end, known, 0) else { return };
-        words.push(Word::Damaged(if asked == Kind::Read { Shape::ReadRefused } else { Shape::WriteRefused }));
+        steps.push(Step::Damaged(if asked == Kind::Read { Shape::ReadRefused } else { Shape::WriteRefused }));
         let whole = if asked == Kind::Read { Shape::Read } else { Shape::Write };
-        words.extend(frames.into_iter().filter(|frame| frame.shape == whole).map(Word::Part));
+        steps.extend(frames.into_iter().filter(|frame| frame.shape == whole).map(Step::Part));
         // A line that returns what is sent is found by the probe, if that comes back whole: then it does so no more.
         if end.awaited().is_some() && asked == Kind::Write && !known.is_proven {
-            words.push(Word::Frame(Frame { id: LINE, transaction: 0, shape: Shape::Write }));
+            steps.push(Step::Frame(Frame { id: LINE, transaction: 0, shape: Shape::Write }));
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        if matches!(word, Word::Request(_) | Word::Poll) { By::User } else { By::Line }
+    fn by(&self, step: Step) -> Actor {
+        if matches!(step, Step::Request(_) | Step::Poll) { Actor::User } else { Actor::Line }
     }
 
-    fn hear(&self, end: &ClientMachine<2>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        known.arriving = match word {
-            Word::Request(kind) => {
+    fn apply(&self, end: &ClientMachine<2>, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        known.arriving = match step {
+            Step::Request(kind) => {
                 let (broadcast, mirrored) = (kind == Kind::Broadcast, kind != Kind::Read);
                 return Some(Input::Request { broadcast, mirrored });
             }
-            Word::Poll => {
-                let place = known.outcomes.remove(0);
-                known.jobs[usize::from(place)] = None;
-                return Some(Input::Taken { place });
+            Step::Poll => {
+                let slot = known.outcomes.remove(0);
+                known.jobs[usize::from(slot)] = None;
+                return Some(Input::Taken { slot });
             }
-            Word::Frame(frame) => vec![Piece::Frame(frame)],
-            Word::Part(frame) => vec![Piece::Part(frame)],
-            Word::Rest => vec![Piece::Rest],
-            Word::Noise => vec![Piece::Noise],
-            Word::Long => vec![Piece::Long],
-            Word::Damaged(shape) => {
+            Step::Frame(frame) => vec![Piece::Frame(frame)],
+            Step::Part(frame) => vec![Piece::Part(frame)],
+            Step::Rest => vec![Piece::Rest],
+            Step::Noise => vec![Piece::Noise],
+            Step::Long => vec![Piece::Long],
+            Step::Damaged(shape) => {
                 vec![Piece::Noise, Piece::Frame(Frame { id: DATA, transaction: 0, shape }), Piece::Noise]
             }
         };
-        match word {
-            Word::Frame(frame) => known.answer(frame),
-            Word::Rest => known.part().into_iter().for_each(|frame| known.answer(frame)),
+        match step {
+            Step::Frame(frame) => known.answer(frame),
+            Step::Rest => known.part().into_iter().for_each(|frame| known.answer(frame)),
             _ => {}
         }
         let waits = matches!(end.link, ClientLink::Up { line: Line::Partial { .. }, .. });
@@ -260,7 +260,7 @@ impl Peer for AnyServer {
         Some(Input::Received)
     }
 
-    fn next(&self, end: &ClientMachine<2>, known: &mut Known) -> Option<InputOf<Self>> {
+    fn next(&self, end: &ClientMachine<2>, known: &mut Knowledge) -> Option<InputOf<Self>> {
         loop {
             let is_new = !known.held.has_ended() && !known.arriving.is_empty();
             if is_new {
@@ -288,29 +288,29 @@ impl Peer for AnyServer {
         known.awaits.then_some(Input::Partial)
     }
 
-    fn sent(&self, due: &Due) -> InputOf<Self> {
+    fn sent(&self, due: &DueRequest) -> InputOf<Self> {
         Input::Sent(*due)
     }
 
-    fn acted(&self, end: &ClientMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, end: &ClientMachine<2>, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let judged = known.judged.take();
         match cause {
             Cause::Sent(due) => self.was_sent(known, due, action),
             Cause::Due if !self.is_tcp() => known.read(),
             _ => {}
         }
-        if let Some((place, reply)) = known.probing
+        if let Some((slot, reply)) = known.probing
             && !end.held().any(|held| matches!(held.stage, Stage::Probing { .. }))
         {
             known.probing = None;
             known.is_proven |= judged.is_some();
             known.grow_stale(Some(Kind::Read), 0, reply);
-            known.jobs[usize::from(place)].iter_mut().for_each(|job| job.was_probed = true);
+            known.jobs[usize::from(slot)].iter_mut().for_each(|job| job.was_probed = true);
         }
         match action {
-            Action::Keep { place } => {
-                let Cause::Word(Word::Request(kind)) = cause else { return };
-                known.jobs[usize::from(place)] = Some(Job {
+            Action::Keep { slot } => {
+                let Cause::Step(Step::Request(kind)) = cause else { return };
+                known.jobs[usize::from(slot)] = Some(Job {
                     kind,
                     transaction: 0,
                     was_sent: false,
@@ -320,10 +320,10 @@ impl Peer for AnyServer {
                     has_ended: false,
                 });
             }
-            Action::Replied { place } => self.replied(known, place, judged),
-            Action::Refused { place } => drop(known.end(place, true)),
-            Action::Announced { place } => {
-                known.end(place, true);
+            Action::Replied { slot } => self.replied(known, slot, judged),
+            Action::Refused { slot } => drop(known.end(slot, true)),
+            Action::Announced { slot } => {
+                known.end(slot, true);
                 known.deaf = if self.is_serial() { TURNAROUND } else { 0 };
             }
             Action::TimedOut { silent, returned } => {
@@ -361,7 +361,7 @@ impl Peer for AnyServer {
         }
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         known.is_arriving = false;
         known.deaf = known.deaf.saturating_sub(1);
         if !self.is_tcp() {
@@ -369,10 +369,10 @@ impl Peer for AnyServer {
         }
     }
 
-    fn restarted(&self, known: &mut Known) {
-        for place in [0, 1] {
-            known.forget(place);
-            known.jobs[usize::from(place)] = None;
+    fn restarted(&self, known: &mut Knowledge) {
+        for slot in [0, 1] {
+            known.forget(slot);
+            known.jobs[usize::from(slot)] = None;
         }
         let probe = known.probing.take();
         known.grow_stale(Some(Kind::Read), 0, probe.and_then(|(_, reply)| reply));
@@ -381,31 +381,31 @@ impl Peer for AnyServer {
         self.reconnected(known);
     }
 
-    fn broken(&self, _: &ClientMachine<2>, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &ClientMachine<2>, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 
     /// Each request has an outcome in the end, whatever the server does.
-    fn is_over(&self, _: &ClientMachine<2>, known: &Known) -> bool {
+    fn is_over(&self, _: &ClientMachine<2>, known: &Knowledge) -> bool {
         known.jobs.iter().flatten().all(|job| job.has_ended)
     }
 }
 
 impl AnyServer {
-    fn replied(&self, known: &mut Known, place: u8, judged: Option<(Frame, Fit)>) {
-        let job = known.end(place, true);
+    fn replied(&self, known: &mut Knowledge, slot: u8, judged: Option<(Frame, ReplyMatch)>) {
+        let job = known.end(slot, true);
         let (Some((Frame { id, .. }, fit)), true) = (judged, job) else { return };
         match fit {
-            Fit::Equal if !known.is_proven => known.wrong = Some(RETURNED),
-            Fit::Misfit => known.wrong = Some(FITS),
+            ReplyMatch::Equal if !known.is_proven => known.wrong = Some(RETURNED),
+            ReplyMatch::Mismatch => known.wrong = Some(FITS),
             _ if id == DATA => known.wrong = Some(DATA_IS_NONE),
-            _ if self.keeps_rules && id != LINE && id != place => known.wrong = Some(FOREIGN_REPLY),
+            _ if self.keeps_rules && id != LINE && id != slot => known.wrong = Some(FOREIGN_REPLY),
             _ => {}
         }
-        known.is_proven |= fit != Fit::Equal;
+        known.is_proven |= fit != ReplyMatch::Equal;
     }
 
-    fn was_sent(&self, known: &mut Known, due: Due, action: Action) {
+    fn was_sent(&self, known: &mut Knowledge, due: DueRequest, action: Action) {
         if self.is_serial() && known.is_arriving {
             known.wrong = Some(COLLISION);
         }
@@ -418,10 +418,10 @@ impl AnyServer {
         }
         let reply = Some(self.memory).filter(|_| self.keeps_rules);
         if due.probe {
-            known.probing = Some((due.place, reply));
+            known.probing = Some((due.slot, reply));
             return;
         }
-        let Some(job) = &mut known.jobs[usize::from(due.place)] else { return };
+        let Some(job) = &mut known.jobs[usize::from(due.slot)] else { return };
         if job.kind == Kind::Write && !known.is_proven && !job.was_probed {
             known.wrong = Some(PROVEN);
         }

@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::machine::{Action, Due, Fit};
+use fanuc_hmi_modbus::client::machine::{Action, DueRequest, ReplyMatch};
 use fanuc_hmi_modbus::{Client, ClientEvent, Exception, Failure, Reply, Request, Words};
 use robot_session::Encode as _;
 
-use super::any_server::{AnyServer, Word};
-use super::requests::{Kind, Known};
+use super::any_server::{AnyServer, Step};
+use super::requests::{Kind, Knowledge};
 use super::world::UNIT;
 use crate::faults::Faults;
 use crate::model::{SceneOf, Wired};
@@ -15,7 +15,7 @@ use crate::model::{SceneOf, Wired};
 /// A frame as the client's decoder finds it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
-    /// The place of the request that the server answers with it, or [`NOBODY`], [`PROBE`], [`LINE`] or [`DATA`].
+    /// The slot of the request that the server answers with it, or [`NOBODY`], [`PROBE`], [`LINE`] or [`DATA`].
     pub(super) id: u8,
     pub(super) transaction: u16,
     pub(super) shape: Shape,
@@ -67,7 +67,7 @@ pub(super) const MOST: usize = 2;
 
 /// The decoder's bytes that are not decoded yet.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
-pub(super) struct Held {
+pub(super) struct DecoderContents {
     pieces: Vec<Piece>,
     has_ended: bool,
     /// The frame that was put back waits for more.
@@ -92,7 +92,7 @@ pub(super) enum Follows {
     Silence,
 }
 
-impl Held {
+impl DecoderContents {
     pub(super) fn last(&self) -> Option<Piece> {
         self.pieces.last().copied()
     }
@@ -107,10 +107,10 @@ impl Held {
     }
 
     /// The request in this place has ended.
-    pub(super) fn forget(&mut self, place: u8) {
+    pub(super) fn forget(&mut self, slot: u8) {
         for piece in &mut self.pieces {
             if let Piece::Frame(frame) | Piece::Part(frame) = piece
-                && frame.id == place
+                && frame.id == slot
             {
                 frame.id = NOBODY;
             }
@@ -184,18 +184,18 @@ impl Held {
 
 impl Shape {
     /// Returns whether a frame can be the reply to the request in flight, if there is one.
-    pub(super) fn fit(self, asked: Option<Kind>, follows: Follows) -> Fit {
+    pub(super) fn fit(self, asked: Option<Kind>, follows: Follows) -> ReplyMatch {
         match (self, asked) {
-            (_, None) | (Self::Read, Some(Kind::Read)) => Fit::Whole,
-            (Self::Write, Some(Kind::Write)) => Fit::Equal,
+            (_, None) | (Self::Read, Some(Kind::Read)) => ReplyMatch::Full,
+            (Self::Write, Some(Kind::Write)) => ReplyMatch::Equal,
             (Self::ReadRefused, Some(Kind::Read)) | (Self::WriteRefused, Some(Kind::Write)) => {
                 match follows {
-                    Follows::More => Fit::Exception,
-                    Follows::Nothing => Fit::OpenException,
-                    Follows::Silence => Fit::Whole,
+                    Follows::More => ReplyMatch::Exception,
+                    Follows::Nothing => ReplyMatch::OpenException,
+                    Follows::Silence => ReplyMatch::Full,
                 }
             }
-            _ => Fit::Misfit,
+            _ => ReplyMatch::Mismatch,
         }
     }
 }
@@ -218,26 +218,26 @@ impl Wired for AnyServer {
 
     // Damaged bytes are words.
     const FAULTS: Faults = Faults { split: 0.3, ..Faults::NONE };
-    const POLL: Option<Word> = Some(Word::Poll);
+    const POLL: Option<Step> = Some(Step::Poll);
 
     fn session(&self) -> Client<2> {
         Client::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, word: Word, client: &mut Client<2>, _: Duration) -> Vec<u8> {
+    fn speak(&self, known: &Knowledge, word: Step, client: &mut Client<2>, _: Duration) -> Vec<u8> {
         match word {
-            Word::Request(kind) => {
+            Step::Request(kind) => {
                 client.request(kind.unit(), &kind.request()).expect("there is a place");
                 Vec::new()
             }
-            Word::Poll => Vec::new(),
-            Word::Frame(frame) => self.frame(frame),
-            Word::Part(frame) => {
+            Step::Poll => Vec::new(),
+            Step::Frame(frame) => self.frame(frame),
+            Step::Part(frame) => {
                 let mut bytes = self.frame(frame);
                 bytes.truncate(bytes.len() - LACKS);
                 bytes
             }
-            Word::Rest => match known.part() {
+            Step::Rest => match known.part() {
                 Some(frame) => {
                     let bytes = self.frame(frame);
                     bytes[bytes.len() - LACKS..].to_vec()
@@ -245,17 +245,17 @@ impl Wired for AnyServer {
                 None => Vec::new(),
             },
             // A frame of another protocol.
-            Word::Noise if self.is_tcp() => vec![0, 0, 0, 1, 0, 6, 1, 3, 0, 0, 0, 1],
-            Word::Noise => vec![0xFF; 8],
-            Word::Long => vec![UNIT + 1, 3, 250],
-            Word::Damaged(shape) => {
+            Step::Noise if self.is_tcp() => vec![0, 0, 0, 1, 0, 6, 1, 3, 0, 0, 0, 1],
+            Step::Noise => vec![0xFF; 8],
+            Step::Long => vec![UNIT + 1, 3, 250],
+            Step::Damaged(shape) => {
                 [vec![0xFF; 3], self.frame(Frame { id: DATA, transaction: 0, shape }), vec![0xFF; 6]].concat()
             }
         }
     }
 
-    fn is_written(&self, scene: &SceneOf<Self>, due: &Due, bytes: &[u8]) -> bool {
-        let job = scene.known.kind_of(due.place);
+    fn is_written(&self, scene: &SceneOf<Self>, due: &DueRequest, bytes: &[u8]) -> bool {
+        let job = scene.known.kind_of(due.slot);
         let kind = if due.probe { Some(Kind::Read) } else { job };
         kind.is_some_and(|kind| self.encode(due.transaction, kind.unit(), kind.request()) == bytes)
     }
@@ -297,21 +297,21 @@ impl Wired for AnyServer {
     }
 
     /// The first bytes of a word, before the connection ends.
-    fn lost(&self, known: &Known, _: Word) -> Vec<Vec<Word>> {
+    fn lost(&self, known: &Knowledge, _: Step) -> Vec<Vec<Step>> {
         if self.is_tcp() {
             return vec![Vec::new()];
         }
         let frame = |id, shape| Frame { id, transaction: 0, shape };
         let shapes = [Shape::ReadRefused, Shape::WriteRefused];
-        let data = shapes.map(|shape| vec![Word::Noise, Word::Frame(frame(DATA, shape))]);
-        let mut strings = vec![vec![], vec![Word::Noise], vec![Word::Part(frame(NOBODY, Shape::Read))]];
+        let data = shapes.map(|shape| vec![Step::Noise, Step::Frame(frame(DATA, shape))]);
+        let mut strings = vec![vec![], vec![Step::Noise], vec![Step::Part(frame(NOBODY, Shape::Read))]];
         strings.extend(data);
-        strings.extend(known.part().map(|part| vec![Word::Part(part)]));
+        strings.extend(known.part().map(|part| vec![Step::Part(part)]));
         strings
     }
 
     /// Off TCP a pause within a frame is a word of its own. Over TCP the rest comes, or the connection ends.
-    fn may_pause(&self, _: Word) -> bool {
+    fn may_pause(&self, _: Step) -> bool {
         false
     }
 }

@@ -23,7 +23,9 @@ pub use self::any_server::AnyServer;
 use self::any_server::{CUT, DATA_IS_NONE, ENDS, FITS, FOREIGN_REPLY, HEARD, PROVEN, REST, RETURNED, STALE};
 use self::world::{COLLISION, FRAMINGS};
 pub use self::world::{RTU, RTU_OVER_TCP};
-use crate::model::{Against, MustFail, Pair, STANDSTILL, Setting, Table, Terms, Wired, at, draw};
+use crate::model::{
+    EndWithPeer, MustFail, Pair, PeerAssumptions, STANDSTILL, Setting, Table, Wired, at, draw,
+};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -132,9 +134,13 @@ pub const ANY_SERVER: Pair = Pair {
 };
 
 /// The settings of each framing: a peer that keeps the rules, and one that does anything.
-fn settings<P>(system: fn(Framing, bool) -> Against<P>, rules: Terms, anything: Terms) -> Vec<Setting>
+fn settings<P>(
+    system: fn(Framing, bool) -> EndWithPeer<P>,
+    rules: PeerAssumptions,
+    anything: PeerAssumptions,
+) -> Vec<Setting>
 where
-    P: Wired<End: Send + Sync, Known: Send + Sync, Word: Send + Sync> + Send + Sync + 'static,
+    P: Wired<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
 {
     let each = |(name, framing)| {
         [(true, rules), (false, anything)].map(|(keeps_rules, terms)| {
@@ -145,13 +151,13 @@ where
 }
 
 /// A client of which only the rules are known, or nothing.
-pub fn any_client(framing: Framing, keeps_rules: bool) -> Against<AnyClient> {
+pub fn any_client(framing: Framing, keeps_rules: bool) -> EndWithPeer<AnyClient> {
     let config: ServerConfig = world::server(framing);
-    Against::new(AnyClient { config, keeps_rules })
+    EndWithPeer::new(AnyClient { config, keeps_rules })
 }
 
 /// A server of which only the rules are known, or nothing. It answers as late as the client assumes, over TCP two requests later.
-pub fn any_server(framing: Framing, keeps_rules: bool) -> Against<AnyServer> {
+pub fn any_server(framing: Framing, keeps_rules: bool) -> EndWithPeer<AnyServer> {
     let memory = if framing == Framing::Tcp { 2 } else { 3 };
-    Against::new(AnyServer { config: world::client(framing), keeps_rules, memory })
+    EndWithPeer::new(AnyServer { config: world::client(framing), keeps_rules, memory })
 }

@@ -1,16 +1,16 @@
 //! The requests of the client's user, and the replies that may still come.
 
-use fanuc_hmi_modbus::client::machine::{Fit, Places};
+use fanuc_hmi_modbus::client::machine::{ReplyMatch, SlotSet};
 
-use super::line_to_client::{Frame, Held, PROBE, Piece};
+use super::line_to_client::{DecoderContents, Frame, PROBE, Piece};
 
 pub(super) const ENDED_TWICE: &str = "each request has one outcome";
 pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
 
 /// The model's knowledge of the requests.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
-    /// In each place.
+pub struct Knowledge {
+    /// In each slot.
     pub(super) jobs: [Option<Job>; 2],
     /// The places whose outcome is not polled yet, oldest first.
     pub(super) outcomes: Vec<u8>,
@@ -24,10 +24,10 @@ pub struct Known {
     pub(super) ends: bool,
     pub(super) is_first: bool,
     /// The client's decoder, whether it holds the beginning of the reply in flight, and the frame that the client judges now.
-    pub(super) held: Held,
+    pub(super) held: DecoderContents,
     pub(super) awaits: bool,
-    pub(super) judged: Option<(Frame, Fit)>,
-    /// The place of the request before which a read is in flight, and the time left for its reply.
+    pub(super) judged: Option<(Frame, ReplyMatch)>,
+    /// The slot of the request before which a read is in flight, and the time left for its reply.
     pub(super) probing: Option<(u8, Option<u8>)>,
     /// A reply has come on this connection that the line cannot have returned.
     pub(super) is_proven: bool,
@@ -70,19 +70,19 @@ pub(super) struct Stale {
     pub(super) left: u8,
 }
 
-impl Known {
+impl Knowledge {
     /// The beginning of a reply that the decoder holds last.
     pub(super) fn part(&self) -> Option<Frame> {
         if let Some(Piece::Part(frame)) = self.held.last() { Some(frame) } else { None }
     }
 
-    pub(super) fn kind_of(&self, place: u8) -> Option<Kind> {
-        self.jobs[usize::from(place)].map(|job| job.kind)
+    pub(super) fn kind_of(&self, slot: u8) -> Option<Kind> {
+        self.jobs[usize::from(slot)].map(|job| job.kind)
     }
 
     /// An outcome, with whether the request was sent. Returns whether it is the first one.
-    pub(super) fn end(&mut self, place: u8, was_sent: bool) -> bool {
-        let job = self.jobs[usize::from(place)].as_mut().filter(|job| !job.has_ended);
+    pub(super) fn end(&mut self, slot: u8, was_sent: bool) -> bool {
+        let job = self.jobs[usize::from(slot)].as_mut().filter(|job| !job.has_ended);
         let Some(job) = job else {
             self.wrong = Some(ENDED_TWICE);
             return false;
@@ -91,24 +91,24 @@ impl Known {
             self.wrong = Some(SENT);
         }
         job.has_ended = true;
-        self.outcomes.push(place);
-        self.forget(place);
+        self.outcomes.push(slot);
+        self.forget(slot);
         true
     }
 
-    pub(super) fn end_all(&mut self, places: Places, was_sent: bool) {
-        for place in places.iter() {
-            self.end(place, was_sent);
+    pub(super) fn end_all(&mut self, slots: SlotSet, was_sent: bool) {
+        for slot in slots.iter() {
+            self.end(slot, was_sent);
         }
     }
 
     /// The reply to the request in this place is a stale one from now on.
-    pub(super) fn forget(&mut self, place: u8) {
-        let Some(job) = &mut self.jobs[usize::from(place)] else { return };
+    pub(super) fn forget(&mut self, slot: u8) {
+        let Some(job) = &mut self.jobs[usize::from(slot)] else { return };
         let (kind, transaction, reply) = (job.kind, job.transaction, job.reply.take());
         (job.transaction, job.was_probed, job.is_stale) = (0, false, false);
         self.grow_stale(Some(kind), transaction, reply);
-        self.held.forget(place);
+        self.held.forget(slot);
     }
 
     /// A stale reply may come more than once.

@@ -4,13 +4,13 @@ use core::marker::PhantomData;
 use core::time::Duration;
 
 use fanuc_hmi_modbus::client::machine::{
-    self as client, ClientLink, ClientMachine, Due, Fit, Held, Quiet, Stage,
+    self as client, ClientLink, ClientMachine, DueRequest, QuietTime, ReplyMatch, RequestState, Stage,
 };
 use fanuc_hmi_modbus::server::machine::{self as server, Line, ServerLink, ServerMachine};
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig};
 use robot_session::end::{Input as _, Machine as _, is_due};
 
-use crate::model::{Drawn, NOW, Rows};
+use crate::model::{DrawnMachine, NOW, Rows};
 
 /// Shorter than `NOW` even twice: a wait that begins at zero is over.
 const TIME: Duration = Duration::from_millis(400);
@@ -75,7 +75,7 @@ impl Transport for RtuOverTcp {
     }
 }
 
-/// The client, with `N` places.
+/// The client, with `N` slots.
 #[derive(Debug)]
 pub struct Client<T, const N: usize = 2>(PhantomData<T>);
 
@@ -120,10 +120,10 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
         };
         let request = |broadcast, mirrored| On::Request { broadcast, mirrored };
         let (ask, mirror, announce) = (request(false, false), request(false, true), request(true, false));
-        let due = Due { place: 0, transaction: Self::first(), probe: false };
-        let (sent, probed) = (On::Sent(due), On::Sent(Due { probe: true, ..due }));
-        let reply = On::Reply { transaction: Self::first(), fit: Fit::Whole };
-        let equal = On::Reply { transaction: Self::first(), fit: Fit::Equal };
+        let due = DueRequest { slot: 0, transaction: Self::first(), probe: false };
+        let (sent, probed) = (On::Sent(due), On::Sent(DueRequest { probe: true, ..due }));
+        let reply = On::Reply { transaction: Self::first(), fit: ReplyMatch::Full };
+        let equal = On::Reply { transaction: Self::first(), fit: ReplyMatch::Equal };
         let mut states = Vec::new();
         // Nothing is over yet; everything is.
         for at in [NOW, Duration::ZERO] {
@@ -135,7 +135,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             };
             let timed_out = [(Duration::ZERO, ask), (Duration::ZERO, sent), (at + TIME, On::Timeout)];
             let timed_out = [&open[..], &timed_out].concat();
-            let taken = [&timed_out[..], &[(at, On::Taken { place: 0 })]].concat();
+            let taken = [&timed_out[..], &[(at, On::Taken { slot: 0 })]].concat();
             states.extend([
                 ClientMachine::NEW,
                 after(&[(at, ask)]),
@@ -173,23 +173,23 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             On::Timeout,
             On::Request { broadcast: false, mirrored: false },
             On::Request { broadcast: true, mirrored: false },
-            On::Taken { place: 0 },
+            On::Taken { slot: 0 },
             On::Received,
-            On::Reply { transaction, fit: Fit::Whole },
-            On::Reply { transaction, fit: Fit::Equal },
-            On::Reply { transaction, fit: Fit::Exception },
-            On::Reply { transaction, fit: Fit::OpenException },
-            On::Reply { transaction, fit: Fit::Misfit },
+            On::Reply { transaction, fit: ReplyMatch::Full },
+            On::Reply { transaction, fit: ReplyMatch::Equal },
+            On::Reply { transaction, fit: ReplyMatch::Exception },
+            On::Reply { transaction, fit: ReplyMatch::OpenException },
+            On::Reply { transaction, fit: ReplyMatch::Mismatch },
             On::Corrupt,
-            On::Sent(Due { place: 0, transaction, probe: false }),
+            On::Sent(DueRequest { slot: 0, transaction, probe: false }),
         ];
         // Without transactions every reply has that of every request, and only its bytes show where it ends.
         if transaction > 0 {
-            inputs.push(On::Reply { transaction: 77, fit: Fit::Whole });
+            inputs.push(On::Reply { transaction: 77, fit: ReplyMatch::Full });
         } else {
             inputs.push(On::Partial);
             inputs.push(On::Request { broadcast: false, mirrored: true });
-            inputs.push(On::Sent(Due { place: 0, transaction, probe: true }));
+            inputs.push(On::Sent(DueRequest { slot: 0, transaction, probe: true }));
         }
         inputs
     }
@@ -204,12 +204,12 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             ClientLink::Up { line: Line::Busy { .. }, .. } if machine.name() != "Receiving" => ", bytes",
             ClientLink::Up { .. } | ClientLink::Down => "",
         };
-        let is_doubtful = |held: &Held| match held.stage {
+        let is_doubtful = |held: &RequestState| match held.stage {
             Stage::Probing { doubtful, .. } | Stage::InFlight { doubtful, .. } => doubtful,
             _ => false,
         };
         let doubt = if machine.held().any(is_doubtful) { ", in doubt" } else { "" };
-        let is_returned = |held: &Held| matches!(held.stage, Stage::InFlight { returned: true, .. });
+        let is_returned = |held: &RequestState| matches!(held.stage, Stage::InFlight { returned: true, .. });
         let returned = if machine.held().any(is_returned) { ", returned" } else { "" };
         format!("{}, {}{bytes}{doubt}{returned}", T::NAME, client_state(machine))
     }
@@ -221,7 +221,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
                     Line::Busy { silent_at: at } | Line::Partial { until: at } => is_due(at, now),
                     Line::Silent => false,
                 },
-                matches!(quiet, Quiet::Until { end } if is_due(end, now)),
+                matches!(quiet, QuietTime::Until { end } if is_due(end, now)),
             ),
             ClientLink::Down => (false, false),
         };
@@ -230,7 +230,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
             client::Input::Timeout if is_silent => " of a silence",
             client::Input::Timeout if is_quiet_over => " of the quiet",
             client::Input::Timeout => " of a request",
-            client::Input::Sent(Due { probe: true, .. }) => " to probe",
+            client::Input::Sent(DueRequest { probe: true, .. }) => " to probe",
             client::Input::Reply { transaction, .. } => {
                 let is_late = |stage| match stage {
                     Stage::TimedOut { transaction: found } | Stage::Expired { transaction: found } => {
@@ -256,7 +256,7 @@ impl<T: Transport, const N: usize> Rows for Client<T, N> {
     }
 }
 
-/// The server, with `N` places.
+/// The server, with `N` slots.
 #[derive(Debug)]
 pub struct Server<T, const N: usize = 2>(PhantomData<T>);
 
@@ -332,5 +332,5 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
     }
 }
 
-impl Drawn for ClientMachine<2> {}
-impl Drawn for ServerMachine<2> {}
+impl DrawnMachine for ClientMachine<2> {}
+impl DrawnMachine for ServerMachine<2> {}

@@ -7,7 +7,9 @@ use isra_ball::{ENQ, Host, HostConfig, HostEvent, Keys, Packet as Message, Statu
 
 use super::world::{AGE, CLAIMED, Config, FOUND_OUT, LINE, ONE_OUTCOME, PAIRED, STALE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, SceneOf, WRITTEN, Wired,
+};
 
 /// Ticks after which every time of a poll or a connection has passed.
 const LONG: u8 = 6;
@@ -19,25 +21,25 @@ pub(super) const APART: &str = "a poll is a period after the last one, or later 
 pub(super) const PROVED: &str = "values live from the poll of the reply before theirs, for max_age";
 pub(super) const MARKED: &str = "values that the ball marks as old are not new";
 
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "IB-3, IB-33, IB-34, IB-35, replies no later than max_delay",
     free: "when it measures and answers, what is lost or corrupt, another ball with each connection",
     shows: &[("IB-9", WRITTEN), ("IB-25", PAIRED)],
     properties: &[AGE, STALE, ONE_OUTCOME, PAIRED, ANSWERED, EXPECTED],
 };
-pub(super) const PROMPT: Terms = Terms {
+pub(super) const PROMPT: PeerAssumptions = PeerAssumptions {
     keeps: "IB-3, IB-33, IB-34, IB-35, replies no later than max_delay, new values for each poll, no faults",
     free: "by how much a packet is late",
     shows: &[],
     properties: &[CLAIMED, AGE, STALE, ONE_OUTCOME, PAIRED, ANSWERED, EXPECTED],
 };
-pub(super) const LATE: Terms = Terms {
+pub(super) const LATE: PeerAssumptions = PeerAssumptions {
     keeps: "IB-3, IB-33, IB-34, IB-35, new values for each poll, all packets equally late",
     free: "what else goes wrong",
     shows: &[],
     properties: &[AGE, FOUND_OUT, STALE, ONE_OUTCOME, EXPECTED],
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "packets at any time",
     shows: &[("IB-9", WRITTEN), ("IB-25", APART)],
@@ -63,7 +65,7 @@ pub struct AnyBall {
 
 /// The model's knowledge of the ball, the line and the values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// Ticks since the ball has a poll that it may answer.
     asked: Option<u8>,
     /// Ticks since the ball has sent a packet: unsent values are not older.
@@ -103,7 +105,7 @@ struct Packet {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// The ball sends a packet.
     Answer {
         /// As values that were not sent before.
@@ -129,11 +131,11 @@ impl AnyBall {
         Self { config, keeps_rules, delay: 1, lag: 0, prompt: None }
     }
 
-    fn may_lose(&self, known: &Known) -> bool {
+    fn may_lose(&self, known: &Knowledge) -> bool {
         self.prompt.is_none_or(|most| known.faults < most)
     }
 
-    fn lose(&self, known: &mut Known) {
+    fn lose(&self, known: &mut Knowledge) {
         known.faults += u8::from(self.prompt.is_some());
     }
 
@@ -143,7 +145,7 @@ impl AnyBall {
     }
 
     /// Checks the properties that hold with a ball that keeps the rules.
-    fn judge(&self, known: &mut Known, read: Packet, action: Action) {
+    fn judge(&self, known: &mut Knowledge, read: Packet, action: Action) {
         if self.lag > 0 {
             known.said |= action == Action::Unasked;
             return;
@@ -158,7 +160,7 @@ impl AnyBall {
     }
 
     /// Checks the properties that hold with any ball.
-    fn judge_clauses(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn judge_clauses(&self, end: &HostMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let config = &self.config.0;
         let since_poll = u32::from(known.since_poll) * TICK;
         let is_over = since_poll >= config.reply_window();
@@ -175,7 +177,7 @@ impl AnyBall {
             Action::Nothing | Action::Sent | Action::Stale | Action::Closed { .. } => {}
         }
         if action == Action::New {
-            must(cause != Cause::Word(Word::Packet { fresh: false }), MARKED);
+            must(cause != Cause::Step(Step::Packet { fresh: false }), MARKED);
             let age = known.proof.map_or(Duration::MAX, |ticks| u32::from(ticks) * TICK);
             let until = end.live_until().unwrap_or(Duration::MAX);
             must(age.saturating_add(until) <= config.max_age, PROVED);
@@ -189,8 +191,8 @@ impl AnyBall {
 
 impl Peer for AnyBall {
     type End = HostMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -202,8 +204,8 @@ impl Peer for AnyBall {
         HostMachine::Disconnected
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             asked: None,
             unsent: self.oldest(),
             up: Vec::new(),
@@ -221,45 +223,45 @@ impl Peer for AnyBall {
         }
     }
 
-    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &HostMachine, known: &Knowledge, steps: &mut Vec<Step>) {
         let is_connected = *end != HostMachine::Disconnected;
         if !self.keeps_rules {
             if is_connected {
-                words.extend([true, false].map(|fresh| Word::Packet { fresh }));
+                steps.extend([true, false].map(|fresh| Step::Packet { fresh }));
             }
             return;
         }
         if let Some(waits) = known.asked {
             for late in 0..=self.delay - waits {
-                words.push(Word::Answer { fresh: true, late });
+                steps.push(Step::Answer { fresh: true, late });
                 if self.prompt.is_none() {
-                    words.push(Word::Answer { fresh: false, late });
+                    steps.push(Step::Answer { fresh: false, late });
                 }
             }
             if self.may_lose(known) {
-                words.push(Word::LosePoll);
+                steps.push(Step::LosePoll);
             }
         }
         if let Some(packet) = known.up.first() {
             if self.may_lose(known) {
-                words.push(Word::Lose);
+                steps.push(Step::Lose);
             }
             if is_connected && packet.ticks == 0 {
-                words.push(Word::Read);
+                steps.push(Step::Read);
             }
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        match word {
-            Word::Read | Word::Packet { .. } => By::Line,
-            Word::Answer { .. } | Word::LosePoll | Word::Lose => By::Others,
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Read | Step::Packet { .. } => Actor::Line,
+            Step::Answer { .. } | Step::LosePoll | Step::Lose => Actor::Others,
         }
     }
 
-    fn hear(&self, _: &HostMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        match word {
-            Word::Answer { fresh, late } => {
+    fn apply(&self, _: &HostMachine, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        match step {
+            Step::Answer { fresh, late } => {
                 // A stream keeps its order.
                 let last = known.up.last().map_or(0, |packet| packet.ticks);
                 let age = match (fresh, self.prompt) {
@@ -272,22 +274,22 @@ impl Peer for AnyBall {
                 (known.asked, known.unsent) = (None, 0);
                 None
             }
-            Word::LosePoll => {
+            Step::LosePoll => {
                 self.lose(known);
                 known.asked = None;
                 None
             }
-            Word::Lose => {
+            Step::Lose => {
                 self.lose(known);
                 known.up.remove(0);
                 None
             }
-            Word::Read => {
+            Step::Read => {
                 let packet = known.up.remove(0);
                 known.read = Some(packet);
                 Some(Input::Packet { fresh: packet.fresh })
             }
-            Word::Packet { fresh } => Some(Input::Packet { fresh }),
+            Step::Packet { fresh } => Some(Input::Packet { fresh }),
         }
     }
 
@@ -295,7 +297,7 @@ impl Peer for AnyBall {
         Input::Sent
     }
 
-    fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, end: &HostMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let read = known.read.take();
         if !self.keeps_rules {
             self.judge_clauses(end, known, cause, action);
@@ -345,11 +347,11 @@ impl Peer for AnyBall {
                     known.asked = known.asked.or(Some(0));
                 }
             }
-            Cause::Due | Cause::Word(_) => {}
+            Cause::Due | Cause::Step(_) => {}
         }
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
         let oldest = self.oldest();
         older(&mut known.since_poll, LONG);
@@ -369,13 +371,13 @@ impl Peer for AnyBall {
         known.too_old = if is_too_old { (known.too_old + 1).min(oldest) } else { 0 };
     }
 
-    fn restarted(&self, known: &mut Known) {
+    fn restarted(&self, known: &mut Knowledge) {
         let up = known.up.iter().map(|packet| Packet { reply: false, ..*packet }).collect();
         let (faults, said) = (known.faults, known.said);
-        *known = Known { asked: known.asked, up, faults, said, wrong: known.wrong, ..self.known() };
+        *known = Knowledge { asked: known.asked, up, faults, said, wrong: known.wrong, ..self.known() };
     }
 
-    fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, end: &HostMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
         if is_waiting(end) != known.open {
             broken.push(ONE_OUTCOME);
@@ -400,7 +402,7 @@ impl Peer for AnyBall {
 
     /// Returns whether each poll has its outcome; if the ball measures, answers and follows the rules, also whether there
     /// are usable values.
-    fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
+    fn is_over(&self, end: &HostMachine, known: &Knowledge) -> bool {
         match self.keeps_rules {
             true if self.lag > 0 => known.said,
             true => known.using.is_some(),
@@ -408,16 +410,16 @@ impl Peer for AnyBall {
         }
     }
 
-    fn is_urgent(&self, end: &HostMachine, known: &Known) -> bool {
+    fn is_urgent(&self, end: &HostMachine, known: &Knowledge) -> bool {
         let comes =
             *end != HostMachine::Disconnected && known.up.first().is_some_and(|packet| packet.ticks == 0);
         self.prompt.is_some() && (comes || known.asked.is_some_and(|waits| waits >= self.delay))
     }
 
-    fn benign(&self, _: &HostMachine, known: &Known) -> Option<Word> {
+    fn fault_free_step(&self, _: &HostMachine, known: &Knowledge) -> Option<Step> {
         match known.up.first() {
-            Some(packet) if packet.ticks == 0 => Some(Word::Read),
-            _ => known.asked.map(|_| Word::Answer { fresh: true, late: 0 }),
+            Some(packet) if packet.ticks == 0 => Some(Step::Read),
+            _ => known.asked.map(|_| Step::Answer { fresh: true, late: 0 }),
         }
     }
 }
@@ -433,15 +435,15 @@ impl Wired for AnyBall {
 
     /// Returns whether a packet may pause: the host does not accept a packet that began before its poll as a reply. A ball
     /// that follows the rules does not send such a packet.
-    fn may_pause(&self, _: Word) -> bool {
+    fn may_pause(&self, _: Step) -> bool {
         self.keeps_rules
     }
 
-    fn speak(&self, known: &Known, word: Word, _: &mut Host, now: Duration) -> Vec<u8> {
-        let fresh = match word {
-            Word::Read => known.up.first().is_some_and(|packet| packet.fresh),
-            Word::Packet { fresh } => fresh,
-            Word::Answer { .. } | Word::LosePoll | Word::Lose => return Vec::new(),
+    fn speak(&self, known: &Knowledge, step: Step, _: &mut Host, now: Duration) -> Vec<u8> {
+        let fresh = match step {
+            Step::Read => known.up.first().is_some_and(|packet| packet.fresh),
+            Step::Packet { fresh } => fresh,
+            Step::Answer { .. } | Step::LosePoll | Step::Lose => return Vec::new(),
         };
         let [a, b, c, ..] = now.as_micros().to_le_bytes().map(u8::cast_signed);
         let status = if fresh { Status::Fresh } else { Status::Old };
@@ -479,12 +481,12 @@ impl Wired for AnyBall {
         })
     }
 
-    fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
-        vec![if word == Word::Read { vec![Word::Lose] } else { vec![] }]
+    fn lost(&self, _: &Knowledge, step: Step) -> Vec<Vec<Step>> {
+        vec![if step == Step::Read { vec![Step::Lose] } else { vec![] }]
     }
 }
 
-impl Known {
+impl Knowledge {
     /// Called when the poll has an outcome.
     fn end(&mut self) {
         if !core::mem::take(&mut self.open) {

@@ -7,7 +7,9 @@ use isra_ball::{Ball, BallConfig, BallEvent, ENQ, Frame, Keys};
 
 use super::world::{ASKED, LINE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, SceneOf, Terms, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, STANDSTILL, SceneOf, Wired,
+};
 
 /// Ticks after which a host that keeps the rules polls again, if no reply has come.
 const WINDOW: u8 = LINE + 2;
@@ -17,14 +19,14 @@ pub(super) const IGNORED: &str = "a poll is ignored if one is not answered, and 
 
 const PROPERTIES: &[&str] = &[ASKED, MARKED, IGNORED, STANDSTILL, EXPECTED];
 const SHOWS: &[(&str, &str)] = &[("IB-3", ASKED), ("IB-33", MARKED), ("IB-34", ASKED), ("IB-35", IGNORED)];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "IB-9, IB-25",
     free: "when it polls, what is lost, when the sensor measures",
     shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "polls at any time", shows: SHOWS, properties: PROPERTIES };
+pub(super) const ANYTHING: PeerAssumptions =
+    PeerAssumptions { keeps: "", free: "polls at any time", shows: SHOWS, properties: PROPERTIES };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -37,7 +39,7 @@ pub struct AnyHost {
 
 /// The model's knowledge of the polls and the values.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// A poll of this connection is not answered.
     asked: bool,
     /// There are values that were not sent.
@@ -49,7 +51,7 @@ pub struct Known {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// ENQ comes.
     Enquiry,
     /// The sensor has new values.
@@ -58,8 +60,8 @@ pub enum Word {
 
 impl Peer for AnyHost {
     type End = BallMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -71,28 +73,28 @@ impl Peer for AnyHost {
         BallMachine::NEW
     }
 
-    fn known(&self) -> Known {
-        Known { asked: false, measured: false, waits: WINDOW, wrong: None }
+    fn known(&self) -> Knowledge {
+        Knowledge { asked: false, measured: false, waits: WINDOW, wrong: None }
     }
 
-    fn words(&self, end: &BallMachine, known: &Known, words: &mut Vec<Word>) {
-        words.push(Word::Measured);
+    fn steps(&self, end: &BallMachine, known: &Knowledge, steps: &mut Vec<Step>) {
+        steps.push(Step::Measured);
         if end.link != Link::Disconnected && (known.waits == WINDOW || !self.keeps_rules) {
-            words.push(Word::Enquiry);
+            steps.push(Step::Enquiry);
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        if word == Word::Measured { By::User } else { By::Line }
+    fn by(&self, step: Step) -> Actor {
+        if step == Step::Measured { Actor::User } else { Actor::Line }
     }
 
-    fn hear(&self, _: &BallMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        Some(match word {
-            Word::Enquiry => {
+    fn apply(&self, _: &BallMachine, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        Some(match step {
+            Step::Enquiry => {
                 known.waits = 0;
                 Input::Enquiry
             }
-            Word::Measured => {
+            Step::Measured => {
                 known.measured = true;
                 Input::Measured
             }
@@ -103,7 +105,7 @@ impl Peer for AnyHost {
         Input::Sent
     }
 
-    fn acted(&self, _: &BallMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, _: &BallMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let mut must = |holds: bool, what| {
             if !holds {
                 known.wrong = Some(what);
@@ -116,30 +118,30 @@ impl Peer for AnyHost {
                 (known.asked, known.measured, known.waits) = (false, false, WINDOW);
             }
             (_, Action::Sent { .. }) => must(false, ASKED),
-            (Cause::Word(Word::Enquiry), action) => {
+            (Cause::Step(Step::Enquiry), action) => {
                 must((action == Action::Ignore) == known.asked, IGNORED);
                 known.asked = true;
             }
             (_, Action::Ignore) => must(false, IGNORED),
             (Cause::Connected | Cause::Disconnected, _) => known.asked = false,
-            (Cause::Due | Cause::Sent(_) | Cause::Word(Word::Measured), _) => {}
+            (Cause::Due | Cause::Sent(_) | Cause::Step(Step::Measured), _) => {}
         }
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         known.waits = (known.waits + 1).min(WINDOW);
     }
 
-    fn restarted(&self, known: &mut Known) {
-        *known = Known { waits: known.waits, wrong: known.wrong, ..self.known() };
+    fn restarted(&self, known: &mut Knowledge) {
+        *known = Knowledge { waits: known.waits, wrong: known.wrong, ..self.known() };
     }
 
-    fn broken(&self, _: &BallMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &BallMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 
     /// Returns whether each poll is answered.
-    fn is_over(&self, _: &BallMachine, known: &Known) -> bool {
+    fn is_over(&self, _: &BallMachine, known: &Knowledge) -> bool {
         !known.asked
     }
 }
@@ -153,10 +155,10 @@ impl Wired for AnyHost {
         Ball::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Ball, now: Duration) -> Vec<u8> {
-        match word {
-            Word::Enquiry => vec![ENQ],
-            Word::Measured => {
+    fn speak(&self, _: &Knowledge, step: Step, session: &mut Ball, now: Duration) -> Vec<u8> {
+        match step {
+            Step::Enquiry => vec![ENQ],
+            Step::Measured => {
                 let [a, b, c, ..] = now.as_micros().to_le_bytes().map(u8::cast_signed);
                 session.measure([a, b, c], [c, b, a], Keys::NONE);
                 Vec::new()

@@ -80,7 +80,7 @@ struct Reality {
 }
 
 /// A packet on the line: when it arrives, and when its values were measured.
-struct Sent {
+struct PacketOnLine {
     arrives: Duration,
     measured: Duration,
     status: Status,
@@ -109,7 +109,7 @@ impl Reality {
     fn breaks_in(&self, mut rng: Rng, property: &'static str) -> Option<&'static str> {
         let config = HostConfig::default();
         let mut host = Host::new(config).expect("the default can work");
-        let (mut now, mut line) = (Duration::ZERO, VecDeque::<Sent>::new());
+        let (mut now, mut line) = (Duration::ZERO, VecDeque::<PacketOnLine>::new());
         let (mut polls, mut paused, mut last) = (0, 0, Duration::ZERO);
         let mut out = [0; Packet::LEN];
         host.handle_connected(now);
@@ -158,10 +158,11 @@ impl Reality {
                 last = measured;
                 if polls <= 20 || place >= self.lost {
                     let arrives = now + timing::exchange_time(config.baud) + self.late(&mut rng);
-                    let arrives = line.back().map_or(arrives, |before: &Sent| arrives.max(before.arrives));
+                    let arrives =
+                        line.back().map_or(arrives, |before: &PacketOnLine| arrives.max(before.arrives));
                     let is_old = polls > 20 && place < self.old;
                     let status = if is_fresh && !is_old { Status::Fresh } else { Status::Old };
-                    line.push_back(Sent { arrives, measured, status });
+                    line.push_back(PacketOnLine { arrives, measured, status });
                 }
             }
             let next = host.poll_timeout().into_iter().chain(line.front().map(|sent| sent.arrives)).min();

@@ -14,7 +14,7 @@ pub use world::{Config, TICK};
 use isra_ball::{BallConfig, ball, host};
 use robot_session::end::Rules;
 
-use crate::model::{Against, MustFail, Pair, Setting, Table, at, both, draw};
+use crate::model::{EndWithPeer, MustFail, Pair, Setting, Table, at, both, draw};
 use any_ball::{ANSWERED, APART, DRAINED, MARKED, PROVED, WINDOW};
 use world::{AGE, ASKED, CLAIMED, ONE_OUTCOME, PAIRED, STALE};
 
@@ -107,27 +107,27 @@ pub const ANY_HOST: Pair = Pair {
 };
 
 /// Returns a ball about which only the rules are known, or nothing.
-pub fn any_ball(keeps_rules: bool) -> Against<AnyBall> {
-    Against::new(AnyBall::new(Config::WHOLE, keeps_rules))
+pub fn any_ball(keeps_rules: bool) -> EndWithPeer<AnyBall> {
+    EndWithPeer::new(AnyBall::new(Config::WHOLE, keeps_rules))
 }
 
 /// Returns a host about which only the rules are known, or nothing.
-pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
-    Against::new(AnyHost { config: BallConfig::default(), keeps_rules })
+pub fn any_host(keeps_rules: bool) -> EndWithPeer<AnyHost> {
+    EndWithPeer::new(AnyHost { config: BallConfig::default(), keeps_rules })
 }
 
 /// The greatest lag that is explored, in ticks: four periods.
 const LAGS: u8 = 12;
 
 /// Returns a ball that answers every poll, without faults.
-fn prompt() -> Against<AnyBall> {
+fn prompt() -> EndWithPeer<AnyBall> {
     let peer = AnyBall { prompt: Some(0), ..AnyBall::new(Config::WHOLE, true) };
-    Against { peer, late: false, breaks: false }
+    EndWithPeer { peer, late: false, breaks: false }
 }
 
 /// Returns the same with all packets this many ticks late.
-fn late(lag: u8, faults: u8) -> Against<AnyBall> {
+fn late(lag: u8, faults: u8) -> EndWithPeer<AnyBall> {
     let peer =
         AnyBall { delay: 0, lag, prompt: Some(faults), ..AnyBall::new(Config::WHOLE.punctual(), true) };
-    Against { peer, late: false, breaks: faults > 0 }
+    EndWithPeer { peer, late: false, breaks: faults > 0 }
 }

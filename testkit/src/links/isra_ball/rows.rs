@@ -3,11 +3,11 @@
 use core::time::Duration;
 
 use isra_ball::ball::machine::{self as ball, BallMachine};
-use isra_ball::host::machine::{self as host, HostMachine, Poll, Polling, Values};
+use isra_ball::host::machine::{self as host, HostMachine, Poll, PollingState, Values};
 use isra_ball::{BallConfig, HostConfig};
 use robot_session::end::Machine as _;
 
-use crate::model::{Drawn, NOW, Rows};
+use crate::model::{DrawnMachine, NOW, Rows};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -33,7 +33,7 @@ impl Rows for Host {
         for poll in polls {
             for values in values {
                 for proof_until in [past, future] {
-                    let state = HostMachine::Connected(Polling { poll, values, proof_until });
+                    let state = HostMachine::Connected(PollingState { poll, values, proof_until });
                     // The proof matters to a packet that can be the reply.
                     if proof_until < NOW || Self::row(&state, NOW).ends_with("proof") {
                         states.push(state);
@@ -95,5 +95,5 @@ impl Rows for Ball {
     }
 }
 
-impl Drawn for HostMachine {}
-impl Drawn for BallMachine {}
+impl DrawnMachine for HostMachine {}
+impl DrawnMachine for BallMachine {}

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use kawasaki_msg::pc::machine::{
-    Action, Count, Input, Link, Order, Outcome, Reaction, Reply, Report, Rest, Sent, Stage, Start,
+    Action, Count, Input, Link, Order, Outcome, Reaction, Reply, Report, SentAnswer, Stage, Start, UnsentJobs,
 };
 use kawasaki_msg::{FromRobot, PcConfig, Phase, Status};
 use robot_session::end::Machine as _;
@@ -257,11 +257,11 @@ impl System for AnyRobot {
                 w.flags.again |= jobs > 0 && from < executed;
                 on(
                     &mut w,
-                    Input::Sent(Sent {
+                    Input::Sent(SentAnswer {
                         request: answer.request.is_some(),
                         commands: answer.commands,
                         jobs,
-                        rest: if is_end { Rest::End } else { Rest::Later },
+                        rest: if is_end { UnsentJobs::End } else { UnsentJobs::Later },
                     }),
                 );
                 w.flags.unspoken |= !w.spoken;
@@ -311,7 +311,7 @@ impl System for AnyRobot {
     }
 
     /// Returns the faultless act with a robot that was restarted, and accepts the order if it is started.
-    fn benign(&self, w: &World) -> Option<Act> {
+    fn fault_free_step(&self, w: &World) -> Option<Act> {
         let Link::Connected { reply, .. } = w.pc.link else {
             let idle = w.pc.order == Order::Idle;
             return Some(if idle && w.started < self.starts { Act::Start } else { Act::Connect });

@@ -7,13 +7,13 @@ use kawasaki_msg::robot::machine as robot;
 use kawasaki_msg::{FromRobot, RobotConfig};
 use robot_session::end::Machine as _;
 
-use crate::model::Drawn;
+use crate::model::DrawnMachine;
 
 pub use pc::Machine as Pc;
 pub use robot::Machine as Robot;
 
 /// Returns the packet that is due, with space for all its messages.
-pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, robot::Sent) {
+pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, robot::SentPacket) {
     let due = robot.transmit(Duration::ZERO, config).expect("a packet is due");
     let (acked, acks): (Vec<u32>, Vec<FromRobot>) = robot.acks(&due, config).unzip();
     let replies = [due.start, due.end, due.status, due.pause, due.request].into_iter().flatten();
@@ -21,7 +21,7 @@ pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, ro
     if messages.is_empty() {
         messages.push(FromRobot::Filler);
     }
-    let sent = robot::Sent {
+    let sent = robot::SentPacket {
         acked: acked.iter().sum(),
         start: due.start.is_some(),
         end: due.end.is_some(),
@@ -32,7 +32,7 @@ pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, ro
     (messages, sent)
 }
 
-impl Drawn for Robot {
+impl DrawnMachine for Robot {
     fn action_name(action: &Self::Action) -> String {
         use robot::Action;
         match action {
@@ -43,7 +43,7 @@ impl Drawn for Robot {
     }
 }
 
-impl Drawn for Pc {
+impl DrawnMachine for Pc {
     fn action_name(action: &Self::Action) -> String {
         let text = match action.action {
             pc::Action::Nothing | pc::Action::Sent => return String::new(),

@@ -23,9 +23,11 @@ pub use any_pc::{AnyPc, Peer};
 pub use any_robot::AnyRobot;
 pub use machines::{Pc, Robot};
 pub use world::TICK;
-pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag, World};
+pub use world::{Act, Faults, Flags, InFlight, ReportedStart, SentMessage, Setup, Start, Tag, World};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, Terms, draw};
+use crate::model::{
+    Depth, Diagram, MustFail, Pair, PeerAssumptions, Refined, STANDSTILL, Setting, Table, draw,
+};
 use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
 use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
@@ -240,13 +242,13 @@ fn late(answers: u8) -> AnyPc {
 fn with_any_pc(_: Depth) -> Vec<Setting> {
     let free = any(Peer::Any, 0);
     let with = |robot| AnyPc { robot, ..free.clone() };
-    let rules = Terms {
+    let rules = PeerAssumptions {
         keeps: "KM-3, KM-4, KM-7, KM-94, KM-95, KM-96",
         free: "how many jobs a packet has, whether it repeats the end; the line corrupts, splits, delays and breaks",
         shows: &[],
         properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, NO_ALARM, BOUND],
     };
-    let anything = Terms {
+    let anything = PeerAssumptions {
         keeps: "",
         free: "any message at any time",
         shows: &[],
@@ -275,16 +277,17 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
         Setting::new("one that withholds the next job", any(Peer::Withholds, 0)),
     ];
     let free = free.into_iter().map(|setting| setting.on(anything));
-    let late =
-        Setting::new("one that sends the end whenever all is sent, 3 late answers", late(3)).on(Terms {
+    let late = Setting::new("one that sends the end whenever all is sent, 3 late answers", late(3)).on(
+        PeerAssumptions {
             free: "how many jobs a packet has, whether it repeats the end, when it answers",
             ..rules
-        });
+        },
+    );
     kept.into_iter().map(|setting| setting.on(rules)).chain([late]).chain(free).collect()
 }
 
 fn with_any_robot(depth: Depth) -> Vec<Setting> {
-    let anything = Terms {
+    let anything = PeerAssumptions {
         keeps: "",
         free: "any message at any time",
         shows: &[],

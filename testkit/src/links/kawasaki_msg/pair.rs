@@ -9,7 +9,7 @@ use kawasaki_msg::robot::machine::{Cycle, Link, Order, Stage};
 
 use super::machines::{Pc, Robot};
 use super::step::executed;
-use super::world::{Act, Faults, Flags, InFlight, Reported, Setup, World};
+use super::world::{Act, Faults, Flags, InFlight, ReportedStart, Setup, World};
 use crate::model::{Edges, System};
 
 const NOW: Duration = Duration::ZERO;
@@ -177,11 +177,11 @@ impl System for Setup {
         // Over datagrams it costs no fault to be late.
         let spared = w.faults == self.faults.most && !self.datagrams();
         add(w.stage() == Some(Stage::Alarm) && spared, NO_ALARM);
-        let open = w.starts.last().is_some_and(|start| start.reported == Reported::Nothing);
+        let open = w.starts.last().is_some_and(|start| start.reported == ReportedStart::Nothing);
         add(open == (w.pc.order == pc::Order::Idle), ONE_OUTCOME);
     }
 
-    fn benign(&self, w: &World) -> Option<Act> {
+    fn fault_free_step(&self, w: &World) -> Option<Act> {
         let mut acts = Vec::new();
         self.acts(w, &mut acts);
         let alarm = w.stage() == Some(Stage::Alarm);

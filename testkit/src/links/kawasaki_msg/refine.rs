@@ -15,7 +15,7 @@ use kawasaki_msg::{
 use robot_work_queue::Reader;
 
 use super::machines::{self, packet};
-use super::world::{Act, Reported, Setup, TICK, Tag, World};
+use super::world::{Act, ReportedStart, Setup, TICK, Tag, World};
 use crate::model::{Refined, System};
 
 /// Walks every state and every transition of a pair with real sessions.
@@ -58,14 +58,14 @@ fn line(Tag { start, job }: Tag) -> Line {
 
 /// The jobs of a start, no more of them in an answer than the model has in a packet.
 #[derive(Debug)]
-struct Source {
+struct RefinedJobs {
     start: u8,
     jobs: u32,
     batch: usize,
     taken: Rc<RefCell<Vec<u32>>>,
 }
 
-impl JobSource for Source {
+impl JobSource for RefinedJobs {
     type Work = Line;
 
     fn job(&mut self, index: u32) -> Supply<Line> {
@@ -92,7 +92,7 @@ struct Ends<'a> {
     robot: LargeRobot<'static, Line>,
     /// The queue of a robot that was restarted.
     reader: Option<Reader<'static, Job<Line>>>,
-    pc: LargePc<Source>,
+    pc: LargePc<RefinedJobs>,
     taken: Rc<RefCell<Vec<u32>>>,
     /// The messages of each packet in flight.
     up: Vec<Vec<Vec<u8>>>,
@@ -134,7 +134,7 @@ impl<'a> Ends<'a> {
             Act::Start => {
                 let start = before.starts.len();
                 let (jobs, batch) = (self.setup.jobs, self.setup.batch as usize);
-                let source = Source { start: start as u8, jobs, batch, taken: self.taken.clone() };
+                let source = RefinedJobs { start: start as u8, jobs, batch, taken: self.taken.clone() };
                 self.pc.start(self.setup.starts[start], source).expect("the PC is idle");
             }
             Act::Interrupt => self.pc.interrupt().expect("there is an order"),
@@ -281,19 +281,20 @@ impl<'a> Ends<'a> {
                         self.pc.handle_connected(self.now);
                     }
                 }
-                PcEvent::OrderOver { .. } => reported = Some(Reported::Over { executed }),
+                PcEvent::OrderOver { .. } => reported = Some(ReportedStart::Over { executed }),
                 PcEvent::OutcomeUnknown { sent, .. } => {
-                    reported = Some(Reported::Unknown { executed, sent: sent as u8 });
+                    reported = Some(ReportedStart::Unknown { executed, sent: sent as u8 });
                 }
-                PcEvent::OrderRefused { given_up: true, .. } => reported = Some(Reported::GivenUp),
+                PcEvent::OrderRefused { given_up: true, .. } => reported = Some(ReportedStart::GivenUp),
                 PcEvent::Unexpected(_) => panic!("{event:?}: {path:?}"),
                 _ => {}
             }
         }
-        let open = before.starts.last().is_some_and(|start| start.reported == Reported::Nothing);
+        let open = before.starts.last().is_some_and(|start| start.reported == ReportedStart::Nothing);
         let expected = self.world.starts.last().map(|start| start.reported);
-        let expected =
-            expected.filter(|reported| open && !matches!(reported, Reported::Nothing | Reported::Abandoned));
+        let expected = expected.filter(|reported| {
+            open && !matches!(reported, ReportedStart::Nothing | ReportedStart::Abandoned)
+        });
         assert_eq!(reported, expected, "{path:?}");
         self.compare_robot(path);
         self.compare_pc(path);

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::machine::{Input, Machine, Order, Rest, Sent};
+use kawasaki_msg::pc::machine::{Input, Machine, Order, SentAnswer, UnsentJobs};
 use kawasaki_msg::robot::machine as robot;
 use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status};
 use robot_session::end::Machine as _;
@@ -43,16 +43,17 @@ impl Rows for Pc {
             }
             machine
         };
-        let nothing = Sent::default();
+        let nothing = SentAnswer::default();
         let listening = Machine::default();
         let idle = after(&listening, &[Input::Connected]);
         let starting = after(&idle, &[Input::Start { order: OURS }]);
-        let start_sent = hear(&starting, IDLE, Sent { request: true, ..nothing });
+        let start_sent = hear(&starting, IDLE, SentAnswer { request: true, ..nothing });
         let start_lost = after(&start_sent, &[Input::Disconnected]);
         let other = after(&start_sent, &[Input::Message(FromRobot::OrderAck { active: OURS + 1 })]);
         let cancelled = after(&start_sent, &[Input::Interrupt]);
         let taken = hear(&start_sent, FromRobot::OrderAck { active: OURS }, nothing);
-        let active = hear(&taken, FromRobot::Request { order: OURS, number: 1 }, Sent { jobs: 4, ..nothing });
+        let active =
+            hear(&taken, FromRobot::Request { order: OURS, number: 1 }, SentAnswer { jobs: 4, ..nothing });
         let ending = after(&active, &[Input::End]);
         let interrupted = after(&active, &[Input::Interrupt]);
         let mut executed = active.clone();
@@ -117,8 +118,8 @@ impl Rows for Pc {
             Input::End,
             Input::Interrupt,
             Input::Command,
-            Input::Sent(Sent { request: true, ..Sent::default() }),
-            Input::Sent(Sent { request: true, rest: Rest::End, ..Sent::default() }),
+            Input::Sent(SentAnswer { request: true, ..SentAnswer::default() }),
+            Input::Sent(SentAnswer { request: true, rest: UnsentJobs::End, ..SentAnswer::default() }),
             Input::Reported,
         ]);
         inputs
@@ -145,7 +146,7 @@ impl Rows for Pc {
             Input::Message(FromRobot::Status(Status { queued: None, .. })) => "",
             // Nothing is sent before it is due, and nothing reported that did not happen.
             Input::Sent(sent) => match machine.transmit(now, &Self::config()) {
-                Some(_) if sent.rest != Rest::End => "Sent",
+                Some(_) if sent.rest != UnsentJobs::End => "Sent",
                 Some(answer) if answer.last.is_some() => "Sent(end)",
                 _ => "",
             },
@@ -211,7 +212,7 @@ impl Rows for Robot {
             broken_off,
             alarm,
         ];
-        let sent = |state: &robot::Machine| after(state, &[On::Sent(robot::Sent::default())]);
+        let sent = |state: &robot::Machine| after(state, &[On::Sent(robot::SentPacket::default())]);
         let mut rows = Vec::new();
         for state in states {
             rows.push(state.clone());
@@ -256,7 +257,7 @@ impl Rows for Robot {
             On::Drained,
             On::ClearQueue,
             On::ResetOrder,
-            On::Sent(robot::Sent::default()),
+            On::Sent(robot::SentPacket::default()),
             On::Reported,
         ]);
         inputs

@@ -2,13 +2,13 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::machine::{self as pc, Outcome, Rest};
+use kawasaki_msg::pc::machine::{self as pc, Outcome, UnsentJobs};
 use kawasaki_msg::robot::machine::{self as robot, Cycle, Link, Order, RecoveryStep, Stage};
 use kawasaki_msg::{FromPc, FromRobot, Takeover};
 use robot_session::end::Machine as _;
 
 use super::machines::{Pc, Robot, packet};
-use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
+use super::world::{Act, InFlight, ReportedStart, SentMessage, Setup, Start, TICK, Tag, World};
 use crate::model::{Edges, age, drive};
 
 /// The ticks by which a datagram can be late.
@@ -33,26 +33,26 @@ impl Start {
     /// Returns whether all jobs that the PC has reported as executed were executed.
     pub(super) fn executed_is_true(&self) -> bool {
         match self.reported {
-            Reported::Over { executed } | Reported::Unknown { executed, .. } => {
+            ReportedStart::Over { executed } | ReportedStart::Unknown { executed, .. } => {
                 self.done & executed == executed
             }
-            Reported::Nothing | Reported::GivenUp | Reported::Abandoned => true,
+            ReportedStart::Nothing | ReportedStart::GivenUp | ReportedStart::Abandoned => true,
         }
     }
 
     /// Returns whether no job that the PC has reported as not executed was begun.
     pub(super) fn not_executed_is_true(&self) -> bool {
         match self.reported {
-            Reported::Over { executed } => self.begun & !executed == 0,
-            Reported::Unknown { sent, .. } => self.begun & !below(sent.into()) == 0,
-            Reported::GivenUp => self.begun == 0,
-            Reported::Nothing | Reported::Abandoned => true,
+            ReportedStart::Over { executed } => self.begun & !executed == 0,
+            ReportedStart::Unknown { sent, .. } => self.begun & !below(sent.into()) == 0,
+            ReportedStart::GivenUp => self.begun == 0,
+            ReportedStart::Nothing | ReportedStart::Abandoned => true,
         }
     }
 }
 
 impl World {
-    fn report(&mut self, reported: Reported) {
+    fn report(&mut self, reported: ReportedStart) {
         if let Some(start) = self.open_start() {
             start.reported = reported;
             start.disturbed = false;
@@ -61,7 +61,7 @@ impl World {
 
     /// Returns the start without an outcome yet.
     fn open_start(&mut self) -> Option<&mut Start> {
-        self.starts.last_mut().filter(|start| start.reported == Reported::Nothing)
+        self.starts.last_mut().filter(|start| start.reported == ReportedStart::Nothing)
     }
 
     /// Called when a user or a restart breaks the order off.
@@ -80,7 +80,7 @@ impl World {
             let is_left = self.queue.iter().chain(&self.executing).any(is_of)
                 || self.down.iter().flat_map(|packet| &packet.messages).any(|sent| is_of(&sent.tag));
             if !is_left && start.executed_is_true() && start.not_executed_is_true() {
-                *start = Start { reported: Reported::Abandoned, ..Start::default() };
+                *start = Start { reported: ReportedStart::Abandoned, ..Start::default() };
             }
         }
         if self.robot.queued == 0 {
@@ -155,9 +155,9 @@ impl Setup {
             };
             w.flags.broken_off |= !whole && w.open_start().is_some_and(|start| !start.disturbed);
             w.report(match outcome {
-                Outcome::Over { .. } => Reported::Over { executed },
-                Outcome::Unknown { sent, .. } => Reported::Unknown { executed, sent: sent as u8 },
-                Outcome::GivenUp { .. } => Reported::GivenUp,
+                Outcome::Over { .. } => ReportedStart::Over { executed },
+                Outcome::Unknown { sent, .. } => ReportedStart::Unknown { executed, sent: sent as u8 },
+                Outcome::GivenUp { .. } => ReportedStart::GivenUp,
             });
             // The PC's count no longer has an effect.
             w.pc.count = pc::Count::default();
@@ -172,7 +172,7 @@ impl Setup {
     }
 
     /// Returns the answer that the PC sends.
-    fn pc_answers(&self, w: &mut World, edges: &mut Edges<'_>) -> Vec<Sent> {
+    fn pc_answers(&self, w: &mut World, edges: &mut Edges<'_>) -> Vec<SentMessage> {
         let config = self.pc;
         let mut answer = w.pc.transmit(NOW, &config).expect("an answer is due");
         let is_done = answer.last.is_some_and(|index| index >= self.jobs);
@@ -181,17 +181,18 @@ impl Setup {
         }
         let pc::Answer { order, status, request, commands, jobs, .. } = answer;
         let start = w.starts.len().saturating_sub(1) as u8;
-        let push = |message, job| Sent { message: Some(message), tag: Tag { start, job } };
+        let push = |message, job| SentMessage { message: Some(message), tag: Tag { start, job } };
         let mut messages: Vec<_> =
             status.map(|_| FromPc::Status { order }).into_iter().chain(request).collect();
         messages.resize(messages.len() + usize::from(commands), FromPc::Filler);
         let mut messages: Vec<_> = messages.into_iter().map(|message| push(message, 0)).collect();
-        let rest = if is_done { Rest::End } else { Rest::Later };
-        let mut sent = pc::Sent { request: request.is_some(), commands, rest, ..pc::Sent::default() };
+        let rest = if is_done { UnsentJobs::End } else { UnsentJobs::Later };
+        let mut sent =
+            pc::SentAnswer { request: request.is_some(), commands, rest, ..pc::SentAnswer::default() };
         let (from, until) = jobs.unwrap_or_default();
         for index in from..until {
             if index >= self.jobs {
-                sent.rest = Rest::End;
+                sent.rest = UnsentJobs::End;
             }
             if index >= self.jobs || sent.jobs == self.batch {
                 break;
@@ -258,12 +259,12 @@ impl Setup {
         self.pc(w, pc::Input::ReadEnd { whole: true }, edges);
     }
 
-    fn robot_reads(&self, w: &mut World, messages: Vec<Sent>, edges: &mut Edges<'_>) {
+    fn robot_reads(&self, w: &mut World, messages: Vec<SentMessage>, edges: &mut Edges<'_>) {
         // Nobody listens for a datagram that comes late.
         if !w.robot.is_connected() {
             return;
         }
-        for Sent { message, tag } in messages {
+        for SentMessage { message, tag } in messages {
             if core::mem::replace(&mut w.robot_tail, message.is_none()) {
                 self.robot(w, robot::Input::Corrupt, edges);
             }
@@ -428,7 +429,7 @@ impl Setup {
             }
             Act::RestartPc => {
                 w.faults -= 1;
-                w.report(Reported::Abandoned);
+                w.report(ReportedStart::Abandoned);
                 (w.pc, w.before) = (Pc::default(), 0);
                 if self.datagrams() {
                     self.pc(w, pc::Input::Connected, edges);

@@ -61,7 +61,7 @@ pub struct Setup {
 
 /// A message to the robot. The tag exists only in the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Sent {
+pub struct SentMessage {
     /// The message; `None` if it is corrupt.
     pub message: Option<FromPc>,
     /// The start and the job of the message.
@@ -88,7 +88,7 @@ pub struct InFlight<M> {
 
 /// The result of a start that was reported to the PC's user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Reported {
+pub enum ReportedStart {
     /// Nothing yet.
     #[default]
     Nothing,
@@ -118,7 +118,7 @@ pub struct Start {
     /// The motion task has executed them.
     pub done: u8,
     /// The result that the PC reported.
-    pub reported: Reported,
+    pub reported: ReportedStart,
     /// A user or a restart has broken it off.
     pub disturbed: bool,
 }
@@ -137,7 +137,7 @@ pub struct World {
     /// The packets from the robot.
     pub up: Vec<InFlight<FromRobot>>,
     /// The packets to the robot.
-    pub down: Vec<InFlight<Sent>>,
+    pub down: Vec<InFlight<SentMessage>>,
     /// The bytes that the robot has read end with a corrupt message, which is noticed when the next one begins.
     pub robot_tail: bool,
     /// The same at the PC.

@@ -2,11 +2,11 @@
 
 use core::time::Duration;
 
-use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome};
+use laser_eb90::host::machine::{Action, Batch, DueFrame, HostLink, HostMachine, Input, Outcome};
 use laser_eb90::{Class, HostConfig, Refusal};
 
 use super::{CUT, SWITCH};
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms, WRITTEN};
+use crate::model::{Actor, Cause, CauseOf, EXPECTED, Peer, PeerAssumptions, WRITTEN};
 
 const TICK: Duration = Duration::from_millis(50);
 /// In ticks: a frame on the line, its pauses, the longest execution, how late an answer comes, and how late an error code.
@@ -25,16 +25,16 @@ const ONE_OUTCOME: &str = "one outcome for each frame, and one frame at a time";
 pub(super) const CLAIMED: &str = "done: its word has come since it was sent";
 
 const SHOWS: &[(&str, &str)] = &[("LE-45", ONE_OUTCOME), ("LE-67", WRITTEN)];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "LE-5, LE-25, LE-102, LE-103, times of LE-72",
     free: "when it takes a frame, what it refuses, whether it keeps a first half and answers each, what the line loses",
     shows: SHOWS,
     properties: &[DONE, REFUSED, ONCE, ECHOED, ONE_OUTCOME, EXPECTED],
 };
 /// The same of a host that sends a frame again if no answer comes.
-pub(super) const INSISTS: Terms =
-    Terms { properties: &[DONE, DONE_ONCE, REFUSED, ECHOED, ONE_OUTCOME, EXPECTED], ..RULES };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const INSISTS: PeerAssumptions =
+    PeerAssumptions { properties: &[DONE, DONE_ONCE, REFUSED, ECHOED, ONE_OUTCOME, EXPECTED], ..RULES };
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "any answer at any time",
     shows: SHOWS,
@@ -75,7 +75,7 @@ impl Times {
 
 /// The model's knowledge of the controller, the line and the frames.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// Frames on the line and in the controller, the oldest first.
     frames: Vec<Frame>,
     /// Answers, and the ticks before which they come or are lost.
@@ -84,7 +84,7 @@ pub struct Known {
     job: Option<Job>,
     /// The ticks until its last byte has left at the latest, if its driver reports that.
     leaves: Option<u8>,
-    before: Before,
+    before: PreviousFrame,
     wrong: Option<&'static str>,
 }
 
@@ -99,7 +99,7 @@ struct Job {
 
 /// The frame before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-struct Before {
+struct PreviousFrame {
     /// Whether it was reported as refused, or as done after each of its transmissions was answered.
     refused: bool,
     answered: bool,
@@ -142,7 +142,7 @@ pub enum Answer {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// The caller submits an instruction.
     Submit(Class),
     /// The caller continues.
@@ -198,7 +198,7 @@ impl AnyController {
         Self { config, keeps_rules, drops, reports: false, real: Times::ASSUMED }
     }
 
-    fn hear(&self, known: &mut Known, answer: Answer) -> Input {
+    fn apply(&self, known: &mut Knowledge, answer: Answer) -> Input {
         match answer {
             Answer::Echo(class) => {
                 if let Some(job) = &mut known.job {
@@ -214,7 +214,7 @@ impl AnyController {
         }
     }
 
-    fn report(&self, known: &mut Known, _: Batch, outcome: Outcome) {
+    fn report(&self, known: &mut Knowledge, _: Batch, outcome: Outcome) {
         let Some(Job { executed, has_come, .. }) = known.job.take() else {
             known.wrong = Some(ONE_OUTCOME);
             return;
@@ -229,14 +229,14 @@ impl AnyController {
             Outcome::Refused(_) | Outcome::Unknown(_) if has_come => known.wrong = Some(ECHOED),
             Outcome::Refused(_) | Outcome::Unknown(_) => {}
         }
-        known.leave(Before { refused, answered, executed });
+        known.leave(PreviousFrame { refused, answered, executed });
     }
 }
 
 impl Peer for AnyController {
     type End = HostMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -248,77 +248,77 @@ impl Peer for AnyController {
         HostMachine::NEW
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             frames: Vec::new(),
             answers: Vec::new(),
             job: None,
             leaves: None,
-            before: Before::default(),
+            before: PreviousFrame::default(),
             wrong: None,
         }
     }
 
-    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &HostMachine, known: &Knowledge, steps: &mut Vec<Step>) {
         if matches!(end.link, HostLink::Held { .. }) {
-            words.push(Word::Resume);
+            steps.push(Step::Resume);
         }
         let is_connected = !matches!(end.link, HostLink::Disconnected { .. });
-        words.extend(known.leaves.map(|_| Word::Transmitted));
+        steps.extend(known.leaves.map(|_| Step::Transmitted));
         if is_connected && !known.answers.is_empty() && known.leaves.is_none() {
-            words.extend([Word::Read { corrupt: false }, Word::Read { corrupt: true }]);
+            steps.extend([Step::Read { corrupt: false }, Step::Read { corrupt: true }]);
         }
         if !known.answers.is_empty() {
-            words.push(Word::Lose);
+            steps.push(Step::Lose);
         }
         for (at, frame) in known.frames.iter().enumerate() {
             match frame.stage {
-                Stage::Executing => words.extend([Word::Finish(at, true), Word::Finish(at, false)]),
+                Stage::Executing => steps.extend([Step::Finish(at, true), Step::Finish(at, false)]),
                 Stage::Coming | Stage::Half => {
-                    words.push(Word::Take(at));
-                    words.extend(REFUSALS.map(|refusal| Word::Refuse(at, refusal)));
-                    words.extend((frame.stage == Stage::Coming).then_some(Word::Half(at)));
+                    steps.push(Step::Take(at));
+                    steps.extend(REFUSALS.map(|refusal| Step::Refuse(at, refusal)));
+                    steps.extend((frame.stage == Stage::Coming).then_some(Step::Half(at)));
                 }
-                Stage::Rest => words.push(Word::Refuse(at, Refusal::BadFrame)),
+                Stage::Rest => steps.push(Step::Refuse(at, Refusal::BadFrame)),
             }
         }
         if end.next.is_none() && known.job.is_none() {
-            words.extend([Word::Submit(Class::Interpreted), Word::Submit(Class::Immediate)]);
+            steps.extend([Step::Submit(Class::Interpreted), Step::Submit(Class::Immediate)]);
         }
         if !self.keeps_rules && is_connected {
             let classes = [Class::Interpreted, Class::Immediate].map(Answer::Echo);
             let errors = REFUSALS.map(Answer::Error);
-            words.extend(classes.into_iter().chain(errors).chain([Answer::Corrupt]).map(Word::Say));
+            steps.extend(classes.into_iter().chain(errors).chain([Answer::Corrupt]).map(Step::Say));
         }
     }
 
-    fn by(&self, word: Word) -> By {
+    fn by(&self, word: Step) -> Actor {
         match word {
-            Word::Submit(_) | Word::Resume | Word::Transmitted => By::User,
-            Word::Read { .. } | Word::Say(_) => By::Line,
-            Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => By::Others,
+            Step::Submit(_) | Step::Resume | Step::Transmitted => Actor::User,
+            Step::Read { .. } | Step::Say(_) => Actor::Line,
+            Step::Lose | Step::Take(_) | Step::Finish(..) | Step::Refuse(..) | Step::Half(_) => Actor::Others,
         }
     }
 
-    fn hear(&self, _: &HostMachine, known: &mut Known, said: Word) -> Option<Input> {
+    fn apply(&self, _: &HostMachine, known: &mut Knowledge, said: Step) -> Option<Input> {
         match said {
-            Word::Submit(class) => return Some(Input::Submit { ticket: 0, word: word(class), class }),
-            Word::Resume => return Some(Input::Resume),
-            Word::Transmitted => {
+            Step::Submit(class) => return Some(Input::Submit { ticket: 0, word: word(class), class }),
+            Step::Resume => return Some(Input::Resume),
+            Step::Transmitted => {
                 known.leaves = None;
                 let is_coming = |frame: &&mut Frame| !frame.is_old && frame.stage != Stage::Executing;
                 known.frames.iter_mut().filter(is_coming).for_each(|frame| frame.left = 0);
                 return Some(Input::Transmitted);
             }
-            Word::Read { corrupt } => {
+            Step::Read { corrupt } => {
                 let (answer, _) = known.answers.remove(0);
-                return Some(self.hear(known, if corrupt { Answer::Corrupt } else { answer }));
+                return Some(self.apply(known, if corrupt { Answer::Corrupt } else { answer }));
             }
-            Word::Lose => {
+            Step::Lose => {
                 known.answers.remove(0);
             }
-            Word::Say(answer) => return Some(self.hear(known, answer)),
-            Word::Take(at) => {
+            Step::Say(answer) => return Some(self.apply(known, answer)),
+            Step::Take(at) => {
                 let frame = known.frames[at];
                 if known.execute(frame) && !self.config.resend_on_silence {
                     known.wrong = Some(ONCE);
@@ -330,17 +330,17 @@ impl Peer for AnyController {
                     known.frames[at] = Frame { stage: Stage::Executing, left: self.real.execution, ..frame };
                 }
             }
-            Word::Finish(at, good) => {
+            Step::Finish(at, good) => {
                 let frame = known.frames.remove(at);
                 let failed = Answer::Error(Refusal::BadParameters);
                 known.answers.push((if good { Answer::Echo(frame.class) } else { failed }, self.real.settle));
             }
-            Word::Refuse(at, refusal) => {
+            Step::Refuse(at, refusal) => {
                 let frame = known.frames.remove(at);
                 let left = if frame.stage == Stage::Rest { self.real.settle } else { self.real.reply };
                 known.answers.push((Answer::Error(refusal), left));
             }
-            Word::Half(at) => {
+            Step::Half(at) => {
                 known.frames[at].stage = if self.drops { Stage::Rest } else { Stage::Half };
                 known.answers.push((Answer::Error(Refusal::BadFrame), self.real.reply));
             }
@@ -348,13 +348,13 @@ impl Peer for AnyController {
         None
     }
 
-    fn sent(&self, _: &Due) -> Input {
+    fn sent(&self, _: &DueFrame) -> Input {
         Input::Sent { line: TICK * u32::from(LINE) }
     }
 
-    fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, end: &HostMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         if let (Cause::Sent(due), HostLink::Awaiting(sent)) = (cause, end.link) {
-            if due == Due::Next {
+            if due == DueFrame::Next {
                 if known.job.is_some() {
                     known.wrong = Some(ONE_OUTCOME);
                 }
@@ -377,7 +377,7 @@ impl Peer for AnyController {
     }
 
     /// Drops frames and answers that have not arrived in time.
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         known.frames.retain(|frame| frame.left > 0);
         // An answer waits in the port until its frame is reported as sent.
         known.answers.retain(|(_, left)| *left > 1 || known.leaves.is_some());
@@ -386,37 +386,37 @@ impl Peer for AnyController {
         known.leaves.iter_mut().for_each(|left| *left -= 1);
     }
 
-    fn restarted(&self, known: &mut Known) {
+    fn restarted(&self, known: &mut Knowledge) {
         let is_coming = |frame: &&mut Frame| matches!(frame.stage, Stage::Coming | Stage::Half);
         // It is a frame of an earlier host from now on.
         for frame in known.frames.iter_mut().filter(|frame| !frame.is_old).filter(is_coming) {
             frame.left = (frame.left + self.real.earlier).saturating_sub(LINE);
         }
         if let Some(job) = known.job.take() {
-            known.leave(Before { executed: job.executed, ..Before::default() });
+            known.leave(PreviousFrame { executed: job.executed, ..PreviousFrame::default() });
         }
     }
 
-    fn broken(&self, _: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &HostMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 
-    fn is_urgent(&self, _: &HostMachine, known: &Known) -> bool {
+    fn is_urgent(&self, _: &HostMachine, known: &Knowledge) -> bool {
         known.leaves == Some(0)
     }
 
     /// Each frame has an outcome in the end, whatever the controller does.
-    fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
+    fn is_over(&self, end: &HostMachine, known: &Knowledge) -> bool {
         known.job.is_none() && end.next.is_none()
     }
 
-    fn benign(&self, end: &HostMachine, known: &Known) -> Option<Word> {
-        let resume = matches!(end.link, HostLink::Held { .. }).then_some(Word::Resume);
-        resume.or(known.leaves.map(|_| Word::Transmitted))
+    fn fault_free_step(&self, end: &HostMachine, known: &Knowledge) -> Option<Step> {
+        let resume = matches!(end.link, HostLink::Held { .. }).then_some(Step::Resume);
+        resume.or(known.leaves.map(|_| Step::Transmitted))
     }
 }
 
-impl Known {
+impl Knowledge {
     /// Returns whether the frame was executed before.
     fn execute(&mut self, frame: Frame) -> bool {
         let executed = match &mut self.job {
@@ -435,7 +435,7 @@ impl Known {
     }
 
     /// Called when the frame has its outcome.
-    fn leave(&mut self, before: Before) {
+    fn leave(&mut self, before: PreviousFrame) {
         if before.refused && before.executed > 0 {
             self.wrong = Some(REFUSED);
         }

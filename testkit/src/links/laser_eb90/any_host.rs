@@ -2,14 +2,14 @@
 
 use core::time::Duration;
 
-use laser_eb90::controller::machine::{Action, Answer, ControllerMachine, Fault, Input, Receiving, Work};
+use laser_eb90::controller::machine::{Action, Answer, ControllerMachine, Fault, Input, LineState, Work};
 use laser_eb90::{ControllerConfig, Refusal};
 use robot_session::end::Machine as _;
 
 use super::pieces::Piece::{Bad, Begun, FalseHead, Inner, Middle, Noise, Rest, Whole};
-use super::pieces::{EMPTY_HEAD, Held, INNER_FRAME, PIECES, Piece, SHAPES, Verdict, spell};
+use super::pieces::{DecoderContents, EMPTY_HEAD, INNER_FRAME, PIECES, Piece, SHAPES, Verdict, spell};
 use super::{CUT, SWITCH};
-use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms, WRITTEN};
+use crate::model::{Actor, Cause, CauseOf, EXPECTED, Peer, PeerAssumptions, WRITTEN};
 
 pub(super) const ONE_ANSWER: &str = "one answer at most to each transmission";
 pub(super) const ONCE: &str = "executed once, however often it is sent";
@@ -19,14 +19,18 @@ pub(super) const WHOLE: &str = "echoed: all of it is executed";
 pub(super) const INNER: &str = "nothing is executed out of the middle of corrupt bytes";
 const ASKED: &str = "nothing is sent before bytes have come";
 
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "LE-45, LE-67, a frame again for each error code",
     free: "when it sends and reads, where its port pauses and for how long, one fault of the line in each transmission",
     shows: &[("LE-5", ONE_ANSWER), ("LE-25", WRITTEN), ("LE-102", DONE), ("LE-103", WRITTEN)],
     properties: &[ONE_ANSWER, ONCE, HEARD, DONE, WHOLE, INNER, EXPECTED],
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "any bytes at any time", shows: &[], properties: &[INNER, ASKED, EXPECTED] };
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
+    keeps: "",
+    free: "any bytes at any time",
+    shows: &[],
+    properties: &[INNER, ASKED, EXPECTED],
+};
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -41,11 +45,11 @@ pub struct AnyHost {
 
 /// The model's knowledge of the host, its line and its frame.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// The contents of the controller's decoder.
-    pub(super) held: Held,
+    pub(super) held: DecoderContents,
     /// The decoder's results that the controller has not read.
-    found: Vec<Found>,
+    found: Vec<DecoderResult>,
     /// The controller reads.
     reading: bool,
     /// Bytes have come, and nothing was sent since.
@@ -73,7 +77,7 @@ enum Host {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Found {
+enum DecoderResult {
     Frame(Verdict),
     /// A frame out of the middle of another one.
     Inner,
@@ -86,7 +90,7 @@ enum Found {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// The host writes one of the transmissions to its port.
     Transmit(usize),
     /// The next of its pieces arrives.
@@ -103,8 +107,8 @@ pub enum Word {
 
 impl Peer for AnyHost {
     type End = ControllerMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = Duration::from_millis(25);
 
@@ -116,9 +120,9 @@ impl Peer for AnyHost {
         ControllerMachine::NEW
     }
 
-    fn known(&self) -> Known {
-        Known {
-            held: Held::Nothing,
+    fn known(&self) -> Knowledge {
+        Knowledge {
+            held: DecoderContents::Nothing,
             found: Vec::new(),
             reading: false,
             has_come: false,
@@ -131,38 +135,38 @@ impl Peer for AnyHost {
         }
     }
 
-    fn words(&self, end: &ControllerMachine, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &ControllerMachine, known: &Knowledge, steps: &mut Vec<Step>) {
         if !end.reads() {
-            words.push(Word::Executed(true));
+            steps.push(Step::Executed(true));
         }
         if !self.keeps_rules {
             if !end.reads() {
-                words.push(Word::Executed(false));
+                steps.push(Step::Executed(false));
             }
             if end.is_connected() && known.found.len() < 2 {
                 let fits = |piece: &Piece| known.held.goes_on_with(*piece);
-                words.extend(PIECES.iter().copied().filter(fits).map(Word::Piece));
+                steps.extend(PIECES.iter().copied().filter(fits).map(Step::Piece));
             }
             return;
         }
         if end.is_connected() && !known.port.is_empty() {
-            words.push(Word::Arrive);
+            steps.push(Step::Arrive);
         }
         if known.answer.is_some() {
-            words.push(Word::Read);
+            steps.push(Step::Read);
         }
         match known.host {
-            Host::Fresh | Host::Again => words.extend((0..SHAPES.len()).map(Word::Transmit)),
-            Host::Waits { is_answered: false, .. } if known.is_quiet(end) => words.push(Word::GiveUp),
+            Host::Fresh | Host::Again => steps.extend((0..SHAPES.len()).map(Step::Transmit)),
+            Host::Waits { is_answered: false, .. } if known.is_quiet(end) => steps.push(Step::GiveUp),
             Host::Waits { .. } => {}
         }
     }
 
-    fn by(&self, word: Word) -> By {
+    fn by(&self, word: Step) -> Actor {
         match word {
-            Word::Arrive | Word::Piece(_) => By::Line,
-            Word::Executed(_) => By::User,
-            Word::Transmit(_) | Word::Read | Word::GiveUp => By::Others,
+            Step::Arrive | Step::Piece(_) => Actor::Line,
+            Step::Executed(_) => Actor::User,
+            Step::Transmit(_) | Step::Read | Step::GiveUp => Actor::Others,
         }
     }
 
@@ -171,20 +175,20 @@ impl Peer for AnyHost {
         true
     }
 
-    fn hear(&self, _: &ControllerMachine, known: &mut Known, word: Word) -> Option<Input> {
+    fn apply(&self, _: &ControllerMachine, known: &mut Knowledge, word: Step) -> Option<Input> {
         match word {
-            Word::Transmit(shape) => {
+            Step::Transmit(shape) => {
                 let (pieces, must) = SHAPES[shape];
                 known.port.extend(pieces);
                 known.host = Host::Waits { is_answered: false, must };
                 None
             }
-            Word::Arrive => {
+            Step::Arrive => {
                 let piece = known.port.remove(0);
-                Some(known.hear(piece))
+                Some(known.receive(piece))
             }
-            Word::Piece(piece) => Some(known.hear(piece)),
-            Word::Read => {
+            Step::Piece(piece) => Some(known.receive(piece)),
+            Step::Read => {
                 match known.answer.take() {
                     Some(Answer::Error(_)) => known.host = Host::Again,
                     _ => {
@@ -199,45 +203,49 @@ impl Peer for AnyHost {
                 }
                 None
             }
-            Word::GiveUp => {
+            Step::GiveUp => {
                 known.begin();
                 None
             }
-            Word::Executed(good) => {
+            Step::Executed(good) => {
                 known.reading = true;
                 Some(Input::Executed(if good { Ok(()) } else { Err(Refusal::BadParameters) }))
             }
         }
     }
 
-    fn cut(&self, known: &mut Known) {
-        let begun = matches!(known.held, Held::Begun(_));
+    fn cut(&self, known: &mut Knowledge) {
+        let begun = matches!(known.held, DecoderContents::Begun(_));
         known.give_up(Refusal::BadFrame, begun);
     }
 
-    fn next(&self, end: &ControllerMachine, known: &mut Known) -> Option<Input> {
+    fn next(&self, end: &ControllerMachine, known: &mut Knowledge) -> Option<Input> {
         if !known.found.is_empty() && end.reads() {
             return Some(match known.found.remove(0) {
-                Found::Corrupt { refusal, bytes, begun } => Input::Corrupt { refusal, bytes, begun },
-                Found::Frame(_) | Found::Inner if !end.trusts(&self.config) => Input::Untrusted,
-                Found::Frame(Verdict::Full) => Input::Refused(Refusal::QueueFull),
-                Found::Frame(Verdict::Mixed) if self.refuses_mixed => Input::Refused(Refusal::BadBatch),
-                Found::Frame(Verdict::Queued) => {
+                DecoderResult::Corrupt { refusal, bytes, begun } => Input::Corrupt { refusal, bytes, begun },
+                DecoderResult::Frame(_) | DecoderResult::Inner if !end.trusts(&self.config) => {
+                    Input::Untrusted
+                }
+                DecoderResult::Frame(Verdict::Full) => Input::Refused(Refusal::QueueFull),
+                DecoderResult::Frame(Verdict::Mixed) if self.refuses_mixed => {
+                    Input::Refused(Refusal::BadBatch)
+                }
+                DecoderResult::Frame(Verdict::Queued) => {
                     known.execute();
                     Input::Queued { word: CUT }
                 }
-                Found::Frame(verdict @ (Verdict::Immediate | Verdict::Mixed)) => {
+                DecoderResult::Frame(verdict @ (Verdict::Immediate | Verdict::Mixed)) => {
                     known.execute();
                     known.swallowed |= verdict == Verdict::Mixed;
                     Input::Immediate { word: SWITCH }
                 }
-                Found::Inner => {
+                DecoderResult::Inner => {
                     known.wrong = Some(INNER);
                     Input::Queued { word: CUT }
                 }
             });
         }
-        let partial = known.held != Held::Nothing || !known.found.is_empty();
+        let partial = known.held != DecoderContents::Nothing || !known.found.is_empty();
         core::mem::take(&mut known.reading).then_some(Input::Read { partial })
     }
 
@@ -245,7 +253,7 @@ impl Peer for AnyHost {
         Input::Sent
     }
 
-    fn acted(&self, _: &ControllerMachine, known: &mut Known, cause: CauseOf<Self>, _: Action) {
+    fn acted(&self, _: &ControllerMachine, known: &mut Knowledge, cause: CauseOf<Self>, _: Action) {
         match cause {
             Cause::Connected | Cause::Disconnected => self.restarted(known),
             Cause::Sent(answer) => {
@@ -261,16 +269,16 @@ impl Peer for AnyHost {
                 }
                 known.answer = Some(answer);
             }
-            Cause::Due | Cause::Word(_) => {}
+            Cause::Due | Cause::Step(_) => {}
         }
     }
 
-    fn restarted(&self, known: &mut Known) {
-        (known.held, known.reading) = (Held::Nothing, false);
+    fn restarted(&self, known: &mut Knowledge) {
+        (known.held, known.reading) = (DecoderContents::Nothing, false);
         known.found.clear();
     }
 
-    fn broken(&self, end: &ControllerMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, end: &ControllerMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
         if known.executed > 1 && self.keeps_rules {
             broken.push(ONCE);
@@ -281,27 +289,27 @@ impl Peer for AnyHost {
         }
     }
 
-    fn is_over(&self, _: &ControllerMachine, known: &Known) -> bool {
+    fn is_over(&self, _: &ControllerMachine, known: &Knowledge) -> bool {
         known.host == Host::Fresh
     }
 
-    fn benign(&self, end: &ControllerMachine, known: &Known) -> Option<Word> {
-        let mut words = Vec::new();
-        self.words(end, known, &mut words);
-        words.first().copied()
+    fn fault_free_step(&self, end: &ControllerMachine, known: &Knowledge) -> Option<Step> {
+        let mut steps = Vec::new();
+        self.steps(end, known, &mut steps);
+        steps.first().copied()
     }
 }
 
-impl Known {
+impl Knowledge {
     /// Called when bytes come; returns the input.
-    fn hear(&mut self, piece: Piece) -> Input {
+    fn receive(&mut self, piece: Piece) -> Input {
         (self.reading, self.has_come) = (true, true);
         let bytes = spell(piece, self.held).len() as u8;
         let held = self.held;
         match piece {
             Whole(verdict) => {
                 self.meet();
-                self.found.push(Found::Frame(verdict));
+                self.found.push(DecoderResult::Frame(verdict));
             }
             Bad => {
                 self.meet();
@@ -311,28 +319,28 @@ impl Known {
                 if !headless {
                     self.meet();
                 }
-                let begun = !headless || matches!(held, Held::Begun(_));
+                let begun = !headless || matches!(held, DecoderContents::Begun(_));
                 let refusal = if begun { Refusal::BadChecksum } else { Refusal::BadFrame };
-                let before = core::mem::replace(&mut self.held, Held::Nothing).bytes();
+                let before = core::mem::replace(&mut self.held, DecoderContents::Nothing).bytes();
                 self.corrupt(refusal, before + bytes - INNER_FRAME, begun);
-                self.found.push(Found::Inner);
+                self.found.push(DecoderResult::Inner);
             }
             Begun(_) => {
                 self.meet();
-                self.held = Held::Begun(bytes);
+                self.held = DecoderContents::Begun(bytes);
             }
-            Rest { .. } | FalseHead if matches!(held, Held::Begun(_)) => {
-                self.held = Held::Nothing;
-                self.found.push(Found::Frame(Verdict::Queued));
+            Rest { .. } | FalseHead if matches!(held, DecoderContents::Begun(_)) => {
+                self.held = DecoderContents::Nothing;
+                self.found.push(DecoderResult::Frame(Verdict::Queued));
             }
             FalseHead => {
                 self.corrupt(Refusal::BadFrame, held.bytes() + bytes - EMPTY_HEAD, false);
-                self.held = Held::Begun(EMPTY_HEAD);
+                self.held = DecoderContents::Begun(EMPTY_HEAD);
             }
             // Its first byte is not a tag.
-            Noise { .. } if matches!(held, Held::Begun(_)) => {
+            Noise { .. } if matches!(held, DecoderContents::Begun(_)) => {
                 self.corrupt(Refusal::BadFrame, held.bytes() + 1, false);
-                self.held = Held::Headless(bytes - 1);
+                self.held = DecoderContents::Headless(bytes - 1);
             }
             Middle { .. } | Noise { .. } | Rest { .. } => self.held = held.and(bytes),
         }
@@ -342,24 +350,24 @@ impl Known {
     /// A head comes after the held bytes: it is a tail and a check of a frame that has begun, or no tag of it.
     fn meet(&mut self) {
         match self.held {
-            Held::Nothing | Held::Headless(_) | Held::Begun(EMPTY_HEAD) => {
+            DecoderContents::Nothing | DecoderContents::Headless(_) | DecoderContents::Begun(EMPTY_HEAD) => {
                 self.give_up(Refusal::BadFrame, false)
             }
-            Held::Begun(_) => self.give_up(Refusal::BadChecksum, true),
+            DecoderContents::Begun(_) => self.give_up(Refusal::BadChecksum, true),
         }
     }
 
     /// Reports the decoder's bytes as corrupt.
     fn give_up(&mut self, refusal: Refusal, begun: bool) {
-        let held = core::mem::replace(&mut self.held, Held::Nothing);
-        if held != Held::Nothing {
+        let held = core::mem::replace(&mut self.held, DecoderContents::Nothing);
+        if held != DecoderContents::Nothing {
             self.corrupt(refusal, held.bytes(), begun);
         }
     }
 
     fn corrupt(&mut self, refusal: Refusal, bytes: u8, begun: bool) {
-        let bytes = bytes.min(Fault::ENOUGH);
-        self.found.push(Found::Corrupt { refusal, bytes, begun });
+        let bytes = bytes.min(Fault::MIN_BYTES);
+        self.found.push(DecoderResult::Corrupt { refusal, bytes, begun });
     }
 
     /// The host has another frame.
@@ -373,6 +381,6 @@ impl Known {
 
     /// Returns whether the sent messages can have no further effect.
     fn is_quiet(&self, end: &ControllerMachine) -> bool {
-        self.port.is_empty() && end.line == Receiving::Silent && matches!(end.work, Work::Listening { .. })
+        self.port.is_empty() && end.line == LineState::Silent && matches!(end.work, Work::Listening { .. })
     }
 }

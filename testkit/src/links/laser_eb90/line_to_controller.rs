@@ -8,7 +8,7 @@ use laser_eb90::controller::machine::{Action, Answer};
 use laser_eb90::{Controller, ControllerConfig, ControllerEvent, Instruction, Refusal};
 use robot_work_queue::{Reader, Wake, boxed_with};
 
-use super::any_host::{AnyHost, Known, Word};
+use super::any_host::{AnyHost, Knowledge, Step};
 use super::pieces::{BATCH, FEW, HEAD, MANY, Piece, frame, instruction, spell};
 use super::{CUT, SWITCH};
 use crate::faults::Faults;
@@ -16,9 +16,9 @@ use crate::model::{SceneOf, Wired};
 
 /// Any instruction: each is queued.
 #[derive(Debug)]
-pub struct Any;
+pub struct AnyInstruction;
 
-impl TryFrom<Instruction<'_>> for Any {
+impl TryFrom<Instruction<'_>> for AnyInstruction {
     type Error = ();
 
     fn try_from(_: Instruction<'_>) -> Result<Self, ()> {
@@ -28,7 +28,7 @@ impl TryFrom<Instruction<'_>> for Any {
 
 /// A motion task that executes each job at once.
 #[derive(Debug, Clone, Default)]
-pub struct Prompt(Rc<RefCell<Option<Reader<'static, Any>>>>);
+pub struct Prompt(Rc<RefCell<Option<Reader<'static, AnyInstruction>>>>);
 
 impl Wake for Prompt {
     fn wake(&self) {
@@ -40,7 +40,7 @@ impl Wake for Prompt {
 }
 
 impl Wired for AnyHost {
-    type Session = Controller<'static, Any, Prompt>;
+    type Session = Controller<'static, AnyInstruction, Prompt>;
 
     /// The faults of the line are words.
     const FAULTS: Faults = Faults { split: 0.3, ..Faults::NONE };
@@ -53,28 +53,28 @@ impl Wired for AnyHost {
         Controller::new(self.config, writer).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, word: Word, session: &mut Self::Session, now: Duration) -> Vec<u8> {
+    fn speak(&self, known: &Knowledge, word: Step, session: &mut Self::Session, now: Duration) -> Vec<u8> {
         match word {
-            Word::Piece(piece) => return spell(piece, known.held),
-            Word::Arrive => return known.port.first().map_or(Vec::new(), |piece| spell(*piece, known.held)),
-            Word::Executed(true) => session.answer(now, |_| Ok(())).expect("it is executed"),
-            Word::Executed(false) => {
+            Step::Piece(piece) => return spell(piece, known.held),
+            Step::Arrive => return known.port.first().map_or(Vec::new(), |piece| spell(*piece, known.held)),
+            Step::Executed(true) => session.answer(now, |_| Ok(())).expect("it is executed"),
+            Step::Executed(false) => {
                 session.refuse(now, Refusal::BadParameters).expect("it is executed");
             }
-            Word::Transmit(_) | Word::Read | Word::GiveUp => {}
+            Step::Transmit(_) | Step::Read | Step::GiveUp => {}
         }
         Vec::new()
     }
 
     /// The connection breaks within a piece.
-    fn lost(&self, _: &Known, _: Word) -> Vec<Vec<Word>> {
+    fn lost(&self, _: &Knowledge, _: Step) -> Vec<Vec<Step>> {
         let strings: [&[Piece]; 6] =
             [&[], &[FEW], &[HEAD], &[MANY, HEAD], &[Piece::Bad, HEAD], &[FEW, Piece::Bad, HEAD]];
-        strings.map(|pieces| pieces.iter().copied().map(Word::Piece).collect()).into()
+        strings.map(|pieces| pieces.iter().copied().map(Step::Piece).collect()).into()
     }
 
     /// Not beyond the silence.
-    fn may_pause(&self, _: Word) -> bool {
+    fn may_pause(&self, _: Step) -> bool {
         false
     }
 

@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
-use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Outcome};
+use laser_eb90::host::machine::{Action, Batch, DueFrame, HostLink, HostMachine, Outcome};
 use laser_eb90::robot_session::{Encode as _, Session as _};
 use laser_eb90::{Frame as Message, Host, HostEvent, Payload, Profile};
 
 use super::CUT;
-use super::any_controller::{Answer, AnyController, Known, Word, word};
+use super::any_controller::{Answer, AnyController, Knowledge, Step, word};
 use crate::faults::Faults;
 use crate::model::{SceneOf, Wired};
 
@@ -31,26 +31,26 @@ impl Wired for AnyController {
         Host::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, said: Word, session: &mut Host, now: Duration) -> Vec<u8> {
+    fn speak(&self, known: &Knowledge, said: Step, session: &mut Host, now: Duration) -> Vec<u8> {
         let answered = match said {
-            Word::Submit(class) => {
+            Step::Submit(class) => {
                 session.submit(word(class), |payload| payload.u8(&VALUES).map(drop)).expect("it has room");
                 return Vec::new();
             }
-            Word::Resume => {
+            Step::Resume => {
                 session.resume();
                 return Vec::new();
             }
-            Word::Transmitted => {
+            Step::Transmitted => {
                 session.handle_transmitted(now);
                 return Vec::new();
             }
-            Word::Read { corrupt: false } => {
+            Step::Read { corrupt: false } => {
                 known.answers.first().map_or(Answer::Corrupt, |(answer, _)| *answer)
             }
-            Word::Read { corrupt: true } => Answer::Corrupt,
-            Word::Say(answer) => answer,
-            Word::Lose | Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => {
+            Step::Read { corrupt: true } => Answer::Corrupt,
+            Step::Say(answer) => answer,
+            Step::Lose | Step::Take(_) | Step::Finish(..) | Step::Refuse(..) | Step::Half(_) => {
                 return Vec::new();
             }
         };
@@ -67,15 +67,15 @@ impl Wired for AnyController {
     }
 
     /// Returns whether an answer may pause: the host does not accept an answer that began before its frame was sent.
-    fn may_pause(&self, _: Word) -> bool {
+    fn may_pause(&self, _: Step) -> bool {
         false
     }
 
-    fn is_written(&self, scene: &SceneOf<Self>, due: &Due, bytes: &[u8]) -> bool {
+    fn is_written(&self, scene: &SceneOf<Self>, due: &DueFrame, bytes: &[u8]) -> bool {
         let batch = match (due, scene.end.link) {
-            (Due::Next, _) => scene.end.next,
-            (Due::Again, HostLink::Resending { batch, .. }) => Some(batch),
-            (Due::Again, _) => None,
+            (DueFrame::Next, _) => scene.end.next,
+            (DueFrame::Again, HostLink::Resending { batch, .. }) => Some(batch),
+            (DueFrame::Again, _) => None,
         };
         let frame =
             |batch: Batch| message(|payload| _ = payload.word(batch.word).and_then(|it| it.u8(&VALUES)));
@@ -105,15 +105,15 @@ impl Wired for AnyController {
         })
     }
 
-    fn lost(&self, _: &Known, said: Word) -> Vec<Vec<Word>> {
+    fn lost(&self, _: &Knowledge, said: Step) -> Vec<Vec<Step>> {
         match said {
-            Word::Read { .. } => vec![vec![Word::Read { corrupt: true }], vec![Word::Lose]],
-            _ => vec![vec![Word::Say(Answer::Corrupt)], Vec::new()],
+            Step::Read { .. } => vec![vec![Step::Read { corrupt: true }], vec![Step::Lose]],
+            _ => vec![vec![Step::Say(Answer::Corrupt)], Vec::new()],
         }
     }
 
-    fn given_up(&self) -> Option<Word> {
-        Some(Word::Say(Answer::Corrupt))
+    fn given_up(&self) -> Option<Step> {
+        Some(Step::Say(Answer::Corrupt))
     }
 
     /// Instructions have numbers.

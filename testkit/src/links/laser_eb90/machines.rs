@@ -1,9 +1,9 @@
 use laser_eb90::controller::machine::{self as controller, Answer, ControllerMachine};
 use laser_eb90::host::machine::{self as host, HostMachine};
 
-use crate::model::Drawn;
+use crate::model::DrawnMachine;
 
-impl Drawn for HostMachine {
+impl DrawnMachine for HostMachine {
     fn action_name(action: &Self::Action) -> String {
         match action {
             host::Action::Nothing => String::new(),
@@ -18,7 +18,7 @@ impl Drawn for HostMachine {
     }
 }
 
-impl Drawn for ControllerMachine {
+impl DrawnMachine for ControllerMachine {
     fn action_name(action: &Self::Action) -> String {
         match action {
             controller::Action::Nothing => String::new(),

@@ -8,7 +8,7 @@ use robot_session::{Encode as _, Session as _};
 
 use super::CUT;
 use super::any_controller::{self, Times};
-use super::line_to_controller::Any;
+use super::line_to_controller::AnyInstruction;
 use crate::model::{Margin, Peer as _, Setting, Step};
 
 /// One of them.
@@ -54,7 +54,7 @@ fn is_taken(apart: Duration) -> Option<&'static str> {
     payload.word(CUT).and_then(|it| it.f32(&[1.0, 2.0])).expect("there is room");
     let frame = payload.frame().expect("it has a word");
     let length = frame.encode(&mut line).expect("a buffer of a frame");
-    let (writer, reader) = robot_work_queue::boxed::<Any>(4, 9999).expect("such a queue");
+    let (writer, reader) = robot_work_queue::boxed::<AnyInstruction>(4, 9999).expect("such a queue");
     let mut controller = Controller::new(ControllerConfig::default(), writer).expect("the default can work");
     controller.handle_connected(Duration::ZERO);
     let (head, rest) = line[..length].split_at(length / 2);

@@ -19,7 +19,7 @@ use robot_session::end::Rules;
 
 use self::any_controller::AnyController;
 use self::any_host::AnyHost;
-use crate::model::{Against, MustFail, Pair, Setting, Table, at, both, draw};
+use crate::model::{EndWithPeer, MustFail, Pair, Setting, Table, at, both, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
@@ -91,14 +91,14 @@ pub const ANY_CONTROLLER: Pair = Pair {
     refined: || {
         let systems = [(true, false), (true, true), (false, false)];
         let systems = systems.map(|(keeps_rules, drops)| any_controller(keeps_rules, drops));
-        systems.iter().chain(&[insists(), reports()]).map(Against::refined).collect()
+        systems.iter().chain(&[insists(), reports()]).map(EndWithPeer::refined).collect()
     },
 };
 
 /// Every setting of the host.
 fn controllers() -> Vec<Setting> {
     let (rules, anything) = (any_controller::RULES, any_controller::ANYTHING);
-    let late = Against { late: true, breaks: false, ..any_controller(true, false) };
+    let late = EndWithPeer { late: true, breaks: false, ..any_controller(true, false) };
     vec![
         Setting::new("keeps the rules", any_controller(true, false)).on(rules),
         Setting::new("keeps the rules, the host is late", late).on(rules),
@@ -112,7 +112,7 @@ fn controllers() -> Vec<Setting> {
 const REPORTS: &str = "keeps the rules, pauses twice as long, but the driver reports when a frame has left";
 
 /// A host whose driver reports when a frame has left.
-fn reports() -> Against<AnyController> {
+fn reports() -> EndWithPeer<AnyController> {
     let mut system = any_controller(true, false);
     (system.breaks, system.peer.reports, system.peer.real.pause) = (false, true, 2);
     system
@@ -121,19 +121,22 @@ fn reports() -> Against<AnyController> {
 const INSISTS: &str = "keeps the rules, the host resends on silence";
 
 /// Returns a host that sends a frame again if no answer comes.
-fn insists() -> Against<AnyController> {
+fn insists() -> EndWithPeer<AnyController> {
     let mut system = any_controller(true, false);
     system.peer.config.resend_on_silence = true;
     system
 }
 
 /// Returns a controller about which only the rules are known, or nothing.
-pub fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {
-    Against { late: !keeps_rules, ..Against::new(AnyController::new(keeps_rules, drops)) }
+pub fn any_controller(keeps_rules: bool, drops: bool) -> EndWithPeer<AnyController> {
+    EndWithPeer { late: !keeps_rules, ..EndWithPeer::new(AnyController::new(keeps_rules, drops)) }
 }
 
 /// Two ticks are a silence. A connection that breaks within a frame forgets what was answered: that is the other setting's.
-pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
+pub fn any_host(keeps_rules: bool) -> EndWithPeer<AnyHost> {
     let config = ControllerConfig { tick: Duration::ZERO, ..ControllerConfig::default() };
-    Against { breaks: !keeps_rules, ..Against::new(AnyHost { config, keeps_rules, refuses_mixed: true }) }
+    EndWithPeer {
+        breaks: !keeps_rules,
+        ..EndWithPeer::new(AnyHost { config, keeps_rules, refuses_mixed: true })
+    }
 }

@@ -21,7 +21,7 @@ const END: [u8; 3] = [0x90, 0x82, 0xF4];
 pub(super) const BATCH: usize = 7;
 
 /// As many bytes are not followed by more without a head; the longest payload is much longer.
-const LONGEST: u8 = 2 * Fault::ENOUGH;
+const LONGEST: u8 = 2 * Fault::MIN_BYTES;
 
 /// The controller's decision about a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -142,13 +142,13 @@ pub(super) const PIECES: &[Piece] = &[
 
 /// The bytes that the decoder holds, and their number: exact up to the length of the shortest frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Held {
+pub(super) enum DecoderContents {
     Nothing,
     Headless(u8),
     Begun(u8),
 }
 
-impl Held {
+impl DecoderContents {
     pub(super) fn bytes(self) -> u8 {
         match self {
             Self::Nothing => 0,
@@ -159,8 +159,11 @@ impl Held {
     /// More bytes. When there are enough for a frame, each piece counts as so many.
     pub(super) fn and(self, bytes: u8) -> Self {
         let held = self.bytes();
-        let more =
-            if held < Fault::ENOUGH { (held + bytes).min(Fault::ENOUGH) } else { held + Fault::ENOUGH };
+        let more = if held < Fault::MIN_BYTES {
+            (held + bytes).min(Fault::MIN_BYTES)
+        } else {
+            held + Fault::MIN_BYTES
+        };
         match self {
             Self::Begun(_) => Self::Begun(more),
             Self::Nothing | Self::Headless(_) => Self::Headless(more),
@@ -190,11 +193,11 @@ pub(super) fn instruction(word: u16) -> [u8; 4] {
 }
 
 /// The bytes of a piece after those that the decoder holds.
-pub(super) fn spell(piece: Piece, held: Held) -> Vec<u8> {
+pub(super) fn spell(piece: Piece, held: DecoderContents) -> Vec<u8> {
     // The command word of a frame that has begun comes first.
     let rest = match held {
-        Held::Begun(begun) => BEGINNING.get(usize::from(begun)..).unwrap_or_default(),
-        Held::Nothing | Held::Headless(_) => &[],
+        DecoderContents::Begun(begun) => BEGINNING.get(usize::from(begun)..).unwrap_or_default(),
+        DecoderContents::Nothing | DecoderContents::Headless(_) => &[],
     };
     match piece {
         Piece::Whole(Verdict::Queued) => frame(&instruction(CUT)),

@@ -3,9 +3,9 @@
 use core::time::Duration;
 
 use laser_eb90::controller::machine::{
-    self as controller, Answer, ControllerMachine, Fault, Receiving, Stretch, Work,
+    self as controller, Answer, Burst, ControllerMachine, Fault, LineState, Work,
 };
-use laser_eb90::host::machine::{self as host, Batch, HostLink, HostMachine, Sent, Tries};
+use laser_eb90::host::machine::{self as host, Batch, FrameInFlight, HostLink, HostMachine, SendCounts};
 use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
 use robot_session::end::Machine as _;
 
@@ -25,9 +25,9 @@ impl Rows for Host {
     fn states() -> Vec<HostMachine> {
         let (past, future) = (NOW - MS, NOW + MS);
         let (batch, tries) =
-            (Batch { first: 0, count: 1, word: WORD, class: Class::Interpreted }, Tries::default());
+            (Batch { first: 0, count: 1, word: WORD, class: Class::Interpreted }, SendCounts::default());
         // An answer is overdue, and a "bad frame" may still refer to the first half of the frame.
-        let sent = Sent {
+        let sent = FrameInFlight {
             batch,
             tries,
             received_by: past,
@@ -108,31 +108,31 @@ impl Rows for Controller {
 
     fn states() -> Vec<ControllerMachine> {
         let past = NOW - MS;
-        let stretch = |partial, fault| Receiving::Bytes(Stretch { silent_at: past, partial, fault });
-        let bytes = |partial| stretch(partial, None);
+        let burst = |partial, fault| LineState::Bytes(Burst { silent_at: past, partial, fault });
+        let bytes = |partial| burst(partial, None);
         let fault = |bytes, is_answered| {
-            stretch(bytes == Fault::ENOUGH, Some(Fault { refusal: Refusal::BadFrame, bytes, is_answered }))
+            burst(bytes == Fault::MIN_BYTES, Some(Fault { refusal: Refusal::BadFrame, bytes, is_answered }))
         };
         let listening = Work::Listening { rest: false };
         let rest = Work::Listening { rest: true };
         let executing = |connected| Work::Executing { word: WORD, connected };
         let answering = Work::Answering { answer: Answer::Echo(WORD), due: past };
         [
-            (listening, Receiving::Disconnected),
-            (executing(false), Receiving::Disconnected),
-            (listening, Receiving::Silent),
+            (listening, LineState::Disconnected),
+            (executing(false), LineState::Disconnected),
+            (listening, LineState::Silent),
             (listening, bytes(false)),
-            (listening, fault(Fault::ENOUGH - 1, true)),
-            (listening, fault(Fault::ENOUGH, true)),
-            (rest, Receiving::Silent),
-            (rest, fault(Fault::ENOUGH, false)),
-            (executing(true), Receiving::Silent),
+            (listening, fault(Fault::MIN_BYTES - 1, true)),
+            (listening, fault(Fault::MIN_BYTES, true)),
+            (rest, LineState::Silent),
+            (rest, fault(Fault::MIN_BYTES, false)),
+            (executing(true), LineState::Silent),
             (executing(true), bytes(true)),
             (executing(false), bytes(false)),
-            (answering, Receiving::Silent),
+            (answering, LineState::Silent),
             (answering, bytes(false)),
             (answering, bytes(true)),
-            (answering, fault(Fault::ENOUGH, false)),
+            (answering, fault(Fault::MIN_BYTES, false)),
         ]
         .map(|(work, line)| ControllerMachine { work, line })
         .to_vec()
@@ -146,7 +146,7 @@ impl Rows for Controller {
             On::Timeout,
             On::Bytes,
             On::Corrupt { refusal: Refusal::BadFrame, bytes: 1, begun: false },
-            On::Corrupt { refusal: Refusal::BadChecksum, bytes: Fault::ENOUGH, begun: true },
+            On::Corrupt { refusal: Refusal::BadChecksum, bytes: Fault::MIN_BYTES, begun: true },
             On::Untrusted,
             On::Queued { word: WORD },
             On::Refused(Refusal::QueueFull),
@@ -164,24 +164,24 @@ impl Rows for Controller {
     }
 
     fn row(machine: &ControllerMachine, _now: Duration) -> String {
-        let stretch = match machine.line {
-            Receiving::Disconnected => return machine.name().into(),
-            Receiving::Silent => None,
-            Receiving::Bytes(stretch) => Some(stretch),
+        let burst = match machine.line {
+            LineState::Disconnected => return machine.name().into(),
+            LineState::Silent => None,
+            LineState::Bytes(burst) => Some(burst),
         };
-        let line = match stretch {
+        let line = match burst {
             None => "silent",
-            Some(Stretch { fault: Some(_), .. }) => "corrupt bytes",
-            Some(Stretch { partial: true, .. }) if matches!(machine.work, Work::Answering { .. }) => {
+            Some(Burst { fault: Some(_), .. }) => "corrupt bytes",
+            Some(Burst { partial: true, .. }) if matches!(machine.work, Work::Answering { .. }) => {
                 "a partial frame"
             }
             Some(_) => "bytes",
         };
-        match (machine.work, stretch.and_then(|stretch| stretch.fault)) {
+        match (machine.work, burst.and_then(|burst| burst.fault)) {
             (Work::Executing { connected: false, .. }, _) => "Executing for nobody".into(),
             (Work::Listening { rest: true }, _) => format!("Listening after an error code, {line}"),
             (Work::Listening { rest: false }, Some(fault)) => {
-                format!("Listening, fault of {} bytes", if fault.bytes < Fault::ENOUGH { 7 } else { 8 })
+                format!("Listening, fault of {} bytes", if fault.bytes < Fault::MIN_BYTES { 7 } else { 8 })
             }
             _ => format!("{}, {line}", machine.name()),
         }

@@ -5,7 +5,7 @@ use core::time::Duration;
 use cellwire_motion::latch::{Cause, Latch, LatchConfig, LatchInput};
 use robot_session::end::{Machine as _, is_due};
 
-use crate::model::{Drawn, NOW, Rows};
+use crate::model::{DrawnMachine, NOW, Rows};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -94,4 +94,4 @@ impl Rows for Operator {
     }
 }
 
-impl Drawn for Latch {}
+impl DrawnMachine for Latch {}

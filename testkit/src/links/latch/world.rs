@@ -203,7 +203,7 @@ impl System for Operated {
     }
 
     /// Returns the act of a robot that requests values, and of a hand that rests.
-    fn benign(&self, state: &State) -> Option<Act> {
+    fn fault_free_step(&self, state: &State) -> Option<Act> {
         use LatchInput as On;
         Some(match state.latch {
             _ if state.latch.expires(Duration::ZERO) => Act::Input(On::Timeout),

@@ -11,7 +11,9 @@ use robot_session::end::Machine as _;
 
 use super::world::{HOME, IN_FAULT, ONE_MOTION, PENDING, Pose, SERVO_OFF, TICK, bytes};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, SceneOf, WRITTEN, Wired,
+};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 
@@ -22,13 +24,13 @@ pub(super) const AGREED: &str = "OK: the owner has accepted; ER: it has not";
 const PROPERTIES: &[&str] = &[ANSWERED, AGREED, ASKED, PENDING, IN_FAULT, SERVO_OFF, ONE_MOTION, EXPECTED];
 const SHOWS: &[(&str, &str)] =
     &[("MM-3", ANSWERED), ("MM-4", ANSWERED), ("MM-18", AGREED), ("MM-20", WRITTEN)];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "MM-3, MM-4, MM-13",
     free: "which commands, when, whether it waits for the answer, on how many connections",
     shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "any line at any time, more bytes than are wanted",
     shows: SHOWS,
@@ -47,9 +49,9 @@ pub struct AnyCentral {
 
 /// The model's knowledge of the line and of the owner.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// The line that is not answered.
-    open: Open,
+    open: OpenMotion,
     /// An order of a connection before, which the owner has not answered.
     earlier: Option<Order<Pose>>,
     /// The property that is violated if the newly accepted order is carried out.
@@ -58,7 +60,7 @@ pub struct Known {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Open {
+enum OpenMotion {
     Nothing,
     /// A line that is not a command, or one about which the owner is not asked.
     Line {
@@ -74,7 +76,7 @@ enum Open {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// A command comes.
     Command(Command<Pose>),
     /// A line arrives that is not a command.
@@ -107,8 +109,8 @@ const COMMANDS: [Command<Pose>; 9] = [
 
 impl Peer for AnyCentral {
     type End = DeviceMachine<Pose>;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -120,48 +122,48 @@ impl Peer for AnyCentral {
         DeviceMachine { pose: Some(HOME), ..DeviceMachine::NEW }
     }
 
-    fn known(&self) -> Known {
-        Known { open: Open::Nothing, earlier: None, forbids: None, wrong: None }
+    fn known(&self) -> Knowledge {
+        Knowledge { open: OpenMotion::Nothing, earlier: None, forbids: None, wrong: None }
     }
 
-    fn words(&self, end: &DeviceMachine<Pose>, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &DeviceMachine<Pose>, known: &Knowledge, steps: &mut Vec<Step>) {
         if end.link != DeviceLink::Down {
-            words.extend(COMMANDS.map(Word::Command));
+            steps.extend(COMMANDS.map(Step::Command));
             if !self.keeps_rules {
-                words.push(if end.reads() { Word::Corrupt } else { Word::Overrun });
+                steps.push(if end.reads() { Step::Corrupt } else { Step::Overrun });
             }
         }
-        let asked = if let Open::Asked(order) = known.open { Some(order) } else { None };
+        let asked = if let OpenMotion::Asked(order) = known.open { Some(order) } else { None };
         for order in asked.into_iter().chain(known.earlier) {
-            words.extend([Word::Accept(order), Word::Refuse(order)]);
+            steps.extend([Step::Accept(order), Step::Refuse(order)]);
         }
         if end.axes.moving() {
-            words.push(Word::Arrived);
+            steps.push(Step::Arrived);
         }
-        words.extend([Word::Failed, Word::Pose(end.pose.is_none().then_some(HOME))]);
+        steps.extend([Step::Failed, Step::Pose(end.pose.is_none().then_some(HOME))]);
     }
 
-    fn by(&self, word: Word) -> By {
-        match word {
-            Word::Command(_) | Word::Corrupt => By::Line,
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Command(_) | Step::Corrupt => Actor::Line,
             // It does not wait for the end to read.
-            Word::Overrun => By::Others,
-            Word::Accept(_) | Word::Refuse(_) | Word::Arrived | Word::Failed | Word::Pose(_) => By::User,
+            Step::Overrun => Actor::Others,
+            Step::Accept(_) | Step::Refuse(_) | Step::Arrived | Step::Failed | Step::Pose(_) => Actor::User,
         }
     }
 
-    fn hear(&self, end: &DeviceMachine<Pose>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        Some(match word {
-            Word::Command(command) => {
+    fn apply(&self, end: &DeviceMachine<Pose>, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        Some(match step {
+            Step::Command(command) => {
                 known.read(end, command == Command::Status);
                 Input::Command(command)
             }
-            Word::Corrupt => {
+            Step::Corrupt => {
                 known.read(end, false);
                 Input::Corrupt(DecodeError::Incomplete)
             }
-            Word::Overrun => Input::Overrun,
-            Word::Accept(order) => {
+            Step::Overrun => Input::Overrun,
+            Step::Accept(order) => {
                 let is_pending = known.answer(end, order);
                 // With the machine as it is, another one is not accepted.
                 { *end }.on(TICK, Input::Accept(order), &self.config).ok()?;
@@ -174,13 +176,13 @@ impl Peer for AnyCentral {
                 };
                 Input::Accept(order)
             }
-            Word::Refuse(order) => {
+            Step::Refuse(order) => {
                 known.answer(end, order).then_some(())?;
                 Input::Refuse(order, ErrorCode::Other(77))
             }
-            Word::Arrived => Input::Arrived,
-            Word::Failed => Input::Failed(ErrorCode::Servo1),
-            Word::Pose(pose) => Input::Pose(pose),
+            Step::Arrived => Input::Arrived,
+            Step::Failed => Input::Failed(ErrorCode::Servo1),
+            Step::Pose(pose) => Input::Pose(pose),
         })
     }
 
@@ -188,19 +190,25 @@ impl Peer for AnyCentral {
         Input::Sent
     }
 
-    fn acted(&self, _: &DeviceMachine<Pose>, known: &mut Known, cause: CauseOf<Self>, action: Action<Pose>) {
+    fn acted(
+        &self,
+        _: &DeviceMachine<Pose>,
+        known: &mut Knowledge,
+        cause: CauseOf<Self>,
+        action: Action<Pose>,
+    ) {
         let forbids = known.forbids.take();
         match (cause, action) {
             (Cause::Connected | Cause::Disconnected, _) => known.hang_up(),
-            (Cause::Word(Word::Accept(_)), Action::Nothing) => {
-                known.open = Open::Owner { accepted: true };
+            (Cause::Step(Step::Accept(_)), Action::Nothing) => {
+                known.open = OpenMotion::Owner { accepted: true };
                 known.wrong = known.wrong.or(forbids);
             }
-            (Cause::Word(Word::Accept(_) | Word::Refuse(_)), _) => {
-                known.open = Open::Owner { accepted: false }
+            (Cause::Step(Step::Accept(_) | Step::Refuse(_)), _) => {
+                known.open = OpenMotion::Owner { accepted: false }
             }
-            (Cause::Word(Word::Command(_)), Action::Report(Event::Asked { order })) => {
-                known.open = Open::Asked(order);
+            (Cause::Step(Step::Command(_)), Action::Report(Event::Asked { order })) => {
+                known.open = OpenMotion::Asked(order);
             }
             (_, Action::Report(Event::Asked { .. })) => known.wrong = Some(ASKED),
             (_, Action::Report(Event::Closed { .. })) => known.hang_up(),
@@ -209,44 +217,44 @@ impl Peer for AnyCentral {
         }
     }
 
-    fn restarted(&self, known: &mut Known) {
-        *known = Known { wrong: known.wrong, ..self.known() };
+    fn restarted(&self, known: &mut Knowledge) {
+        *known = Knowledge { wrong: known.wrong, ..self.known() };
     }
 
-    fn broken(&self, _: &DeviceMachine<Pose>, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &DeviceMachine<Pose>, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 }
 
-impl Known {
+impl Knowledge {
     /// Called when a line is read.
     fn read(&mut self, end: &DeviceMachine<Pose>, status: bool) {
         if end.link == DeviceLink::Ended {
             return;
         }
-        if self.open != Open::Nothing {
+        if self.open != OpenMotion::Nothing {
             self.wrong = Some(ANSWERED);
         }
-        self.open = Open::Line { status };
+        self.open = OpenMotion::Line { status };
     }
 
     /// Called when the owner answers an order; returns whether the order is the pending one.
     fn answer(&mut self, end: &DeviceMachine<Pose>, order: Order<Pose>) -> bool {
-        if self.open != Open::Asked(order) {
+        if self.open != OpenMotion::Asked(order) {
             self.earlier = None;
         }
         matches!(end.link, DeviceLink::Asked { order: pending } if pending == order)
     }
 
     fn sent(&mut self, reply: Reply<Pose>) {
-        let good = match (core::mem::replace(&mut self.open, Open::Nothing), reply) {
-            (Open::Nothing | Open::Asked(_), _) => {
+        let good = match (core::mem::replace(&mut self.open, OpenMotion::Nothing), reply) {
+            (OpenMotion::Nothing | OpenMotion::Asked(_), _) => {
                 self.wrong = Some(ANSWERED);
                 return;
             }
-            (Open::Line { status }, Reply::Status(_)) => status,
-            (Open::Line { .. }, reply) => reply != Reply::Ok,
-            (Open::Owner { accepted }, reply) => (reply == Reply::Ok) == accepted,
+            (OpenMotion::Line { status }, Reply::Status(_)) => status,
+            (OpenMotion::Line { .. }, reply) => reply != Reply::Ok,
+            (OpenMotion::Owner { accepted }, reply) => (reply == Reply::Ok) == accepted,
         };
         if !good {
             self.wrong = Some(AGREED);
@@ -254,10 +262,10 @@ impl Known {
     }
 
     fn hang_up(&mut self) {
-        if let Open::Asked(order) = self.open {
+        if let OpenMotion::Asked(order) = self.open {
             self.earlier = Some(order);
         }
-        self.open = Open::Nothing;
+        self.open = OpenMotion::Nothing;
     }
 }
 
@@ -272,16 +280,16 @@ impl Wired for AnyCentral {
         device
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Device<Pose>, _: Duration) -> Vec<u8> {
-        match word {
-            Word::Command(command) => return bytes(&command),
-            Word::Corrupt => return b"XYZ\r\n".into(),
-            Word::Overrun => return vec![b'X'; 2 * Device::<Pose>::BACKLOG],
-            Word::Accept(order) => _ = session.accept(order),
-            Word::Refuse(order) => _ = session.refuse(order, ErrorCode::Other(77)),
-            Word::Arrived => session.arrived(),
-            Word::Failed => session.fail(ErrorCode::Servo1),
-            Word::Pose(pose) => session.set_pose(pose.unwrap_or(Pose::from_units([i32::MAX, 0]))),
+    fn speak(&self, _: &Knowledge, step: Step, session: &mut Device<Pose>, _: Duration) -> Vec<u8> {
+        match step {
+            Step::Command(command) => return bytes(&command),
+            Step::Corrupt => return b"XYZ\r\n".into(),
+            Step::Overrun => return vec![b'X'; 2 * Device::<Pose>::BACKLOG],
+            Step::Accept(order) => _ = session.accept(order),
+            Step::Refuse(order) => _ = session.refuse(order, ErrorCode::Other(77)),
+            Step::Arrived => session.arrived(),
+            Step::Failed => session.fail(ErrorCode::Servo1),
+            Step::Pose(pose) => session.set_pose(pose.unwrap_or(Pose::from_units([i32::MAX, 0]))),
         }
         Vec::new()
     }

@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use mmacell_proto::central::machine::{self as central, CentralLink, CentralMachine, Input};
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent as Event, Closing, Command, DecodeError, ErrorCode, Mode, Progress,
-    Reply, Status, Unfinished,
+    Central, CentralConfig, CentralEvent as Event, CloseReason, Command, DecodeError, ErrorCode, Mode,
+    Progress, Reply, Status, Unfinished,
 };
 
 use super::world::{
@@ -13,20 +13,22 @@ use super::world::{
     TICK, bytes,
 };
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, SceneOf, WRITTEN, Wired,
+};
 
 const THERE: Pose = Pose::from_units([10_000, 0]);
 const MOVE: Command<Pose> = Command::Move { mode: Mode::Absolute, pose: THERE };
 
 const CLAIMED: &str = "done: the device has said so since it was asked";
 
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "MM-3, MM-4, MM-18, MM-20",
     free: "when it answers and obeys, what it refuses, what stops its axes and where",
     shows: &[("MM-3", ONCE), ("MM-4", ONCE), ("MM-13", WRITTEN)],
     properties: &[OUTCOME, ONCE, CLAIMED, DONE, NOT_DONE, ARRIVED, NOT_MISSED, NO_TARGET, NO_BREAK, EXPECTED],
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "any line at any time",
     shows: &[],
@@ -47,9 +49,9 @@ pub struct AnyDevice {
 
 /// The model's knowledge of the device and of the caller's command.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// The command without an outcome for the caller, and its fate.
-    pending: Option<(Command<Pose>, Fate)>,
+    pending: Option<(Command<Pose>, CommandStage)>,
     /// The command that the device has not answered.
     asked: Option<Command<Pose>>,
     /// Whether the device has carried out that command.
@@ -65,7 +67,7 @@ pub struct Known {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Fate {
+enum CommandStage {
     /// The central controller has not sent it.
     Unsent,
     /// The command was sent.
@@ -83,7 +85,7 @@ struct Axes {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// The caller requests a command.
     Request(Command<Pose>),
     /// The caller aborts.
@@ -111,7 +113,7 @@ impl AnyDevice {
             .into_iter()
     }
 
-    fn report(&self, known: &mut Known, event: Event<Pose>) {
+    fn report(&self, known: &mut Knowledge, event: Event<Pose>) {
         let (outcome, command) = match event {
             Event::Connected | Event::Unexpected(_) => return,
             Event::Done { command } => (DONE, Some(command)),
@@ -122,11 +124,11 @@ impl AnyDevice {
                 ("", Some(Command::Status))
             }
             Event::Closed { reason, unfinished } => {
-                if self.keeps_rules && matches!(reason, Closing::Mismatch | Closing::Malformed(_)) {
+                if self.keeps_rules && matches!(reason, CloseReason::Mismatch | CloseReason::Malformed(_)) {
                     known.wrong = Some(NO_BREAK);
                 }
                 match unfinished {
-                    Unfinished::Nothing if reason == Closing::Agreed => (DONE, Some(Command::Close)),
+                    Unfinished::Nothing if reason == CloseReason::Agreed => (DONE, Some(Command::Close)),
                     Unfinished::Nothing => ("", None),
                     Unfinished::NotSent(command) => (NOT_DONE, Some(command)),
                     Unfinished::Unknown(command) => ("", Some(command)),
@@ -139,17 +141,17 @@ impl AnyDevice {
             known.wrong = Some(OUTCOME);
         }
         let Some((_, fate)) = pending else { return };
-        let has_answered = fate == Fate::Answered;
+        let has_answered = fate == CommandStage::Answered;
         if outcome == DONE && !has_answered {
             known.wrong = Some(CLAIMED);
         }
-        if outcome == NOT_DONE && fate == Fate::Sent {
+        if outcome == NOT_DONE && fate == CommandStage::Sent {
             known.wrong = Some(NOT_DONE);
         }
         if outcome == DONE && self.keeps_rules && !known.obeyed {
             known.wrong = Some(DONE);
         }
-        if outcome == NOT_DONE && self.keeps_rules && known.obeyed && fate != Fate::Unsent {
+        if outcome == NOT_DONE && self.keeps_rules && known.obeyed && fate != CommandStage::Unsent {
             known.wrong = Some(NOT_DONE);
         }
         match command {
@@ -162,7 +164,7 @@ impl AnyDevice {
     }
 
     /// Checks the conclusion from a status.
-    fn judge(&self, known: &mut Known, status: Status<Pose>, motion: Progress) {
+    fn judge(&self, known: &mut Knowledge, status: Status<Pose>, motion: Progress) {
         match motion {
             Progress::Missed(_) if self.keeps_rules && known.axes.moving => known.wrong = Some(NOT_MISSED),
             Progress::Arrived if !known.has_target => known.wrong = Some(NO_TARGET),
@@ -176,8 +178,8 @@ impl AnyDevice {
 
 impl Peer for AnyDevice {
     type End = CentralMachine<Pose>;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -189,9 +191,9 @@ impl Peer for AnyDevice {
         CentralMachine::NEW
     }
 
-    fn known(&self) -> Known {
+    fn known(&self) -> Knowledge {
         let axes = Axes { moving: false, at: HOME, servo: true };
-        Known {
+        Knowledge {
             pending: None,
             asked: None,
             obeyed: false,
@@ -203,70 +205,70 @@ impl Peer for AnyDevice {
         }
     }
 
-    fn words(&self, end: &CentralMachine<Pose>, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &CentralMachine<Pose>, known: &Knowledge, steps: &mut Vec<Step>) {
         match end.link {
-            CentralLink::Idle => words.extend(REQUESTS.map(Word::Request)),
-            CentralLink::Sending { .. } | CentralLink::Awaiting { .. } => words.push(Word::Abort),
+            CentralLink::Idle => steps.extend(REQUESTS.map(Step::Request)),
+            CentralLink::Sending { .. } | CentralLink::Awaiting { .. } => steps.push(Step::Abort),
             CentralLink::Down | CentralLink::Ended => {}
         }
         if !self.keeps_rules {
             if end.link != CentralLink::Down {
-                words.extend([Reply::Ok, REFUSAL].into_iter().chain(self.statuses()).map(Word::Reply));
-                words.push(Word::Corrupt);
+                steps.extend([Reply::Ok, REFUSAL].into_iter().chain(self.statuses()).map(Step::Reply));
+                steps.push(Step::Corrupt);
             }
             return;
         }
         if known.axes.moving {
-            words.extend([HOME, BETWEEN, THERE].map(Word::Rest));
+            steps.extend([HOME, BETWEEN, THERE].map(Step::Rest));
         }
         if known.axes.servo {
-            words.push(Word::Off);
+            steps.push(Step::Off);
         }
         match known.asked {
             None => {}
             Some(Command::Status) => {
-                words.extend([known.axes.status(), REFUSAL].map(Word::Reply));
+                steps.extend([known.axes.status(), REFUSAL].map(Step::Reply));
                 if known.young {
-                    words.push(Word::Reply(Axes { moving: false, ..known.axes }.status()));
+                    steps.push(Step::Reply(Axes { moving: false, ..known.axes }.status()));
                 }
             }
-            Some(_) if known.obeyed => words.push(Word::Reply(Reply::Ok)),
-            Some(_) => words.extend([Word::Obey, Word::Reply(REFUSAL)]),
+            Some(_) if known.obeyed => steps.push(Step::Reply(Reply::Ok)),
+            Some(_) => steps.extend([Step::Obey, Step::Reply(REFUSAL)]),
         }
         if self.repeats && known.asked.is_some() {
-            words.push(Word::Reply(Reply::Ok));
+            steps.push(Step::Reply(Reply::Ok));
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        match word {
-            Word::Request(_) | Word::Abort => By::User,
-            Word::Reply(_) | Word::Corrupt => By::Line,
-            Word::Obey | Word::Rest(_) | Word::Off => By::Others,
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Request(_) | Step::Abort => Actor::User,
+            Step::Reply(_) | Step::Corrupt => Actor::Line,
+            Step::Obey | Step::Rest(_) | Step::Off => Actor::Others,
         }
     }
 
-    fn hear(&self, end: &CentralMachine<Pose>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+    fn apply(&self, end: &CentralMachine<Pose>, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
         let mut axes = known.axes;
-        let input = match word {
-            Word::Request(command) => {
-                known.pending = Some((command, Fate::Unsent));
+        let input = match step {
+            Step::Request(command) => {
+                known.pending = Some((command, CommandStage::Unsent));
                 Some(Input::Request(command))
             }
-            Word::Abort => Some(Input::Abort),
-            Word::Reply(reply) => {
+            Step::Abort => Some(Input::Abort),
+            Step::Reply(reply) => {
                 known.asked = None;
                 // A device that has reported a motion does not report afterwards that it has not begun.
                 known.young &= !matches!(reply, Reply::Status(status) if status.moving);
                 known.stray = matches!(end.link, CentralLink::Idle | CentralLink::Sending { .. });
                 let fits = matches!(end.link, CentralLink::Awaiting { .. });
                 if let (Some((_, fate)), true) = (&mut known.pending, fits) {
-                    *fate = Fate::Answered;
+                    *fate = CommandStage::Answered;
                 }
                 Some(Input::Reply(reply))
             }
-            Word::Corrupt => Some(Input::Corrupt(DecodeError::Incomplete)),
-            Word::Obey => {
+            Step::Corrupt => Some(Input::Corrupt(DecodeError::Incomplete)),
+            Step::Obey => {
                 known.obeyed = true;
                 match known.asked {
                     Some(MOVE | Command::Reset) => {
@@ -279,11 +281,11 @@ impl Peer for AnyDevice {
                 }
                 None
             }
-            Word::Rest(at) => {
+            Step::Rest(at) => {
                 axes = Axes { moving: false, at, ..axes };
                 None
             }
-            Word::Off => {
+            Step::Off => {
                 axes = Axes { moving: false, servo: false, ..axes };
                 None
             }
@@ -300,7 +302,7 @@ impl Peer for AnyDevice {
     fn acted(
         &self,
         _: &CentralMachine<Pose>,
-        known: &mut Known,
+        known: &mut Knowledge,
         cause: CauseOf<Self>,
         action: central::Action<Pose>,
     ) {
@@ -310,10 +312,10 @@ impl Peer for AnyDevice {
             }
             (known.asked, known.obeyed) = (Some(command), false);
             if let Some((_, fate)) = &mut known.pending {
-                if *fate != Fate::Unsent {
+                if *fate != CommandStage::Unsent {
                     known.wrong = Some(ONCE);
                 }
-                *fate = Fate::Sent;
+                *fate = CommandStage::Sent;
             }
         }
         let is_ended = matches!(action, central::Action::Report(Event::Closed { .. }));
@@ -333,20 +335,20 @@ impl Peer for AnyDevice {
         }
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         known.young = false;
     }
 
-    fn restarted(&self, known: &mut Known) {
+    fn restarted(&self, known: &mut Knowledge) {
         (known.pending, known.asked, known.has_target) = (None, None, false);
     }
 
-    fn broken(&self, _: &CentralMachine<Pose>, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &CentralMachine<Pose>, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 
     /// Returns whether each command has an outcome, which must happen whatever the device does.
-    fn is_over(&self, _: &CentralMachine<Pose>, known: &Known) -> bool {
+    fn is_over(&self, _: &CentralMachine<Pose>, known: &Knowledge) -> bool {
         known.pending.is_none()
     }
 }
@@ -360,13 +362,13 @@ impl Wired for AnyDevice {
         Central::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Central<Pose>, now: Duration) -> Vec<u8> {
-        match word {
-            Word::Request(command) => _ = session.request(command),
-            Word::Abort => session.abort(now),
-            Word::Reply(reply) => return bytes(&reply),
-            Word::Corrupt => return b"Ok\r\n".into(),
-            Word::Obey | Word::Rest(_) | Word::Off => return Vec::new(),
+    fn speak(&self, _: &Knowledge, step: Step, session: &mut Central<Pose>, now: Duration) -> Vec<u8> {
+        match step {
+            Step::Request(command) => _ = session.request(command),
+            Step::Abort => session.abort(now),
+            Step::Reply(reply) => return bytes(&reply),
+            Step::Corrupt => return b"Ok\r\n".into(),
+            Step::Obey | Step::Rest(_) | Step::Off => return Vec::new(),
         }
         Vec::new()
     }
@@ -390,7 +392,7 @@ impl Wired for AnyDevice {
         match event {
             Event::Connected => None,
             // The decoder's tests compare the bytes that were not understood.
-            Event::Closed { reason: Closing::Malformed(_), unfinished } => {
+            Event::Closed { reason: CloseReason::Malformed(_), unfinished } => {
                 Some(format!("Malformed {unfinished:?}"))
             }
             event => Some(format!("{event:?}")),

@@ -17,7 +17,7 @@ use robot_session::end::Rules;
 
 pub use self::any_central::AnyCentral;
 pub use self::any_device::AnyDevice;
-use crate::model::{Against, MustFail, Pair, STANDSTILL, Table, at, both, draw};
+use crate::model::{EndWithPeer, MustFail, Pair, STANDSTILL, Table, at, both, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -92,13 +92,13 @@ pub const ANY_CENTRAL: Pair = Pair {
 };
 
 /// Returns a device about which only the rules are known, or nothing.
-pub const fn any_device(keeps_rules: bool) -> Against<AnyDevice> {
+pub const fn any_device(keeps_rules: bool) -> EndWithPeer<AnyDevice> {
     let config =
         CentralConfig { timeout: Duration::from_millis(100), settle: world::TICK, ..CentralConfig::DEFAULT };
-    Against::new(AnyDevice { config, keeps_rules, repeats: false })
+    EndWithPeer::new(AnyDevice { config, keeps_rules, repeats: false })
 }
 
 /// Returns a central controller about which only the rules are known, or nothing.
-pub const fn any_central(keeps_rules: bool) -> Against<AnyCentral> {
-    Against::new(AnyCentral { config: DeviceConfig::DEFAULT, keeps_rules })
+pub const fn any_central(keeps_rules: bool) -> EndWithPeer<AnyCentral> {
+    EndWithPeer::new(AnyCentral { config: DeviceConfig::DEFAULT, keeps_rules })
 }

@@ -2,14 +2,16 @@
 
 use core::time::Duration;
 
-use mmacell_proto::central::machine::{self as central, CentralLink, CentralMachine, Motion, Place, Target};
+use mmacell_proto::central::machine::{
+    self as central, CentralLink, CentralMachine, KnownPose, Motion, Target,
+};
 use mmacell_proto::device::machine::{self as device, Axes, DeviceLink, DeviceMachine};
 use mmacell_proto::{
     CentralConfig, Command, DecodeError, DeviceConfig, ErrorCode, Mode, Order, PlatformPose, Reply, Status,
 };
 use robot_session::end::{Input as _, Machine as _};
 
-use crate::model::{Drawn, NOW, Rows};
+use crate::model::{DrawnMachine, NOW, Rows};
 
 type Pose = PlatformPose;
 
@@ -91,7 +93,7 @@ impl Rows for Progress {
         let (target, later) = (Target::At(THERE), NOW + Duration::from_secs(1));
         let motions = [
             Motion::NONE,
-            Motion::Rest { target, pose: Place::At(HERE) },
+            Motion::Rest { target, pose: KnownPose::At(HERE) },
             Motion::Starting { target, believed_from: later },
             Motion::Starting { target: Target::Unknown, believed_from: later },
             Motion::Moving { target },
@@ -131,7 +133,7 @@ impl Rows for Progress {
             Motion::Moving { target: Target::None } => "Moving, no target",
             Motion::Moving { target: Target::At(_) } => "Moving",
             Motion::Stopping => "Stopping",
-            Motion::Rest { target: Target::None, pose: Place::Unknown } => "At rest, pose unknown",
+            Motion::Rest { target: Target::None, pose: KnownPose::Unknown } => "At rest, pose unknown",
             Motion::Rest { target: Target::None, .. } => "At rest, no target",
             Motion::Rest { target: Target::Unknown, .. } => "At rest, target unknown",
             Motion::Rest { .. } => "At rest",
@@ -304,5 +306,5 @@ impl Rows for Moved {
 
 const FAULT: Axes = Axes::Fault { error: ErrorCode::Servo2 };
 
-impl Drawn for CentralMachine<PlatformPose> {}
-impl Drawn for DeviceMachine<PlatformPose> {}
+impl DrawnMachine for CentralMachine<PlatformPose> {}
+impl DrawnMachine for DeviceMachine<PlatformPose> {}

@@ -4,7 +4,7 @@
 //! alone. Axes interact in the choice of a word, in a stop (the last axis that is not zero delays it), and in the
 //! length of a reply. So other axes decide when a word that is not required is left out, whether a reply is at rest,
 //! and by when it must begin. All three are left open if replies [are free](AnyController::is_free): each may have
-//! a word that moves, or a zero, or [be on the way](Word::Brake). Replies are lost, or late.
+//! a word that moves, or a zero, or [be on the way](Step::Brake). Replies are lost, or late.
 //!
 //! One mode stands for all, too. The mode decides whether a start message names it, how long the window is (15 or 17
 //! ms are the same ticks here), and where values go without a target, which is left open. A transformation makes the
@@ -13,18 +13,18 @@
 use core::time::Duration;
 
 use robot_session::end::Machine as _;
-use val2_alter::host::machine::{Action, Answer, HostMachine, HostPhase, Input, Pending};
+use val2_alter::host::machine::{Action, Answer, HostMachine, HostPhase, Input, PendingException};
 use val2_alter::{ErrorCode, Exception, HostConfig, Policy, StartCode};
 
 use super::any_robot::{
-    AnyController, CYCLE, DELAY, Frame, INTERRUPTION, Job, Known, Opening, RUNNING, Reply, Robot, Window,
-    Word,
+    AnyController, CYCLE, DELAY, Frame, INTERRUPTION, Job, Knowledge, Opening, RUNNING, Reply, Robot, Step,
+    Window,
 };
 use super::world::{
-    DONE, FITS, FRESH, GRIP, Held, INVENTED_MODE, NOT_DONE, ONCE, OUTCOME, REFUSED, SILENCE, SILENT, STALE,
-    TICK, WORDS, ZEROS,
+    DONE, DecoderContents, FITS, FRESH, GRIP, INVENTED_MODE, NOT_DONE, ONCE, OUTCOME, REFUSED, SILENCE,
+    SILENT, STALE, TICK, WORDS, ZEROS,
 };
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+use crate::model::{Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions};
 
 const NOW: Duration = Duration::ZERO;
 pub(super) const ANSWERED: &str = "a message has one answer at most, and nothing is sent unasked";
@@ -33,7 +33,7 @@ pub(super) const REJECTED: &str = "an error code is not taken for the last reply
 pub(super) const DELAYED: &str = "a message is not reported as delayed when it is not";
 pub(super) const AGAIN: &str = "an exception is sent again only after messages that say it was not read";
 
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "AL-71, AL-72, AL-73, AL-75, AL-76, AL-77, AL-78, AL-79, AL-90, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply, what it makes of words that come in an interruption, what is \
            lost or corrupt, when it interrupts, ends and restarts",
@@ -56,7 +56,7 @@ pub(super) const RULES: Terms = Terms {
         EXPECTED,
     ],
 };
-pub(super) const LATER: Terms = Terms {
+pub(super) const LATER: PeerAssumptions = PeerAssumptions {
     keeps: "AL-71, AL-72, AL-73, AL-75, AL-76, AL-77, AL-78, AL-79, AL-90, replies no later than a cycle; words that come in an interruption stay",
     free: "which errors it finds, whether it goes on without a reply, which of two replies a window has, what is lost or corrupt, when it \
            interrupts and ends",
@@ -77,7 +77,7 @@ pub(super) const LATER: Terms = Terms {
         EXPECTED,
     ],
 };
-pub(super) const LATE: Terms = Terms {
+pub(super) const LATE: PeerAssumptions = PeerAssumptions {
     keeps: "AL-71, AL-72, AL-73, AL-75, AL-76, AL-78, AL-79, AL-90, delays no longer than max_delay",
     free: "which errors it finds, whether it goes on without a reply and takes one that is late, what it makes of words that come in an \
            interruption, what is lost, or corrupt after the start, when it interrupts, ends and restarts",
@@ -97,7 +97,7 @@ pub(super) const LATE: Terms = Terms {
         EXPECTED,
     ],
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "any message, whole, in part or corrupt, and noise at any time",
     shows: &[("AL-53", FITS), ("AL-54", ANSWERED), ("AL-67", INTERRUPTED)],
@@ -129,8 +129,8 @@ const FRAMES: [Frame; 8] = [
 
 impl Peer for AnyController {
     type End = HostMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -142,8 +142,8 @@ impl Peer for AnyController {
         HostMachine::new(self.config.policy, self.config.subroutine)
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             robot: Robot::Off,
             sending: false,
             since_sent: CYCLE,
@@ -153,7 +153,7 @@ impl Peer for AnyController {
             down: None,
             up: [None; 2],
             late: 0,
-            line: Held::Nothing,
+            line: DecoderContents::Nothing,
             inputs: Vec::new(),
             asked: None,
             started: None,
@@ -169,91 +169,91 @@ impl Peer for AnyController {
         }
     }
 
-    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &HostMachine, known: &Knowledge, steps: &mut Vec<Step>) {
         if self.keeps_rules {
-            known.robot_words(self, words);
+            known.robot_steps(self, steps);
             if end.phase != HostPhase::Disconnected && known.down.is_some() && !known.sending {
-                words.push(Word::Read { corrupt: false });
+                steps.push(Step::Read { corrupt: false });
                 if !(self.takes_late && matches!(known.down, Some(Frame::Start { .. }))) {
-                    words.push(Word::Read { corrupt: true });
+                    steps.push(Step::Read { corrupt: true });
                 }
             }
         } else if end.phase != HostPhase::Disconnected {
-            words.extend(FRAMES.map(Word::Come));
-            if known.line != Held::Head {
-                words.extend([Word::Head, Word::Noise]);
+            steps.extend(FRAMES.map(Step::Come));
+            if known.line != DecoderContents::Head {
+                steps.extend([Step::Head, Step::Noise]);
             }
         }
         if self.is_free
             && let Some(Answer::Reply { .. }) = end.transmit(NOW, &self.config)
         {
-            words.extend([Word::Move, Word::Brake]);
+            steps.extend([Step::Move, Step::Brake]);
         }
         let HostPhase::Active(active) = &end.phase else {
             if end.policy != Policy::Accept {
-                words.push(Word::Accept);
+                steps.push(Step::Accept);
             }
             return;
         };
         // If the source of the motion makes no difference, there is no target.
         if !(self.is_free && self.keeps_rules) {
-            words.push(Word::Target { moves: true });
+            steps.push(Step::Target { moves: true });
         }
         // With a controller that does anything a stop brings the arm back.
         if !self.is_free && self.keeps_rules {
-            words.push(Word::Target { moves: false });
+            steps.push(Step::Target { moves: false });
         }
-        words.push(Word::Stop);
-        if end.subroutine && end.name() == "running" && active.exception == Pending::None {
-            words.push(Word::Ask);
+        steps.push(Step::Stop);
+        if end.subroutine && end.name() == "running" && active.exception == PendingException::None {
+            steps.push(Step::Ask);
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        match word {
-            Word::Read { .. } | Word::Come(_) | Word::Head | Word::Noise => By::Line,
-            Word::Move | Word::Brake | Word::Target { .. } | Word::Ask | Word::Stop | Word::Accept => {
-                By::User
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Read { .. } | Step::Come(_) | Step::Head | Step::Noise => Actor::Line,
+            Step::Move | Step::Brake | Step::Target { .. } | Step::Ask | Step::Stop | Step::Accept => {
+                Actor::User
             }
-            Word::Say(_) | Word::Lose | Word::Arrive { .. } => By::Others,
-            Word::Interrupt | Word::Return | Word::Restart => By::Others,
+            Step::Say(_) | Step::Lose | Step::Arrive { .. } => Actor::Others,
+            Step::Interrupt | Step::Return | Step::Restart => Actor::Others,
         }
     }
 
-    fn hear(&self, end: &HostMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        match word {
-            Word::Read { corrupt } => {
+    fn apply(&self, end: &HostMachine, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        match step {
+            Step::Read { corrupt } => {
                 let frame = known.down.take()?;
                 known.late = known.since_sent;
                 self.receive(end, known, if corrupt { Frame::Corrupt } else { frame });
             }
-            Word::Come(frame) => self.receive(end, known, frame),
-            Word::Head => {
+            Step::Come(frame) => self.receive(end, known, frame),
+            Step::Head => {
                 known.end_noise();
-                known.hold(Held::Head);
+                known.hold(DecoderContents::Head);
             }
-            Word::Noise => known.hold(known.line.with_noise()),
-            Word::Move => return Some(self.reply(end, known, true, false)),
-            Word::Brake => return Some(self.reply(end, known, false, false)),
-            Word::Target { moves } => {
+            Step::Noise => known.hold(known.line.with_noise()),
+            Step::Move => return Some(self.reply(end, known, true, false)),
+            Step::Brake => return Some(self.reply(end, known, false, false)),
+            Step::Target { moves } => {
                 (known.target, known.wanted) = (0, moves && !self.is_free);
                 return Some(Input::Target);
             }
-            Word::Ask => {
+            Step::Ask => {
                 known.job = Some(Job { executed: 0, sent: None });
                 return Some(Input::Exception { exception: GRIP, has_room: true });
             }
-            Word::Stop => {
+            Step::Stop => {
                 known.started = None;
                 return Some(Input::Stop);
             }
-            Word::Accept => return Some(Input::Policy(Policy::Accept)),
-            Word::Say(frame) => known.say(frame),
-            Word::Lose => known.down = None,
-            Word::Arrive { corrupt, takes } => known.arrive(self.takes_late, corrupt, takes),
-            Word::Interrupt => known.robot = Robot::Interrupted { reported: false },
-            Word::Return => known.robot = Robot::Running,
-            Word::Restart => {
+            Step::Accept => return Some(Input::Policy(Policy::Accept)),
+            Step::Say(frame) => known.say(frame),
+            Step::Lose => known.down = None,
+            Step::Arrive { corrupt, takes } => known.arrive(self.takes_late, corrupt, takes),
+            Step::Interrupt => known.robot = Robot::Interrupted { reported: false },
+            Step::Return => known.robot = Robot::Running,
+            Step::Restart => {
                 (known.robot, known.since_sent, known.down) = (Robot::Off, CYCLE, None);
                 known.sending = false;
                 (known.held, known.window) = (false, Window::Nothing);
@@ -262,7 +262,7 @@ impl Peer for AnyController {
         known.next_input()
     }
 
-    fn next(&self, _: &HostMachine, known: &mut Known) -> Option<InputOf<Self>> {
+    fn next(&self, _: &HostMachine, known: &mut Knowledge) -> Option<InputOf<Self>> {
         known.next_input()
     }
 
@@ -273,14 +273,14 @@ impl Peer for AnyController {
         }
     }
 
-    fn answer(&self, end: &HostMachine, known: &mut Known, what: &Answer) -> InputOf<Self> {
+    fn answer(&self, end: &HostMachine, known: &mut Knowledge, what: &Answer) -> InputOf<Self> {
         match what {
             Answer::Nothing => Input::Ignored,
             Answer::Start(_) | Answer::Reply { .. } => self.reply(end, known, false, true),
         }
     }
 
-    fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, end: &HostMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let reply = known.reply.take();
         let mut wrong = None;
         let mut must = |holds: bool, what| {
@@ -341,13 +341,13 @@ impl Peer for AnyController {
                     (known.asked, known.started) = (None, None);
                 }
             }
-            Action::EndFrame => match core::mem::replace(&mut known.line, Held::Nothing) {
-                Held::Noise => known.lose_noise(),
-                Held::Head => {
+            Action::EndFrame => match core::mem::replace(&mut known.line, DecoderContents::Nothing) {
+                DecoderContents::Noise => known.lose_noise(),
+                DecoderContents::Head => {
                     let input = self.read(end, known, Frame::Corrupt);
                     known.inputs.push(input);
                 }
-                Held::Nothing | Held::Corrupt => {}
+                DecoderContents::Nothing | DecoderContents::Corrupt => {}
             },
             Action::Exception(exception, outcome) => {
                 known.end_job(self, Some((exception, outcome)), &mut must)
@@ -359,10 +359,10 @@ impl Peer for AnyController {
         match cause {
             Cause::Connected | Cause::Disconnected => {
                 (known.asked, known.started, known.stopped) = (None, None, false);
-                (known.line, known.corrupt) = (Held::Nothing, (0, 0));
+                (known.line, known.corrupt) = (DecoderContents::Nothing, (0, 0));
             }
             Cause::Sent(Answer::Nothing) => known.started = None,
-            Cause::Due | Cause::Sent(_) | Cause::Word(_) => {}
+            Cause::Due | Cause::Sent(_) | Cause::Step(_) => {}
         }
         if !matches!(end.phase, HostPhase::Active(_)) {
             (known.target, known.wanted, known.arm) = (FRESH, false, (false, false));
@@ -370,7 +370,7 @@ impl Peer for AnyController {
         known.wrong = known.wrong.or(wrong);
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
         if core::mem::take(&mut known.sending) {
             known.since_sent = 0;
@@ -378,7 +378,7 @@ impl Peer for AnyController {
             older(&mut known.since_sent, CYCLE);
         }
         older(&mut known.since_read, self.silence() + 1);
-        if known.corrupt.0 > 0 && known.line != Held::Head {
+        if known.corrupt.0 > 0 && known.line != DecoderContents::Head {
             older(&mut known.corrupt.1, self.silence());
         }
         if known.corrupt.1 == self.silence() {
@@ -402,14 +402,25 @@ impl Peer for AnyController {
         }
     }
 
-    fn restarted(&self, known: &mut Known) {
-        let Known { robot, sending, since_sent, window, held, taken, down, up, late, wrong, .. } = *known;
-        *known =
-            Known { robot, sending, since_sent, window, held, taken, down, up, late, wrong, ..self.known() };
+    fn restarted(&self, known: &mut Knowledge) {
+        let Knowledge { robot, sending, since_sent, window, held, taken, down, up, late, wrong, .. } = *known;
+        *known = Knowledge {
+            robot,
+            sending,
+            since_sent,
+            window,
+            held,
+            taken,
+            down,
+            up,
+            late,
+            wrong,
+            ..self.known()
+        };
         known.forget_exception();
     }
 
-    fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, end: &HostMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
         let HostPhase::Active(active) = &end.phase else {
             if known.job.is_some() {
@@ -417,7 +428,7 @@ impl Peer for AnyController {
             }
             return;
         };
-        if known.job.is_some() != (active.exception != Pending::None) {
+        if known.job.is_some() != (active.exception != PendingException::None) {
             broken.push(OUTCOME);
         }
         if known.since_read > self.silence() && !end.expires(NOW) {
@@ -426,21 +437,21 @@ impl Peer for AnyController {
     }
 
     /// Returns whether each exception has its outcome, which must happen whatever the controller does.
-    fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
+    fn is_over(&self, _: &HostMachine, known: &Knowledge) -> bool {
         known.job.is_none()
     }
 
     /// Returns the faultless step: the controller sends a message in each cycle and reads each reply.
-    fn benign(&self, end: &HostMachine, known: &Known) -> Option<Word> {
-        let mut words = Vec::new();
+    fn fault_free_step(&self, end: &HostMachine, known: &Knowledge) -> Option<Step> {
+        let mut steps = Vec::new();
         if self.keeps_rules {
-            self.words(end, known, &mut words);
+            self.steps(end, known, &mut steps);
         }
-        words.into_iter().find(|word| match word {
-            Word::Arrive { corrupt, takes } => !corrupt && *takes,
-            Word::Read { corrupt } => !corrupt,
-            Word::Say(frame) => *frame != Frame::End,
-            Word::Return | Word::Accept => true,
+        steps.into_iter().find(|step| match step {
+            Step::Arrive { corrupt, takes } => !corrupt && *takes,
+            Step::Read { corrupt } => !corrupt,
+            Step::Say(frame) => *frame != Frame::End,
+            Step::Return | Step::Accept => true,
             _ => false,
         })
     }

@@ -3,13 +3,14 @@
 use core::time::Duration;
 
 use val2_alter::controller::machine::{
-    Action, ControllerMachine, ControllerPhase, Handling, Input, Outgoing, StartOutcome, Taken,
+    Action, ControllerMachine, ControllerPhase, DueMessage, ExceptionHandling, Input, ReplyEffect,
+    StartOutcome,
 };
 use val2_alter::timing::Budget;
 use val2_alter::{ControllerConfig, ErrorCode, Exception, Framing, Message as _, MotionPhase, StartCode};
 
-use super::world::{GRIP, Held, INFORMED, NESTED, TICK, TRIES, UNASKED, message};
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Terms};
+use super::world::{DecoderContents, GRIP, INFORMED, NESTED, TICK, TRIES, UNASKED, message};
+use crate::model::{Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, STANDSTILL};
 
 /// Ticks after which every window has closed.
 const LONG: u8 = 5;
@@ -22,13 +23,13 @@ pub(super) const TURN: &str = "the program interrupts ALTER only while no reply 
 
 const PROPERTIES: &[&str] =
     &[TAKEN, REPORTED, APART, ENDED, TURN, NESTED, INFORMED, UNASKED, TRIES, STANDSTILL, EXPECTED];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "AL-53, AL-54, AL-67",
     free: "whether and when it answers and what, what is lost, corrupt, in pieces or late",
     shows: &[],
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "any message, whole, in part or corrupt, and noise at any time",
     shows: &[
@@ -45,7 +46,7 @@ pub(super) const ANYTHING: Terms = Terms {
     properties: PROPERTIES,
 };
 /// The same without free space to report an exception.
-pub(super) const FULL: Terms = Terms { shows: &[], ..ANYTHING };
+pub(super) const FULL: PeerAssumptions = PeerAssumptions { shows: &[], ..ANYTHING };
 
 /// A host of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -61,11 +62,11 @@ pub struct AnyHost {
 
 /// The model's knowledge of the line and the program.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// The message that the host may answer.
-    pending: Option<Outgoing>,
+    pending: Option<DueMessage>,
     /// The contents of the decoder, the other effects of the read bytes on the controller, and the bytes read just now.
-    pub(super) held: Held,
+    pub(super) held: DecoderContents,
     inputs: Vec<Input>,
     read: Option<Input>,
     /// An ALTER has no end.
@@ -95,7 +96,7 @@ enum Window {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// An answer to a start message comes.
     Start(StartCode),
     /// A reply comes.
@@ -119,12 +120,12 @@ pub enum Word {
     Return,
 }
 
-const STARTS: [Word; 3] =
-    [Word::Start(StartCode::Accept), Word::Start(StartCode::Repeat), Word::Start(StartCode::Refuse)];
+const STARTS: [Step; 3] =
+    [Step::Start(StartCode::Accept), Step::Start(StartCode::Repeat), Step::Start(StartCode::Refuse)];
 impl Peer for AnyHost {
     type End = ControllerMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -136,10 +137,10 @@ impl Peer for AnyHost {
         ControllerMachine::NEW
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             pending: None,
-            held: Held::Nothing,
+            held: DecoderContents::Nothing,
             inputs: Vec::new(),
             read: None,
             open: false,
@@ -154,82 +155,85 @@ impl Peer for AnyHost {
         }
     }
 
-    fn words(&self, end: &ControllerMachine, known: &Known, words: &mut Vec<Word>) {
-        words.extend([Word::Begin, Word::Finish, Word::Interrupt, Word::Return]);
+    fn steps(&self, end: &ControllerMachine, known: &Knowledge, steps: &mut Vec<Step>) {
+        steps.extend([Step::Begin, Step::Finish, Step::Interrupt, Step::Return]);
         if end.phase == ControllerPhase::Disconnected {
             return;
         }
-        words.push(Word::Corrupt);
-        if known.held != Held::Head {
-            words.extend([Word::Head, Word::Noise]);
+        steps.push(Step::Corrupt);
+        if known.held != DecoderContents::Head {
+            steps.extend([Step::Head, Step::Noise]);
         }
         let (starts, replies, exceptions) = match known.pending {
             _ if !self.keeps_rules => (true, true, true),
-            Some(Outgoing::Start(_)) => (true, false, false),
-            Some(Outgoing::Motion(phase, _)) => (false, true, phase == MotionPhase::Running),
-            Some(Outgoing::End(_)) | None => (false, false, false),
+            Some(DueMessage::Start(_)) => (true, false, false),
+            Some(DueMessage::Motion(phase, _)) => (false, true, phase == MotionPhase::Running),
+            Some(DueMessage::End(_)) | None => (false, false, false),
         };
         if starts {
-            words.extend(STARTS);
+            steps.extend(STARTS);
         }
         if replies {
-            words.push(Word::Reply { exception: false });
+            steps.push(Step::Reply { exception: false });
         }
         if exceptions {
-            words.push(Word::Reply { exception: true });
+            steps.push(Step::Reply { exception: true });
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        match word {
-            Word::Start(_) | Word::Reply { .. } | Word::Head | Word::Corrupt | Word::Noise => By::Line,
-            Word::Begin | Word::Finish | Word::Interrupt | Word::Return => By::User,
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Start(_) | Step::Reply { .. } | Step::Head | Step::Corrupt | Step::Noise => Actor::Line,
+            Step::Begin | Step::Finish | Step::Interrupt | Step::Return => Actor::User,
         }
     }
 
-    fn hear(&self, _: &ControllerMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+    fn apply(&self, _: &ControllerMachine, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
         // When a frame begins, the bytes before it are read.
-        if known.held == Held::Noise && self.by(word) == By::Line && word != Word::Noise {
+        if known.held == DecoderContents::Noise && self.by(step) == Actor::Line && step != Step::Noise {
             known.inputs.push(Input::Corrupt(ErrorCode::Mark));
         }
-        match word {
-            Word::Start(code) => {
+        match step {
+            Step::Start(code) => {
                 known.pending = None;
-                known.hold(Some(Input::StartReply(code)), Held::Nothing);
+                known.hold(Some(Input::StartReply(code)), DecoderContents::Nothing);
             }
-            Word::Reply { exception } => {
+            Step::Reply { exception } => {
                 known.pending = None;
                 let exception = if exception { GRIP } else { Exception::None };
-                known.hold(Some(Input::Reply { exception, has_room: self.has_room }), Held::Nothing);
+                known.hold(
+                    Some(Input::Reply { exception, has_room: self.has_room }),
+                    DecoderContents::Nothing,
+                );
             }
-            Word::Corrupt => known.hold(Some(Input::Corrupt(ErrorCode::Checksum)), Held::Corrupt),
-            Word::Head => known.hold(None, Held::Head),
-            Word::Noise => known.hold(None, known.held.with_noise()),
-            Word::Begin => known.inputs.push(Input::Start { has_room: true }),
-            Word::Finish => known.inputs.push(Input::Finish),
-            Word::Interrupt => known.inputs.push(Input::Interrupt),
-            Word::Return => known.inputs.push(Input::Return),
+            Step::Corrupt => known.hold(Some(Input::Corrupt(ErrorCode::Checksum)), DecoderContents::Corrupt),
+            Step::Head => known.hold(None, DecoderContents::Head),
+            Step::Noise => known.hold(None, known.held.with_noise()),
+            Step::Begin => known.inputs.push(Input::Start { has_room: true }),
+            Step::Finish => known.inputs.push(Input::Finish),
+            Step::Interrupt => known.inputs.push(Input::Interrupt),
+            Step::Return => known.inputs.push(Input::Return),
         }
         known.next_input()
     }
 
-    fn cut(&self, known: &mut Known) {
-        known.inputs.extend(match core::mem::replace(&mut known.held, Held::Nothing) {
-            Held::Noise => Some(Input::Corrupt(ErrorCode::Mark)),
-            Held::Head => Some(Input::Corrupt(ErrorCode::Incomplete)),
-            Held::Nothing | Held::Corrupt => None,
+    fn cut(&self, known: &mut Knowledge) {
+        known.inputs.extend(match core::mem::replace(&mut known.held, DecoderContents::Nothing) {
+            DecoderContents::Noise => Some(Input::Corrupt(ErrorCode::Mark)),
+            DecoderContents::Head => Some(Input::Corrupt(ErrorCode::Incomplete)),
+            DecoderContents::Nothing | DecoderContents::Corrupt => None,
         });
     }
 
-    fn next(&self, _: &ControllerMachine, known: &mut Known) -> Option<InputOf<Self>> {
+    fn next(&self, _: &ControllerMachine, known: &mut Knowledge) -> Option<InputOf<Self>> {
         known.next_input()
     }
 
-    fn sent(&self, message: &Outgoing) -> InputOf<Self> {
+    fn sent(&self, message: &DueMessage) -> InputOf<Self> {
         Input::Sent { len: self.length(*message) }
     }
 
-    fn acted(&self, _: &ControllerMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, _: &ControllerMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let (in_window, is_over) = self.window(known);
         let read = known.read.take();
         let is_read = cause == Cause::Due && matches!(read, Some(Input::Corrupt(_)));
@@ -252,9 +256,9 @@ impl Peer for AnyHost {
             }
             Action::Take(taken, handling) => {
                 must(in_window && known.is_awaited(), TAKEN);
-                must(taken == Taken::Rests || !known.interrupted, UNASKED);
+                must(taken == ReplyEffect::Rests || !known.interrupted, UNASKED);
                 known.window = Window::Good;
-                if let Some(Handling::Subroutine(_)) = handling {
+                if let Some(ExceptionHandling::Subroutine(_)) = handling {
                     must(!known.interrupted, NESTED);
                     (known.interrupted, known.unreported) = (true, true);
                 }
@@ -292,20 +296,20 @@ impl Peer for AnyHost {
             Action::Refuse(_) | Action::Stray => {}
         }
         if matches!(cause, Cause::Connected | Cause::Disconnected | Cause::Sent(_)) {
-            known.held = Held::Nothing;
+            known.held = DecoderContents::Nothing;
         }
         known.wrong = known.wrong.or(wrong);
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         known.since_sent = (known.since_sent + 1).min(LONG);
     }
 
-    fn restarted(&self, known: &mut Known) {
-        *known = Known { pending: known.pending, wrong: known.wrong, ..self.known() };
+    fn restarted(&self, known: &mut Knowledge) {
+        *known = Knowledge { pending: known.pending, wrong: known.wrong, ..self.known() };
     }
 
-    fn broken(&self, end: &ControllerMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, end: &ControllerMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
         if matches!(end.phase, ControllerPhase::On(_)) != known.open {
             broken.push(ENDED);
@@ -313,14 +317,14 @@ impl Peer for AnyHost {
     }
 
     /// Returns whether ALTER is over, as it must be in the end after a host has stopped sending.
-    fn is_over(&self, _: &ControllerMachine, known: &Known) -> bool {
+    fn is_over(&self, _: &ControllerMachine, known: &Knowledge) -> bool {
         !known.open
     }
 }
 
 impl AnyHost {
     /// Returns whether an answer that comes now can belong to the last message, and whether its window is over.
-    fn window(&self, known: &Known) -> (bool, bool) {
+    fn window(&self, known: &Knowledge) -> (bool, bool) {
         let (mode, baud) = (self.config.mode.accumulation(), self.config.baud);
         let budget = Budget::new(mode, baud, known.len.into(), 0);
         let since = u32::from(known.since_sent) * TICK;
@@ -329,24 +333,24 @@ impl AnyHost {
     }
 
     /// Returns whether a message reports the result of the previous window.
-    fn is_next(&self, known: &Known, message: Outgoing) -> bool {
+    fn is_next(&self, known: &Knowledge, message: DueMessage) -> bool {
         let found = match known.window {
             Window::Nothing => ErrorCode::Timeout,
             Window::Good => ErrorCode::None,
             Window::Fault(code) => code,
         };
         match message {
-            Outgoing::Start(error) | Outgoing::End(error) => error == found,
-            Outgoing::Motion(_, error) => error == found && known.window != Window::Nothing,
+            DueMessage::Start(error) | DueMessage::End(error) => error == found,
+            DueMessage::Motion(_, error) => error == found && known.window != Window::Nothing,
         }
     }
 
-    fn length(&self, what: Outgoing) -> u8 {
+    fn length(&self, what: DueMessage) -> u8 {
         message(what, self.config.mode).encoded_len(Framing::DEFAULT) as u8
     }
 }
 
-impl Known {
+impl Knowledge {
     /// Returns whether the last message is still unanswered.
     fn is_awaited(&self) -> bool {
         self.window != Window::Good
@@ -358,9 +362,9 @@ impl Known {
     }
 
     /// Appends the inputs of a word: `input`, and its bytes.
-    fn hold(&mut self, input: Option<Input>, held: Held) {
+    fn hold(&mut self, input: Option<Input>, held: DecoderContents) {
         self.inputs.extend(input);
-        self.inputs.push(Input::Bytes { partial: held != Held::Nothing });
+        self.inputs.push(Input::Bytes { partial: held != DecoderContents::Nothing });
         self.held = held;
     }
 
@@ -395,16 +399,16 @@ impl Known {
         }
     }
 
-    fn send(&mut self, message: Outgoing, len: u8, must: &mut impl FnMut(bool, &'static str)) {
+    fn send(&mut self, message: DueMessage, len: u8, must: &mut impl FnMut(bool, &'static str)) {
         (self.pending, self.window, self.since_sent) = (Some(message), Window::Nothing, 0);
         (self.len, self.closed) = (len, false);
         match message {
-            Outgoing::Start(_) => self.attempts += 1,
-            Outgoing::Motion(MotionPhase::Running, _) => must(!self.unreported, INFORMED),
-            Outgoing::Motion(MotionPhase::Interrupted, _) => self.unreported = false,
-            Outgoing::End(_) => self.open = false,
+            DueMessage::Start(_) => self.attempts += 1,
+            DueMessage::Motion(MotionPhase::Running, _) => must(!self.unreported, INFORMED),
+            DueMessage::Motion(MotionPhase::Interrupted, _) => self.unreported = false,
+            DueMessage::End(_) => self.open = false,
         }
-        if !matches!(message, Outgoing::Start(_)) {
+        if !matches!(message, DueMessage::Start(_)) {
             self.attempts = 0;
         }
     }

@@ -3,7 +3,7 @@
 use val2_alter::host::machine::{Input, Outcome};
 use val2_alter::{ErrorCode, ExceptionOutcome, HostConfig, MotionPhase};
 
-use super::world::{DONE, Held, NOT_DONE, ONCE, OUTCOME, WORDS};
+use super::world::{DONE, DecoderContents, NOT_DONE, ONCE, OUTCOME, WORDS};
 
 /// Ticks of a cycle, and of the window within it that a whole reply can end in.
 pub(super) const CYCLE: u8 = 4;
@@ -32,7 +32,7 @@ pub struct AnyController {
 
 /// An input of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// The controller sends a message.
     Say(Frame),
     /// The message is lost.
@@ -80,7 +80,7 @@ pub enum Word {
 
 /// The model's knowledge of the controller, the line and the caller.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     pub(super) robot: Robot,
     /// A message is on the line.
     pub(super) sending: bool,
@@ -98,7 +98,7 @@ pub struct Known {
     /// The ticks by which the host has read the message late.
     pub(super) late: u8,
     /// The contents of the host's decoder, and the other effects of the read bytes on the host.
-    pub(super) line: Held,
+    pub(super) line: DecoderContents,
     pub(super) inputs: Vec<Input>,
     /// The phase in the message that the host may answer, and the ticks since it was read.
     pub(super) asked: Option<MotionPhase>,
@@ -188,26 +188,26 @@ pub struct Job {
     pub(super) sent: Option<(u8, bool)>,
 }
 
-impl Known {
+impl Knowledge {
     /// Appends the steps of a controller that keeps the rules.
-    pub(super) fn robot_words(&self, peer: &AnyController, words: &mut Vec<Word>) {
+    pub(super) fn robot_steps(&self, peer: &AnyController, steps: &mut Vec<Step>) {
         if self.down.is_some() {
-            words.push(Word::Lose);
+            steps.push(Step::Lose);
         }
         if matches!(self.up, [Some((_, ticks)), _] if ticks <= self.most_late(peer)) {
             let each = [(false, false), (false, true), (true, false)];
             // Where two replies are under way, one may come in an interruption of which no message has come.
             let each = each.into_iter().filter(|(corrupt, takes)| peer.delay <= DELAY || *corrupt || *takes);
-            words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
+            steps.extend(each.map(|(corrupt, takes)| Step::Arrive { corrupt, takes }));
         }
         // A reply that is late by a cycle could be one of the ALTER before.
         if self.robot != Robot::Off && peer.delay <= DELAY {
-            words.push(Word::Restart);
+            steps.push(Step::Restart);
         }
         let is_its_turn = !self.sending && (self.window == Window::Good || self.since_sent > WINDOW);
         match self.robot {
-            Robot::Running if is_its_turn => words.push(Word::Interrupt),
-            Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
+            Robot::Running if is_its_turn => steps.push(Step::Interrupt),
+            Robot::Interrupted { reported: true } if is_its_turn => steps.push(Step::Return),
             _ => {}
         }
         // A message takes a tick on the line.
@@ -224,7 +224,7 @@ impl Known {
             Robot::Running => &[Frame::Motion(RUNNING, error), Frame::End],
             Robot::Interrupted { .. } => &[Frame::Motion(INTERRUPTION, error), Frame::End],
         };
-        words.extend(frames.iter().map(|frame| Word::Say(*frame)));
+        steps.extend(frames.iter().map(|frame| Step::Say(*frame)));
     }
 
     pub(super) fn say(&mut self, frame: Frame) {
@@ -313,9 +313,9 @@ impl Known {
     }
 
     /// Appends the input of read bytes, and stores the part of them that the host's decoder buffers.
-    pub(super) fn hold(&mut self, held: Held) {
+    pub(super) fn hold(&mut self, held: DecoderContents) {
         self.line = held;
-        self.inputs.push(Input::Bytes { partial: held != Held::Nothing });
+        self.inputs.push(Input::Bytes { partial: held != DecoderContents::Nothing });
     }
 
     pub(super) fn next_input(&mut self) -> Option<Input> {
@@ -345,7 +345,7 @@ impl Known {
 
     /// Reads the bytes before the frame that begins.
     pub(super) fn end_noise(&mut self) {
-        if self.line == Held::Noise {
+        if self.line == DecoderContents::Noise {
             self.lose_noise();
         }
     }

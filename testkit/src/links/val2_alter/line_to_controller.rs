@@ -3,11 +3,11 @@
 use core::time::Duration;
 
 use robot_session::end::{End as _, Machine as _};
-use val2_alter::controller::machine::{Action, Handling, Outgoing, StartOutcome, Taken};
+use val2_alter::controller::machine::{Action, DueMessage, ExceptionHandling, ReplyEffect, StartOutcome};
 use val2_alter::{AXES, Controller, ControllerEvent, ErrorCode, Exception, HostMessage, Reply};
 
-use super::any_host::{AnyHost, Known, Word};
-use super::world::{GRIP, Held, MOVES, NOISE, bytes, corrupt, head, message};
+use super::any_host::{AnyHost, Knowledge, Step};
+use super::world::{DecoderContents, GRIP, MOVES, NOISE, bytes, corrupt, head, message};
 use crate::faults::Faults;
 use crate::model::{SceneOf, Wired};
 
@@ -21,32 +21,32 @@ impl Wired for AnyHost {
         Controller::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, word: Word, session: &mut Controller, now: Duration) -> Vec<u8> {
+    fn speak(&self, known: &Knowledge, word: Step, session: &mut Controller, now: Duration) -> Vec<u8> {
         let reply = |exception| HostMessage::Reply(Reply { exception, ..Reply::all([MOVES; AXES]) });
         let frame = match word {
-            Word::Start(code) => bytes(&HostMessage::StartReply(code)),
-            Word::Reply { exception: false } => bytes(&reply(Exception::None)),
-            Word::Reply { exception: true } => bytes(&reply(GRIP)),
-            Word::Corrupt => corrupt(&reply(Exception::None)),
-            Word::Head => return head(),
-            Word::Noise => return vec![NOISE],
-            Word::Begin | Word::Finish | Word::Interrupt | Word::Return => {
+            Step::Start(code) => bytes(&HostMessage::StartReply(code)),
+            Step::Reply { exception: false } => bytes(&reply(Exception::None)),
+            Step::Reply { exception: true } => bytes(&reply(GRIP)),
+            Step::Corrupt => corrupt(&reply(Exception::None)),
+            Step::Head => return head(),
+            Step::Noise => return vec![NOISE],
+            Step::Begin | Step::Finish | Step::Interrupt | Step::Return => {
                 // A refused call has no effect.
                 let _ = match word {
-                    Word::Begin => session.start(now),
-                    Word::Finish => session.finish(now),
-                    Word::Interrupt => session.interrupt(now),
+                    Step::Begin => session.start(now),
+                    Step::Finish => session.finish(now),
+                    Step::Interrupt => session.interrupt(now),
                     _ => session.resume(now),
                 };
                 return Vec::new();
             }
         };
         // Held bytes are given up now.
-        let held = if session.machine().expires(now) { Held::Nothing } else { known.held };
+        let held = if session.machine().expires(now) { DecoderContents::Nothing } else { known.held };
         held.rest_of(frame)
     }
 
-    fn is_written(&self, _: &SceneOf<Self>, what: &Outgoing, sent: &[u8]) -> bool {
+    fn is_written(&self, _: &SceneOf<Self>, what: &DueMessage, sent: &[u8]) -> bool {
         sent == bytes(&message(*what, self.config.mode))
     }
 
@@ -54,12 +54,12 @@ impl Wired for AnyHost {
         let bad = |code| format!("bad reply {code:?}");
         match *action {
             Action::Nothing | Action::Refuse(_) | Action::Begin | Action::Rest => {}
-            Action::Sent(Outgoing::End(error)) | Action::End(error) => {
+            Action::Sent(DueMessage::End(error)) | Action::End(error) => {
                 reports.push(format!("ended {error:?}"))
             }
-            Action::Sent(Outgoing::Start(_) | Outgoing::Motion(..)) => {}
+            Action::Sent(DueMessage::Start(_) | DueMessage::Motion(..)) => {}
             Action::Take(taken, handling) => {
-                reports.push(if taken == Taken::Moves { "moves" } else { "rests" }.into());
+                reports.push(if taken == ReplyEffect::Moves { "moves" } else { "rests" }.into());
                 reports.extend(handling.map(|handling| format!("{handling:?}")));
             }
             Action::Start(outcome) => reports.push(format!("{outcome:?}")),
@@ -78,8 +78,8 @@ impl Wired for AnyHost {
             ControllerEvent::Reply { values, .. } if *values == [MOVES; AXES] => "moves".into(),
             ControllerEvent::Reply { values: [0, 0, 0, 0, 0, 0], .. } => "rests".into(),
             ControllerEvent::BadReply(code) => format!("bad reply {code:?}"),
-            ControllerEvent::Exception(code) => format!("{:?}", Handling::Subroutine(*code)),
-            ControllerEvent::Aborted(code) => format!("{:?}", Handling::Abort(*code)),
+            ControllerEvent::Exception(code) => format!("{:?}", ExceptionHandling::Subroutine(*code)),
+            ControllerEvent::Aborted(code) => format!("{:?}", ExceptionHandling::Abort(*code)),
             ControllerEvent::Stray(_) => "stray".into(),
             ControllerEvent::Started => format!("{:?}", StartOutcome::Started),
             ControllerEvent::Refused => format!("{:?}", StartOutcome::Refused),
@@ -90,12 +90,12 @@ impl Wired for AnyHost {
     }
 
     /// Returns the words that the end may receive if a connection ends within a word.
-    fn lost(&self, _: &Known, _: Word) -> Vec<Vec<Word>> {
-        vec![vec![], vec![Word::Noise], vec![Word::Head]]
+    fn lost(&self, _: &Knowledge, _: Step) -> Vec<Vec<Step>> {
+        vec![vec![], vec![Step::Noise], vec![Step::Head]]
     }
 
     /// Returns false: a pause within a frame is a word.
-    fn may_pause(&self, _: Word) -> bool {
+    fn may_pause(&self, _: Step) -> bool {
         false
     }
 }

@@ -3,12 +3,16 @@
 use core::time::Duration;
 
 use robot_session::end::{End as _, Machine as _};
-use val2_alter::controller::machine::Outgoing;
-use val2_alter::host::machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judged};
+use val2_alter::controller::machine::DueMessage;
+use val2_alter::host::machine::{
+    Action, Answer, Draft, HostMachine, HostPhase, Input, OutputMode, PreviousReply,
+};
 use val2_alter::{AXES, ErrorCode, Host, HostEvent, HostMessage, Mode, Policy, Reply, timing};
 
-use super::any_robot::{AnyController, CYCLE, Frame, Job, Known, Opening, RUNNING, Word};
-use super::world::{FITS, FRESH, GRIP, Held, MOVES, NOISE, STALE, TICK, bytes, corrupt, head, message};
+use super::any_robot::{AnyController, CYCLE, Frame, Job, Knowledge, Opening, RUNNING, Step};
+use super::world::{
+    DecoderContents, FITS, FRESH, GRIP, MOVES, NOISE, STALE, TICK, bytes, corrupt, head, message,
+};
 use crate::faults::Faults;
 use crate::model::{SceneOf, Wired};
 
@@ -23,15 +27,15 @@ impl AnyController {
     }
 
     /// Called when a message arrives, or the rest of it.
-    pub(super) fn receive(&self, end: &HostMachine, known: &mut Known, frame: Frame) {
+    pub(super) fn receive(&self, end: &HostMachine, known: &mut Knowledge, frame: Frame) {
         known.end_noise();
         let input = self.read(end, known, frame);
         known.inputs.push(input);
-        known.hold(if frame == Frame::Corrupt { Held::Corrupt } else { Held::Nothing });
+        known.hold(if frame == Frame::Corrupt { DecoderContents::Corrupt } else { DecoderContents::Nothing });
     }
 
     /// Lets the host read a message; returns the input.
-    pub(super) fn read(&self, end: &HostMachine, known: &mut Known, frame: Frame) -> Input {
+    pub(super) fn read(&self, end: &HostMachine, known: &mut Knowledge, frame: Frame) -> Input {
         let is_active = matches!(end.phase, HostPhase::Active(_));
         match frame {
             Frame::Start { is_expected } => {
@@ -69,7 +73,13 @@ impl AnyController {
     }
 
     /// Returns the reaction of the host to the answer that is due.
-    pub(super) fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool, at_rest: bool) -> Input {
+    pub(super) fn reply(
+        &self,
+        end: &HostMachine,
+        known: &mut Knowledge,
+        moves: bool,
+        at_rest: bool,
+    ) -> Input {
         let Some(answer) = end.transmit(NOW, &self.config) else { return Input::Late };
         let (bare, end_by) = match &end.phase {
             HostPhase::Active(active) => (8, active.request.map(|request| request.due.end_by)),
@@ -81,9 +91,9 @@ impl AnyController {
         let (moves, at_rest) = match answer {
             Answer::Reply { course, .. } if !self.is_free => {
                 let moves = match course {
-                    Course::Target => known.wanted,
-                    Course::Zero => false,
-                    Course::Hold | Course::Rest => known.arm.0,
+                    OutputMode::Target => known.wanted,
+                    OutputMode::Zero => false,
+                    OutputMode::Hold | OutputMode::Rest => known.arm.0,
                 };
                 (moves, !moves && !known.arm.0)
             }
@@ -95,7 +105,7 @@ impl AnyController {
         if end_by.is_none_or(|end_by| timing::transmission_time(len, self.config.baud) > end_by) {
             known.wrong = known.wrong.or(Some(FITS));
         }
-        let is_follower = matches!(answer, Answer::Reply { course: Course::Target, .. });
+        let is_follower = matches!(answer, Answer::Reply { course: OutputMode::Target, .. });
         if is_follower && known.target >= FRESH {
             known.wrong = known.wrong.or(Some(STALE));
         }
@@ -118,35 +128,35 @@ impl Wired for AnyController {
         Host::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, known: &Known, word: Word, session: &mut Host, now: Duration) -> Vec<u8> {
+    fn speak(&self, known: &Knowledge, word: Step, session: &mut Host, now: Duration) -> Vec<u8> {
         let frame = match word {
-            Word::Read { corrupt: false } => known.down,
-            Word::Read { corrupt: true } => Some(Frame::Corrupt),
-            Word::Come(frame) => Some(frame),
-            Word::Head => return head(),
-            Word::Noise => return vec![NOISE],
-            Word::Target { moves } => {
+            Step::Read { corrupt: false } => known.down,
+            Step::Read { corrupt: true } => Some(Frame::Corrupt),
+            Step::Come(frame) => Some(frame),
+            Step::Head => return head(),
+            Step::Noise => return vec![NOISE],
+            Step::Target { moves } => {
                 session.set_target(now, values(moves));
                 None
             }
-            Word::Ask => {
+            Step::Ask => {
                 session.exception(now, GRIP).expect("it runs, and none is pending");
                 None
             }
-            Word::Stop => {
+            Step::Stop => {
                 session.stop(now);
                 None
             }
-            Word::Accept => {
+            Step::Accept => {
                 session.set_policy(now, Policy::Accept);
                 None
             }
-            Word::Move | Word::Brake | Word::Say(_) | Word::Lose | Word::Arrive { .. } => None,
-            Word::Interrupt | Word::Return | Word::Restart => None,
+            Step::Move | Step::Brake | Step::Say(_) | Step::Lose | Step::Arrive { .. } => None,
+            Step::Interrupt | Step::Return | Step::Restart => None,
         };
         // A frame that is given up now has no rest.
         let is_over = session.machine().gap_at.is_some_and(|at| at <= now);
-        let held = if is_over { Held::Nothing } else { known.line };
+        let held = if is_over { DecoderContents::Nothing } else { known.line };
         frame.map(|frame| held.rest_of(self.frame(frame))).unwrap_or_default()
     }
 
@@ -166,18 +176,18 @@ impl Wired for AnyController {
     }
 
     fn reports(&self, action: &Action, reports: &mut Vec<String>) {
-        let ended = |outcome| Judged { outcome, ..Judged::default() };
+        let ended = |outcome| PreviousReply { outcome, ..PreviousReply::default() };
         let (judged, other) = match *action {
             Action::Nothing | Action::Refuse(_) | Action::EndFrame => return,
             Action::SentStart(_) | Action::SentReply(_) => return,
-            Action::Missed => (Judged { missed: true, ..Judged::default() }, None),
-            Action::Stale => (Judged::default(), Some("stale".into())),
+            Action::Missed => (PreviousReply { missed: true, ..PreviousReply::default() }, None),
+            Action::Stale => (PreviousReply::default(), Some("stale".into())),
             Action::Asked(judged) => (judged, None),
             Action::Stopped(judged) => (judged, Some("stopped".into())),
             Action::Exception(exception, outcome) => (ended(Some((exception, outcome))), None),
             Action::Ended(outcome) => (ended(outcome), None),
             Action::Lost { missed, outcome, reason } => {
-                (Judged { missed, ..ended(outcome) }, Some(format!("lost {reason:?}")))
+                (PreviousReply { missed, ..ended(outcome) }, Some(format!("lost {reason:?}")))
             }
         };
         reports.extend(judged.missed.then(|| "missed".into()));
@@ -204,14 +214,14 @@ impl Wired for AnyController {
     }
 
     /// Returns the words that the end may receive if a connection ends within a word.
-    fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
-        let gone = if matches!(word, Word::Read { .. }) { vec![Word::Lose] } else { Vec::new() };
+    fn lost(&self, _: &Knowledge, word: Step) -> Vec<Vec<Step>> {
+        let gone = if matches!(word, Step::Read { .. }) { vec![Step::Lose] } else { Vec::new() };
         let with = |word| [gone.as_slice(), &[word]].concat();
-        vec![with(Word::Noise), with(Word::Head), gone]
+        vec![with(Step::Noise), with(Step::Head), gone]
     }
 
     /// Returns false: a pause within a frame is a word.
-    fn may_pause(&self, _: Word) -> bool {
+    fn may_pause(&self, _: Step) -> bool {
         false
     }
 }
@@ -221,11 +231,11 @@ impl AnyController {
         let Mode(mode) = self.config.mode;
         match frame {
             Frame::Start { is_expected } => {
-                bytes(&message(Outgoing::Start(ErrorCode::None), Mode(mode ^ u8::from(!is_expected))))
+                bytes(&message(DueMessage::Start(ErrorCode::None), Mode(mode ^ u8::from(!is_expected))))
             }
-            Frame::Motion(phase, error) => bytes(&message(Outgoing::Motion(phase, error), Mode(mode))),
-            Frame::End => bytes(&message(Outgoing::End(ErrorCode::None), Mode(mode))),
-            Frame::Corrupt => corrupt(&message(Outgoing::Motion(RUNNING, ErrorCode::None), Mode(mode))),
+            Frame::Motion(phase, error) => bytes(&message(DueMessage::Motion(phase, error), Mode(mode))),
+            Frame::End => bytes(&message(DueMessage::End(ErrorCode::None), Mode(mode))),
+            Frame::Corrupt => corrupt(&message(DueMessage::Motion(RUNNING, ErrorCode::None), Mode(mode))),
         }
     }
 }

@@ -1,15 +1,17 @@
 //! Both machines, as the model sees them.
 
-use val2_alter::controller::machine::{self as controller, ControllerMachine, Handling, Outgoing, Taken};
+use val2_alter::controller::machine::{
+    self as controller, ControllerMachine, DueMessage, ExceptionHandling, ReplyEffect,
+};
 use val2_alter::host::machine::{self as host, HostMachine};
 use val2_alter::{Exception, ExceptionOutcome, MotionPhase};
 
-use crate::model::Drawn;
+use crate::model::DrawnMachine;
 
-impl Drawn for HostMachine {
+impl DrawnMachine for HostMachine {
     fn action_name(action: &Self::Action) -> String {
-        use host::{Action, Judged};
-        let judged = |Judged { missed, rejected, outcome, .. }| {
+        use host::{Action, PreviousReply};
+        let judged = |PreviousReply { missed, rejected, outcome, .. }| {
             let outcome = match outcome {
                 None => "",
                 Some((_, ExceptionOutcome::Done)) => "exception done",
@@ -30,11 +32,11 @@ impl Drawn for HostMachine {
             Action::Asked(it) => judged(it),
             Action::Stopped(it) => with(it, "stopped"),
             Action::Exception(exception, outcome) => {
-                judged(Judged { outcome: Some((exception, outcome)), ..Judged::default() })
+                judged(PreviousReply { outcome: Some((exception, outcome)), ..PreviousReply::default() })
             }
-            Action::Ended(outcome) => with(Judged { outcome, ..Judged::default() }, "ended"),
+            Action::Ended(outcome) => with(PreviousReply { outcome, ..PreviousReply::default() }, "ended"),
             Action::Lost { missed, outcome, .. } => {
-                with(Judged { missed, outcome, ..Judged::default() }, "lost")
+                with(PreviousReply { missed, outcome, ..PreviousReply::default() }, "lost")
             }
             Action::SentStart(code) => format!("{code:?}").to_lowercase(),
             Action::SentReply(Exception::None) => "reply".into(),
@@ -43,7 +45,7 @@ impl Drawn for HostMachine {
     }
 }
 
-impl Drawn for ControllerMachine {
+impl DrawnMachine for ControllerMachine {
     fn action_name(action: &Self::Action) -> String {
         use controller::Action;
         let start = |outcome: Option<controller::StartOutcome>| {
@@ -51,17 +53,17 @@ impl Drawn for ControllerMachine {
         };
         match action {
             Action::Nothing | Action::Refuse(_) | Action::Begin | Action::Rest => String::new(),
-            Action::Sent(Outgoing::Start(_)) => "start message".into(),
-            Action::Sent(Outgoing::Motion(MotionPhase::Running, _)) => "standard message".into(),
-            Action::Sent(Outgoing::Motion(MotionPhase::Interrupted, _)) => {
+            Action::Sent(DueMessage::Start(_)) => "start message".into(),
+            Action::Sent(DueMessage::Motion(MotionPhase::Running, _)) => "standard message".into(),
+            Action::Sent(DueMessage::Motion(MotionPhase::Interrupted, _)) => {
                 "standard message, interrupted".into()
             }
-            Action::Sent(Outgoing::End(_)) => "ended, end message".into(),
+            Action::Sent(DueMessage::End(_)) => "ended, end message".into(),
             Action::Take(taken, handling) => list(&[
-                if *taken == Taken::Moves { "move" } else { "" },
+                if *taken == ReplyEffect::Moves { "move" } else { "" },
                 match handling {
                     None => "",
-                    Some(Handling::Subroutine(_) | Handling::Abort(_)) => "exception",
+                    Some(ExceptionHandling::Subroutine(_) | ExceptionHandling::Abort(_)) => "exception",
                 },
             ]),
             Action::Start(outcome) => start(Some(*outcome)),

@@ -17,7 +17,7 @@ pub use any_robot::AnyController;
 pub use margins::margins;
 pub use world::TICK;
 
-use crate::model::{Against, MustFail, Pair, Setting, Table, at, both, draw};
+use crate::model::{EndWithPeer, MustFail, Pair, Setting, Table, at, both, draw};
 use robot_session::end::Rules;
 use val2_alter::{controller, host};
 
@@ -144,7 +144,7 @@ pub const ANY_HOST: Pair = Pair {
         ]
     },
     diagrams: || draw("val2-alter", &["controller"], &both(any_host, any_host::RULES, any_host::ANYTHING)),
-    refined: || vec![Against { late: false, breaks: false, ..any_host(true) }.refined()],
+    refined: || vec![EndWithPeer { late: false, breaks: false, ..any_host(true) }.refined()],
 };
 
 const TAKES_LATE: &str = "keeps them, takes late replies";
@@ -152,53 +152,53 @@ const TAKES_LATE: &str = "keeps them, takes late replies";
 const LATER: &str = "keeps the rules, replies are late by a cycle";
 
 /// Returns a controller about which only the rules are known, or nothing.
-pub fn any_controller(keeps_rules: bool) -> Against<AnyController> {
+pub fn any_controller(keeps_rules: bool) -> EndWithPeer<AnyController> {
     let host = world::host();
     // When a target is too old is seen with a controller that does anything.
     let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
     let config = val2_alter::HostConfig { target_timeout, ..host };
     let peer = AnyController { config, keeps_rules, takes_late: false, delay: 1, is_free: false };
     // With one that keeps the rules each answer is sent at once, and may be late on the line.
-    Against { late: !keeps_rules, ..Against::new(peer) }
+    EndWithPeer { late: !keeps_rules, ..EndWithPeer::new(peer) }
 }
 
 /// Returns a controller with any behaviour, and a host that is called in time, has no subroutine, and keeps its connection.
-fn small() -> Against<AnyController> {
+fn small() -> EndWithPeer<AnyController> {
     let system = any_controller(false);
     let config = val2_alter::HostConfig {
         subroutine: false,
         target_timeout: core::time::Duration::MAX,
         ..system.peer.config
     };
-    Against { late: false, breaks: false, peer: AnyController { config, ..system.peer } }
+    EndWithPeer { late: false, breaks: false, peer: AnyController { config, ..system.peer } }
 }
 
 /// Returns a controller that follows the rules, and a host whose replies have any words.
-fn free() -> Against<AnyController> {
+fn free() -> EndWithPeer<AnyController> {
     let system = any_controller(true);
-    Against { peer: AnyController { is_free: true, ..system.peer }, ..system }
+    EndWithPeer { peer: AnyController { is_free: true, ..system.peer }, ..system }
 }
 
 /// Replies that are sent late, too, to a controller that takes them.
-fn late_controller() -> Against<AnyController> {
+fn late_controller() -> EndWithPeer<AnyController> {
     let system = free();
-    Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
+    EndWithPeer { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
 }
 
 /// Returns a line on which two replies may be under way, as the host assumes.
-fn later_controller() -> Against<AnyController> {
+fn later_controller() -> EndWithPeer<AnyController> {
     // A message is late by one tick besides.
     delayed(4, TICK * 5)
 }
 
 /// Returns a line on which a reply is late by this many ticks, and a host that assumes `max_delay`.
-fn delayed(delay: u8, max_delay: core::time::Duration) -> Against<AnyController> {
+fn delayed(delay: u8, max_delay: core::time::Duration) -> EndWithPeer<AnyController> {
     let system = free();
     let config = val2_alter::HostConfig { max_delay, ..system.peer.config };
-    Against { breaks: false, peer: AnyController { config, delay, ..system.peer }, ..system }
+    EndWithPeer { breaks: false, peer: AnyController { config, delay, ..system.peer }, ..system }
 }
 
 /// Returns a host about which only the rules are known, or nothing.
-pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
-    Against::new(AnyHost { config: world::controller(), keeps_rules, has_room: true })
+pub fn any_host(keeps_rules: bool) -> EndWithPeer<AnyHost> {
+    EndWithPeer::new(AnyHost { config: world::controller(), keeps_rules, has_room: true })
 }

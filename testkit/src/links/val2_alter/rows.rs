@@ -6,7 +6,7 @@ use robot_session::end::{Machine, is_due};
 use val2_alter::controller::machine::{
     self as controller, ControllerMachine, ControllerPhase, Progress, Turn,
 };
-use val2_alter::host::machine::{self as host, HostMachine, HostPhase, Pending, Stage, Target};
+use val2_alter::host::machine::{self as host, HostMachine, HostPhase, PendingException, Stage, Target};
 use val2_alter::timing::CYCLE;
 use val2_alter::{ControllerConfig, ErrorCode, Exception, HostConfig, MotionPhase, Policy, StartCode};
 
@@ -128,11 +128,11 @@ impl Rows for Host {
         match &machine.phase {
             HostPhase::Repeating { answer: Some(_), .. } => "repeating, an answer is due",
             HostPhase::Active(active) => match (active.stage, active.request, active.exception) {
-                (Stage::Running, _, Pending::Unsent(_)) => "running, an exception to be sent",
-                (Stage::Running, _, Pending::Sent(_)) => "running, an exception sent",
-                (Stage::Running, _, Pending::Unread { .. }) => "running, an exception not read",
-                (Stage::Running, Some(_), Pending::None) => "running, a reply is due",
-                (Stage::Running, None, Pending::None) => "running",
+                (Stage::Running, _, PendingException::Unsent(_)) => "running, an exception to be sent",
+                (Stage::Running, _, PendingException::Sent(_)) => "running, an exception sent",
+                (Stage::Running, _, PendingException::Unread { .. }) => "running, an exception not read",
+                (Stage::Running, Some(_), PendingException::None) => "running, a reply is due",
+                (Stage::Running, None, PendingException::None) => "running",
                 (Stage::Interrupted, ..) => "interrupted, a reply is due",
                 (Stage::Stopping { zeros_sent: true }, ..) => "stopping, zeros sent",
                 (Stage::Stopping { .. }, ..) => "stopping",

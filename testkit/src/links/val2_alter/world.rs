@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use val2_alter::controller::machine::Outgoing;
+use val2_alter::controller::machine::DueMessage;
 use val2_alter::{
     ControllerConfig, End, Exception, Framing, HostConfig, HostMessage, Limits, List, Message, Mode, Motion,
     RobotMessage, SegmentStatus, Start,
@@ -60,7 +60,7 @@ pub(super) fn controller() -> ControllerConfig {
 
 /// The bytes that a decoder holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Held {
+pub(super) enum DecoderContents {
     /// No bytes.
     Nothing,
     /// The start mark of a frame.
@@ -71,7 +71,7 @@ pub(super) enum Held {
     Corrupt,
 }
 
-impl Held {
+impl DecoderContents {
     /// Returns the contents of the decoder after additional noise.
     pub(super) fn with_noise(self) -> Self {
         if self == Self::Nothing { Self::Noise } else { self }
@@ -112,10 +112,10 @@ pub(super) fn corrupt<M: Message>(message: &M) -> Vec<u8> {
 }
 
 /// Returns a message of the controller.
-pub(super) fn message(what: Outgoing, mode: Mode) -> RobotMessage {
+pub(super) fn message(what: DueMessage, mode: Mode) -> RobotMessage {
     match what {
-        Outgoing::Start(error) => RobotMessage::Start(Start { error, ..Start::new(mode, List::EMPTY) }),
-        Outgoing::Motion(phase, error) => RobotMessage::Motion(Motion {
+        DueMessage::Start(error) => RobotMessage::Start(Start { error, ..Start::new(mode, List::EMPTY) }),
+        DueMessage::Motion(phase, error) => RobotMessage::Motion(Motion {
             phase,
             error,
             segment_status: SegmentStatus::Normal,
@@ -123,6 +123,6 @@ pub(super) fn message(what: Outgoing, mode: Mode) -> RobotMessage {
             percent: 0,
             transform: None,
         }),
-        Outgoing::End(error) => RobotMessage::End(End { error }),
+        DueMessage::End(error) => RobotMessage::End(End { error }),
     }
 }

@@ -9,7 +9,9 @@ use val2_viewer::{ENQ, PosePacket, Workstation, WorkstationConfig, WorkstationEv
 use super::hold::{HELD, Hold, RESUMED};
 use super::world::{ASKS, CLAIMED, CREDIT, FAULTS, ONE_OUTCOME, STALE, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, WRITTEN, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, SceneOf, WRITTEN, Wired,
+};
 
 /// Ticks. A pause is shorter than the time of an answer, so that a request ends by either.
 pub(super) const PAUSE: u8 = 3;
@@ -26,19 +28,19 @@ pub(super) const PAIRED: &str = "a pose answers the request that is open";
 
 const SHOWS: &[(&str, &str)] = &[("VV-1", WRITTEN), ("VV-8", WRITTEN), ("VV-25", CREDIT), ("VV-27", ASKS)];
 const PROPERTIES: &[&str] = &[ONE_OUTCOME, CREDIT, ASKS, MISSED, ENDED, STALE, HELD, RESUMED, EXPECTED];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "VV-1, VV-3",
     free: "when it answers, how many requests with one packet, what the line corrupts, when it holds the line",
     shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const PROMPT: Terms = Terms {
+pub(super) const PROMPT: PeerAssumptions = PeerAssumptions {
     keeps: "VV-1, VV-3, an answer within a display cycle, no faults",
     free: "when it answers",
     shows: &[],
     properties: &[CLAIMED, ONE_OUTCOME, CREDIT, ASKS, MISSED, ENDED, STALE, EXPECTED],
 };
-pub(super) const ANYTHING: Terms = Terms {
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
     keeps: "",
     free: "packets, noise, XOFF and XON at any time",
     shows: SHOWS,
@@ -60,7 +62,7 @@ pub struct AnyHost {
 
 /// The model's knowledge of the requests, the picture and the line.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// Requests that the host may still answer: of before, and the last one.
     earlier: u8,
     last: bool,
@@ -83,7 +85,7 @@ pub struct Known {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// A packet comes: it answers the oldest request, or all of them.
     Pose {
         /// All of them.
@@ -106,8 +108,8 @@ pub enum Word {
 
 impl Peer for AnyHost {
     type End = WorkstationMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -119,8 +121,8 @@ impl Peer for AnyHost {
         WorkstationMachine::Disconnected
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             earlier: 0,
             last: false,
             open: false,
@@ -135,48 +137,48 @@ impl Peer for AnyHost {
         }
     }
 
-    fn words(&self, end: &WorkstationMachine, known: &Known, words: &mut Vec<Word>) {
+    fn steps(&self, end: &WorkstationMachine, known: &Knowledge, steps: &mut Vec<Step>) {
         let requests = known.requests();
         if self.is_prompt {
             if *end != WorkstationMachine::Disconnected && known.since_drawn >= CYCLE {
-                words.push(Word::Draw);
+                steps.push(Step::Draw);
             }
-            words.extend((requests > 0).then_some(Word::Pose { all: false }));
+            steps.extend((requests > 0).then_some(Step::Pose { all: false }));
             return;
         }
         if requests > 0 {
-            words.push(Word::Lose);
+            steps.push(Step::Lose);
         }
         if *end == WorkstationMachine::Disconnected {
             return;
         }
-        words.extend([Word::Draw, Word::Xoff, Word::Corrupt { line: false }]);
+        steps.extend([Step::Draw, Step::Xoff, Step::Corrupt { line: false }]);
         if requests > 0 || !self.keeps_rules {
-            words.extend([Word::Pose { all: false }, Word::Corrupt { line: true }]);
+            steps.extend([Step::Pose { all: false }, Step::Corrupt { line: true }]);
         }
         if requests > 1 {
-            words.push(Word::Pose { all: true });
+            steps.push(Step::Pose { all: true });
         }
         if known.hold.0.is_some() || !self.keeps_rules {
-            words.push(Word::Xon);
+            steps.push(Step::Xon);
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        match word {
-            Word::Pose { .. } | Word::Corrupt { .. } | Word::Xoff | Word::Xon => By::Line,
-            Word::Draw => By::User,
-            Word::Lose => By::Others,
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Pose { .. } | Step::Corrupt { .. } | Step::Xoff | Step::Xon => Actor::Line,
+            Step::Draw => Actor::User,
+            Step::Lose => Actor::Others,
         }
     }
 
-    fn hear(&self, end: &WorkstationMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        Some(match word {
-            Word::Lose => {
+    fn apply(&self, end: &WorkstationMachine, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        Some(match step {
+            Step::Lose => {
                 known.answer(false);
                 return None;
             }
-            Word::Pose { all } => {
+            Step::Pose { all } => {
                 let is_earlier = known.earlier > 0 && !all;
                 if self.is_paired && is_earlier && request(end).is_some_and(is_waiting) {
                     known.wrong = Some(PAIRED);
@@ -184,21 +186,21 @@ impl Peer for AnyHost {
                 known.answer(all);
                 Input::Pose
             }
-            Word::Corrupt { line } => {
+            Step::Corrupt { line } => {
                 if line {
                     known.answer(false);
                 }
                 Input::Corrupt { line }
             }
-            Word::Xoff => {
+            Step::Xoff => {
                 known.hold = Hold(Some(0));
                 Input::Xoff
             }
-            Word::Xon => {
+            Step::Xon => {
                 known.hold = Hold(None);
                 Input::Xon
             }
-            Word::Draw => {
+            Step::Draw => {
                 let is_paused = known.since_drawn >= PAUSE;
                 known.asks =
                     is_paused && known.since_asked >= PAUSE && *end != WorkstationMachine::Disconnected;
@@ -213,7 +215,7 @@ impl Peer for AnyHost {
         Input::Sent
     }
 
-    fn acted(&self, end: &WorkstationMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, end: &WorkstationMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         let mut wrong = None;
         match action {
             Action::Nothing | Action::Sent | Action::Unasked => {}
@@ -245,19 +247,19 @@ impl Peer for AnyHost {
                 known.earlier = known.requests().min(REQUESTS - 1);
                 (known.last, known.open, known.awaited, known.since_asked) = (true, true, true, 0);
             }
-            Cause::Word(Word::Pose { .. } | Word::Corrupt { line: true }) if known.awaited => {
+            Cause::Step(Step::Pose { .. } | Step::Corrupt { line: true }) if known.awaited => {
                 (known.awaited, known.credit) = (false, true);
                 let goes_on = matches!(request(end), Some(Request::Waiting { .. } | Request::Overdue { .. }));
                 wrong = wrong.or(goes_on.then_some(ENDED));
             }
-            Cause::Word(Word::Corrupt { line: false }) if known.awaited => {
+            Cause::Step(Step::Corrupt { line: false }) if known.awaited => {
                 wrong = wrong.or((request(end) == Some(Request::Allowed)).then_some(ENDED));
             }
-            Cause::Word(Word::Draw) => {
+            Cause::Step(Step::Draw) => {
                 let asks = core::mem::take(&mut known.asks);
                 wrong = wrong.or((asks && request(end) != Some(Request::Due)).then_some(ASKS));
             }
-            Cause::Due | Cause::Word(_) => {}
+            Cause::Due | Cause::Step(_) => {}
         }
         let is_alarm = matches!(
             action,
@@ -267,7 +269,7 @@ impl Peer for AnyHost {
         known.wrong = known.wrong.or(wrong);
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
         older(&mut known.since_asked, STALE_AFTER + 1);
         older(&mut known.since_drawn, PAUSE);
@@ -277,11 +279,11 @@ impl Peer for AnyHost {
         known.hold.tick();
     }
 
-    fn restarted(&self, known: &mut Known) {
-        *known = Known { earlier: known.earlier, last: known.last, wrong: known.wrong, ..self.known() };
+    fn restarted(&self, known: &mut Knowledge) {
+        *known = Knowledge { earlier: known.earlier, last: known.last, wrong: known.wrong, ..self.known() };
     }
 
-    fn broken(&self, end: &WorkstationMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, end: &WorkstationMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
         let is_due = robot_session::end::Machine::expires(end, Duration::ZERO);
         if request(end).is_some_and(is_waiting) != known.open {
@@ -296,23 +298,23 @@ impl Peer for AnyHost {
         }
     }
 
-    fn is_urgent(&self, end: &WorkstationMachine, known: &Known) -> bool {
-        self.benign(end, known).is_some()
+    fn is_urgent(&self, end: &WorkstationMachine, known: &Knowledge) -> bool {
+        self.fault_free_step(end, known).is_some()
     }
 
-    fn benign(&self, end: &WorkstationMachine, known: &Known) -> Option<Word> {
+    fn fault_free_step(&self, end: &WorkstationMachine, known: &Knowledge) -> Option<Step> {
         if !self.is_prompt {
             return None;
         }
         if known.requests() > 0 && known.since_asked >= ANSWER {
-            return Some(Word::Pose { all: false });
+            return Some(Step::Pose { all: false });
         }
         let draws = *end != WorkstationMachine::Disconnected && known.since_drawn >= CYCLE;
-        draws.then_some(Word::Draw)
+        draws.then_some(Step::Draw)
     }
 
     /// Returns whether each request was sent and has an outcome, which must happen whatever the host does.
-    fn is_over(&self, end: &WorkstationMachine, known: &Known) -> bool {
+    fn is_over(&self, end: &WorkstationMachine, known: &Knowledge) -> bool {
         !known.open && request(end) != Some(Request::Due)
     }
 }
@@ -326,21 +328,21 @@ impl Wired for AnyHost {
         Workstation::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Workstation, now: Duration) -> Vec<u8> {
-        match word {
-            Word::Pose { .. } => {
+    fn speak(&self, _: &Knowledge, step: Step, session: &mut Workstation, now: Duration) -> Vec<u8> {
+        match step {
+            Step::Pose { .. } => {
                 let pose = [now.as_millis() as i16; 12];
                 let mut line = vec![0; PosePacket::MAX_LEN];
                 let length = PosePacket { count: 0, pose }.encode(&mut line).expect("a buffer of a packet");
                 line.truncate(length);
                 line
             }
-            Word::Corrupt { line: true } => b"\n".into(),
-            Word::Corrupt { line: false } => b"x$".into(),
-            Word::Xoff => vec![XOFF],
-            Word::Xon => vec![XON],
-            Word::Lose => Vec::new(),
-            Word::Draw => {
+            Step::Corrupt { line: true } => b"\n".into(),
+            Step::Corrupt { line: false } => b"x$".into(),
+            Step::Xoff => vec![XOFF],
+            Step::Xon => vec![XON],
+            Step::Lose => Vec::new(),
+            Step::Draw => {
                 session.draw(now);
                 Vec::new()
             }
@@ -372,27 +374,27 @@ impl Wired for AnyHost {
     }
 
     /// Returns false for XON and XOFF, which are removed from a line.
-    fn is_last(&self, word: Word) -> bool {
-        !matches!(word, Word::Xon | Word::Xoff)
+    fn is_last(&self, step: Step) -> bool {
+        !matches!(step, Step::Xon | Step::Xoff)
     }
 
     /// Returns the words that the end may receive in place of a damaged one: one bit turns a digit into XON or XOFF.
-    fn lost(&self, known: &Known, word: Word) -> Vec<Vec<Word>> {
-        let lines = [true, false].map(|line| vec![Word::Corrupt { line }]);
-        match word {
-            Word::Xoff => vec![vec![], vec![Word::Xon]],
-            Word::Xon => vec![vec![], vec![Word::Xoff]],
-            Word::Pose { .. } | Word::Corrupt { .. } => {
-                let held = [Word::Xoff, Word::Xon].map(|word| vec![word, Word::Corrupt { line: true }]);
-                let lost = (known.requests() > 0).then(|| vec![Word::Lose]);
+    fn lost(&self, known: &Knowledge, step: Step) -> Vec<Vec<Step>> {
+        let lines = [true, false].map(|line| vec![Step::Corrupt { line }]);
+        match step {
+            Step::Xoff => vec![vec![], vec![Step::Xon]],
+            Step::Xon => vec![vec![], vec![Step::Xoff]],
+            Step::Pose { .. } | Step::Corrupt { .. } => {
+                let held = [Step::Xoff, Step::Xon].map(|step| vec![step, Step::Corrupt { line: true }]);
+                let lost = (known.requests() > 0).then(|| vec![Step::Lose]);
                 [vec![]].into_iter().chain(lost).chain(lines).chain(held).collect()
             }
-            Word::Lose | Word::Draw => vec![vec![]],
+            Step::Lose | Step::Draw => vec![vec![]],
         }
     }
 }
 
-impl Known {
+impl Knowledge {
     fn requests(&self) -> u8 {
         self.earlier + u8::from(self.last)
     }

@@ -8,7 +8,9 @@ use val2_viewer::{ENQ, Host, HostConfig, HostEvent, PosePacket, XOFF, XON};
 use super::hold::{HELD, Hold, RESUMED};
 use super::world::{ASKED, FAULTS, FRESH, PACED, PILED, TICK};
 use crate::faults::Faults;
-use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, SceneOf, Terms, TransmitOf, WRITTEN, Wired};
+use crate::model::{
+    Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, SceneOf, TransmitOf, WRITTEN, Wired,
+};
 
 /// Ticks.
 pub(super) const INTERVAL: u8 = 2;
@@ -17,14 +19,18 @@ const PAUSE: u8 = 5;
 
 const SHOWS: &[(&str, &str)] = &[("VV-1", WRITTEN), ("VV-3", ASKED)];
 const PROPERTIES: &[&str] = &[ASKED, PACED, PILED, FRESH, HELD, RESUMED, EXPECTED];
-pub(super) const RULES: Terms = Terms {
+pub(super) const RULES: PeerAssumptions = PeerAssumptions {
     keeps: "VV-1, VV-8, VV-25, VV-27",
     free: "when it asks, pauses and holds the line, and for how long",
     shows: SHOWS,
     properties: PROPERTIES,
 };
-pub(super) const ANYTHING: Terms =
-    Terms { keeps: "", free: "ENQ, XOFF and XON at any time", shows: SHOWS, properties: PROPERTIES };
+pub(super) const ANYTHING: PeerAssumptions = PeerAssumptions {
+    keeps: "",
+    free: "ENQ, XOFF and XON at any time",
+    shows: SHOWS,
+    properties: PROPERTIES,
+};
 
 /// A workstation of which only this is known.
 #[derive(Debug, Clone, Copy)]
@@ -37,7 +43,7 @@ pub struct AnyWorkstation {
 
 /// The model's knowledge of the requests, the packets and the pose.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Known {
+pub struct Knowledge {
     /// The workstation may ask.
     credit: bool,
     /// A request has come on this connection, and no packet was sent since.
@@ -53,7 +59,7 @@ pub struct Known {
 
 /// A step of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Step {
     /// ENQ comes.
     Enquiry,
     /// XOFF comes.
@@ -66,8 +72,8 @@ pub enum Word {
 
 impl Peer for AnyWorkstation {
     type End = HostMachine;
-    type Known = Known;
-    type Word = Word;
+    type Knowledge = Knowledge;
+    type Step = Step;
 
     const TICK: Duration = TICK;
 
@@ -79,8 +85,8 @@ impl Peer for AnyWorkstation {
         HostMachine::NEW
     }
 
-    fn known(&self) -> Known {
-        Known {
+    fn known(&self) -> Knowledge {
+        Knowledge {
             credit: true,
             asked: false,
             hold: Hold(None),
@@ -92,39 +98,39 @@ impl Peer for AnyWorkstation {
         }
     }
 
-    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
-        words.push(Word::Pose);
+    fn steps(&self, end: &HostMachine, known: &Knowledge, steps: &mut Vec<Step>) {
+        steps.push(Step::Pose);
         if end.link == Link::Disconnected {
             return;
         }
-        words.push(Word::Xoff);
+        steps.push(Step::Xoff);
         if known.credit || known.since_asked >= PAUSE || !self.keeps_rules {
-            words.push(Word::Enquiry);
+            steps.push(Step::Enquiry);
         }
         if known.hold.0.is_some() || !self.keeps_rules {
-            words.push(Word::Xon);
+            steps.push(Step::Xon);
         }
     }
 
-    fn by(&self, word: Word) -> By {
-        if word == Word::Pose { By::User } else { By::Line }
+    fn by(&self, step: Step) -> Actor {
+        if step == Step::Pose { Actor::User } else { Actor::Line }
     }
 
-    fn hear(&self, _: &HostMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
-        Some(match word {
-            Word::Enquiry => {
+    fn apply(&self, _: &HostMachine, known: &mut Knowledge, step: Step) -> Option<InputOf<Self>> {
+        Some(match step {
+            Step::Enquiry => {
                 (known.asked, known.credit, known.since_asked) = (true, false, 0);
                 Input::Enquiry
             }
-            Word::Xoff => {
+            Step::Xoff => {
                 known.hold = Hold(Some(0));
                 Input::Xoff
             }
-            Word::Xon => {
+            Step::Xon => {
                 known.hold = Hold(None);
                 Input::Xon
             }
-            Word::Pose => {
+            Step::Pose => {
                 known.age = 0;
                 Input::Pose
             }
@@ -135,7 +141,7 @@ impl Peer for AnyWorkstation {
         Input::Sent
     }
 
-    fn acted(&self, _: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+    fn acted(&self, _: &HostMachine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
         if action == Action::HoldEnded {
             known.wrong = known.wrong.or(known.hold.ended());
         }
@@ -154,11 +160,11 @@ impl Peer for AnyWorkstation {
                 known.wrong = wrong.into_iter().flatten().next().or(known.wrong);
                 (known.asked, known.credit, known.since_sent) = (false, true, 0);
             }
-            Cause::Due | Cause::Word(_) => {}
+            Cause::Due | Cause::Step(_) => {}
         }
     }
 
-    fn tick(&self, known: &mut Known) {
+    fn tick(&self, known: &mut Knowledge) {
         let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
         older(&mut known.connected, INTERVAL);
         older(&mut known.since_asked, PAUSE);
@@ -167,21 +173,21 @@ impl Peer for AnyWorkstation {
         known.hold.tick();
     }
 
-    fn restarted(&self, known: &mut Known) {
+    fn restarted(&self, known: &mut Knowledge) {
         (known.asked, known.hold, known.age) = (false, Hold(None), MAX_AGE);
     }
 
-    fn broken(&self, _: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+    fn broken(&self, _: &HostMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }
 
     /// Returns whether each request is answered if there are poses, even if no XON comes.
-    fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
+    fn is_over(&self, _: &HostMachine, known: &Knowledge) -> bool {
         !known.asked
     }
 
-    fn benign(&self, end: &HostMachine, _: &Known) -> Option<Word> {
-        (end.pose == Pose::Unknown).then_some(Word::Pose)
+    fn fault_free_step(&self, end: &HostMachine, _: &Knowledge) -> Option<Step> {
+        (end.pose == Pose::Unknown).then_some(Step::Pose)
     }
 }
 
@@ -194,12 +200,12 @@ impl Wired for AnyWorkstation {
         Host::new(self.config).expect("a configuration that works")
     }
 
-    fn speak(&self, _: &Known, word: Word, session: &mut Host, now: Duration) -> Vec<u8> {
-        vec![match word {
-            Word::Enquiry => ENQ,
-            Word::Xoff => XOFF,
-            Word::Xon => XON,
-            Word::Pose => {
+    fn speak(&self, _: &Knowledge, step: Step, session: &mut Host, now: Duration) -> Vec<u8> {
+        vec![match step {
+            Step::Enquiry => ENQ,
+            Step::Xoff => XOFF,
+            Step::Xon => XON,
+            Step::Pose => {
                 session.set_pose(now, [now.as_millis() as i16; 12]);
                 return Vec::new();
             }
@@ -228,11 +234,11 @@ impl Wired for AnyWorkstation {
     }
 
     /// Returns the words that the end may receive in place of a damaged one: one bit turns XON into XOFF.
-    fn lost(&self, _: &Known, word: Word) -> Vec<Vec<Word>> {
-        match word {
-            Word::Xoff => vec![vec![], vec![Word::Xon]],
-            Word::Xon => vec![vec![], vec![Word::Xoff]],
-            Word::Enquiry | Word::Pose => vec![vec![]],
+    fn lost(&self, _: &Knowledge, step: Step) -> Vec<Vec<Step>> {
+        match step {
+            Step::Xoff => vec![vec![], vec![Step::Xon]],
+            Step::Xon => vec![vec![], vec![Step::Xoff]],
+            Step::Enquiry | Step::Pose => vec![vec![]],
         }
     }
 }

@@ -17,7 +17,7 @@ use val2_viewer::{HostConfig, WorkstationConfig, host, workstation};
 pub use any_host::AnyHost;
 pub use any_workstation::AnyWorkstation;
 
-use crate::model::{Against, MustFail, Pair, STANDSTILL, Setting, Table, at, both, draw};
+use crate::model::{EndWithPeer, MustFail, Pair, STANDSTILL, Setting, Table, at, both, draw};
 use any_host::{MISSED, PAIRED};
 use hold::{HELD, MAX_HOLD, RESUMED};
 use world::{ASKED, ASKS, CREDIT, FRESH, ONE_OUTCOME, PACED, PILED, STALE, TICK};
@@ -104,29 +104,29 @@ fn ticks(ticks: u8) -> Duration {
 }
 
 /// Returns a workstation about which only the rules are known, or nothing.
-pub fn any_workstation(keeps_rules: bool) -> Against<AnyWorkstation> {
+pub fn any_workstation(keeps_rules: bool) -> EndWithPeer<AnyWorkstation> {
     let config = HostConfig {
         interval: ticks(any_workstation::INTERVAL),
         max_age: ticks(any_workstation::MAX_AGE),
         max_hold: ticks(MAX_HOLD),
         ..HostConfig::default()
     };
-    Against::new(AnyWorkstation { config, keeps_rules })
+    EndWithPeer::new(AnyWorkstation { config, keeps_rules })
 }
 
 /// Returns a host about which only the rules are known, or nothing.
-pub fn any_host(keeps_rules: bool) -> Against<AnyHost> {
+pub fn any_host(keeps_rules: bool) -> EndWithPeer<AnyHost> {
     let config = WorkstationConfig {
         pause: ticks(any_host::PAUSE),
         stale_after: ticks(any_host::STALE_AFTER),
         max_hold: ticks(MAX_HOLD),
         ..WorkstationConfig::default()
     };
-    Against::new(AnyHost { config, keeps_rules, is_paired: false, is_prompt: false })
+    EndWithPeer::new(AnyHost { config, keeps_rules, is_paired: false, is_prompt: false })
 }
 
 /// Returns a host that answers in time, on a line without faults.
-fn prompt() -> Against<AnyHost> {
+fn prompt() -> EndWithPeer<AnyHost> {
     let peer = AnyHost { is_prompt: true, ..any_host(true).peer };
-    Against { peer, late: false, breaks: false }
+    EndWithPeer { peer, late: false, breaks: false }
 }

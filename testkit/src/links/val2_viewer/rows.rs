@@ -7,7 +7,7 @@ use val2_viewer::host::machine::{self as host, HostMachine, Link, Pose};
 use val2_viewer::workstation::machine::{self as workstation, Display, Picture, Request, WorkstationMachine};
 use val2_viewer::{Flow, HostConfig, WorkstationConfig};
 
-use crate::model::{Drawn, NOW, Rows};
+use crate::model::{DrawnMachine, NOW, Rows};
 
 const PAST: Duration = NOW.saturating_sub(Duration::from_millis(1));
 const FUTURE: Duration = NOW.saturating_add(Duration::from_millis(1));
@@ -132,5 +132,5 @@ impl Workstation {
     }
 }
 
-impl Drawn for HostMachine {}
-impl Drawn for WorkstationMachine {}
+impl DrawnMachine for HostMachine {}
+impl DrawnMachine for WorkstationMachine {}

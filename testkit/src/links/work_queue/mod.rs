@@ -15,7 +15,7 @@ pub use queue::{Act, Queue};
 pub use rule::Rule;
 pub use state::{Looks, State};
 
-use crate::model::{Depth, MustFail, Pair, Refined, Setting, Terms};
+use crate::model::{Depth, MustFail, Pair, PeerAssumptions, Refined, Setting};
 use rule::UNIQUE;
 
 /// The queue's ends.
@@ -35,7 +35,7 @@ pub fn refined(capacity: u8) -> Refined {
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let readers = [(Looks::Take, "in order"), (Looks::Batch, "in batches"), (Looks::Find, "by choice")];
-    let terms = Terms {
+    let terms = PeerAssumptions {
         keeps: "the types of the interface",
         free: "every interleaving of loads and stores; when each end acts, resets, is dropped",
         shows: &[],
@@ -45,7 +45,7 @@ fn settings(depth: Depth) -> Vec<Setting> {
             rule::NOT_PULLED_AWAY,
             rule::PUBLISHED,
             rule::NUMBERED,
-            rule::KEPT,
+            rule::RESET_KEEPS,
             rule::NOT_BEGUN,
             rule::SETTLED,
             rule::IN_ORDER,

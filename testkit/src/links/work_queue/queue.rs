@@ -172,7 +172,7 @@ impl System for Queue {
     }
 
     /// Returns the faultless act: the writer ends its operation, and the reader continues, always with the same operation.
-    fn benign(&self, state: &State) -> Option<Act> {
+    fn fault_free_step(&self, state: &State) -> Option<Act> {
         let mut acts = Vec::new();
         match (state.reader.phase, state.writer.phase) {
             (Reading::Idle, Writing::Ready | Writing::Gone) => return Some(Act::Look(self.looks)),

@@ -5,7 +5,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use robot_work_queue::{Full, NumberError, Reader, Taken, TakenBatch, Writer, boxed};
+use robot_work_queue::{Full, NumberError, Reader, TakenBatch, TakenJob, Writer, boxed};
 
 use super::queue::{Act, Queue};
 use super::state::{Looks, Reading, State, Writing, after};
@@ -341,7 +341,7 @@ impl Replay {
     }
 
     /// Executes a job until it is completed or dropped.
-    fn executing(self: &Rc<Self>, taken: Option<Taken<'_, Job>>) {
+    fn executing(self: &Rc<Self>, taken: Option<TakenJob<'_, Job>>) {
         let Reading::Executing { at } = self.phase() else {
             return self.same("taken", &taken.map(|job| job.number()), &None);
         };

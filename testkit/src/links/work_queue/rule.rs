@@ -5,7 +5,7 @@ pub(super) const NOT_LOST: &str = "nothing is lost that was not cleared";
 pub(super) const NOT_PULLED_AWAY: &str = "a job being executed is not pulled away";
 pub(super) const PUBLISHED: &str = "the reader sees only jobs that were published, and in whole rows";
 pub(super) const NUMBERED: &str = "a job is seen under its number";
-pub(super) const KEPT: &str = "jobs queued after a reset are kept";
+pub(super) const RESET_KEEPS: &str = "jobs queued after a reset are kept";
 pub(super) const NOT_BEGUN: &str = "no look that begins after a reset finds what it discards";
 pub(super) const SETTLED: &str = "a reset that has settled has taken effect";
 pub(super) const IN_ORDER: &str = "take takes the oldest job";
@@ -36,7 +36,7 @@ rules! {
     FindObeysMark: "take_where obeys the mark", NOT_BEGUN;
     ListBeginsAtMark: "a listing begins at the mark", NOT_BEGUN;
     ListEndsAtTail: "a listing ends at the tail, be the mark after it", PUBLISHED;
-    DiscardEndsAtMark: "discarding ends at the mark", KEPT;
+    DiscardEndsAtMark: "discarding ends at the mark", RESET_KEEPS;
     MarkIsOneWord: "the mark's position and number are one word", NUMBERED;
     MarkIsRenumbered: "the jobs after a mark have its number", NUMBERED;
     PassedMarkIsOnlyNoted: "a mark that was passed numbers nothing", NUMBERED;

@@ -1,8 +1,8 @@
 //! The state of both ends and the ring, and the effect of each load and store.
 
 use super::rule::{
-    DROPPED, EXECUTED_ONCE, FOUND, GAPLESS, KEPT, NOT_BEGUN, NOT_LOST, NOT_PULLED_AWAY, NUMBERED, PUBLISHED,
-    Rule, SETTLED, UNIQUE,
+    DROPPED, EXECUTED_ONCE, FOUND, GAPLESS, NOT_BEGUN, NOT_LOST, NOT_PULLED_AWAY, NUMBERED, PUBLISHED,
+    RESET_KEEPS, Rule, SETTLED, UNIQUE,
 };
 
 /// Positions are counted from the head, so that the states are finitely many though the jobs are not: slot 0 is the oldest that
@@ -337,7 +337,7 @@ impl State {
     pub(super) fn discard(&mut self, max: u8, without: Option<Rule>) {
         match core::mem::replace(&mut self.slot(0).content, Content::Nothing) {
             Content::Job { cleared: true, .. } => {}
-            Content::Job { cleared: false, .. } => self.found(KEPT),
+            Content::Job { cleared: false, .. } => self.found(RESET_KEEPS),
             Content::Executed => self.found(EXECUTED_ONCE),
             Content::Nothing => self.found(PUBLISHED),
         }

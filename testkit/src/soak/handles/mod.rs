@@ -13,14 +13,14 @@ use core::time::Duration;
 use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use cellwire_sim::{Device, Executed, Settings, Simulator, Told};
+use cellwire_sim::{Device, ExecutedWork, Settings, Simulator, SimulatorReport};
 use robot_session::now;
 use robot_session::tokio::{Reports, Service, spawn};
 use tokio::time::timeout;
 
 pub use self::rows::{ROWS, SABOTAGED};
 use self::wire::{Plug, Wire};
-use super::{Check, Ledger, Log, Reported, Tally};
+use super::{Check, Ledger, Log, ReportedOutcome, Tally};
 use crate::link::{End, Faults};
 use robot_session::contract::Rng;
 
@@ -30,7 +30,7 @@ const HEALED: Duration = Duration::from_secs(60);
 const WORK: usize = 20;
 
 /// The handle of one link, and the other end.
-trait Handled: Sized {
+trait HandledLink: Sized {
     /// The simulated device.
     type Device: Settings<Device: Device<Session: Send> + Send + 'static>;
     /// The faults of the transport.
@@ -40,7 +40,7 @@ trait Handled: Sized {
     /// Of this many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
     const ONE_IN: Option<u32> = None;
     /// The most bytes of a message.
-    const LONGEST: usize = 0;
+    const MAX_MESSAGE_LEN: usize = 0;
     /// The share of executed jobs that the device drops.
     const FORGETS: f64 = 0.0;
     /// A restart of the device loses no work that was reported as done.
@@ -53,7 +53,7 @@ trait Handled: Sized {
     fn spawn(plug: Plug) -> Self;
 
     /// Has jobs executed, and returns the outcome of each.
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported>;
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome>;
 
     /// Returns the message at the beginning of some bytes, if there is one.
     fn check(_from: End, _bytes: &[u8]) -> Check {
@@ -64,9 +64,9 @@ trait Handled: Sized {
     fn job(work: &Work<Self>) -> Option<usize>;
 }
 
-type Simulated<L> = <<L as Handled>::Device as Settings>::Device;
+type Simulated<L> = <<L as HandledLink>::Device as Settings>::Device;
 type Work<L> = <Simulated<L> as Device>::Work;
-type Shared<W> = Arc<Mutex<Vec<Executed<W>>>>;
+type Shared<W> = Arc<Mutex<Vec<ExecutedWork<W>>>>;
 
 /// The service of a device, which is never called: it records the executed jobs.
 struct Executing<D: Device>(Shared<D::Work>);
@@ -80,9 +80,14 @@ impl<D: Device<Session: Send> + Send> Service for Executing<D> {
         match call {}
     }
 
-    fn event(&mut self, simulator: &mut Simulator<D>, told: Told<D::Event>, reports: &mut Reports<'_, ()>) {
+    fn event(
+        &mut self,
+        simulator: &mut Simulator<D>,
+        told: SimulatorReport<D::Event>,
+        reports: &mut Reports<'_, ()>,
+    ) {
         self.note(simulator);
-        if let Told::Close(why) = told {
+        if let SimulatorReport::Close(why) = told {
             reports.reconnect(io::Error::other(why));
         }
     }
@@ -104,7 +109,7 @@ impl<D: Device> Executing<D> {
     }
 }
 
-fn session<L: Handled>(seed: u64, log: Log) -> Tally
+fn session<L: HandledLink>(seed: u64, log: Log) -> Tally
 where
     Simulated<L>: 'static,
 {
@@ -115,7 +120,7 @@ where
     runtime.block_on(run::<L>(seed, log))
 }
 
-async fn run<L: Handled>(seed: u64, log: Log) -> Tally
+async fn run<L: HandledLink>(seed: u64, log: Log) -> Tally
 where
     Simulated<L>: 'static,
 {
@@ -159,7 +164,7 @@ where
         log_line(format_args!("jobs {jobs:?}"));
         let reported = timeout(patience, handle.work(jobs.clone())).await;
         // After a timeout the outcomes are unknown.
-        let reported = reported.unwrap_or_else(|_| vec![Reported::Unknown; jobs.len()]);
+        let reported = reported.unwrap_or_else(|_| vec![ReportedOutcome::Unknown; jobs.len()]);
         log_line(format_args!("  {reported:?}"));
         for (job, reported) in jobs.zip(reported) {
             ledger.report(job, reported, wire.mark());
@@ -178,12 +183,12 @@ where
         let Ok(reported) = tokio::time::timeout_at(end, handle.work(jobs.clone())).await else {
             log_line(format_args!("!!! {done} jobs are done"));
             tally.stuck = 1;
-            jobs.for_each(|job| _ = ledger.report(job, Reported::Unknown, wire.mark()));
+            jobs.for_each(|job| _ = ledger.report(job, ReportedOutcome::Unknown, wire.mark()));
             break;
         };
         log_line(format_args!("jobs {jobs:?}: {reported:?}"));
         for (job, reported) in jobs.zip(reported) {
-            done += usize::from(reported == Reported::Done);
+            done += usize::from(reported == ReportedOutcome::Done);
             ledger.report(job, reported, wire.mark());
         }
     }
@@ -193,7 +198,7 @@ where
     if let Ok(mut simulator) = device_task.await {
         Executing(Arc::clone(&executed)).note(&mut simulator);
     }
-    let unseen = wire.settle(&mut tally, L::LONGEST, L::check);
+    let unseen = wire.settle(&mut tally, L::MAX_MESSAGE_LEN, L::check);
     for done in executed.lock().unwrap_or_else(PoisonError::into_inner).iter() {
         if rng.chance(L::FORGETS) {
             continue;

@@ -18,11 +18,11 @@ use val2_alter::Message as _;
 use val2_alter::tokio as alter;
 use val2_viewer::tokio as viewer;
 
-use super::{Handled, MS, Plug, Simulated, Work, session};
+use super::{HandledLink, MS, Plug, Simulated, Work, session};
 use crate::link::{End, Faults};
-use crate::soak::{Check, Reported, Row};
+use crate::soak::{Check, ReportedOutcome, Row};
 
-use Reported::{Done, NotDone, Unknown};
+use ReportedOutcome::{Done, NotDone, Unknown};
 
 /// One row a link.
 pub const ROWS: [Row; 8] = [
@@ -42,7 +42,7 @@ pub const SABOTAGED: [Row; 2] = [
     row::<Modbus<Repeating>>("fanuc-hmi-modbus", "writes"),
 ];
 
-const fn row<L: Handled>(link: &'static str, job: &'static str) -> Row
+const fn row<L: HandledLink>(link: &'static str, job: &'static str) -> Row
 where
     Simulated<L>: 'static,
 {
@@ -53,7 +53,7 @@ where
 const SERIAL: Faults = Faults { disconnect: 0.003, ..Faults::SERIAL };
 
 /// Returns the outcomes of `count` jobs: the first are done, the next are unknown, and the others are not done.
-fn split(count: usize, done: usize, unknown: usize) -> Vec<Reported> {
+fn split(count: usize, done: usize, unknown: usize) -> Vec<ReportedOutcome> {
     let each = |index| match index {
         _ if index < done => Done,
         _ if index < done + unknown => Unknown,
@@ -67,7 +67,7 @@ fn word(job: usize) -> u16 {
     u16::try_from(job).expect("fewer jobs")
 }
 
-impl Handled for kawasaki::Pc<Line, ()> {
+impl HandledLink for kawasaki::Pc<Line, ()> {
     type Device = KawasakiRobot<Line>;
     const FAULTS: Faults = Faults::TCP;
 
@@ -81,7 +81,7 @@ impl Handled for kawasaki::Pc<Line, ()> {
         pc
     }
 
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let line = |n: usize| Line {
             kind: JobKind::Draw,
             start: Point::new(word(n).into(), 0),
@@ -107,12 +107,12 @@ impl Handled for kawasaki::Pc<Line, ()> {
     }
 }
 
-impl Handled for alter::Arm {
+impl HandledLink for alter::Arm {
     type Device = Puma;
     const FAULTS: Faults = SERIAL.at_baud(val2_alter::timing::BAUD);
     const NAMES_JOBS: bool = false;
     const ONE_IN: Option<u32> = Some(256);
-    const LONGEST: usize = val2_alter::Frame::MAX_LEN;
+    const MAX_MESSAGE_LEN: usize = val2_alter::Frame::MAX_LEN;
 
     fn device() -> Puma {
         Puma { restart: 100 * MS, is_paced: false, ..Puma::default() }
@@ -125,7 +125,7 @@ impl Handled for alter::Arm {
     }
 
     /// Moves to and fro.
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let mut reported = Vec::new();
         for job in jobs {
             let (speed, from) = (if job % 2 == 0 { 8 } else { -8 }, self.commanded()[0]);
@@ -159,12 +159,12 @@ impl Handled for alter::Arm {
     }
 }
 
-impl Handled for viewer::Arm {
+impl HandledLink for viewer::Arm {
     type Device = Peer<val2_viewer::Host>;
     const FAULTS: Faults = SERIAL.at_baud(val2_viewer::timing::BAUD);
     const NAMES_JOBS: bool = false;
     const ONE_IN: Option<u32> = Some(256);
-    const LONGEST: usize = val2_viewer::PosePacket::MAX_LEN;
+    const MAX_MESSAGE_LEN: usize = val2_viewer::PosePacket::MAX_LEN;
 
     fn device() -> Self::Device {
         let config = val2_viewer::HostConfig {
@@ -182,7 +182,7 @@ impl Handled for viewer::Arm {
         arm
     }
 
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let mut reported = Vec::new();
         for _ in jobs {
             let pose = async { while !matches!(self.pose.next().await, Ok(Some(_))) {} };
@@ -213,12 +213,12 @@ impl Handled for viewer::Arm {
     }
 }
 
-impl Handled for ball::Ball {
+impl HandledLink for ball::Ball {
     type Device = TeachBall;
     const FAULTS: Faults = SERIAL.at_baud(9600);
     const NAMES_JOBS: bool = false;
     const ONE_IN: Option<u32> = Some(256);
-    const LONGEST: usize = isra_ball::Frame::MAX_LEN;
+    const MAX_MESSAGE_LEN: usize = isra_ball::Frame::MAX_LEN;
 
     fn device() -> TeachBall {
         TeachBall::default()
@@ -230,7 +230,7 @@ impl Handled for ball::Ball {
         ball
     }
 
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let mut reported = Vec::new();
         for _ in jobs {
             let value = async { while !matches!(self.values.next().await, Ok(Some(_))) {} };
@@ -292,12 +292,12 @@ impl Transport for Repeating {
 
 const BAUD: u32 = 19_200;
 
-impl<L: Transport> Handled for Modbus<L> {
+impl<L: Transport> HandledLink for Modbus<L> {
     type Device = Fanuc;
     const FAULTS: Faults = L::FAULTS;
     const FORGETS: f64 = L::FORGETS;
     const ONE_IN: Option<u32> = if L::IS_RTU { Some(65_536) } else { None };
-    const LONGEST: usize = Frame::MAX_RTU_LEN;
+    const MAX_MESSAGE_LEN: usize = Frame::MAX_RTU_LEN;
 
     fn device() -> Fanuc {
         let config = if L::IS_RTU { ServerConfig::rtu(1, BAUD) } else { Fanuc::default().config };
@@ -312,7 +312,7 @@ impl<L: Transport> Handled for Modbus<L> {
     }
 
     /// Submits all jobs at once.
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let mut calls = JoinSet::new();
         for job in jobs {
             let client = self.0.clone();
@@ -348,11 +348,11 @@ impl<L: Transport> Handled for Modbus<L> {
     }
 }
 
-impl Handled for laser::Laser {
+impl HandledLink for laser::Laser {
     type Device = Laser;
     const FAULTS: Faults = SERIAL.at_baud(laser_eb90::timing::BAUD);
     const ONE_IN: Option<u32> = Some(256);
-    const LONGEST: usize = laser_eb90::Frame::MAX_LEN;
+    const MAX_MESSAGE_LEN: usize = laser_eb90::Frame::MAX_LEN;
     /// Its queue is lost.
     const RESTARTS: bool = false;
 
@@ -367,7 +367,7 @@ impl Handled for laser::Laser {
         laser
     }
 
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let count = jobs.len();
         let commands = jobs.map(|job| {
             laser::Command::new(0x0101, move |values| values.f32(&[f32::from(word(job))]).map(drop))
@@ -400,7 +400,7 @@ impl Handled for laser::Laser {
     }
 }
 
-impl Handled for mma::Device<RobotPose> {
+impl HandledLink for mma::Device<RobotPose> {
     type Device = MmaRobot;
     const FAULTS: Faults = Faults::TCP;
 
@@ -414,7 +414,7 @@ impl Handled for mma::Device<RobotPose> {
         robot
     }
 
-    async fn work(&mut self, jobs: Range<usize>) -> Vec<Reported> {
+    async fn work(&mut self, jobs: Range<usize>) -> Vec<ReportedOutcome> {
         let mut reported = Vec::new();
         // A motion that is refused without it reports that.
         let _ = self.command(Command::Servo { on: true }).await;

@@ -20,7 +20,7 @@ use self::any_pc::AnyPc;
 use self::any_robot::AnyRobot;
 use self::hostile::{FAR, Hostile};
 use self::picture::{Picture, line};
-use super::{Check, Ledger, Log, Peer, Reported, Row, Tally, Wire};
+use super::{Check, Ledger, Log, Peer, ReportedOutcome, Row, Tally, Wire};
 use crate::controller::{AsRobot, Controller, Native};
 use crate::link::{Delivery, End, Faults};
 use robot_session::contract::Rng;
@@ -337,9 +337,9 @@ impl<C: Controller> Cell<C> {
         let mark = self.wire.mark();
         for index in 0..order.picture.jobs {
             let reported = match index {
-                _ if index < executed || order.ahead.contains(&index) => Reported::Done,
-                _ if index < sent => Reported::Unknown,
-                _ => Reported::NotDone,
+                _ if index < executed || order.ahead.contains(&index) => ReportedOutcome::Done,
+                _ if index < sent => ReportedOutcome::Unknown,
+                _ => ReportedOutcome::NotDone,
             };
             self.ledger.report(order.picture.first + index as usize, reported, mark);
         }

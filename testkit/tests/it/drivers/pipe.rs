@@ -10,7 +10,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
 use embedded_io_async::ErrorType;
-use robot_session::{Received, Sent, Transport, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
 /// One end of a line.
@@ -100,27 +100,27 @@ impl Pipe {
 }
 
 impl Transport for Pipe {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let until = robot_session::now().saturating_add(wait.limit.unwrap_or(Duration::MAX));
         let mut line = self.lock();
         loop {
             match self.try_read(&mut line, buffer) {
-                Some(0) => return Ok(Received::Closed),
-                Some(length) => return Ok(Received::Bytes(length)),
+                Some(0) => return Ok(ReceiveOutcome::Closed),
+                Some(length) => return Ok(ReceiveOutcome::Bytes(length)),
                 None => {}
             }
             let left = until.saturating_sub(robot_session::now());
             if left.is_zero() || wait.room && line.ways[self.way].len() < line.room {
-                return Ok(Received::Nothing);
+                return Ok(ReceiveOutcome::Nothing);
             }
             line = self.line.1.wait_timeout(line, left).unwrap().0;
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         Ok(match self.try_write(&mut self.lock(), bytes)? {
-            Some(length) if length == bytes.len() => Sent::Buffered,
-            part => Sent::Part(part.unwrap_or(0)),
+            Some(length) if length == bytes.len() => SendOutcome::Buffered,
+            part => SendOutcome::Part(part.unwrap_or(0)),
         })
     }
 }

@@ -7,7 +7,7 @@ use core::task::Context;
 use std::io;
 use std::time::Duration;
 
-use robot_session::{Clock, Driver, Ended, Session, embedded_io_async as waiting, tokio as asynchronous};
+use robot_session::{Clock, Driver, EndReason, Session, embedded_io_async as waiting, tokio as asynchronous};
 use tokio::runtime::Runtime;
 use tokio::task::yield_now;
 use tokio::time::timeout;
@@ -85,24 +85,24 @@ impl Rig {
             keep(session)
         };
         let turned = match self {
-            Self::Std(driver) => driver.turn_keeping(session, Some(TURN), keep, handle),
+            Self::Std(driver) => driver.turn_with(session, Some(TURN), keep, handle),
             Self::Tokio(runtime, driver) => {
-                dropped(runtime, polls, driver.turn_keeping(session, keep_later, handle))
+                dropped(runtime, polls, driver.turn_with(session, keep_later, handle))
             }
             Self::Embedded(runtime, driver) => {
-                dropped(runtime, polls, driver.turn_keeping(session, pending(), keep_later, handle))
+                dropped(runtime, polls, driver.turn_with(session, pending(), keep_later, handle))
             }
         };
         match turned {
-            Ok(ControlFlow::Continue(()) | ControlFlow::Break(Ended::ByHandler(()))) => Ok(()),
-            Ok(ControlFlow::Break(Ended::ByPeer)) => Err(Over::ByPeer),
-            Ok(ControlFlow::Break(Ended::Stalled)) => Err(Over::Stalled),
+            Ok(ControlFlow::Continue(()) | ControlFlow::Break(EndReason::ByHandler(()))) => Ok(()),
+            Ok(ControlFlow::Break(EndReason::ByPeer)) => Err(Over::ByPeer),
+            Ok(ControlFlow::Break(EndReason::Stalled)) => Err(Over::Stalled),
             Err(error) => Err(Over::Failed(error.kind())),
         }
     }
 }
 
-type Turned = io::Result<ControlFlow<Ended<()>>>;
+type Turned = io::Result<ControlFlow<EndReason<()>>>;
 
 fn dropped(runtime: &Runtime, polls: Option<u32>, turn: impl Future<Output = Turned>) -> Turned {
     let Some(polls) = polls else {

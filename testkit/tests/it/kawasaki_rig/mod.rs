@@ -29,10 +29,10 @@ pub fn sent(packets: &[Vec<u8>], name: &str) -> Vec<String> {
     messages.map(String::from).collect()
 }
 
-pub type Source = Box<dyn FnMut(u32) -> Supply<Line>>;
+pub type JobSupplier = Box<dyn FnMut(u32) -> Supply<Line>>;
 
 /// Returns an order of `jobs` lines.
-pub fn picture(order: u16, jobs: u32) -> Source {
+pub fn picture(order: u16, jobs: u32) -> JobSupplier {
     Box::new(move |index| if index < jobs { Supply::Job(line(order, index)) } else { Supply::End })
 }
 
@@ -40,7 +40,7 @@ pub struct Rig<C = Native> {
     pub now: Duration,
     pub link: Link,
     pub robot: C,
-    pub pc: LargePc<Source>,
+    pub pc: LargePc<JobSupplier>,
     /// The time of a job; `None` while the motion task is stopped.
     pub motion: Option<Duration>,
     pub motion_at: Duration,

@@ -46,7 +46,7 @@ fn a_line_that_also_falls_silent_loses_nothing_unreported() {
 
 /// The host's knowledge of an instruction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Known {
+enum HostKnowledge {
     Taken,
     Refused,
     Nothing,
@@ -72,7 +72,7 @@ fn run_over(seed: u64, faults: Faults, checksum: Width, cuts: u32, count: &mut C
     let profile = Profile { checksum, ..Profile::default() };
     let config = HostConfig { profile, baud: 115_200, ..KNOWN() };
     let mut cell = Cell::new(seed, faults.at_baud(115_200), config);
-    let mut status: Vec<Option<Known>> = vec![None; cuts as usize];
+    let mut status: Vec<Option<HostKnowledge>> = vec![None; cuts as usize];
     let mut next = 0;
     while status.iter().any(Option::is_none) {
         while next < cuts && cell.submit(next).is_ok() {
@@ -83,10 +83,10 @@ fn run_over(seed: u64, faults: Faults, checksum: Width, cuts: u32, count: &mut C
             let (first, number, known) = match event {
                 HostEvent::Done { first, count: number, resends, unanswered: 0 } => {
                     count.resends += u32::from(resends);
-                    (first, number, Known::Taken)
+                    (first, number, HostKnowledge::Taken)
                 }
-                HostEvent::Refused { first, count, .. } => (first, count, Known::Refused),
-                HostEvent::Unknown { first, count, .. } => (first, count, Known::Nothing),
+                HostEvent::Refused { first, count, .. } => (first, count, HostKnowledge::Refused),
+                HostEvent::Unknown { first, count, .. } => (first, count, HostKnowledge::Nothing),
                 other => panic!("{other:?}"),
             };
             for ticket in first..first + u64::from(number) {
@@ -110,9 +110,9 @@ fn run_over(seed: u64, faults: Faults, checksum: Width, cuts: u32, count: &mut C
     count.sent += cuts;
     for (index, known) in (0..).zip(status) {
         let times = times.get(&index).copied().unwrap_or(0);
-        count.unknown += u32::from(known == Some(Known::Nothing));
-        count.refused += u32::from(known == Some(Known::Refused));
-        count.repeated += u32::from(times > 1 || (known == Some(Known::Refused) && times > 0));
-        count.lost += u32::from(known == Some(Known::Taken) && times == 0);
+        count.unknown += u32::from(known == Some(HostKnowledge::Nothing));
+        count.refused += u32::from(known == Some(HostKnowledge::Refused));
+        count.repeated += u32::from(times > 1 || (known == Some(HostKnowledge::Refused) && times > 0));
+        count.lost += u32::from(known == Some(HostKnowledge::Taken) && times == 0);
     }
 }

@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, Encode as _, Unexpected};
 
 pub use config::DeviceConfig;
@@ -85,7 +85,7 @@ impl End for Device {
     const END: &'static str = "device";
     const MAX_INPUT: usize = 32;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
-    const ROOM: Room = Room { connect: 0, read: 1, transmit: 0 };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 0, read: 1, transmit: 0 };
 
     robot_session::core!(DeviceEvent::Unexpected);
 

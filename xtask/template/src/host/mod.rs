@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::end::{Core, CoreOf, End, EventQueue, Room};
+use robot_session::end::{Core, CoreOf, End, EventQueue, QueueSpace};
 use robot_session::{Decoder as _, Encode as _, Session as _, Unexpected};
 
 pub use config::HostConfig;
@@ -110,7 +110,7 @@ impl End for Host {
     const MAX_INPUT: usize = 64;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
     /// The outcome of a request.
-    const ROOM: Room = Room { connect: 0, read: 0, transmit: 1 };
+    const QUEUE_SPACE: QueueSpace = QueueSpace { connect: 0, read: 0, transmit: 1 };
 
     robot_session::core!(HostEvent::Unexpected);
 

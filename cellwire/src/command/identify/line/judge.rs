@@ -6,7 +6,7 @@ use cellwire_links::Link;
 use serde::Serialize;
 use serialport::{DataBits, Parity};
 
-use super::{Heard, Setting};
+use super::{ReceivedBytes, Setting};
 
 /// The share of broken characters with a right setting.
 const RIGHT: f64 = 0.02;
@@ -14,7 +14,7 @@ const RIGHT: f64 = 0.02;
 const WRONG_PARITY: f64 = 0.5;
 const WRONG_STOP: f64 = 0.3;
 /// More characters do not make it surer: they are of the same few messages.
-const MOST: f64 = 96.0;
+const MAX_CHARACTERS: f64 = 96.0;
 /// The highest bit of every character is a stop bit that was taken for a data bit.
 const NEVER_LOW: f64 = -20.0;
 /// The highest weight of a link that explains the bytes, in bits.
@@ -22,7 +22,7 @@ const EXPLAINED: f64 = 40.0;
 
 /// A setting, and the evidence for it.
 #[derive(Debug, Clone, Serialize)]
-pub(in super::super) struct Judged {
+pub(in super::super) struct SettingScore {
     #[serde(flatten)]
     pub(in super::super) setting: Setting,
     /// The number of received characters, and of broken ones among them.
@@ -36,14 +36,14 @@ pub(in super::super) struct Judged {
     pub(in super::super) bits: f64,
 }
 
-impl Judged {
-    pub(super) fn of(setting: Setting, heard: &Heard) -> Self {
+impl SettingScore {
+    pub(super) fn of(setting: Setting, heard: &ReceivedBytes) -> Self {
         let real = |count: usize| u32::try_from(count).map_or(f64::MAX, f64::from);
         let (characters, broken) = (heard.count(), heard.broken);
         let wrong = if setting.mode.parity == Parity::None { WRONG_STOP } else { WRONG_PARITY };
         let whole = real(heard.bytes.len()) * ((1.0 - RIGHT) / (1.0 - wrong)).log2();
         let bits = whole + real(broken) * (RIGHT / wrong).log2();
-        let bits = bits * (MOST / real(characters.max(1))).min(1.0);
+        let bits = bits * (MAX_CHARACTERS / real(characters.max(1))).min(1.0);
         let never_low = setting.mode.data_bits == DataBits::Eight
             && setting.mode.parity == Parity::None
             && heard.is_high();
@@ -59,7 +59,7 @@ impl Judged {
     }
 
     /// Adds a link's reading of the bytes.
-    pub(in super::super) fn explain(&mut self, links: &[&'static Link], heard: &Heard) -> Result<()> {
+    pub(in super::super) fn explain(&mut self, links: &[&'static Link], heard: &ReceivedBytes) -> Result<()> {
         let stream =
             Stream { sender: Sender::Unknown, parts: vec![heard.bytes.clone()], arrivals: Vec::new() };
         let streams = [stream];

@@ -13,18 +13,18 @@ use serialport::{DataBits, Parity, StopBits};
 
 use cellwire_io::serial::Mode;
 
-pub(super) use judge::Judged;
+pub(super) use judge::SettingScore;
 
 /// The rates, those first that are met most often.
 pub(super) const RATES: [u32; 10] = [9600, 19_200, 38_400, 115_200, 4800, 57_600, 2400, 1200, 600, 300];
 /// The number of characters that show whether a rate and a format are right.
-const ENOUGH: usize = 96;
+const ENOUGH_CHARACTERS: usize = 96;
 /// The number of characters that are a beginning.
 const SOME: usize = 24;
 /// The highest share of broken characters with the right format, in percent, including characters that a change of format splits.
 const CLEAN: usize = 10;
 /// The lead of the best setting over the next one with which it is found, in bits.
-const APART: f64 = 12.0;
+const MIN_LEAD: f64 = 12.0;
 /// The evidence that the best setting itself needs, in bits.
 const LIKELY: f64 = 16.0;
 
@@ -37,7 +37,7 @@ pub(super) struct Setting {
 
 /// The bytes that were received with a setting.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Heard {
+pub(super) struct ReceivedBytes {
     /// The characters that are whole.
     pub(super) bytes: Vec<u8>,
     /// When some of them were read: which byte was the first.
@@ -53,7 +53,7 @@ pub(super) struct Heard {
 /// The search for the setting of a line.
 #[derive(Debug, Default)]
 pub(super) struct Search {
-    heard: Vec<(Setting, Heard)>,
+    heard: Vec<(Setting, ReceivedBytes)>,
 }
 
 /// Returns the mode with one stop bit: a receiver that expects one reads two as well.
@@ -62,7 +62,7 @@ pub(super) const fn mode(data_bits: DataBits, parity: Parity) -> Mode {
 }
 
 /// The formats beside 8N1 that must be listened with. Seven bits and a parity are eight bits: 8N1 shows them as they are.
-pub(super) const OTHERS: [Mode; 3] = [
+pub(super) const OTHER_MODES: [Mode; 3] = [
     mode(DataBits::Eight, Parity::Even),
     mode(DataBits::Eight, Parity::Odd),
     mode(DataBits::Seven, Parity::None),
@@ -103,7 +103,7 @@ impl Serialize for Setting {
     }
 }
 
-impl Heard {
+impl ReceivedBytes {
     /// Takes the bytes of a port that marks errors: FF 00 and a broken character, FF FF for FF.
     pub(super) fn take(&mut self, time: Duration, marked: &[u8]) {
         self.arrivals.push((self.bytes.len(), time));
@@ -151,19 +151,19 @@ impl Heard {
 }
 
 impl Search {
-    pub(super) fn heard(&self, setting: Setting) -> Option<&Heard> {
+    pub(super) fn heard(&self, setting: Setting) -> Option<&ReceivedBytes> {
         self.heard.iter().find(|(known, _)| *known == setting).map(|(_, heard)| heard)
     }
 
     /// Returns whether a setting has been listened to for long enough.
-    pub(super) fn has_enough(heard: &Heard) -> bool {
-        heard.count() >= ENOUGH
+    pub(super) fn has_enough(heard: &ReceivedBytes) -> bool {
+        heard.count() >= ENOUGH_CHARACTERS
     }
 
     /// Returns the record of the bytes that are received with a setting.
-    pub(super) fn listening(&mut self, setting: Setting) -> &mut Heard {
+    pub(super) fn listening(&mut self, setting: Setting) -> &mut ReceivedBytes {
         if self.heard(setting).is_none() {
-            self.heard.push((setting, Heard::default()));
+            self.heard.push((setting, ReceivedBytes::default()));
         }
         let at = self.heard.iter().position(|(known, _)| *known == setting).unwrap_or_default();
         #[expect(clippy::indexing_slicing, reason = "it was pushed if it was not there")]
@@ -181,15 +181,15 @@ impl Search {
         if let Some(first) = plain.iter().find(|it| times(it) == 0) {
             return Some(*first);
         }
-        let is = |what: fn(&Heard) -> bool| move |it: &&Setting| self.heard(**it).is_some_and(what);
-        let none_is_clean = !plain.iter().any(|it| is(Heard::is_clean)(&it));
+        let is = |what: fn(&ReceivedBytes) -> bool| move |it: &&Setting| self.heard(**it).is_some_and(what);
+        let none_is_clean = !plain.iter().any(|it| is(ReceivedBytes::is_clean)(&it));
         let of = |mode: Mode| {
             let rates = plain.iter().filter(move |it| {
-                none_is_clean || mode.data_bits == DataBits::Seven && is(Heard::is_high)(it)
+                none_is_clean || mode.data_bits == DataBits::Seven && is(ReceivedBytes::is_high)(it)
             });
             rates.map(move |it| it.with(mode))
         };
-        let others = OTHERS.into_iter().filter(|mode| has(*mode)).flat_map(of);
+        let others = OTHER_MODES.into_iter().filter(|mode| has(*mode)).flat_map(of);
         let next = others.chain(plain).filter(wanting).min_by_key(times)?;
         (times(&next) == 0 || !self.is_decided()).then_some(next)
     }
@@ -198,18 +198,18 @@ impl Search {
         let judged = self.judged();
         let Some(best) = judged.first() else { return false };
         let plain = self.heard(best.setting.with(Mode::EIGHT_N_ONE));
-        let is_apart = judged.get(1).is_none_or(|second| best.bits - second.bits >= APART);
+        let is_apart = judged.get(1).is_none_or(|second| best.bits - second.bits >= MIN_LEAD);
         best.bits >= LIKELY && is_apart && plain.is_some_and(|heard| heard.count() >= SOME)
     }
 
     /// Returns the bytes that were received with a setting, or would have been.
-    pub(super) fn heard_with(&self, setting: Setting) -> Option<Heard> {
+    pub(super) fn heard_with(&self, setting: Setting) -> Option<ReceivedBytes> {
         let heard = self.heard(setting.heard_as())?;
         Some(if setting == setting.heard_as() { heard.clone() } else { heard.of_seven(setting.mode.parity) })
     }
 
     /// Returns the settings with which bytes were received, the likeliest first.
-    pub(super) fn judged(&self) -> Vec<Judged> {
+    pub(super) fn judged(&self) -> Vec<SettingScore> {
         let seven = |setting: &Setting| {
             let parities =
                 if setting.mode == Mode::EIGHT_N_ONE { &[Parity::Even, Parity::Odd][..] } else { &[] };
@@ -219,11 +219,14 @@ impl Search {
         let settings =
             self.heard.iter().flat_map(|(setting, _)| core::iter::once(*setting).chain(seven(setting)));
         // With characters of ten bits, a parity bit after the eighth data bit is a stop bit: always high.
-        let has_ten = |it: &Setting| self.heard(it.with(Mode::EIGHT_N_ONE)).is_some_and(Heard::is_clean);
+        let has_ten =
+            |it: &Setting| self.heard(it.with(Mode::EIGHT_N_ONE)).is_some_and(ReceivedBytes::is_clean);
         let is_longer = |it: &Setting| it.mode.data_bits == DataBits::Eight && it.mode.parity != Parity::None;
-        let mut judged: Vec<Judged> = settings
+        let mut judged: Vec<SettingScore> = settings
             .filter(|it| !(is_longer(it) && has_ten(it)))
-            .filter_map(|it| Some(Judged::of(it, &self.heard_with(it).filter(|heard| heard.count() > 0)?)))
+            .filter_map(|it| {
+                Some(SettingScore::of(it, &self.heard_with(it).filter(|heard| heard.count() > 0)?))
+            })
             .collect();
         judged.sort_by(|a, b| b.bits.total_cmp(&a.bits));
         judged
@@ -231,8 +234,8 @@ impl Search {
 }
 
 /// Returns the settings that the best one does not rule out, beginning with itself.
-pub(super) fn likely(judged: &[Judged]) -> &[Judged] {
+pub(super) fn likely(judged: &[SettingScore]) -> &[SettingScore] {
     let most = judged.first().map_or(0.0, |best| best.bits);
-    let count = judged.iter().take_while(|it| it.bits > most - APART).count();
+    let count = judged.iter().take_while(|it| it.bits > most - MIN_LEAD).count();
     judged.get(..count).unwrap_or_default()
 }

@@ -9,13 +9,13 @@ const FORMATS: [Mode; 6] = [
     Mode::EIGHT_N_ONE,
     mode(DataBits::Seven, Parity::Even),
     mode(DataBits::Seven, Parity::Odd),
-    OTHERS[0],
-    OTHERS[1],
-    OTHERS[2],
+    OTHER_MODES[0],
+    OTHER_MODES[1],
+    OTHER_MODES[2],
 ];
 
 /// Adds the characters that a receiver with a setting reads from bytes.
-fn hear(heard: &mut Heard, from: Format, setting: Setting, bytes: &[u8]) {
+fn hear(heard: &mut ReceivedBytes, from: Format, setting: Setting, bytes: &[u8]) {
     let odd = match setting.mode.parity {
         Parity::None => None,
         Parity::Even => Some(false),
@@ -28,7 +28,7 @@ fn hear(heard: &mut Heard, from: Format, setting: Setting, bytes: &[u8]) {
 
 /// Returns the result of the search on a line on which these messages are sent, with pauses between them, and the number of
 /// turns.
-fn search(from: Format, messages: &[Vec<u8>]) -> (Vec<Judged>, usize) {
+fn search(from: Format, messages: &[Vec<u8>]) -> (Vec<SettingScore>, usize) {
     let (mut search, mut listened, mut said) = (Search::default(), 0, messages.iter().cycle());
     while let Some(setting) = search.next(&|_| true).filter(|_| listened < 200) {
         listened += 1;
@@ -99,7 +99,7 @@ fn a_silent_line_is_listened_to_with_every_rate_and_format() {
 
 #[test]
 fn marks_that_are_divided_are_read() {
-    let mut heard = Heard::default();
+    let mut heard = ReceivedBytes::default();
     for byte in [b'a', 0xFF, 0xFF, 0xFF, 0, b'b', b'c'] {
         heard.take(Duration::ZERO, &[byte]);
     }

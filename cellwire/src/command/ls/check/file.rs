@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fanuc_ls::{
-    DecodeError, Document, Encoding, Finding, Instruction, Level, MotionKind, Problem, Rules, Surroundings,
+    CheckContext, DecodeError, Document, Encoding, Finding, Instruction, Level, MotionKind, Problem, Rules,
 };
 use serde_json::{Value, json};
 
@@ -17,7 +17,7 @@ pub(super) struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    pub(super) fn new(path: &'a Path, bytes: &[u8], rules: &Rules, around: &Surroundings) -> Self {
+    pub(super) fn new(path: &'a Path, bytes: &[u8], rules: &Rules, around: &CheckContext) -> Self {
         let document = Document::decode_bytes(bytes);
         let findings =
             document.as_ref().map_or(Vec::new(), |document| document.findings_among(rules, around));
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn an_error_is_shown_below_its_line() {
         let text = "/PROG A\n/MN\n   1:L\tP[1] 100mm/s FINE ;\n/END\n";
-        let file = File::new(Path::new("A.LS"), text.as_bytes(), &Rules::default(), &Surroundings::default());
+        let file = File::new(Path::new("A.LS"), text.as_bytes(), &Rules::default(), &CheckContext::default());
         assert_eq!(
             file.text(text.as_bytes()),
             "A.LS: A, 1 instruction (no motions), 0 positions\n\
@@ -168,7 +168,7 @@ mod tests {
             Path::new("A\u{9b}1m.LS"),
             text.as_bytes(),
             &Rules::default(),
-            &Surroundings::default(),
+            &CheckContext::default(),
         );
         for shown in [file.text(text.as_bytes()), file.lines()] {
             assert!(!shown.contains(|c: char| c.is_control() && c != '\n'), "{shown:?}");

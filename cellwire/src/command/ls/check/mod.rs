@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
-use fanuc_ls::{Level, Rules, Surroundings};
+use fanuc_ls::{CheckContext, Level, Rules};
 
 use super::rules;
 use cellwire_io::output::{counted, log, printable, remark, stdout};
@@ -30,8 +30,8 @@ pub(super) struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     /// The lowest level that makes the exit status 1
-    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Least::Error)]
-    fail_on: Least,
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = MinSeverity::Error)]
+    fail_on: MinSeverity,
     #[command(flatten)]
     known: KnownArgs,
 }
@@ -57,10 +57,10 @@ impl KnownArgs {
     }
 
     /// Returns the macros and instructions of the files.
-    pub(super) fn surroundings(&self) -> Result<Surroundings> {
+    pub(super) fn surroundings(&self) -> Result<CheckContext> {
         let read = |path: &Option<PathBuf>| path.as_deref().map_or_else(|| Ok(BTreeSet::new()), names);
         let (macros, instructions) = (read(&self.macros)?, read(&self.instructions)?);
-        Ok(Surroundings { macros, instructions, ..Surroundings::default() })
+        Ok(CheckContext { macros, instructions, ..CheckContext::default() })
     }
 }
 
@@ -77,13 +77,13 @@ enum Format {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Least {
+enum MinSeverity {
     Error,
     Warning,
     Hint,
 }
 
-impl Least {
+impl MinSeverity {
     fn level(self) -> Level {
         match self {
             Self::Error => Level::Error,
@@ -127,7 +127,7 @@ pub(super) fn check(args: &Args) -> Result<bool> {
 }
 
 /// Returns the programs that may be called, if a folder was given, and the macros.
-fn around(args: &Args, paths: &[PathBuf]) -> Result<Surroundings> {
+fn around(args: &Args, paths: &[PathBuf]) -> Result<CheckContext> {
     let mut around = args.known.surroundings()?;
     if args.files.iter().any(|path| path.is_dir()) {
         let names = paths.iter().filter_map(|path| path.file_stem());
@@ -155,7 +155,7 @@ pub(super) fn summarize(folder: &Path) -> Result<bool> {
     let (rules, mut out) = (Rules::default(), stdout());
     for path in files(&[folder.to_path_buf()])? {
         let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let around = Surroundings { file: stem(&path), ..Surroundings::default() };
+        let around = CheckContext { file: stem(&path), ..CheckContext::default() };
         let file = File::new(&path, &bytes, &rules, &around);
         errors += usize::from(file.worst() == Some(Level::Error));
         let mut in_file: BTreeMap<_, usize> = BTreeMap::new();

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, SystemTime};
 
-use super::super::decoding::{Entry, Told, UNKNOWN, hex};
+use super::super::decoding::{DecodedEvent, Entry, UNKNOWN, hex};
 use crate::io::samples::Samples;
-use crate::io::tap::Place;
+use crate::io::tap::ConnectionTransport;
 use cellwire_io::output::{self, counted};
 use cellwire_links::shadow::{Complaint, Kind};
 
@@ -94,20 +94,20 @@ impl Board {
     pub(super) fn take(&mut self, entry: &Entry) {
         let Entry { at, connection, end, what } = entry;
         let (text, is_wrong) = match what {
-            Told::Opened(place) => {
+            DecodedEvent::Opened(place) => {
                 self.open += 1;
                 self.place = match place {
-                    Place::Tcp(a, b) | Place::Udp(a, b) => format!("{a} to {b}"),
-                    Place::Ports([a, b]) => format!("{a} and {b}"),
-                    Place::Line(port) => port.clone(),
+                    ConnectionTransport::Tcp(a, b) | ConnectionTransport::Udp(a, b) => format!("{a} to {b}"),
+                    ConnectionTransport::Ports([a, b]) => format!("{a} and {b}"),
+                    ConnectionTransport::Line(port) => port.clone(),
                 };
                 return self.say(*at, UNKNOWN, format!("connection {connection}: {}", self.place), false);
             }
-            Told::Message { length, content, .. } => {
+            DecodedEvent::Message { length, content, .. } => {
                 self.count_message(*at, *connection, end, *length);
                 (output::message(content), false)
             }
-            Told::Corrupt { error, clause, bytes, .. } => {
+            DecodedEvent::Corrupt { error, clause, bytes, .. } => {
                 let kind = error.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?");
                 let name = clause.map_or_else(|| kind.into(), |clause| format!("{kind} ({clause})"));
                 *self.errors.entry(format!("{end}: {name}")).or_default() += 1;
@@ -116,7 +116,7 @@ impl Board {
                 board.bytes += bytes.len() as u64;
                 (format!("{name} {}", hex(bytes)), true)
             }
-            Told::Wrong(Complaint { kind, clause, text, .. }) => {
+            DecodedEvent::Wrong(Complaint { kind, clause, text, .. }) => {
                 let name = match kind {
                     Kind::Rule => "rules broken",
                     Kind::Budget => "budgets missed",
@@ -127,16 +127,18 @@ impl Board {
                 self.complaint = Some(LineBoard { at: *at, end, text: text.clone(), is_wrong: true });
                 (text, true)
             }
-            Told::Bytes(bytes) => {
+            DecodedEvent::Bytes(bytes) => {
                 self.end(end).bytes += bytes.len() as u64;
                 self.answer(*at, *connection, end);
                 (hex(bytes), false)
             }
-            Told::Missed(missing) => {
+            DecodedEvent::Missed(missing) => {
                 self.missed += missing;
                 (format!("not captured: {}", counted(*missing, "byte")), true)
             }
-            Told::Closed(why) => (format!("closed {}", why.as_deref().unwrap_or_default()), why.is_some()),
+            DecodedEvent::Closed(why) => {
+                (format!("closed {}", why.as_deref().unwrap_or_default()), why.is_some())
+            }
         };
         self.say(*at, end, text, is_wrong);
     }

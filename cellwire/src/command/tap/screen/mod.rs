@@ -14,8 +14,8 @@ use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers
 
 use self::board::Board;
 use super::SILENCE;
-use super::decoding::{Decoding, Entry};
-use crate::io::tap::Seeing;
+use super::decoding::{Entry, TapDecoder};
+use crate::io::tap::TapReceiver;
 use crate::io::terminal::{self, Screen};
 use cellwire_io::output;
 
@@ -44,8 +44,8 @@ pub(super) fn remarks() -> Receiver<String> {
 /// If the terminal cannot be used.
 pub(super) fn show(
     title: &str,
-    mut decoding: Decoding<'_>,
-    seen: &Seeing,
+    mut decoding: TapDecoder<'_>,
+    seen: &TapReceiver,
     remarks: &Receiver<String>,
 ) -> Result<()> {
     let mut board = Board::new(title, SystemTime::now());
@@ -65,8 +65,8 @@ pub(super) fn show(
 fn run(
     screen: &mut Screen,
     board: &mut Board,
-    decoding: &mut Decoding<'_>,
-    (seen, remarks): (&Seeing, &Receiver<String>),
+    decoding: &mut TapDecoder<'_>,
+    (seen, remarks): (&TapReceiver, &Receiver<String>),
 ) -> Result<()> {
     let mut next = Instant::now();
     loop {

@@ -6,10 +6,10 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use serde_json::json;
 
-use super::super::decoding::{Entry, Told};
+use super::super::decoding::{DecodedEvent, Entry};
 use super::board::Board;
 use super::draw::draw;
-use crate::io::tap::Place;
+use crate::io::tap::ConnectionTransport;
 use cellwire_links::shadow::{Complaint, Kind};
 
 const MS: Duration = Duration::from_millis(1);
@@ -34,7 +34,7 @@ fn rows_in(board: &Board, width: u16, height: u16) -> Vec<String> {
 fn a_low_screen_shows_every_end_first_and_names_what_it_has_no_rows_for() {
     let mut board = Board::new("fanuc", UNIX_EPOCH);
     for end in ["client", "server"] {
-        let what = Told::Message { offset: 0, length: 12, content: json!({"unit": 1}) };
+        let what = DecodedEvent::Message { offset: 0, length: 12, content: json!({"unit": 1}) };
         board.take(&Entry { at: UNIX_EPOCH, connection: 1, end, what });
     }
     for (height, foot) in [
@@ -57,11 +57,11 @@ fn the_screen_shows_both_ends_and_what_is_wrong() {
     let began = UNIX_EPOCH + Duration::from_secs(3600);
     let mut board = Board::new("laser-eb90", began);
     let entry = |at: Duration, end, what| Entry { at: began + at, connection: 1, end, what };
-    let place = Place::Tcp("10.0.0.1:4000".parse().unwrap(), "10.0.0.2:9100".parse().unwrap());
-    board.take(&entry(MS, "unknown", Told::Opened(place)));
+    let place = ConnectionTransport::Tcp("10.0.0.1:4000".parse().unwrap(), "10.0.0.2:9100".parse().unwrap());
+    board.take(&entry(MS, "unknown", DecodedEvent::Opened(place)));
     for n in 0..10 {
         let at = MS * (100 * n + 10);
-        let message = |length| Told::Message { offset: 0, length, content: json!({"items": [n]}) };
+        let message = |length| DecodedEvent::Message { offset: 0, length, content: json!({"items": [n]}) };
         board.take(&entry(at, "host", message(20)));
         board.take(&entry(at + MS * 12, "controller", message(11)));
     }
@@ -69,9 +69,9 @@ fn the_screen_shows_both_ends_and_what_is_wrong() {
     board.take(&entry(
         MS * 1000,
         "controller",
-        Told::Corrupt { offset: 9, error, clause: Some("LE-13"), bytes },
+        DecodedEvent::Corrupt { offset: 9, error, clause: Some("LE-13"), bytes },
     ));
-    board.take(&entry(MS * 1001, "controller", Told::Missed(7)));
+    board.take(&entry(MS * 1001, "controller", DecodedEvent::Missed(7)));
     for second in 1..=2 {
         board.pass_time(began + Duration::from_secs(second));
     }
@@ -103,7 +103,7 @@ fn the_screen_counts_what_shadows_say_and_shows_the_last_of_it() {
         let text = "the word 0102h answers 0101h".into();
         let complaint = Complaint { at: MS, end: "controller", kind, clause, text };
         let (at, end) = (UNIX_EPOCH + MS, "controller");
-        board.take(&Entry { at, connection: 1, end, what: Told::Wrong(complaint) });
+        board.take(&Entry { at, connection: 1, end, what: DecodedEvent::Wrong(complaint) });
     }
     assert!(row(&board, "shadow ends: budgets missed 1, rules broken 2").is_some(), "{:#?}", rows(&board));
     let last = "00:00:00.001 controller the word 0102h answers 0101h (LE-25)";
@@ -120,13 +120,13 @@ fn numbers_have_their_units_on_a_narrow_terminal() {
     let mut board = Board::new("viewer", began);
     for n in 0..10 {
         let at = began + MS * (200 * n);
-        let message = || Told::Message { offset: 0, length: 10, content: json!({}) };
+        let message = || DecodedEvent::Message { offset: 0, length: 10, content: json!({}) };
         board.take(&Entry { at, connection: 1, end: "host", what: message() });
         board.take(&Entry { at: at + MS * 123, connection: 1, end: "workstation", what: message() });
     }
     let text = "no packet within stale_after (1000 ms) of its request".into();
     let complaint = Complaint { at: MS, end: "host", kind: Kind::Assumption, clause: "VV-40", text };
-    board.take(&Entry { at: began, connection: 1, end: "host", what: Told::Wrong(complaint) });
+    board.take(&Entry { at: began, connection: 1, end: "host", what: DecodedEvent::Wrong(complaint) });
     board.pass_time(began + Duration::from_secs(2));
     let columns = |width, name: &str| {
         let rows = rows_of(&board, width);

@@ -9,7 +9,7 @@ use fanuc_ls::{Document, Instruction, Mistake, Motion, MotionKind, Operation, Pr
 
 /// A program that runs.
 #[derive(Debug)]
-pub struct Loaded {
+pub struct LoadedProgram {
     /// The contents of the LS file.
     pub program: Program,
     /// The instructions of the program.
@@ -28,7 +28,7 @@ pub enum Step {
 }
 
 /// The programs that a program needs, by their names in capitals.
-pub type Programs = BTreeMap<String, Arc<Loaded>>;
+pub type Programs = BTreeMap<String, Arc<LoadedProgram>>;
 
 /// The programs of macros, by the names of these in capitals.
 pub type Macros = BTreeMap<String, String>;
@@ -62,7 +62,7 @@ pub fn load(path: &Path, macros: &Macros) -> Result<(String, Programs, Vec<Findi
         programs.insert(name.clone(), Arc::new(loaded));
         for (line, called) in calls {
             let known = programs.contains_key(&called)
-                || open.iter().any(|other: &Loaded| other.program.name.to_uppercase() == called);
+                || open.iter().any(|other: &LoadedProgram| other.program.name.to_uppercase() == called);
             if known {
                 continue;
             }
@@ -78,7 +78,7 @@ pub fn load(path: &Path, macros: &Macros) -> Result<(String, Programs, Vec<Findi
     Ok((main, programs, survey.findings()))
 }
 
-fn read(path: &Path, macros: &Macros) -> Result<Loaded> {
+fn read(path: &Path, macros: &Macros) -> Result<LoadedProgram> {
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&bytes, macros, || format!("{}: `cellwire ls check` shows more", path.display()))
 }
@@ -93,7 +93,7 @@ pub fn load_text(text: &str) -> Result<(String, Programs)> {
     Ok((name.clone(), Programs::from([(name, Arc::new(loaded))])))
 }
 
-fn parse(bytes: &[u8], macros: &Macros, wrong: impl Fn() -> String) -> Result<Loaded> {
+fn parse(bytes: &[u8], macros: &Macros, wrong: impl Fn() -> String) -> Result<LoadedProgram> {
     let document = Document::decode_bytes(bytes).with_context(&wrong)?;
     let program = document.program().with_context(&wrong)?;
     // A controller does not run a block without its end.
@@ -106,7 +106,7 @@ fn parse(bytes: &[u8], macros: &Macros, wrong: impl Fn() -> String) -> Result<Lo
         return Err(anyhow::anyhow!("{finding}").context(wrong()));
     }
     let steps = program.instructions.iter().map(|instruction| Step::of(instruction, macros)).collect();
-    Ok(Loaded { program, steps })
+    Ok(LoadedProgram { program, steps })
 }
 
 /// Returns the file of a program in the folder of another one, in upper or lower case.
@@ -121,7 +121,7 @@ fn beside(path: &Path, name: &str) -> Option<std::path::PathBuf> {
     })
 }
 
-impl Loaded {
+impl LoadedProgram {
     /// Returns the numbers of the registers `R[n]` that the program's instructions name.
     pub fn registers(&self) -> BTreeSet<u32> {
         let text = self.program.to_text(&Rules::default()).unwrap_or_default();
@@ -188,7 +188,7 @@ impl Survey {
         self.0.into_iter().map(|(what, places)| Finding { what, places }).collect()
     }
 
-    fn look(&mut self, name: &str, loaded: &Loaded, macros: &Macros) {
+    fn look(&mut self, name: &str, loaded: &LoadedProgram, macros: &Macros) {
         for (line, instruction) in (1..).zip(&loaded.program.instructions) {
             if matches!(instruction, Instruction::Other(text) if text.contains('$')) {
                 self.add("system variables are 0 until set, and have no effect", name, line);

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use fanuc_hmi_modbus::Signal;
 use fanuc_ls::{AxisName, Expression, Function, Index, Item, ItemKind, Operator};
 
-use super::position::Place;
+use super::position::RobotPosition;
 use cellwire_sim::fanuc::Tables;
 
 /// Everything but the tables of signals, which the Modbus server has.
@@ -14,7 +14,7 @@ pub struct Memory {
     /// The values of R\[n\] by n, as far as they are set.
     pub numbers: BTreeMap<u32, f64>,
     /// The values of PR\[n\] by n, as far as they are set.
-    pub positions: BTreeMap<u32, Place>,
+    pub positions: BTreeMap<u32, RobotPosition>,
     /// The values of SR\[n\] by n, as far as they are set.
     pub strings: BTreeMap<u32, String>,
     /// UFRAME\[n\] and UTOOL\[n\], as far as the program has set them.
@@ -45,18 +45,18 @@ pub enum Value {
     /// The text of a string register or a literal.
     Text(String),
     /// The position of a position register or of the robot.
-    Place(Place),
+    Place(RobotPosition),
 }
 
 /// The values that an expression uses beside the memory.
 #[derive(Debug, Clone, Copy)]
-pub struct Surroundings<'a> {
+pub struct EvaluationContext<'a> {
     /// The time of the simulated program, in s.
     pub now: f64,
     /// The values of AR\[n\], from n = 1.
     pub arguments: &'a [Value],
     /// The position of the robot: in X Y Z W P R of its user frame, and by its joints.
-    pub here: (Place, Place),
+    pub here: (RobotPosition, RobotPosition),
     /// The positions of the program.
     pub program: &'a fanuc_ls::Program,
 }
@@ -69,7 +69,12 @@ impl Memory {
     ///
     /// # Errors
     /// If parts of the expression do not fit together, or are not simulated.
-    pub fn value(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
+    pub fn value(
+        &self,
+        it: &Expression,
+        tables: &Tables,
+        around: &EvaluationContext<'_>,
+    ) -> Result<Value, Fault> {
         Ok(match it {
             Expression::Number(number) => Value::Number(*number),
             Expression::Text(text) => Value::Text(text.clone()),
@@ -105,7 +110,12 @@ impl Memory {
     ///
     /// # Errors
     /// If it is not a number.
-    pub fn number(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<f64, Fault> {
+    pub fn number(
+        &self,
+        it: &Expression,
+        tables: &Tables,
+        around: &EvaluationContext<'_>,
+    ) -> Result<f64, Fault> {
         match self.value(it, tables, around)? {
             Value::Number(number) => Ok(number),
             Value::Bit(bit) => Ok(f64::from(u8::from(bit))),
@@ -117,7 +127,12 @@ impl Memory {
     ///
     /// # Errors
     /// If it is not a condition.
-    pub fn bit(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<bool, Fault> {
+    pub fn bit(
+        &self,
+        it: &Expression,
+        tables: &Tables,
+        around: &EvaluationContext<'_>,
+    ) -> Result<bool, Fault> {
         match self.value(it, tables, around)? {
             Value::Bit(bit) => Ok(bit),
             Value::Number(number) => Ok(number != 0.0),
@@ -129,7 +144,12 @@ impl Memory {
     ///
     /// # Errors
     /// The register of the number has no value.
-    pub fn index(&self, index: &Index, tables: &Tables, around: &Surroundings<'_>) -> Result<u32, Fault> {
+    pub fn index(
+        &self,
+        index: &Index,
+        tables: &Tables,
+        around: &EvaluationContext<'_>,
+    ) -> Result<u32, Fault> {
         match index {
             Index::Number(number) => Ok(*number),
             Index::Item(item) => match self.read(item, tables, around)? {
@@ -146,7 +166,7 @@ impl Memory {
     ///
     /// # Errors
     /// If the item does not exist, or is not simulated.
-    pub fn read(&self, item: &Item, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
+    pub fn read(&self, item: &Item, tables: &Tables, around: &EvaluationContext<'_>) -> Result<Value, Fault> {
         let n = self.index(&item.index, tables, around)?;
         if let Some(signal) = signal(item.kind, n) {
             let beyond = || self.beyond.get(&signal).copied().unwrap_or(0);
@@ -187,7 +207,7 @@ impl Memory {
             ItemKind::Position => {
                 let found = around.program.position(n);
                 let group = found.and_then(|position| position.groups.first());
-                let place = group.and_then(Place::of_group).ok_or_else(|| match group {
+                let place = group.and_then(RobotPosition::of_group).ok_or_else(|| match group {
                     None => format!("/POS does not define P[{n}]"),
                     Some(group) if group.axes.iter().any(|axis| axis.name == AxisName::RX) => {
                         format!("P[{n}] has RX to RR: a tool that is fixed in the cell is not modelled")
@@ -209,7 +229,7 @@ impl Memory {
         item: &Item,
         value: Value,
         tables: &mut Tables,
-        around: &Surroundings<'_>,
+        around: &EvaluationContext<'_>,
     ) -> Result<(), Fault> {
         let n = self.index(&item.index, tables, around)?;
         let refused = |value: &Value| Err(format!("{}[{n}] does not take {value:?}", item.kind));
@@ -248,7 +268,7 @@ impl Memory {
                     number;
             }
             (ItemKind::UserFrame | ItemKind::UserTool, Value::Place(place)) => {
-                let Place::Cartesian { xyzwpr, .. } = place else {
+                let RobotPosition::Cartesian { xyzwpr, .. } = place else {
                     return Err("a frame is set from X Y Z W P R".into());
                 };
                 self.frames.insert((item.kind == ItemKind::UserTool, n), xyzwpr);

@@ -13,5 +13,5 @@ mod preset;
 pub use load::{Finding, Macros, Programs, load, load_text};
 pub use machine::Machine;
 pub use memory::{Memory, Value};
-pub use position::Place;
+pub use position::RobotPosition;
 pub use preset::Preset;

@@ -8,7 +8,7 @@ use cellwire_motion::{Goal, Pose, Posture};
 
 /// A position of the first motion group, six axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place {
+pub enum RobotPosition {
     /// X, Y, Z in mm and W, P, R in degrees, in a user frame.
     Cartesian {
         /// X, Y, Z in mm, then W, P, R in degrees.
@@ -20,13 +20,13 @@ pub enum Place {
     Joints([f64; 6]),
 }
 
-impl Default for Place {
+impl Default for RobotPosition {
     fn default() -> Self {
         Self::Cartesian { xyzwpr: [0.0; 6], folded: None }
     }
 }
 
-impl Place {
+impl RobotPosition {
     /// Returns the place of a group of `/POS`. `None` if it was never taught, or has other axes.
     pub fn of_group(group: &Group) -> Option<Self> {
         let value = |name: AxisName, unit: AxisUnit| {
@@ -147,14 +147,14 @@ mod tests {
         assert_eq!(folded("nonsense"), None);
         let xyzwpr = [500.0, -1.5, 300.25, 180.0, 0.0, 45.0];
         for place in [
-            Place::Cartesian { xyzwpr, folded: Some((posture, [0, -1, 2])) },
-            Place::Joints([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+            RobotPosition::Cartesian { xyzwpr, folded: Some((posture, [0, -1, 2])) },
+            RobotPosition::Joints([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
         ] {
-            assert_eq!(Place::of_register(&place.register()), Some(place));
+            assert_eq!(RobotPosition::of_register(&place.register()), Some(place));
         }
-        assert_eq!(Place::of_register(&PositionRegister::default()), None);
-        let sum = Place::Joints([1.0; 6]).plus(&Place::Joints([2.0; 6]), -1.0);
-        assert_eq!(sum, Some(Place::Joints([-1.0; 6])));
-        assert_eq!(Place::Joints([1.0; 6]).plus(&Place::default(), 1.0), None);
+        assert_eq!(RobotPosition::of_register(&PositionRegister::default()), None);
+        let sum = RobotPosition::Joints([1.0; 6]).plus(&RobotPosition::Joints([2.0; 6]), -1.0);
+        assert_eq!(sum, Some(RobotPosition::Joints([-1.0; 6])));
+        assert_eq!(RobotPosition::Joints([1.0; 6]).plus(&RobotPosition::default(), 1.0), None);
     }
 }

@@ -9,7 +9,7 @@ use toml::Value;
 use super::load::Macros;
 use super::machine::{Machine, parsed};
 use super::memory::{is_word, signal};
-use super::position::Place;
+use super::position::RobotPosition;
 use cellwire_sim::fanuc::Tables;
 
 /// The file: lines such as `"R[1]" = 5`, and a table `[macros]` of names and programs.
@@ -103,10 +103,10 @@ fn set(name: &str, value: &Value, machine: &mut Machine, tables: &mut Tables) ->
 }
 
 /// Parses `[X, Y, Z, W, P, R]`, or `{ joints = [J1, …, J6] }`.
-fn place(value: &Value) -> Result<Place> {
+fn place(value: &Value) -> Result<RobotPosition> {
     match value.get("joints") {
-        Some(joints) => Ok(Place::Joints(six(joints)?)),
-        None => Ok(Place::Cartesian { xyzwpr: six(value)?, folded: None }),
+        Some(joints) => Ok(RobotPosition::Joints(six(joints)?)),
+        None => Ok(RobotPosition::Cartesian { xyzwpr: six(value)?, folded: None }),
     }
 }
 

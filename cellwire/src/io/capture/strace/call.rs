@@ -10,7 +10,7 @@ pub(super) struct Call<'a> {
 
 /// The result of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Returned {
+pub(super) enum CallResult {
     /// A number: of bytes, or of a file descriptor.
     Number(u64),
     /// An error, or a result that is not known.
@@ -37,13 +37,13 @@ impl<'a> Call<'a> {
         is_name.then_some(Self { name, arguments })
     }
 
-    pub(super) fn returned(&self) -> Returned {
+    pub(super) fn returned(&self) -> CallResult {
         match self.arguments.rsplit_once("= ") {
             Some((call, result)) if call.trim_end().ends_with(')') => {
                 let digits = result.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
-                digits.parse().map_or(Returned::Failed, Returned::Number)
+                digits.parse().map_or(CallResult::Failed, CallResult::Number)
             }
-            _ => Returned::Missing,
+            _ => CallResult::Missing,
         }
     }
 

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 
-use self::call::{Call, Returned};
+use self::call::{Call, CallResult};
 use super::hexdump::time;
-use super::{Fault, Flow, Found, Line, Packet, Summary};
+use super::{CaptureItem, Fault, Flow, Line, Packet, Summary};
 
 /// The longest line, in bytes. The option -s 65535 with -xx makes lines of a million for 4 buffers.
 const MAX_LINE: u64 = 1 << 24;
@@ -35,7 +35,7 @@ const UNREAD: [&str; 11] = [
 pub(super) fn read(
     mut input: BufReader<Box<dyn Read>>,
     only: Option<u32>,
-    mut take: impl FnMut(Found<'_>) -> Result<()>,
+    mut take: impl FnMut(CaptureItem<'_>) -> Result<()>,
 ) -> Result<Summary> {
     let (mut trace, mut calls, mut line, mut unread) = (Trace::default(), 0, Vec::new(), BTreeSet::new());
     for number in 1.. {
@@ -50,26 +50,26 @@ pub(super) fn read(
             Ok(None) => continue,
             Ok(Some(text)) => text,
             Err(why) => {
-                take(Found::Fault(number, Fault::Line { why }))?;
+                take(CaptureItem::Fault(number, Fault::Line { why }))?;
                 continue;
             }
         };
         let Some(call) = Call::new(&text) else { continue };
-        calls += u64::from(call.returned() != Returned::Missing);
+        calls += u64::from(call.returned() != CallResult::Missing);
         let wanted = |descriptor, file: &File| {
             only.map_or_else(|| file.is_likely(descriptor), |only| only == descriptor)
         };
         let why = match trace.call(&call) {
-            Ok(Some(Moved { descriptor, turn, by_keeper, bytes, missing })) => {
+            Ok(Some(TransferredBytes { descriptor, turn, by_keeper, bytes, missing })) => {
                 if trace.file(descriptor, turn).is_some_and(|file| wanted(descriptor, file)) {
                     let flow = Flow::Kept(Line::Opened { descriptor, turn }, by_keeper);
                     let (at, payload) = (trace.at, bytes.as_slice());
-                    take(Found::Packet(Packet { number, at, flow, segment: None, payload, missing }))?;
+                    take(CaptureItem::Packet(Packet { number, at, flow, segment: None, payload, missing }))?;
                 }
                 continue;
             }
             Ok(None) if UNREAD.contains(&call.name) => {
-                let Returned::Number(1..) = call.returned() else { continue };
+                let CallResult::Number(1..) = call.returned() else { continue };
                 let is_wanted = call.descriptor().is_none_or(|(descriptor, path)| {
                     let turn = trace.turn(descriptor, path);
                     trace.file(descriptor, turn).is_some_and(|file| wanted(descriptor, file))
@@ -82,7 +82,7 @@ pub(super) fn read(
             Ok(None) => continue,
             Err(why) => why,
         };
-        take(Found::Fault(number, Fault::Line { why }))?;
+        take(CaptureItem::Fault(number, Fault::Line { why }))?;
     }
     ensure!(calls > 0, "the input is not strace output: no line has a call and its result");
     Ok(Summary { packets: calls, ..Summary::default() })
@@ -106,7 +106,7 @@ struct File {
 }
 
 /// Bytes that a call has read or written.
-struct Moved {
+struct TransferredBytes {
     descriptor: u32,
     turn: u32,
     /// The program sends them.
@@ -184,15 +184,15 @@ impl Trace {
     ///
     /// # Errors
     /// If it moves bytes and cannot be read.
-    fn call(&mut self, call: &Call<'_>) -> Result<Option<Moved>, String> {
+    fn call(&mut self, call: &Call<'_>) -> Result<Option<TransferredBytes>, String> {
         let by_keeper = WRITES.contains(&call.name);
         let is_moving = by_keeper || READS.contains(&call.name);
         let returned = match call.returned() {
-            Returned::Number(returned) => returned,
-            Returned::Missing if is_moving => {
+            CallResult::Number(returned) => returned,
+            CallResult::Missing if is_moving => {
                 return Err(format!("the result of this {} is missing", call.name));
             }
-            Returned::Failed | Returned::Missing => return Ok(None),
+            CallResult::Failed | CallResult::Missing => return Ok(None),
         };
         if !is_moving {
             self.open_or_close(call, returned);
@@ -207,7 +207,7 @@ impl Trace {
         bytes.truncate(usize::try_from(returned).unwrap_or(usize::MAX));
         let missing = returned - bytes.len() as u64;
         let turn = self.turn(descriptor, path);
-        Ok(Some(Moved { descriptor, turn, by_keeper, bytes, missing }))
+        Ok(Some(TransferredBytes { descriptor, turn, by_keeper, bytes, missing }))
     }
 
     fn open_or_close(&mut self, call: &Call<'_>, returned: u64) {
@@ -309,10 +309,12 @@ mod tests {
         let mut found = Vec::new();
         let input: Box<dyn Read> = Box::new(std::io::Cursor::new(text.as_bytes().to_vec()));
         read(BufReader::new(input), only, |it| {
-            let Found::Packet(Packet { at, flow: Flow::Kept(line, by_keeper), payload, missing, .. }) = it
+            let CaptureItem::Packet(Packet {
+                at, flow: Flow::Kept(line, by_keeper), payload, missing, ..
+            }) = it
             else {
                 found.push(match it {
-                    Found::Fault(line, Fault::Line { why }) => format!("line {line}: {why}"),
+                    CaptureItem::Fault(line, Fault::Line { why }) => format!("line {line}: {why}"),
                     other => panic!("{other:?}"),
                 });
                 return Ok(());

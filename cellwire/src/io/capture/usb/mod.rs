@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::Result;
 
 use self::header::{Kind, Transfer};
-use super::{Fault, Flow, Found, Line, Packet, Summary};
+use super::{CaptureItem, Fault, Flow, Line, Packet, Summary};
 
 pub use self::adapter::Adapter;
 use self::adapter::LineSettings;
@@ -24,7 +24,7 @@ const MAX_DEVICES: usize = 256;
 const STATUS_PACKETS: usize = 4;
 
 /// A packet with bytes of a link, or with the description of an adapter.
-pub(super) struct Captured<'a> {
+pub(super) struct CapturedPacket<'a> {
     pub(super) number: u64,
     pub(super) at: Option<Duration>,
     pub(super) header: Header,
@@ -47,7 +47,7 @@ struct Device {
     described: Option<[u16; 3]>,
     /// The endpoints by address.
     endpoints: BTreeMap<u8, Endpoint>,
-    is: Is,
+    is: UsbDeviceKind,
     lines: BTreeMap<u8, LineSettings>,
     /// Bytes that came with a sign of wrong settings or of a line that is read too late.
     errors: u64,
@@ -55,14 +55,14 @@ struct Device {
     asked: Option<(u64, [u8; 8])>,
     /// The requests before the type of the device was known.
     requests: Vec<([u8; 8], Vec<u8>)>,
-    waiting: Vec<Waiting>,
+    waiting: Vec<PendingTransfer>,
     waiting_bytes: usize,
     /// The number of packets without information about a link.
     ignored: u64,
 }
 
 #[derive(Default, Clone, Copy, PartialEq, Eq)]
-enum Is {
+enum UsbDeviceKind {
     #[default]
     Unknown,
     Adapter(Adapter),
@@ -79,7 +79,7 @@ struct Endpoint {
 }
 
 /// A transfer of bytes that may be a link's.
-struct Waiting {
+struct PendingTransfer {
     number: u64,
     at: Option<Duration>,
     endpoint: u8,
@@ -87,18 +87,20 @@ struct Waiting {
     missing: u64,
 }
 
-type Take<'a> = &'a mut dyn FnMut(Found<'_>) -> Result<()>;
+type ItemSink<'a> = &'a mut dyn FnMut(CaptureItem<'_>) -> Result<()>;
 
 impl Devices {
     pub(super) fn new(given: Option<Adapter>) -> Self {
         Self { given, all: BTreeMap::new() }
     }
 
-    pub(super) fn add(&mut self, captured: &Captured<'_>, take: Take<'_>) -> Result<()> {
-        let Captured { number, at, header, data, is_big, missing } = *captured;
+    pub(super) fn add(&mut self, captured: &CapturedPacket<'_>, take: ItemSink<'_>) -> Result<()> {
+        let CapturedPacket { number, at, header, data, is_big, missing } = *captured;
         let transfer = match header::transfer(header, data, is_big, missing) {
             Ok(transfer) => transfer,
-            Err(why) => return take(Found::Fault(number, Fault::Unreadable { why: why.into(), missing })),
+            Err(why) => {
+                return take(CaptureItem::Fault(number, Fault::Unreadable { why: why.into(), missing }));
+            }
         };
         let place = (transfer.bus, transfer.device);
         if self.all.len() >= MAX_DEVICES && !self.all.contains_key(&place) {
@@ -112,32 +114,33 @@ impl Devices {
                 if is_in == transfer.is_complete && (!transfer.data.is_empty() || transfer.missing > 0) {
                     let Transfer { endpoint, data, missing, .. } = transfer;
                     let (data, length) = (data.to_vec(), data.len());
-                    device.waiting.push(Waiting { number, at, endpoint, data, missing });
+                    device.waiting.push(PendingTransfer { number, at, endpoint, data, missing });
                     device.waiting_bytes += length;
                 }
             }
             Kind::Other => {}
         }
-        if device.is == Is::Unknown {
+        if device.is == UsbDeviceKind::Unknown {
             device.look(self.given);
         }
         let is_full = device.waiting.len() >= MAX_WAITING || device.waiting_bytes >= MAX_WAITING_BYTES;
-        if device.is != Is::Unknown || is_full {
+        if device.is != UsbDeviceKind::Unknown || is_full {
             device.tell(place, take)?;
         }
         Ok(())
     }
 
     /// Called at the end of the capture.
-    pub(super) fn finish(&mut self, summary: &mut Summary, take: Take<'_>) -> Result<()> {
+    pub(super) fn finish(&mut self, summary: &mut Summary, take: ItemSink<'_>) -> Result<()> {
         for (&(bus, number), device) in &mut self.all {
             device.tell((bus, number), take)?;
             if device.ignored > 0 {
-                let what = if device.is == Is::Unknown { "not known" } else { "no serial adapter" };
+                let what =
+                    if device.is == UsbDeviceKind::Unknown { "not known" } else { "no serial adapter" };
                 let name = format!("transfers of USB {bus}.{number}, which is {what}");
                 *summary.others.entry(name).or_default() += device.ignored;
             }
-            let Is::Adapter(kind) = device.is else { continue };
+            let UsbDeviceKind::Adapter(kind) = device.is else { continue };
             let errors = match device.errors {
                 0 => String::new(),
                 errors => format!("; {errors} packets with a wrong parity, a wrong stop bit or an overrun"),
@@ -181,10 +184,12 @@ impl Device {
                     *self = Self { ignored: self.ignored, ..Self::default() };
                 }
                 self.described = Some(described);
-                if let (Is::Unknown, Some(kind)) = (self.is, Adapter::of(described[0], described[1])) {
-                    self.is = Is::Adapter(kind);
+                if let (UsbDeviceKind::Unknown, Some(kind)) =
+                    (self.is, Adapter::of(described[0], described[1]))
+                {
+                    self.is = UsbDeviceKind::Adapter(kind);
                 } else if class == 9 {
-                    self.is = Is::Other;
+                    self.is = UsbDeviceKind::Other;
                 }
             }
             ([a, b, _, 2, ..], configuration) if [a, b] == GET_DESCRIPTOR => self.configure(configuration),
@@ -212,10 +217,10 @@ impl Device {
                 _ => {}
             }
         }
-        if self.is == Is::Unknown && !self.endpoints.is_empty() {
+        if self.is == UsbDeviceKind::Unknown && !self.endpoints.is_empty() {
             match (is_modem, is_open) {
-                (true, _) => self.is = Is::Adapter(Adapter::CdcAcm),
-                (false, false) => self.is = Is::Other,
+                (true, _) => self.is = UsbDeviceKind::Adapter(Adapter::CdcAcm),
+                (false, false) => self.is = UsbDeviceKind::Other,
                 (false, true) => {}
             }
         }
@@ -223,8 +228,10 @@ impl Device {
 
     fn request(&mut self, setup: [u8; 8], data: &[u8]) {
         match self.is {
-            Is::Adapter(kind) => self.told(kind, setup, data),
-            Is::Unknown if self.requests.len() < MAX_WAITING => self.requests.push((setup, data.to_vec())),
+            UsbDeviceKind::Adapter(kind) => self.told(kind, setup, data),
+            UsbDeviceKind::Unknown if self.requests.len() < MAX_WAITING => {
+                self.requests.push((setup, data.to_vec()))
+            }
             _ => {}
         }
     }
@@ -246,16 +253,17 @@ impl Device {
     /// Finds the type of the device by its driver's requests, the shape of its data, or the user's option.
     fn look(&mut self, given: Option<Adapter>) {
         let asked = self.requests.iter().find_map(|(setup, _)| Adapter::asked(*setup));
-        let is_disk = |waiting: &Waiting| waiting.data.starts_with(b"USBC") && waiting.data.len() == 31;
+        let is_disk =
+            |waiting: &PendingTransfer| waiting.data.starts_with(b"USBC") && waiting.data.len() == 31;
         self.is = match (asked, given) {
-            (Some(Adapter::CdcAcm), Some(given)) => Is::Adapter(given),
-            (Some(asked), _) => Is::Adapter(asked),
-            _ if self.has_status_bytes() => Is::Adapter(Adapter::Ftdi),
-            _ if self.waiting.iter().any(is_disk) => Is::Other,
-            (None, Some(given)) if !self.waiting.is_empty() => Is::Adapter(given),
+            (Some(Adapter::CdcAcm), Some(given)) => UsbDeviceKind::Adapter(given),
+            (Some(asked), _) => UsbDeviceKind::Adapter(asked),
+            _ if self.has_status_bytes() => UsbDeviceKind::Adapter(Adapter::Ftdi),
+            _ if self.waiting.iter().any(is_disk) => UsbDeviceKind::Other,
+            (None, Some(given)) if !self.waiting.is_empty() => UsbDeviceKind::Adapter(given),
             _ => return,
         };
-        if let Is::Adapter(kind) = self.is {
+        if let UsbDeviceKind::Adapter(kind) = self.is {
             for (setup, data) in std::mem::take(&mut self.requests) {
                 self.told(kind, setup, &data);
             }
@@ -276,28 +284,28 @@ impl Device {
     }
 
     /// Passes on the waiting packets, after the device has become known or will remain unknown.
-    fn tell(&mut self, (bus, device): (u16, u16), take: Take<'_>) -> Result<()> {
+    fn tell(&mut self, (bus, device): (u16, u16), take: ItemSink<'_>) -> Result<()> {
         self.waiting_bytes = 0;
         let waiting = std::mem::take(&mut self.waiting);
         let kind = match self.is {
-            Is::Adapter(kind) => kind,
-            Is::Other => {
+            UsbDeviceKind::Adapter(kind) => kind,
+            UsbDeviceKind::Other => {
                 self.ignored += waiting.len() as u64;
                 return Ok(());
             }
-            Is::Unknown => {
+            UsbDeviceKind::Unknown => {
                 let is_first = self.ignored == 0;
                 self.ignored += waiting.len() as u64;
                 return match waiting.first() {
                     Some(first) if is_first => {
                         let device = format!("{bus}.{device}");
-                        take(Found::Fault(first.number, Fault::UnknownDevice { device }))
+                        take(CaptureItem::Fault(first.number, Fault::UnknownDevice { device }))
                     }
                     _ => Ok(()),
                 };
             }
         };
-        for Waiting { number, at, endpoint, data, missing } in waiting {
+        for PendingTransfer { number, at, endpoint, data, missing } in waiting {
             let Some(port) = self.port(kind, endpoint) else {
                 self.ignored += 1;
                 continue;
@@ -306,7 +314,14 @@ impl Device {
             let payload =
                 if kind == Adapter::Ftdi && is_in { self.without_status(endpoint, &data) } else { data };
             let flow = Flow::Kept(Line::Usb { bus, device, port }, !is_in);
-            take(Found::Packet(Packet { number, at, flow, segment: None, payload: &payload, missing }))?;
+            take(CaptureItem::Packet(Packet {
+                number,
+                at,
+                flow,
+                segment: None,
+                payload: &payload,
+                missing,
+            }))?;
         }
         Ok(())
     }

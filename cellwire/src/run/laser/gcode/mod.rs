@@ -27,7 +27,7 @@ type NotCarried = Vec<(Coordinate, u64)>;
 /// If a line has any other word, with its number, or a cut has no feed or power that the plant's words carry: a program that
 /// is not understood is not run. All such lines are named, the first twenty.
 pub(super) fn read(text: &str, mapping: &Mapping) -> Result<(Vec<Instruction>, NotCarried, Vec<String>)> {
-    let mut wrong = Wrong::default();
+    let mut wrong = ProgramErrors::default();
     text::faults(text).for_each(|(line, fault)| wrong.add(line, &fault));
     if wrong.count > 0 {
         return Err(wrong.error());
@@ -63,12 +63,12 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<(Vec<Instruction>, N
 
 /// The errors in a program, line by line.
 #[derive(Default)]
-struct Wrong {
+struct ProgramErrors {
     text: String,
     count: usize,
 }
 
-impl Wrong {
+impl ProgramErrors {
     fn add(&mut self, line: u64, what: &str) {
         self.count += 1;
         if self.count <= 20 {

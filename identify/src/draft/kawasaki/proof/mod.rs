@@ -9,7 +9,7 @@ mod orders;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Kind, number};
-use crate::draft::TWICE;
+use crate::draft::MIN_SIGHTINGS;
 
 /// The fields of a status that every plant has: order, queued, executed. A filler has none of them.
 const FIELDS_OF_A_STATUS: usize = 3;
@@ -172,7 +172,7 @@ impl<'a> Conversation<'a> {
             values.first().copied().filter(|value| values.len() == 1 && number(value).is_some())
         };
         let Some(orders) = self.runs.iter().map(of).collect::<Option<Vec<_>>>() else { return false };
-        if orders.iter().collect::<BTreeSet<_>>().len() < TWICE {
+        if orders.iter().collect::<BTreeSet<_>>().len() < MIN_SIGHTINGS {
             return false;
         }
         let robot = self.kinds.iter().enumerate().filter(|(_, kind)| kind.side != self.pc);
@@ -253,7 +253,9 @@ impl<'a> Conversation<'a> {
     fn prove_work(&self, proof: &mut Proof) {
         let Some(jobs) = self.kinds.get(self.job) else { return };
         let own: Vec<usize> = (0..jobs.width())
-            .filter(|at| *at != self.number && Some(*at) != self.order && self.changes(jobs, *at) >= TWICE)
+            .filter(|at| {
+                *at != self.number && Some(*at) != self.order && self.changes(jobs, *at) >= MIN_SIGHTINGS
+            })
             .collect();
         if let (Some(first), Some(last)) = (own.first(), own.last()) {
             let taken = |at: &usize| *at == self.number || Some(*at) == self.order;
@@ -311,7 +313,7 @@ impl<'a> Conversation<'a> {
                 numbers.insert(value);
             }
         }
-        in_run.values().any(|numbers| numbers.len() >= TWICE).then_some(place)
+        in_run.values().any(|numbers| numbers.len() >= MIN_SIGHTINGS).then_some(place)
     }
 
     /// Returns the index of the number of the job that was queued last: jobs before it are executed later, and the next one
@@ -332,7 +334,7 @@ impl<'a> Conversation<'a> {
         };
         let proven: BTreeSet<_> =
             kind.all.iter().filter(is_last).filter_map(|(_, values)| number(values.get(place)?)).collect();
-        (proven.len() >= TWICE).then_some(place)
+        (proven.len() >= MIN_SIGHTINGS).then_some(place)
     }
 }
 
@@ -347,7 +349,7 @@ fn is_counted(kind: &Kind, at: usize) -> bool {
     // No job has the number 0.
     kind.values(at).all(|value| number(value).is_some_and(|it| it > 0))
         && is_sent_at_once(kind, at)
-        && (0..kind.width()).any(|other| other != at && changes_within(kind, at, other) >= TWICE)
+        && (0..kind.width()).any(|other| other != at && changes_within(kind, at, other) >= MIN_SIGHTINGS)
 }
 
 /// Returns whether messages with consecutive numbers follow each other without a message of the other end between them: a
@@ -358,7 +360,7 @@ fn is_sent_at_once(kind: &Kind, counted: usize) -> bool {
         let numbers = [before, now].map(|values| values.get(counted).and_then(|it| number(it)));
         *next == at + 1 && matches!(numbers, [Some(before), Some(now)] if now == before + 1)
     });
-    at_once.count() >= TWICE
+    at_once.count() >= MIN_SIGHTINGS
 }
 
 /// Returns the number of times that a value differs in the job of the next number.
@@ -384,7 +386,7 @@ fn is_asked(asks: &Kind, at: usize, jobs: &Kind, counted: usize) -> bool {
         }
         numbers.insert(asked);
     }
-    numbers.len() >= TWICE
+    numbers.len() >= MIN_SIGHTINGS
 }
 
 /// Returns whether a field has the order of each message whose order is known, for two orders or more.
@@ -397,7 +399,7 @@ fn repeats<'a>(kind: &Kind, at: usize, order: impl Fn(usize) -> Option<&'a str>)
         }
         orders.insert(order);
     }
-    orders.len() >= TWICE
+    orders.len() >= MIN_SIGHTINGS
 }
 
 /// Places that are the same in every message and can be nothing but a constant, or unused.
@@ -416,11 +418,11 @@ fn constants(kinds: &[Kind], proof: &Proof, role: &str, index: usize) -> Vec<Opt
         // Of two orders, as the jobs around them are.
         place.is_some_and(|place| {
             let before = |when: usize| jobs.all.iter().rev().find(|(at, _)| *at < when)?.1.get(place);
-            kind.all.iter().filter_map(|(at, _)| before(*at)).collect::<BTreeSet<_>>().len() >= TWICE
+            kind.all.iter().filter_map(|(at, _)| before(*at)).collect::<BTreeSet<_>>().len() >= MIN_SIGHTINGS
         })
     };
     let of = |at: usize| {
-        let value = kind.constant(at).filter(|_| kind.all.len() >= TWICE)?;
+        let value = kind.constant(at).filter(|_| kind.all.len() >= MIN_SIGHTINGS)?;
         let constant = format!("={value}");
         let is_number = number(value).is_some();
         match role {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Conversation, Kind, Proof, Run, only, repeats};
-use crate::draft::TWICE;
+use crate::draft::MIN_SIGHTINGS;
 
 impl<'a> Conversation<'a> {
     /// Adds the messages that begin an order, and the robot's answers to begin and end.
@@ -84,7 +84,7 @@ impl<'a> Conversation<'a> {
                     orders.insert(&next.order);
                 }
             }
-            orders.len() >= TWICE
+            orders.len() >= MIN_SIGHTINGS
         });
         only(places)
     }
@@ -108,7 +108,7 @@ impl<'a> Conversation<'a> {
                     orders.insert(&next.order);
                 }
             }
-            orders.len() >= TWICE
+            orders.len() >= MIN_SIGHTINGS
         });
         only(places)
     }
@@ -145,7 +145,7 @@ impl<'a> Conversation<'a> {
                     orders.insert(&run.order);
                 }
             }
-            orders.len() >= TWICE
+            orders.len() >= MIN_SIGHTINGS
         });
         only(places)
     }

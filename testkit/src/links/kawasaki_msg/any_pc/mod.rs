@@ -15,7 +15,7 @@ use crate::model::{Edge, Edges, System, age, drive};
 
 use Letter::Nothing as N;
 use world::Flags;
-pub use world::{Act, Letter, Sent, World};
+pub use world::{Act, Letter, SentMessage, World};
 
 const NOW: Duration = Duration::ZERO;
 const OURS: u16 = 1;
@@ -135,7 +135,7 @@ impl AnyPc {
         self.drive(w, Input::Disconnected, edges);
     }
 
-    fn deliver(&self, w: &mut World, Sent { message, job }: Sent, edges: &mut Edges<'_>) {
+    fn deliver(&self, w: &mut World, SentMessage { message, job }: SentMessage, edges: &mut Edges<'_>) {
         if core::mem::replace(&mut w.tail, message.is_none()) {
             self.drive(w, Input::Corrupt, edges);
         }
@@ -162,26 +162,26 @@ impl AnyPc {
         (accepted, asked)
     }
 
-    fn sent(&self, letter: Letter, from: u8) -> Sent {
+    fn sent(&self, letter: Letter, from: u8) -> SentMessage {
         let job = |order, offset: i8, good| {
             let index = from.wrapping_add_signed(offset);
-            Sent { message: Some(FromPc::Job { order, number: self.number(index), good }), job: index }
+            SentMessage { message: Some(FromPc::Job { order, number: self.number(index), good }), job: index }
         };
-        let plain = |message| Sent { message: Some(message), job: 0 };
+        let plain = |message| SentMessage { message: Some(message), job: 0 };
         match letter {
             N | Letter::Filler => plain(FromPc::Filler),
             Letter::Start => plain(FromPc::Start { order: OURS, first: 1 }),
             Letter::OtherStart => plain(FromPc::Start { order: OTHER, first: 1 }),
             Letter::End => {
                 let job = if self.is_free() { 0 } else { self.jobs };
-                Sent { job, ..plain(FromPc::End { order: OURS }) }
+                SentMessage { job, ..plain(FromPc::End { order: OURS }) }
             }
             Letter::Interrupt => plain(FromPc::Interrupt { order: OURS }),
             Letter::Job(offset) => job(OURS, offset, true),
             Letter::OtherOrder => job(OTHER, 0, true),
             Letter::BadJob => job(OURS, 0, false),
             Letter::OtherStatus => plain(FromPc::Status { order: OTHER }),
-            Letter::Corrupt => Sent { message: None, job: 0 },
+            Letter::Corrupt => SentMessage { message: None, job: 0 },
         }
     }
 
@@ -445,7 +445,7 @@ impl System for AnyPc {
         add(idles && !self.is_due(w), NO_SPIN);
     }
 
-    fn benign(&self, w: &World) -> Option<Act> {
+    fn fault_free_step(&self, w: &World) -> Option<Act> {
         let mut acts = Vec::new();
         self.acts(w, &mut acts);
         let first = |f: &dyn Fn(&Act) -> bool| acts.iter().copied().find(|act| f(act));

@@ -9,7 +9,7 @@ use super::super::machines::Robot;
 
 /// A message, with the job that it is, or how many jobs the PC has sent before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Sent {
+pub struct SentMessage {
     /// `None` is corrupt.
     pub(super) message: Option<FromPc>,
     pub(super) job: u8,
@@ -19,7 +19,7 @@ pub struct Sent {
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct World {
     pub(super) robot: Robot,
-    pub(super) down: Vec<Vec<Sent>>,
+    pub(super) down: Vec<Vec<SentMessage>>,
     /// The bytes read so far end with a corrupt message, which is noticed when the next one begins.
     pub(super) tail: bool,
     pub(super) queue: Vec<u8>,

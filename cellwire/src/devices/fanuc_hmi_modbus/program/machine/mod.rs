@@ -9,9 +9,9 @@ use std::sync::Arc;
 use fanuc_ls::{Expression, Instruction, Item, Operation};
 use serde_json::{Value as Json, json};
 
-use super::load::{Loaded, Programs, Step};
-use super::memory::{Fault, Memory, Surroundings, Value};
-use super::position::Place;
+use super::load::{LoadedProgram, Programs, Step};
+use super::memory::{EvaluationContext, Fault, Memory, Value};
+use super::position::RobotPosition;
 use cellwire_motion::{Planner, Pose};
 use cellwire_sim::fanuc::Tables;
 
@@ -74,7 +74,7 @@ enum State {
 
 #[derive(Debug)]
 struct Frame {
-    loaded: Arc<Loaded>,
+    loaded: Arc<LoadedProgram>,
     next: usize,
     arguments: Vec<Value>,
 }
@@ -278,19 +278,19 @@ impl Machine {
     /// Calls `f` with the memory and the context of expressions.
     fn with<T>(
         &mut self,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
-        f: impl FnOnce(&mut Memory, &mut Tables, &Surroundings<'_>) -> Result<T, Fault>,
+        f: impl FnOnce(&mut Memory, &mut Tables, &EvaluationContext<'_>) -> Result<T, Fault>,
     ) -> Result<T, Fault> {
         let joints = self.planner.at(self.now);
         let world = self.planner.pose(self.now);
         let here = self.user_frame(self.frame.unwrap_or(0)).inverse().then(world);
-        let here = Place::Cartesian { xyzwpr: here.to_xyzwpr(), folded: None };
+        let here = RobotPosition::Cartesian { xyzwpr: here.to_xyzwpr(), folded: None };
         let arguments: &[Value] = self.stack.last().map_or(&[], |frame| &frame.arguments);
-        let around = Surroundings {
+        let around = EvaluationContext {
             now: self.now,
             arguments,
-            here: (here, Place::Joints(joints)),
+            here: (here, RobotPosition::Joints(joints)),
             program: &loaded.program,
         };
         f(&mut self.memory, tables, &around)

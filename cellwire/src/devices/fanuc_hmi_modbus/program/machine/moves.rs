@@ -5,18 +5,18 @@ use fanuc_ls::{
 };
 use serde_json::json;
 
-use super::super::load::{Loaded, Step, curves};
+use super::super::load::{LoadedProgram, Step, curves};
 use super::super::memory::{Fault, Value};
-use super::super::position::Place;
+use super::super::position::RobotPosition;
 use super::{FASTEST, Flow, Machine, PERIOD, RAMP, parsed};
-use cellwire_motion::{Goal, Kinematics as _, Move, MoveError, Pace, Pose, Way};
+use cellwire_motion::{Goal, Kinematics as _, Move, MoveError, Pace, PathKind, Pose};
 use cellwire_sim::fanuc::Tables;
 
 impl Machine {
     pub(super) fn motion(
         &mut self,
         motion: &Motion,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
     ) -> Result<Flow, Fault> {
         let skip = motion.each_option().into_iter().find_map(skip_of);
@@ -55,15 +55,15 @@ impl Machine {
             goal = Goal::Pose(pose.then(offset), folded);
         }
         let way = match (motion.kind, &motion.via) {
-            (MotionKind::Joint, _) => Way::Joint,
+            (MotionKind::Joint, _) => PathKind::Joint,
             (MotionKind::Circular, Some(via)) => {
                 let (via, frame, _) = self.place(via, loaded, tables)?;
                 match via.goal(self.user_frame(frame)) {
-                    Goal::Pose(pose, _) => Way::Arc(pose.position),
-                    Goal::Joints(joints) => Way::Arc(self.planner.arm().forward(&joints).position),
+                    Goal::Pose(pose, _) => PathKind::Arc(pose.position),
+                    Goal::Joints(joints) => PathKind::Arc(self.planner.arm().forward(&joints).position),
                 }
             }
-            _ => Way::Linear,
+            _ => PathKind::Linear,
         };
         let pace = self.pace(&motion.speed, loaded, tables)?;
         let blend = match &motion.termination {
@@ -86,7 +86,7 @@ impl Machine {
 
     /// Executes the next S motion. The first one begins a curve through it and the following ones, at whose beginning and
     /// end the arm is at rest.
-    fn spline(&mut self, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {
+    fn spline(&mut self, loaded: &LoadedProgram, tables: &mut Tables) -> Result<Flow, Fault> {
         if self.curve.is_empty() {
             if self.now < self.rest {
                 return Ok(Flow::Again(self.rest));
@@ -142,7 +142,7 @@ impl Machine {
         end: f64,
         label: Item,
         keeps: Option<Operation>,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
     ) -> Result<Flow, Fault> {
         let condition = self.skip.clone().ok_or("Skip without a SKIP CONDITION")?;
@@ -161,7 +161,7 @@ impl Machine {
         self.jump(&label, loaded, tables)
     }
 
-    fn pace(&mut self, speed: &Speed, loaded: &Loaded, tables: &mut Tables) -> Result<Pace, Fault> {
+    fn pace(&mut self, speed: &Speed, loaded: &LoadedProgram, tables: &mut Tables) -> Result<Pace, Fault> {
         let (value, unit) = match speed {
             Speed::Fixed { value, unit } => (*value, *unit),
             Speed::Register { register, unit } => (self.number_of(register, loaded, tables)?, *unit),
@@ -186,9 +186,9 @@ impl Machine {
     fn place(
         &mut self,
         target: &Target,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
-    ) -> Result<(Place, u32, u32), Fault> {
+    ) -> Result<(RobotPosition, u32, u32), Fault> {
         let item = match target {
             Target::Position { number, .. } => item(ItemKind::Position, *number),
             Target::Register { number, .. } => item(ItemKind::PositionRegister, *number),
@@ -226,9 +226,9 @@ impl Machine {
     pub(super) fn register(
         &mut self,
         item: &Item,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
-    ) -> Result<Place, Fault> {
+    ) -> Result<RobotPosition, Fault> {
         let found = self.with(loaded, tables, |memory, tables, around| memory.read(item, tables, around))?;
         match found {
             Value::Place(place) => Ok(place),
@@ -239,7 +239,7 @@ impl Machine {
     pub(super) fn number_of(
         &mut self,
         register: &str,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
     ) -> Result<f64, Fault> {
         let item = parsed(register).ok_or_else(|| format!("{register} is not modelled"))?;

@@ -4,7 +4,7 @@ use fanuc_hmi_modbus::Signal;
 use fanuc_ls::{Expression, Index, Item, Operation};
 use serde_json::json;
 
-use super::super::load::{Loaded, Step};
+use super::super::load::{LoadedProgram, Step};
 use super::super::memory::{Fault, Value, signal};
 use super::{Flow, INSTRUCTION, Machine, PERIOD, TIMEOUT, parsed};
 use cellwire_sim::fanuc::Tables;
@@ -13,7 +13,7 @@ impl Machine {
     pub(super) fn operate(
         &mut self,
         operation: &Operation,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
     ) -> Result<Flow, Fault> {
         let at = self.stack.last().map_or(0, |frame| frame.next);
@@ -145,7 +145,12 @@ impl Machine {
         })
     }
 
-    fn selected(&mut self, value: &Expression, loaded: &Loaded, tables: &mut Tables) -> Result<u32, Fault> {
+    fn selected(
+        &mut self,
+        value: &Expression,
+        loaded: &LoadedProgram,
+        tables: &mut Tables,
+    ) -> Result<u32, Fault> {
         let number =
             self.with(loaded, tables, |memory, tables, around| memory.number(value, tables, around))?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
@@ -155,13 +160,23 @@ impl Machine {
         }
     }
 
-    fn signal_of(&mut self, item: &Item, loaded: &Loaded, tables: &mut Tables) -> Result<Signal, Fault> {
+    fn signal_of(
+        &mut self,
+        item: &Item,
+        loaded: &LoadedProgram,
+        tables: &mut Tables,
+    ) -> Result<Signal, Fault> {
         let n =
             self.with(loaded, tables, |memory, tables, around| memory.index(&item.index, tables, around))?;
         signal(item.kind, n).ok_or_else(|| format!("{}[{n}] is not a signal", item.kind))
     }
 
-    pub(super) fn jump(&mut self, label: &Item, loaded: &Loaded, tables: &mut Tables) -> Result<Flow, Fault> {
+    pub(super) fn jump(
+        &mut self,
+        label: &Item,
+        loaded: &LoadedProgram,
+        tables: &mut Tables,
+    ) -> Result<Flow, Fault> {
         let n =
             self.with(loaded, tables, |memory, tables, around| memory.index(&label.index, tables, around))?;
         let is_label = |step: &Step| {
@@ -179,7 +194,7 @@ impl Machine {
         item: &Item,
         case: &Expression,
         action: &Operation,
-        loaded: &Loaded,
+        loaded: &LoadedProgram,
         tables: &mut Tables,
     ) -> Result<Flow, Fault> {
         let fits = |machine: &mut Self, tables: &mut Tables, case: &Expression| {
@@ -210,7 +225,7 @@ impl Machine {
     }
 
     /// Executes the end of a loop: advances its counter, and repeats or ends the loop.
-    fn turn(&mut self, loaded: &Loaded, at: usize, tables: &mut Tables) -> Result<Flow, Fault> {
+    fn turn(&mut self, loaded: &LoadedProgram, at: usize, tables: &mut Tables) -> Result<Flow, Fault> {
         let begin = begin_of_loop(loaded, at).ok_or("ENDFOR without FOR")?;
         let Some(Step::Operation(operation)) = loaded.steps.get(begin) else { return Ok(Flow::Next) };
         let Operation::For { counter, to, down, .. } = &**operation else { return Ok(Flow::Next) };
@@ -229,7 +244,7 @@ impl Machine {
 }
 
 /// Returns the `ENDIF` of a block, or its `ELSE` with `or_else`.
-fn block(loaded: &Loaded, at: usize, or_else: bool) -> Option<usize> {
+fn block(loaded: &LoadedProgram, at: usize, or_else: bool) -> Option<usize> {
     let mut depth = 0;
     (at + 1..).zip(loaded.steps.iter().skip(at + 1)).find_map(|(index, step)| {
         let Step::Operation(operation) = step else { return None };
@@ -244,14 +259,14 @@ fn block(loaded: &Loaded, at: usize, or_else: bool) -> Option<usize> {
     })
 }
 
-fn end_of_loop(loaded: &Loaded, at: usize) -> Option<usize> {
+fn end_of_loop(loaded: &LoadedProgram, at: usize) -> Option<usize> {
     let mut depth = 0;
     (at + 1..)
         .zip(loaded.steps.iter().skip(at + 1))
         .find_map(|(index, step)| nested(step, &mut depth, index, false))
 }
 
-fn begin_of_loop(loaded: &Loaded, at: usize) -> Option<usize> {
+fn begin_of_loop(loaded: &LoadedProgram, at: usize) -> Option<usize> {
     let mut depth = 0;
     let before: Vec<(usize, &Step)> = loaded.steps.iter().enumerate().take(at).collect();
     before.into_iter().rev().find_map(|(index, step)| nested(step, &mut depth, index, true))

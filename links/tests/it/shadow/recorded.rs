@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use cellwire_links::Link;
 use cellwire_links::codec::{Kind, Stream};
-use cellwire_links::shadow::{Complaint, Seen, Setup, Watcher};
+use cellwire_links::shadow::{Complaint, LineEvent, Setup, Watcher};
 use cellwire_links::vectors::unhex;
 use serde_json::{Map, Value, json};
 
@@ -17,20 +17,20 @@ pub(crate) struct Story {
     /// The end that is driven: its session is ours.
     pub(crate) end: &'static str,
     pub(crate) config: Map<String, Value>,
-    pub(crate) told: Vec<Told>,
+    pub(crate) told: Vec<Recorded>,
     /// The end's driver is late somewhere, or cannot send: its bytes are later than its session requests.
     pub(crate) is_late: bool,
 }
 
 /// Something that passes.
 #[derive(Debug, Clone)]
-pub(crate) struct Told {
+pub(crate) struct Recorded {
     pub(crate) at: Duration,
-    pub(crate) what: What,
+    pub(crate) what: RecordedBody,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum What {
+pub(crate) enum RecordedBody {
     Opened,
     Closed,
     Bytes(&'static str, Vec<u8>),
@@ -38,7 +38,7 @@ pub(crate) enum What {
 
 /// A complaint or a decoder error, and its place in the conversation.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Said {
+pub(crate) struct LocatedComplaint {
     pub(crate) place: usize,
     pub(crate) complaint: Complaint,
 }
@@ -69,18 +69,21 @@ fn read(link: &Link, story: &Value) -> Story {
         match call.as_str() {
             "connected" | "disconnected" => {
                 is_connected = call == "connected";
-                told.push(Told { at, what: if is_connected { What::Opened } else { What::Closed } });
+                told.push(Recorded {
+                    at,
+                    what: if is_connected { RecordedBody::Opened } else { RecordedBody::Closed },
+                });
             }
             // Nothing passes without a connection.
             "input" if is_connected => {
                 let bytes = unhex(argument.as_str().unwrap()).unwrap();
-                told.push(Told { at, what: What::Bytes(other, bytes) });
+                told.push(Recorded { at, what: RecordedBody::Bytes(other, bytes) });
             }
             _ => {}
         }
         for bytes in step["transmit"].as_array().into_iter().flatten() {
             let bytes = unhex(bytes.as_str().unwrap()).unwrap();
-            told.push(Told { at, what: What::Bytes(end, bytes) });
+            told.push(Recorded { at, what: RecordedBody::Bytes(end, bytes) });
         }
         due = step["deadline"].as_u64();
     }
@@ -109,12 +112,17 @@ impl Story {
     }
 
     /// Returns all complaints about a conversation with these events.
-    pub(crate) fn say(&self, link: &Link, told: &[Told]) -> Vec<Said> {
+    pub(crate) fn say(&self, link: &Link, told: &[Recorded]) -> Vec<LocatedComplaint> {
         self.watch(link, told, &mut |_| ())
     }
 
     /// Watches the conversation; passes the shadow's state to `state` before each event and at the end.
-    pub(crate) fn watch(&self, link: &Link, told: &[Told], state: &mut dyn FnMut(String)) -> Vec<Said> {
+    pub(crate) fn watch(
+        &self,
+        link: &Link,
+        told: &[Recorded],
+        state: &mut dyn FnMut(String),
+    ) -> Vec<LocatedComplaint> {
         let end = match (link.name, self.end) {
             ("mmacell-proto", "platform") => "device",
             ("val2-alter", "robot") => "controller",
@@ -130,27 +138,27 @@ impl Story {
         let mut said = Vec::new();
         for (place, told) in told.iter().enumerate() {
             state(watcher.state());
-            let mut see = |seen: &Seen<'_>| {
+            let mut see = |seen: &LineEvent<'_>| {
                 let complaints = watcher.see(told.at, seen).into_iter();
-                said.extend(complaints.map(|complaint| Said { place, complaint }));
+                said.extend(complaints.map(|complaint| LocatedComplaint { place, complaint }));
             };
             let (from, bytes) = match &told.what {
-                What::Opened => {
+                RecordedBody::Opened => {
                     streams.clear();
-                    see(&Seen::Opened);
+                    see(&LineEvent::Opened);
                     continue;
                 }
-                What::Closed => {
+                RecordedBody::Closed => {
                     streams.clear();
-                    see(&Seen::Closed);
+                    see(&LineEvent::Closed);
                     continue;
                 }
-                What::Bytes(from, bytes) => (*from, bytes),
+                RecordedBody::Bytes(from, bytes) => (*from, bytes),
             };
             if bytes.is_empty() {
                 continue;
             }
-            see(&Seen::Bytes { from, bytes });
+            see(&LineEvent::Bytes { from, bytes });
             if !link.sides.contains(&from) {
                 continue;
             }
@@ -166,18 +174,18 @@ impl Story {
             }
             for (length, kind, json) in items {
                 match kind {
-                    Kind::Message => see(&Seen::Message { from, length, message: &json }),
-                    Kind::Error => see(&Seen::Corrupt { from, length, error: &json }),
+                    Kind::Message => see(&LineEvent::Message { from, length, message: &json }),
+                    Kind::Error => see(&LineEvent::Corrupt { from, length, error: &json }),
                 }
             }
         }
         // Nothing more happens: report the messages that are missing by then.
-        let complaints = watcher.pass(told.last().map_or(LONG, |told| told.at + LONG)).into_iter();
-        said.extend(complaints.map(|complaint| Said { place: told.len(), complaint }));
+        let complaints = watcher.pass(told.last().map_or(MAX_WAIT, |told| told.at + MAX_WAIT)).into_iter();
+        said.extend(complaints.map(|complaint| LocatedComplaint { place: told.len(), complaint }));
         state(watcher.state());
         said
     }
 }
 
 /// Longer than any end waits.
-const LONG: Duration = Duration::from_secs(3600);
+const MAX_WAIT: Duration = Duration::from_secs(3600);

@@ -6,9 +6,9 @@ use super::config::{ClientConfig, Rule};
 
 /// A request and the slot of its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Held {
+pub struct RequestState {
     /// The slot of the request, from 0, below `N`.
-    pub place: u8,
+    pub slot: u8,
     /// The stage of the request.
     pub stage: Stage,
 }
@@ -55,7 +55,7 @@ pub enum Stage {
     },
 }
 
-impl Held {
+impl RequestState {
     /// Returns the time at which the request, or the read before it, times out.
     pub(super) const fn deadline(&self) -> Option<Duration> {
         match self.stage {
@@ -91,7 +91,7 @@ impl Held {
 }
 
 /// Returns the first transaction from `next` on that no request has whose reply may still come.
-pub(super) fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig) -> u16 {
+pub(super) fn free_transaction(requests: &[Option<RequestState>], next: u16, config: &ClientConfig) -> u16 {
     let in_use = |transaction: u16| {
         requests.iter().map_while(Option::as_ref).any(|held| match held.stage {
             Stage::InFlight { transaction: found, .. }

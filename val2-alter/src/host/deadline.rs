@@ -8,14 +8,14 @@ use crate::timing::{after, transmission_nanos, window_after_nanos, window_nanos}
 /// The time by which an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Due {
+pub struct ReplyDeadline {
     /// The shortest answer must have begun.
     pub begin_by: Duration,
     /// The answer must have ended.
     pub end_by: Duration,
 }
 
-impl Due {
+impl ReplyDeadline {
     /// Returns the answer to a start message that arrived at `now`.
     pub(super) fn start(now: Duration, config: &HostConfig) -> Self {
         let window = window_nanos(config.mode.accumulation());

@@ -21,15 +21,15 @@ const PREFIX: &str = "command/";
 /// The prefix of a name in the store, before the cell: a summary of its forgotten commands.
 const FORGOTTEN: &str = "forgotten/";
 /// The time for which an outcome can be requested.
-const KEPT: Duration = Duration::from_secs(24 * 3600);
+const RETENTION: Duration = Duration::from_secs(24 * 3600);
 /// The number that is remembered: of those that make room for others, and of the others that are older than a day.
-pub const MOST: usize = 20_000;
+pub const MAX_ENTRIES: usize = 20_000;
 /// The maximum number of executed commands of a day whose ids have no time.
-pub const MOST_EXECUTED: usize = 100_000;
+pub const MAX_EXECUTED: usize = 100_000;
 
 /// The commands of a cell.
 #[derive(Debug, Default)]
-pub struct Remembered {
+pub struct CommandHistory {
     /// Refused commands, and those whose ids have a time.
     entries: HashMap<String, Entry>,
     /// Executed commands whose ids have no time.
@@ -83,7 +83,7 @@ struct Forgotten {
     early: Option<(u64, u64)>,
 }
 
-impl Remembered {
+impl CommandHistory {
     /// Reads the commands of every cell from the store.
     ///
     /// # Errors
@@ -163,16 +163,16 @@ impl Remembered {
         let (entries, others) = self.of(id, &entry);
         others.remove(id);
         entries.insert(id.to_owned(), entry);
-        if self.entries.len() > MOST {
+        if self.entries.len() > MAX_ENTRIES {
             self.make_room(cell, now.saturating_add(max_age), batch);
         }
     }
 
     /// Returns whether a further command whose id has no time would be forgotten within a day.
     pub fn is_full(&mut self, cell: &str, now: u64, batch: &mut Batch) -> bool {
-        self.executed.len() >= MOST_EXECUTED && {
+        self.executed.len() >= MAX_EXECUTED && {
             self.forget_executed(cell, now, batch);
-            self.executed.len() >= MOST_EXECUTED
+            self.executed.len() >= MAX_EXECUTED
         }
     }
 
@@ -181,7 +181,7 @@ impl Remembered {
         let over = self.entries.iter().filter(|(_, entry)| entry.outcome != Outcome::Accepted);
         let (mut early, mut due): (Vec<_>, Vec<_>) =
             over.map(|(id, entry)| (entry.sent, id.clone())).partition(|(sent, _)| *sent > latest);
-        let gone = if early.len() > MOST / 2 {
+        let gone = if early.len() > MAX_ENTRIES / 2 {
             early.sort_unstable();
             let (first, last) = (early.first().map_or(0, |it| it.0), early.last().map_or(0, |it| it.0));
             let (from, to) = self.forgotten.early.unwrap_or((first, last));
@@ -189,7 +189,7 @@ impl Remembered {
             early
         } else {
             due.sort_unstable();
-            due.truncate(MOST / 8);
+            due.truncate(MAX_ENTRIES / 8);
             self.forgotten.until = self.forgotten.until.max(due.last().map_or(0, |it| it.0));
             due
         };
@@ -202,7 +202,7 @@ impl Remembered {
 
     /// Forgets commands that are older than a day and cannot be accepted any more.
     pub fn forget(&mut self, cell: &str, now: u64, max_age: u64, batch: &mut Batch) {
-        let (before, kept) = (self.forgotten, u64::try_from(KEPT.as_millis()).unwrap_or(u64::MAX));
+        let (before, kept) = (self.forgotten, u64::try_from(RETENTION.as_millis()).unwrap_or(u64::MAX));
         let forgotten = &mut self.forgotten;
         self.entries.retain(|id, entry| {
             let until = entry.at.saturating_add(kept).max(entry.sent.saturating_add(max_age));
@@ -220,15 +220,15 @@ impl Remembered {
         self.forget_executed(cell, now, batch);
     }
 
-    /// Forgets executed commands that are older than a day, the oldest first, until [`MOST`] are left.
+    /// Forgets executed commands that are older than a day, the oldest first, until [`MAX_ENTRIES`] are left.
     fn forget_executed(&mut self, cell: &str, now: u64, batch: &mut Batch) {
-        let kept = u64::try_from(KEPT.as_millis()).unwrap_or(u64::MAX);
+        let kept = u64::try_from(RETENTION.as_millis()).unwrap_or(u64::MAX);
         let is_over =
             |entry: &Entry| now > entry.at.saturating_add(kept) && entry.outcome != Outcome::Accepted;
         let old = self.executed.iter().filter(|(_, entry)| is_over(entry));
         let mut old: Vec<_> = old.map(|(id, entry)| (entry.at, id.clone())).collect();
         old.sort_unstable();
-        old.truncate(self.executed.len().saturating_sub(MOST));
+        old.truncate(self.executed.len().saturating_sub(MAX_ENTRIES));
         for (_, id) in old {
             put(batch, cell, &id, None);
             self.executed.remove(&id);
@@ -266,13 +266,13 @@ mod tests {
 
     #[test]
     fn a_flood_forgets_the_oldest_and_what_is_not_later_is_barred() {
-        let (mut cell, mut batch) = (Remembered::default(), Batch::default());
+        let (mut cell, mut batch) = (CommandHistory::default(), Batch::default());
         let begun = Entry { outcome: Outcome::Accepted, ..refused(1) };
         cell.keep("c", "begun", begun.clone(), 1_000_000, AGE, &mut batch);
-        for number in 0..=u64::try_from(MOST).unwrap() {
+        for number in 0..=u64::try_from(MAX_ENTRIES).unwrap() {
             cell.keep("c", &number.to_string(), refused(1_000_000 + number), 1_000_000, AGE, &mut batch);
         }
-        assert!(cell.entries.len() <= MOST);
+        assert!(cell.entries.len() <= MAX_ENTRIES);
         assert_eq!(cell.get("begun"), Some(&begun));
         assert_eq!((cell.get("2499"), cell.get("2500")), (None, Some(&refused(1_002_500))));
         let why = "its timestamp 1002499 is not after 1002499, up to which commands are forgotten: a flood, a wrong clock, or another bridge had the cell";
@@ -284,9 +284,9 @@ mod tests {
 
     #[test]
     fn a_flood_from_the_future_bars_its_own_times_and_no_others() {
-        let (mut cell, mut batch, future) = (Remembered::default(), Batch::default(), 9_000_000);
+        let (mut cell, mut batch, future) = (CommandHistory::default(), Batch::default(), 9_000_000);
         cell.keep("c", "now", refused(1_000_000), 1_000_000, AGE, &mut batch);
-        for number in 0..u64::try_from(MOST).unwrap() {
+        for number in 0..u64::try_from(MAX_ENTRIES).unwrap() {
             cell.keep("c", &number.to_string(), refused(future + number), 1_000_000, AGE, &mut batch);
         }
         assert!(cell.get("now").is_some() && cell.get("0").is_none());
@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn what_was_too_early_is_remembered_until_it_is_too_late() {
-        let (mut cell, mut batch, day) = (Remembered::default(), Batch::default(), 86_400_000);
+        let (mut cell, mut batch, day) = (CommandHistory::default(), Batch::default(), 86_400_000);
         cell.keep("c", "early", refused(1_000_000 + 3 * day), 1_000_000, AGE, &mut batch);
         cell.forget("c", 1_000_000 + 3 * day + AGE, AGE, &mut batch);
         assert!(cell.get("early").is_some());

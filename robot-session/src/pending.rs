@@ -3,17 +3,17 @@
 use core::ops::ControlFlow;
 use core::time::Duration;
 
-use crate::ended::{Ended, STALL};
+use crate::end_reason::{EndReason, STALL};
 use crate::session::Session;
 use crate::step::{Step, Steps};
 
 /// While bytes wait to be written, the session's deadline may be in the past, because its next message is due. It is then
 /// checked again after this time, not at once.
-const LOOK: Duration = Duration::from_millis(10);
+const RECHECK_INTERVAL: Duration = Duration::from_millis(10);
 
 /// The unsent bytes and the pending work of a turn that has ended, or was dropped.
 #[derive(Debug)]
-pub(crate) struct Left {
+pub(crate) struct PendingWork {
     /// The steps of the session between two inputs.
     steps: Steps,
     /// The index in the driver's buffer at which the unsent bytes begin.
@@ -21,7 +21,7 @@ pub(crate) struct Left {
     /// The index in the driver's buffer at which the unsent bytes end.
     end: usize,
     /// Whether the hook before a transmission is still due for the unsent bytes.
-    pub(crate) unannounced: bool,
+    pub(crate) hook_pending: bool,
     /// Whether the port still buffers written bytes.
     #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
     pub(crate) unflushed: bool,
@@ -36,7 +36,7 @@ pub(crate) struct Left {
     pub(crate) woken: bool,
 }
 
-impl Left {
+impl PendingWork {
     pub(crate) const NOTHING: Self = Self {
         steps: Steps::NEW,
         begin: 0,
@@ -45,7 +45,7 @@ impl Left {
         stall: STALL,
         #[cfg(feature = "std")]
         is_new: true,
-        unannounced: false,
+        hook_pending: false,
         #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
         unflushed: false,
         woken: false,
@@ -80,7 +80,7 @@ impl Left {
         let step = self.steps.next(session, now, out);
         if let Step::Write(bytes) = &step {
             (self.begin, self.end, self.taken_at) = (0, bytes.len(), now);
-            self.unannounced = self.is_some();
+            self.hook_pending = self.is_some();
         }
         step
     }
@@ -107,9 +107,9 @@ impl Left {
     /// send them.
     pub(crate) fn after<B, E>(
         &mut self,
-        turned: Result<ControlFlow<Ended<B>>, E>,
-    ) -> Result<ControlFlow<Ended<B>>, E> {
-        if matches!(turned, Err(_) | Ok(ControlFlow::Break(Ended::ByPeer | Ended::Stalled))) {
+        turned: Result<ControlFlow<EndReason<B>>, E>,
+    ) -> Result<ControlFlow<EndReason<B>>, E> {
+        if matches!(turned, Err(_) | Ok(ControlFlow::Break(EndReason::ByPeer | EndReason::Stalled))) {
             self.clear();
         }
         turned
@@ -121,14 +121,16 @@ impl Left {
             return Some(Duration::ZERO);
         }
         let is_hidden = |at: &Duration| self.is_some() && *at <= now;
-        let due = session.poll_timeout().map(|at| if is_hidden(&at) { now.saturating_add(LOOK) } else { at });
+        let due = session
+            .poll_timeout()
+            .map(|at| if is_hidden(&at) { now.saturating_add(RECHECK_INTERVAL) } else { at });
         let stalled = self.is_some().then(|| self.taken_at.saturating_add(self.stall));
         due.into_iter().chain(stalled).min()
     }
 }
 
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]
-impl Left {
+impl PendingWork {
     /// Called when the session has got an input: its events come before more bytes.
     pub(crate) const fn restart(&mut self) {
         self.steps = Steps::NEW;

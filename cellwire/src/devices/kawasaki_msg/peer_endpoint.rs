@@ -11,10 +11,10 @@ use anyhow::{Result, bail, ensure};
 use cellwire_sim::host::{Arrival, Listener};
 use kawasaki_msg::{Dialect, Message};
 use robot_session::tls::Secure;
-use robot_session::{Received, Sent, Transport, Wait, is_lost_datagram};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, is_lost_datagram};
 
 use cellwire_io::backoff::Backoff;
-use cellwire_io::drive::Lost;
+use cellwire_io::drive::ConnectionLost;
 use cellwire_io::endpoint::Endpoint;
 use cellwire_io::output::{admits, remark};
 use cellwire_io::stream::Stream;
@@ -26,11 +26,11 @@ use cellwire_io::udp::{self, Datagrams};
 const MAX_HANDSHAKES: usize = 64;
 
 /// The longest datagram.
-const LONGEST: usize = 65536;
+const MAX_DATAGRAM_LEN: usize = 65536;
 
 /// The way in which the other end is reached.
 #[derive(Debug)]
-pub enum Meeting {
+pub enum PeerEndpoint {
     /// This end listens, and the other end connects.
     Listen(Arrivals),
     /// This end connects, and the other end listens.
@@ -68,7 +68,7 @@ pub struct Arrivals {
     handshakes: VecDeque<(Box<Secure>, SocketAddr)>,
 }
 
-impl Meeting {
+impl PeerEndpoint {
     /// Opens a PC's endpoint; where it is reached, or reaches the robot.
     ///
     /// # Errors
@@ -221,7 +221,7 @@ impl Arrivals {
 
 /// Receives the first datagram that a robot can have sent; other datagrams are not answered.
 fn first(socket: &UdpSocket, dialect: Dialect) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
-    let mut buffer = vec![0; LONGEST];
+    let mut buffer = vec![0; MAX_DATAGRAM_LEN];
     // A flood of others does not keep the caller.
     for _ in 0..64 {
         match socket.recv_from(&mut buffer) {
@@ -236,21 +236,21 @@ fn first(socket: &UdpSocket, dialect: Dialect) -> Result<Option<(UdpSocket, Sock
             }
             Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(None),
             Err(error) if is_lost_datagram(&error) => {}
-            Err(error) => return Err(Lost(format!("the socket: {error}")).into()),
+            Err(error) => return Err(ConnectionLost(format!("the socket: {error}")).into()),
         }
     }
     Ok(None)
 }
 
 impl Transport for Carrier {
-    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> std::io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> std::io::Result<ReceiveOutcome> {
         match self {
             Self::Tcp(stream) => stream.receive(buffer, wait),
             Self::Udp(datagrams) => datagrams.receive(buffer, wait),
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> std::io::Result<Sent> {
+    fn send(&mut self, bytes: &[u8]) -> std::io::Result<SendOutcome> {
         match self {
             Self::Tcp(stream) => stream.send(bytes),
             Self::Udp(datagrams) => datagrams.send(bytes),

@@ -5,7 +5,7 @@ const PROOF: u32 = 3;
 
 /// Compares the read bytes with the last message sent.
 #[derive(Debug, Default)]
-pub(super) struct Returned {
+pub(super) struct EchoDetector {
     sent: Vec<u8>,
     /// The bytes of the message that have come back, if no other bytes came before them.
     come: Option<usize>,
@@ -13,7 +13,7 @@ pub(super) struct Returned {
     count: u32,
 }
 
-impl Returned {
+impl EchoDetector {
     pub(super) fn sent(&mut self, message: &[u8]) {
         if self.come.is_some() {
             self.count = 0; // the message before did not come back
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     /// Sends `message`, and reads each of `pieces`.
-    fn exchange(line: &mut Returned, message: &[u8], pieces: &[&[u8]]) -> bool {
+    fn exchange(line: &mut EchoDetector, message: &[u8], pieces: &[&[u8]]) -> bool {
         line.sent(message);
         pieces.iter().for_each(|piece| line.read(piece));
         line.is_proved()
@@ -55,8 +55,8 @@ mod tests {
 
     #[test]
     fn three_messages_that_come_back_first_prove_it() {
-        let mut line = Returned::default();
-        let returns = |line: &mut Returned| exchange(line, b"abc", &[b"a", b"bcxyz", b"abc"]);
+        let mut line = EchoDetector::default();
+        let returns = |line: &mut EchoDetector| exchange(line, b"abc", &[b"a", b"bcxyz", b"abc"]);
         assert_eq!([0; 3].map(|_| returns(&mut line)), [false, false, true]);
         assert!(returns(&mut line));
         for other in [&[&b"abx"[..]][..], &[], &[b"ab"]] {

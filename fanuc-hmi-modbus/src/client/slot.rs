@@ -1,7 +1,7 @@
 //! The bytes of a request, and the check whether a frame can be its reply.
 
 use super::event::Ticket;
-use super::machine::Fit;
+use super::machine::ReplyMatch;
 use crate::error::{DecodeError, Mismatch};
 use crate::frame::{Frame, RtuLen, Side};
 use crate::message::function::{self, Row};
@@ -9,7 +9,7 @@ use crate::message::{PduBuf, Reply, Request};
 
 /// The bytes of a request, and then of its reply.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct RequestSlot {
     pub(super) ticket: Ticket,
     pub(super) unit: u8,
     /// The number of bits or registers that the request reads.
@@ -26,7 +26,7 @@ const PROBE: Request<'static> = Request::ReadHoldingRegisters { address: 0, quan
 
 /// The part of a reply that some bytes begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Begins {
+pub(super) enum ReplyPrefix {
     /// The beginning of the reply.
     Part,
     /// The whole reply.
@@ -37,14 +37,14 @@ pub(super) enum Begins {
 
 /// The reason that a frame cannot be the reply to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Misfit {
+pub(super) enum MismatchReason {
     Mismatch(Mismatch),
     Malformed(DecodeError),
 }
 
-impl Place {
+impl RequestSlot {
     pub(super) const EMPTY: Self = Self {
-        ticket: Ticket { number: 0, place: 0 },
+        ticket: Ticket { number: 0, slot: 0 },
         unit: 0,
         quantity: 0,
         is_reply: false,
@@ -61,11 +61,11 @@ impl Place {
 
     /// Returns whether a frame can be the reply to the request in this slot.
     #[inline(always)]
-    pub(super) fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<Fit, Misfit> {
+    pub(super) fn fit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Result<ReplyMatch, MismatchReason> {
         if self.unit != frame.unit && !any_unit {
-            return Err(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
+            return Err(MismatchReason::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
         }
-        let reply = Reply::decode(frame.pdu).map_err(Misfit::Malformed)?;
+        let reply = Reply::decode(frame.pdu).map_err(MismatchReason::Malformed)?;
         match reply {
             // The requested quantity is known without the request, and a reply of registers is not equal to it.
             Reply::HoldingRegisters(words)
@@ -73,39 +73,41 @@ impl Place {
             | Reply::ReadWriteRegisters(words)
                 if self.pdu.function() == reply.function() && words.len() == usize::from(self.quantity) =>
             {
-                Ok(Fit::Whole)
+                Ok(ReplyMatch::Full)
             }
             reply => self.answered(frame, &reply),
         }
     }
 
     #[inline(never)]
-    fn answered(&self, frame: &Frame<&[u8]>, reply: &Reply<'_>) -> Result<Fit, Misfit> {
-        let request = self.pdu.request().map_err(Misfit::Malformed)?;
-        reply.answers(&request).map_err(Misfit::Mismatch)?;
+    fn answered(&self, frame: &Frame<&[u8]>, reply: &Reply<'_>) -> Result<ReplyMatch, MismatchReason> {
+        let request = self.pdu.request().map_err(MismatchReason::Malformed)?;
+        reply.answers(&request).map_err(MismatchReason::Mismatch)?;
         Ok(match reply {
-            Reply::Exception { .. } => Fit::Exception,
-            _ if frame.unit == self.unit && frame.pdu == self.pdu.as_bytes() => Fit::Equal,
-            _ => Fit::Whole,
+            Reply::Exception { .. } => ReplyMatch::Exception,
+            _ if frame.unit == self.unit && frame.pdu == self.pdu.as_bytes() => ReplyMatch::Equal,
+            _ => ReplyMatch::Full,
         })
     }
 
     /// Returns whether an RTU frame with the reply to the request in this slot begins with these bytes.
-    pub(super) fn begins_reply(&self, bytes: &[u8], any_unit: bool) -> Begins {
+    pub(super) fn begins_reply(&self, bytes: &[u8], any_unit: bool) -> ReplyPrefix {
         let asked = self.pdu.function();
         let is_unit = |unit: &u8| any_unit || *unit == self.unit;
         let is_function = |code: &u8| code & !function::EXCEPTION == asked;
         if !bytes.first().is_none_or(is_unit) || !bytes.get(1).is_none_or(is_function) {
-            return Begins::Other;
+            return ReplyPrefix::Other;
         }
         let is_whole = || Frame::decode_rtu_whole(bytes).is_ok();
         match RtuLen::of(bytes, Side::Server) {
-            RtuLen::Known(length) if !self.has_asked_count(bytes) || length < bytes.len() => Begins::Other,
-            RtuLen::Known(length) if length > bytes.len() => Begins::Part,
-            RtuLen::Known(_) if !is_whole() => Begins::Other,
-            RtuLen::Silence if !is_whole() => Begins::Part,
-            RtuLen::AtLeast(_) => Begins::Part,
-            RtuLen::Known(_) | RtuLen::Silence => Begins::Whole,
+            RtuLen::Known(length) if !self.has_asked_count(bytes) || length < bytes.len() => {
+                ReplyPrefix::Other
+            }
+            RtuLen::Known(length) if length > bytes.len() => ReplyPrefix::Part,
+            RtuLen::Known(_) if !is_whole() => ReplyPrefix::Other,
+            RtuLen::Silence if !is_whole() => ReplyPrefix::Part,
+            RtuLen::AtLeast(_) => ReplyPrefix::Part,
+            RtuLen::Known(_) | RtuLen::Silence => ReplyPrefix::Whole,
         }
     }
 

@@ -13,17 +13,17 @@ use crate::command::recorded::{Conversation, ConversationArgs};
 
 /// The conversation, and the range of its messages.
 #[derive(Debug, clap::Args)]
-pub(super) struct StretchArgs {
+pub(super) struct RangeArgs {
     #[command(flatten)]
     pub(super) of: LinkArgs,
     #[command(flatten)]
     conversation: ConversationArgs,
     /// The first message, by its number from 1, or a time since the first such as 2.5s
     #[arg(long, value_name = "PLACE", value_parser = place)]
-    from: Option<Place>,
+    from: Option<Position>,
     /// The last message, likewise
     #[arg(long, value_name = "PLACE", value_parser = place)]
-    to: Option<Place>,
+    to: Option<Position>,
     /// Replace names, positions and measured values, and list what was replaced. Bytes outside of messages are
     /// left out
     #[arg(long)]
@@ -32,23 +32,23 @@ pub(super) struct StretchArgs {
 
 /// A place in a conversation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Place {
+enum Position {
     Number(usize),
     Time(Duration),
 }
 
-fn place(text: &str) -> Result<Place, String> {
+fn place(text: &str) -> Result<Position, String> {
     if let Some(seconds) = text.strip_suffix('s') {
         let seconds = seconds.parse().ok().and_then(|it| Duration::try_from_secs_f64(it).ok());
-        return seconds.map(Place::Time).ok_or(format!("`{text}` is not a time in seconds"));
+        return seconds.map(Position::Time).ok_or(format!("`{text}` is not a time in seconds"));
     }
     match text.parse() {
-        Ok(number @ 1..) => Ok(Place::Number(number)),
+        Ok(number @ 1..) => Ok(Position::Number(number)),
         _ => Err(format!("`{text}` is neither a number from 1 nor a time such as 2.5s")),
     }
 }
 
-impl StretchArgs {
+impl RangeArgs {
     /// Reads the conversation, and the messages of the stretch.
     ///
     /// # Errors
@@ -59,13 +59,13 @@ impl StretchArgs {
         let count = messages.len();
         messages.retain(|it| {
             let is_after = match self.from {
-                Some(Place::Number(number)) => it.number >= number,
-                Some(Place::Time(at)) => it.at >= at,
+                Some(Position::Number(number)) => it.number >= number,
+                Some(Position::Time(at)) => it.at >= at,
                 None => true,
             };
             let is_before = match self.to {
-                Some(Place::Number(number)) => it.number <= number,
-                Some(Place::Time(at)) => it.at <= at,
+                Some(Position::Number(number)) => it.number <= number,
+                Some(Position::Time(at)) => it.at <= at,
                 None => true,
             };
             is_after && is_before

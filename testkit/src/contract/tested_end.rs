@@ -4,13 +4,13 @@ use core::time::Duration;
 
 use arbitrary::Arbitrary;
 use cellwire_links::Link;
-use cellwire_links::end::{By, EndRow, Make, Once};
+use cellwire_links::end::{Act, EndRow, Make, PairedItem};
 use cellwire_links::vectors::unhex;
-use robot_session::contract::{Happened, Subject};
+use robot_session::contract::{Observed, Subject};
 use serde_json::{Map, Value, json};
 
 use super::Change;
-use super::open::Open;
+use super::open::OpenItems;
 use super::tabled::Tabled;
 use crate::reference;
 
@@ -38,20 +38,20 @@ pub struct Call {
 
 /// An end, and the acts on it.
 #[derive(Debug)]
-pub struct Held {
+pub struct TestedEnd {
     /// The name of the end.
     pub name: String,
     /// The constructor of the end.
     pub make: Make,
     /// The items that the end begins and ends.
-    pub once: &'static [Once],
+    pub once: &'static [PairedItem],
     /// The stories of the end; at least one.
     pub stories: Vec<Story>,
     /// The fields of its configuration that are times, those that limit others last.
     pub times: Vec<String>,
 }
 
-impl Held {
+impl TestedEnd {
     /// Creates an end of the table.
     ///
     /// # Panics
@@ -109,7 +109,7 @@ impl Held {
     }
 }
 
-impl Subject for Held {
+impl Subject for TestedEnd {
     type Session = Tabled;
     type Input = Piece;
     type Call = Call;
@@ -161,21 +161,21 @@ impl Subject for Held {
         *dropped
     }
 
-    fn watch(&self) -> impl FnMut(Happened<'_, String>) {
-        let mut open = Open::new(self.once);
+    fn watch(&self) -> impl FnMut(Observed<'_, String>) {
+        let mut open = OpenItems::new(self.once);
         move |happened| match happened {
-            Happened::Connection => open.note(By::Connection, 1),
-            Happened::Byte(byte) => open.note(By::Byte(byte), 1),
-            Happened::Sent(_) => open.note(By::Sent, 1),
-            Happened::Called(call) => {
+            Observed::Connection => open.note(Act::Connection, 1),
+            Observed::Byte(byte) => open.note(Act::Byte(byte), 1),
+            Observed::Sent(_) => open.note(Act::Sent, 1),
+            Observed::Called(call) => {
                 if let Some(name) = call.strip_suffix(": Some(Ok(()))") {
-                    open.note(By::Call(name), 1);
+                    open.note(Act::Call(name), 1);
                 }
             }
-            Happened::Event(event) => {
+            Observed::Event(event) => {
                 let object: Value = serde_json::from_str(event).unwrap();
                 let times = object["count"].as_u64().unwrap_or(1);
-                open.note(By::Event(object["event"].as_str().unwrap()), times);
+                open.note(Act::Event(object["event"].as_str().unwrap()), times);
             }
         }
     }

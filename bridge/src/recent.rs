@@ -7,17 +7,17 @@ use serde::Serialize;
 use super::report::Outcome;
 
 /// The number of commands that are shown.
-const MOST: usize = 30;
+const MAX_COMMANDS: usize = 30;
 /// The number of bytes of an id or a reason that are shown.
-const LONGEST: usize = 200;
+const MAX_TEXT_LEN: usize = 200;
 
 /// The latest commands.
 #[derive(Debug, Default)]
-pub struct Commands(VecDeque<Latest>);
+pub struct Commands(VecDeque<RecentCommand>);
 
 /// A command.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Latest {
+pub struct RecentCommand {
     /// The name of the cell.
     pub cell: String,
     /// The id of the command.
@@ -38,25 +38,25 @@ impl Commands {
             (known.outcome, known.detail) = (outcome, detail);
             return;
         }
-        self.0.push_front(Latest { cell: cell.into(), id, at, outcome, detail });
-        if self.0.len() > MOST {
+        self.0.push_front(RecentCommand { cell: cell.into(), id, at, outcome, detail });
+        if self.0.len() > MAX_COMMANDS {
             // Remove the oldest command that is not under way.
             let over = self.0.iter().rposition(|known| known.outcome != Outcome::Accepted);
-            self.0.remove(over.unwrap_or(MOST));
+            self.0.remove(over.unwrap_or(MAX_COMMANDS));
         }
     }
 
     /// Returns the commands, the latest first.
-    pub fn list(&self) -> Vec<Latest> {
+    pub fn list(&self) -> Vec<RecentCommand> {
         self.0.iter().cloned().collect()
     }
 }
 
 fn cut(text: &str) -> String {
-    if text.len() <= LONGEST {
+    if text.len() <= MAX_TEXT_LEN {
         return text.into();
     }
-    let end = text.char_indices().map(|(at, _)| at).take_while(|at| *at <= LONGEST).last();
+    let end = text.char_indices().map(|(at, _)| at).take_while(|at| *at <= MAX_TEXT_LEN).last();
     format!("{}…", text.get(..end.unwrap_or_default()).unwrap_or_default())
 }
 
@@ -72,8 +72,11 @@ mod tests {
             commands.note("a", &number.to_string(), 2, Outcome::Refused, &"é".repeat(150));
         }
         let list = commands.list();
-        assert_eq!((list.len(), list[0].id.as_str(), list[0].detail.len()), (MOST, "39", 200 + "…".len()));
-        assert_eq!((list[MOST - 1].id.as_str(), list[MOST - 2].id.as_str()), ("slow", "11"));
+        assert_eq!(
+            (list.len(), list[0].id.as_str(), list[0].detail.len()),
+            (MAX_COMMANDS, "39", 200 + "…".len())
+        );
+        assert_eq!((list[MAX_COMMANDS - 1].id.as_str(), list[MAX_COMMANDS - 2].id.as_str()), ("slow", "11"));
         commands.note("a", "slow", 9, Outcome::Done, "");
         let last = commands.list().pop().unwrap();
         assert_eq!((last.at, last.outcome), (1, Outcome::Done));

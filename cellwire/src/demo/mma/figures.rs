@@ -11,7 +11,7 @@ use crate::io::samples::Samples;
 
 /// The figures of a run.
 #[derive(Debug, Default)]
-pub struct Judged {
+pub struct RunFigures {
     /// The attempts to place a part.
     pub attempts: u64,
     /// The attempts that a fault broke off.
@@ -28,7 +28,7 @@ pub struct Judged {
     pub steps: Vec<(Step, Samples)>,
 }
 
-impl Judged {
+impl RunFigures {
     /// Judges a run.
     pub fn of(log: &Log, record: &Record) -> Self {
         let mut judged = Self::default();

@@ -18,12 +18,12 @@ use super::serial::Mode;
 
 /// A port by its path.
 #[derive(Debug)]
-pub struct Marked {
+pub struct MarkedPort {
     file: File,
     name: String,
 }
 
-impl Marked {
+impl MarkedPort {
     /// Opens a port to listen.
     ///
     /// # Errors

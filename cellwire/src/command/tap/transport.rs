@@ -14,7 +14,7 @@ use cellwire_io::{output, tcp, udp};
 
 /// Where the ends are.
 #[derive(Debug, clap::Args)]
-pub(in crate::command) struct WayArgs {
+pub(in crate::command) struct TapTransportArgs {
     /// Listen for clients on this address; a port alone means 127.0.0.1
     #[arg(long, value_name = "ADDR", requires = "connect", conflicts_with = "a")]
     listen: Option<String>,
@@ -43,7 +43,7 @@ pub(in crate::command) struct WayArgs {
     mode: Mode,
 }
 
-impl WayArgs {
+impl TapTransportArgs {
     /// Returns the rate of the serial ports, if there are any.
     pub(super) fn baud(&self) -> Option<u32> {
         self.a.as_ref().map(|_| self.baud)
@@ -51,18 +51,18 @@ impl WayArgs {
 }
 
 /// The transport that `cellwire tap` forwards or listens to.
-pub(in crate::command) enum Way {
+pub(in crate::command) enum TapTransport {
     Tcp(TcpListener),
     Udp(UdpSocket),
     /// Ports with their names: one or two.
-    Ports(Named, Option<Named>),
+    Ports(NamedPort, Option<NamedPort>),
 }
 
-type Named = (String, Box<dyn SerialPort>);
+type NamedPort = (String, Box<dyn SerialPort>);
 
-impl Way {
-    pub(in crate::command) fn open(args: &WayArgs) -> Result<Self> {
-        let port = |name: &str| -> Result<Named> {
+impl TapTransport {
+    pub(in crate::command) fn open(args: &TapTransportArgs) -> Result<Self> {
+        let port = |name: &str| -> Result<NamedPort> {
             Ok((name.to_owned(), serial::open_with(name, args.baud, args.mode)?))
         };
         if let Some(server) = &args.connect {
@@ -83,7 +83,7 @@ impl Way {
     }
 
     /// Reports adapters that are too slow for the link between the two ports.
-    pub(super) fn advise(&self, link: &str, args: &WayArgs) {
+    pub(super) fn advise(&self, link: &str, args: &TapTransportArgs) {
         let Self::Ports((a, _), Some((b, _))) = self else { return };
         let Some(deadline) = Deadline::between(link, args.baud).filter(|_| !args.listen_only) else { return };
         [a, b].iter().filter_map(|port| deadline.advice(port)).for_each(|advice| remark(&advice));
@@ -100,13 +100,13 @@ impl Way {
     }
 
     /// Passes bytes on until the ports are gone; nothing is seen after that.
-    pub(in crate::command) fn pass(self, args: &WayArgs, watch: &Watch) -> Result<()> {
+    pub(in crate::command) fn pass(self, args: &TapTransportArgs, watch: &Watch) -> Result<()> {
         let passed = self.run(args, watch);
         watch.close();
         passed
     }
 
-    fn run(self, args: &WayArgs, watch: &Watch) -> Result<()> {
+    fn run(self, args: &TapTransportArgs, watch: &Watch) -> Result<()> {
         let server = args.connect.as_deref().unwrap_or_default();
         match self {
             Self::Tcp(listener) => tap::tcp::run(&listener, server, args.dialing.dialing(), watch),

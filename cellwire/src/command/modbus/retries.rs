@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use fanuc_hmi_modbus::Failure;
 
-use crate::devices::fanuc_hmi_modbus::client::{Answer, Client};
+use crate::devices::fanuc_hmi_modbus::client::{Client, RequestOutcome};
 use cellwire_io::interrupt;
 use cellwire_io::output::{counted, remark};
 
@@ -17,11 +17,11 @@ const AFTER_REPLY: Duration = Duration::from_millis(500);
 /// The connections that a server may close in a row before its first reply.
 const MAX_CLOSED: u64 = 8;
 /// An interrupt is seen after this time at the latest.
-const TURN: Duration = Duration::from_millis(100);
+const INTERRUPT_CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// The exchange before a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Before {
+enum PrecedingExchange {
     /// The connection was opened.
     Opened,
     /// The server replied at this time.
@@ -32,8 +32,8 @@ enum Before {
 
 /// Requests that a server answers only when they are made again.
 #[derive(Debug)]
-pub(super) struct Seen {
-    before: Before,
+pub(super) struct RetryStatistics {
+    before: PrecedingExchange,
     /// The time at which the connection of the last request was opened.
     opened: Option<Instant>,
     /// All replies.
@@ -44,9 +44,9 @@ pub(super) struct Seen {
     lost_after_reply: u64,
 }
 
-impl Seen {
+impl RetryStatistics {
     pub(super) fn new() -> Self {
-        let before = Before::Opened;
+        let before = PrecedingExchange::Opened;
         Self { before, opened: None, replies: 0, lost_after_opening: 0, lost_after_reply: 0 }
     }
 
@@ -57,39 +57,39 @@ impl Seen {
     pub(super) fn ask<T>(
         &mut self,
         client: &mut Client,
-        mut ask: impl FnMut(&mut Client) -> Result<Option<Answer<T>>>,
-    ) -> Result<Option<Answer<T>>> {
+        mut ask: impl FnMut(&mut Client) -> Result<Option<RequestOutcome<T>>>,
+    ) -> Result<Option<RequestOutcome<T>>> {
         let answer = ask(client)?;
         if self.opened.replace(client.opened()) != Some(client.opened()) {
-            self.before = Before::Opened;
+            self.before = PrecedingExchange::Opened;
         }
-        let before = core::mem::replace(&mut self.before, Before::Lost);
-        if !matches!(answer, Some(Answer::Failed(Failure::TimedOut))) {
+        let before = core::mem::replace(&mut self.before, PrecedingExchange::Lost);
+        if !matches!(answer, Some(RequestOutcome::Failed(Failure::TimedOut))) {
             self.note(&answer);
             return Ok(answer);
         }
         let (again, count) = match before {
-            Before::Opened => (client.opened() + AFTER_OPENING, &mut self.lost_after_opening),
-            Before::Replied(at) => (at + AFTER_REPLY, &mut self.lost_after_reply),
-            Before::Lost => return Ok(answer),
+            PrecedingExchange::Opened => (client.opened() + AFTER_OPENING, &mut self.lost_after_opening),
+            PrecedingExchange::Replied(at) => (at + AFTER_REPLY, &mut self.lost_after_reply),
+            PrecedingExchange::Lost => return Ok(answer),
         };
         while Instant::now() < again {
             if interrupt::requested() {
                 return Ok(answer);
             }
-            thread::sleep(again.saturating_duration_since(Instant::now()).min(TURN));
+            thread::sleep(again.saturating_duration_since(Instant::now()).min(INTERRUPT_CHECK_INTERVAL));
         }
         let answer = ask(client)?;
-        *count += u64::from(matches!(answer, Some(Answer::Replied(_))));
+        *count += u64::from(matches!(answer, Some(RequestOutcome::Replied(_))));
         self.opened = Some(client.opened());
         self.note(&answer);
         Ok(answer)
     }
 
-    fn note<T>(&mut self, answer: &Option<Answer<T>>) {
-        if matches!(answer, Some(Answer::Replied(_))) {
+    fn note<T>(&mut self, answer: &Option<RequestOutcome<T>>) {
+        if matches!(answer, Some(RequestOutcome::Replied(_))) {
             self.replies += 1;
-            self.before = Before::Replied(Instant::now());
+            self.before = PrecedingExchange::Replied(Instant::now());
         }
     }
 

@@ -7,7 +7,7 @@ use crate::session::Session;
 
 /// The reason that a loop ended without an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Ended<B> {
+pub enum EndReason<B> {
     /// The handler has ended it.
     ByHandler(B),
     /// The peer has closed the connection.
@@ -21,14 +21,14 @@ pub enum Ended<B> {
 /// s. If the receiver of a line may stop the sender (RTS/CTS), give the driver a longer time than that.
 pub const STALL: Duration = Duration::from_secs(10);
 
-impl Ended<()> {
+impl EndReason<()> {
     /// Returns how the loop ended, with the value that the handler broke with, if it did.
     #[cfg(any(feature = "std", feature = "embedded-io-async"))]
-    pub(crate) fn or<B>(self, value: Option<B>) -> Ended<B> {
+    pub(crate) fn or<B>(self, value: Option<B>) -> EndReason<B> {
         match (value, self) {
-            (Some(value), _) => Ended::ByHandler(value),
-            (None, Self::Stalled) => Ended::Stalled,
-            (None, Self::ByHandler(()) | Self::ByPeer) => Ended::ByPeer,
+            (Some(value), _) => EndReason::ByHandler(value),
+            (None, Self::Stalled) => EndReason::Stalled,
+            (None, Self::ByHandler(()) | Self::ByPeer) => EndReason::ByPeer,
         }
     }
 }

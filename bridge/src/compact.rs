@@ -14,7 +14,7 @@ const PREFIX: &str = "word/";
 /// The kind of a cell's name.
 const CELL: u32 = 0;
 
-/// The numbers of names, which are kept in the store. A word is never given another number.
+/// The numbers of names, which are kept in the store. The number of a name never changes.
 #[derive(Debug, Default)]
 pub struct NameNumbers {
     numbers: HashMap<(u32, String), u32>,

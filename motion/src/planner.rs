@@ -39,7 +39,7 @@ pub enum Goal {
     Pose(Pose, Option<(Posture, [i16; 3])>),
 }
 
-/// The way there.
+/// The interpolation between two positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PathKind {
     /// Every joint arrives at the same time.

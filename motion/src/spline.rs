@@ -2,7 +2,7 @@
 
 use super::kinematics::{Arm, Kinematics};
 
-/// The pieces in which the length of a stretch is measured.
+/// The pieces in which the length of a segment is measured.
 const PIECES: u32 = 24;
 
 /// A motion through several positions, at rest at both ends. FANUC's curve is not published: this one is a cubic, and each
@@ -20,7 +20,7 @@ struct Point {
     rate: [f64; 6],
 }
 
-/// The duration of a stretch.
+/// The speed or the duration of a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum SegmentTiming {
     /// The speed of the tool, in mm/s.

@@ -23,7 +23,7 @@ use cellwire_links::settings::FieldVisitor;
 
 /// The pauses before the next connection.
 const PAUSES: Reconnect = Reconnect { first: Duration::from_millis(250), longest: Duration::from_secs(10) };
-/// A device that is never silent is looked for this seldom.
+/// The interval at which a device that is never silent is checked.
 const IDLE_CHECK_INTERVAL: Duration = Duration::from_secs(86_400);
 
 /// The silence after which a device counts as dead.

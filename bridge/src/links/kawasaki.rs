@@ -30,7 +30,7 @@ use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// The interval at which it is checked whether an order is to be broken off.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
-/// The most jobs of a command.
+/// The maximum number of jobs of a command.
 const MAX_JOBS: usize = 10_000;
 
 const METRICS: [Definition; 5] = [

@@ -32,7 +32,7 @@ const MAX_CLOCK_LEAD: Duration = Duration::from_secs(300);
 /// The name, in the store, of the number of the next connection.
 pub const BD_SEQ: &str = "bdseq";
 
-/// The places of the cells, by their names.
+/// The indices of the cells, by their names.
 pub type CellIndices = HashMap<String, usize>;
 
 /// The connection.

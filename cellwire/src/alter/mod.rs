@@ -52,7 +52,7 @@ use cellwire_io::trace::Trace;
 
 /// The number of reports that may wait for the screen; more are dropped: the control loop never waits.
 const NOTIFICATIONS: usize = 4096;
-/// A thread that does not end is left alone after this time: it may hang in a driver.
+/// The time for which a thread is awaited; it may hang in a driver.
 const JOIN_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The running host. It ends when it is dropped, without coming to rest: [`Order::End`] does that.

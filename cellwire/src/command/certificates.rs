@@ -37,7 +37,7 @@ pub struct Args {
     valid: Duration,
 }
 
-/// The longest time of a certificate: 20 years.
+/// The longest validity of a certificate: 20 years.
 const MAX_VALIDITY: Duration = Duration::from_secs(20 * 365 * 86_400);
 
 const EXAMPLES: &str = "\

@@ -88,7 +88,7 @@ const NEXT: [(&str, &str); 3] = [
     ("cellwire simulate fanuc --listen 5020", "a robot for your own program"),
 ];
 
-/// The demo of a link, judged.
+/// The result of a link's demo.
 #[derive(Debug)]
 pub struct DemoResult {
     /// The measurements of the run.

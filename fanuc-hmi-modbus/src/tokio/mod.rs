@@ -70,7 +70,7 @@ pub struct Requests {
     made: Vec<(Ticket, PendingRequest)>,
 }
 
-/// A request, and the caller that waits for its reply.
+/// A submitted request, and the channel of its reply.
 #[derive(Debug)]
 pub struct PendingRequest {
     unit: u8,

@@ -21,7 +21,7 @@ use cortex_m_semihosting::{debug, hio};
 pub const UNIT: u8 = 1;
 /// The number of holding registers.
 pub const REGISTERS: usize = 200;
-/// Room for the longest frame.
+/// The length of the longest frame, in bytes.
 pub const BUFFER_LEN: usize = 260;
 
 /// The number of times that each request is served.

@@ -97,7 +97,7 @@ pub enum Answer {
     },
 }
 
-/// The course of the values in a reply.
+/// The values that a reply commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum OutputMode {
     /// The values follow the caller's target.

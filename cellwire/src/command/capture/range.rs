@@ -30,7 +30,7 @@ pub(super) struct RangeArgs {
     anonymous: bool,
 }
 
-/// A place in a conversation.
+/// A position in a conversation: the number of a message, or a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Position {
     Number(usize),

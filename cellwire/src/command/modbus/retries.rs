@@ -30,7 +30,7 @@ enum PrecedingExchange {
     Lost,
 }
 
-/// Requests that a server answers only when they are made again.
+/// Statistics of the requests that a server answers only when they are made again.
 #[derive(Debug)]
 pub(super) struct RetryStatistics {
     before: PrecedingExchange,

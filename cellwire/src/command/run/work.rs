@@ -47,7 +47,7 @@ pub(super) struct WorkArgs {
     pub(super) events: EventArgs,
 }
 
-/// A piece of work in a file.
+/// The input of a run: a file, and the parts in it.
 pub(super) struct RunInput<'a> {
     /// The name of the robot in the command.
     pub(super) robot: &'a str,

@@ -7,7 +7,7 @@ use cellwire_sim::ledger::{Counts, ReportedOutcome};
 
 use super::path::Cut;
 
-/// The host's knowledge of each instruction of the path, by its place.
+/// The host's knowledge of each instruction of the path, by its index.
 #[derive(Debug, Clone, Copy)]
 pub struct HostKnowledge<'a> {
     /// The reported outcome; `None`: not sent.

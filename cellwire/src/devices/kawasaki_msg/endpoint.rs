@@ -15,7 +15,7 @@ use cellwire_io::clock::Clock;
 use cellwire_io::drive::TracedTransport;
 use cellwire_io::trace::Trace;
 
-/// A host looks for another peer, and a command to the simulator waits, for this long at most.
+/// The interval at which a host checks for another peer and for commands to the simulator.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The end that is connected.

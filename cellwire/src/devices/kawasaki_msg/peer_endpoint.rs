@@ -28,7 +28,7 @@ const MAX_HANDSHAKES: usize = 64;
 /// The longest datagram.
 const MAX_DATAGRAM_LEN: usize = 65536;
 
-/// The way in which the other end is reached.
+/// The address of the peer: listen, connect, or datagrams.
 #[derive(Debug)]
 pub enum PeerEndpoint {
     /// This end listens, and the other end connects.

@@ -39,7 +39,7 @@ impl End {
     }
 }
 
-/// Something that happened between the ends.
+/// An event of a connection, with its time and the end that caused it.
 #[derive(Debug, Clone)]
 pub struct TapRecord {
     /// The time of the event.
@@ -52,7 +52,7 @@ pub struct TapRecord {
     pub what: TapEvent,
 }
 
-/// An event between the ends.
+/// An event of a connection.
 #[derive(Debug, Clone)]
 pub enum TapEvent {
     /// A connection, from A's address to B's. On a line that is joined or listened to it is the first that is seen.

@@ -22,7 +22,7 @@ pub(crate) struct Story {
     pub(crate) is_late: bool,
 }
 
-/// Something that passes.
+/// A recorded event of the conversation.
 #[derive(Debug, Clone)]
 pub(crate) struct Recorded {
     pub(crate) at: Duration,

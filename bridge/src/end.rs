@@ -165,8 +165,8 @@ impl End {
         self.stop.is_due()
     }
 
-    /// Returns whether the task is to end now: it is stopped, and its command has an outcome, or has had [`COMMAND_TIMEOUT`] to get one. A
-    /// cell that another bridge may have is given up at once.
+    /// Returns whether the task is to end now: it is stopped, and its command has an outcome, or has had [`COMMAND_TIMEOUT`]
+    /// to get one. A cell that another bridge may have is given up at once.
     pub fn is_over(&self) -> bool {
         if !self.is_stopped() {
             return false;

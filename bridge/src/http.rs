@@ -27,8 +27,8 @@ const MAX_CONNECTIONS: usize = 16;
 const HEAD: usize = 8 * 1024;
 /// The longest time of a connection: one request and its answer.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(5);
-/// The interval at which live data is sent, until the client goes; a client that has not read anything for [`CONNECTION_TIMEOUT`] is
-/// dropped.
+/// The interval at which live data is sent, until the client goes; a client that has not read anything for
+/// [`CONNECTION_TIMEOUT`] is dropped.
 const EVERY: Duration = Duration::from_secs(1);
 /// The bytes that the system buffers for a client that does not read.
 const UNREAD: usize = 64 * 1024;

@@ -41,8 +41,8 @@ pub struct Ring {
     /// Frames below this one are on the disk.
     synced: u64,
     unsynced_since: Option<Instant>,
-    /// The frames from the first that is needed on; a frame without remaining records is listed only if a [`RingState`] still names
-    /// it.
+    /// The frames from the first that is needed on; a frame without remaining records is listed only if a [`RingState`]
+    /// still names it.
     places: VecDeque<Extent>,
     /// The key of the next record.
     next: u64,

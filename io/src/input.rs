@@ -128,7 +128,8 @@ pub enum OperatorInput {
 const MAX_LINE_LEN: u64 = 4096;
 
 /// Reads the operator's input until the program ends; the bell is rung for each item. `None` is the end of standard input. A
-/// first signal is [`OperatorInput::Stop`]. A second one ends the program, and so does a stop that has not ended the program after
+/// first signal is [`OperatorInput::Stop`]. A second one ends the program, and so does a stop that has not ended the program
+/// after
 /// `limit`.
 ///
 /// # Errors

@@ -48,8 +48,8 @@ pub trait Transport {
         Ok(())
     }
 
-    /// Waits, without reading, until it takes bytes again after [a part](SendOutcome::Part). Every transport with a socket can use
-    /// [`Wait::writable`] for this wait; by default, the driver tries again after 5 ms.
+    /// Waits, without reading, until it takes bytes again after [a part](SendOutcome::Part). Every transport with a socket
+    /// can use [`Wait::writable`] for this wait; by default, the driver tries again after 5 ms.
     ///
     /// # Errors
     /// The errors of the transport.
@@ -191,7 +191,8 @@ impl<T: Transport> Driver<T> {
     /// was not stored.
     ///
     /// # Errors
-    /// The errors of the transport and of `before_send`. After an error of `before_send` nothing is sent, and the connection is over.
+    /// The errors of the transport and of `before_send`. After an error of `before_send` nothing is sent, and the connection
+    /// is over.
     pub fn turn_with<S: Session, B>(
         &mut self,
         session: &mut S,

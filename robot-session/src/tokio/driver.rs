@@ -100,7 +100,8 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// was not stored. If the future of this call is dropped, the hook is called again.
     ///
     /// # Errors
-    /// The errors of the transport and of `before_send`. After an error of `before_send` nothing is sent, and the connection is over.
+    /// The errors of the transport and of `before_send`. After an error of `before_send` nothing is sent, and the connection
+    /// is over.
     pub async fn turn_with<S: Session, B>(
         &mut self,
         session: &mut S,

@@ -192,7 +192,8 @@ impl<P: Wired> Walk<'_, P> {
         self.visited();
     }
 
-    /// Sends the bytes of a step: whole, in two parts with a pause between them, with the next step, or until the connection breaks.
+    /// Sends the bytes of a step: whole, in two parts with a pause between them, with the next step, or until the connection
+    /// breaks.
     fn say(&mut self, step: P::Step, mut bytes: Vec<u8>) {
         // Bytes that arrive at a deadline first cause the work that is due.
         if self.is_calm || self.scene.end.expires(Duration::ZERO) {

@@ -159,8 +159,8 @@ impl Client {
     /// Makes one request, and returns the result of `read` for the reply.
     ///
     /// # Errors
-    /// [`ConnectionLost`] if the connection is lost: [`lost`](Self::lost) describes the effect on the request; also a request that the
-    /// specification does not allow.
+    /// [`ConnectionLost`] if the connection is lost: [`lost`](Self::lost) describes the effect on the request; also a
+    /// request that the specification does not allow.
     pub fn ask<T>(
         &mut self,
         unit: u8,

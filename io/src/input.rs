@@ -129,8 +129,7 @@ const MAX_LINE_LEN: u64 = 4096;
 
 /// Reads the operator's input until the program ends; the bell is rung for each item. `None` is the end of standard input. A
 /// first signal is [`OperatorInput::Stop`]. A second one ends the program, and so does a stop that has not ended the program
-/// after
-/// `limit`.
+/// after `limit`.
 ///
 /// # Errors
 /// If the system has no room for a thread.

@@ -197,7 +197,7 @@ impl Peer for AnyServer {
             return;
         }
         let absorbs = known.held.absorbs() && (known.is_arriving || self.is_tcp());
-        if !absorbs && !(self.is_tcp() && self.keeps_rules) {
+        if !(absorbs || self.is_tcp() && self.keeps_rules) {
             steps.push(Step::Noise);
         }
         if known.part().is_some() {

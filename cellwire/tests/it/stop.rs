@@ -171,7 +171,7 @@ fn an_order_ends_over_udp_and_where_it_cannot_be_interrupted() {
 
 #[test]
 fn a_part_that_was_begun_is_placed_and_another_one_is_not_begun() {
-    let cell = mma_run::Cell::new(200);
+    let cell = mma_run::Cell::new(10);
     for (input, stop) in STOPS {
         let mut run = Run::start(&cell.arguments(3, &["--again"]), input);
         mma_run::step(&run.0, "go_pick");

@@ -66,6 +66,7 @@ About cellwire
   help      Explain a command, such as: cellwire help run laser
 
 Links: kawasaki, alter, viewer, ball, fanuc, laser, mma; or their crates' names
+Also: capture, certificates, completions, extcap, man, vectors
 
 Options:
   -h, --help     Print this; after a command -h is short, --help is all of it

@@ -82,17 +82,16 @@ impl Assignment<'_> {
         self.multiply.check()
     }
 
-    /// Prints the four lines of a slot as a controller's `SYSTEM.VA` has them.
+    /// Prints the four lines of a slot as the commands that set it: `SETVAR $SNPX_ASG[1].$ADDRESS 1`.
     ///
     /// # Errors
     /// If `out` cannot take them.
     pub fn print(&self, slot: u8, out: &mut impl fmt::Write) -> fmt::Result {
         let Self { address, size, var_name, multiply } = self;
-        writeln!(out, "     Field: $SNPX_ASG[{slot}].$ADDRESS Access: RW: SHORT = {address}")?;
-        writeln!(out, "     Field: $SNPX_ASG[{slot}].$SIZE Access: RW: SHORT = {size}")?;
-        writeln!(out, "     Field: $SNPX_ASG[{slot}].$VAR_NAME Access: RW: STRING[37] = '{var_name}'")?;
-        let multiply = Scientific(multiply.value());
-        writeln!(out, "     Field: $SNPX_ASG[{slot}].$MULTIPLY Access: RW: REAL = {multiply}")
+        writeln!(out, "SETVAR $SNPX_ASG[{slot}].$ADDRESS {address}")?;
+        writeln!(out, "SETVAR $SNPX_ASG[{slot}].$SIZE {size}")?;
+        writeln!(out, "SETVAR $SNPX_ASG[{slot}].$VAR_NAME '{var_name}'")?;
+        writeln!(out, "SETVAR $SNPX_ASG[{slot}].$MULTIPLY {}", multiply.value())
     }
 }
 
@@ -221,41 +220,6 @@ impl Default for Slots<'_> {
     }
 }
 
-/// A real as a controller prints it: `1.000000e+00`, where Rust writes `1.000000e0`.
-struct Scientific(f32);
-
-impl fmt::Display for Scientific {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut short = ShortText::default();
-        fmt::Write::write_fmt(&mut short, format_args!("{:.6e}", self.0))?;
-        let (mantissa, exponent) = short.text().split_once('e').ok_or(fmt::Error)?;
-        let (sign, digits) = exponent.strip_prefix('-').map_or(('+', exponent), |digits| ('-', digits));
-        write!(f, "{mantissa}e{sign}{digits:0>2}")
-    }
-}
-
-/// A few characters: `-1.000000e-38` is the longest.
-#[derive(Default)]
-struct ShortText {
-    bytes: [u8; 16],
-    len: usize,
-}
-
-impl ShortText {
-    fn text(&self) -> &str {
-        self.bytes.get(..self.len).and_then(|bytes| core::str::from_utf8(bytes).ok()).unwrap_or_default()
-    }
-}
-
-impl fmt::Write for ShortText {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        let end = self.len + text.len();
-        self.bytes.get_mut(self.len..end).ok_or(fmt::Error)?.copy_from_slice(text.as_bytes());
-        self.len = end;
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     extern crate std;
@@ -279,14 +243,18 @@ mod tests {
 ";
 
     #[test]
-    fn the_listing_of_a_controller_reads_and_prints_the_same() {
+    fn a_listing_of_a_controller_is_read_and_printed_as_commands() {
         let slots = Slots::parse(LISTING).unwrap();
         let used: std::vec::Vec<_> = slots.used().collect();
         assert_eq!(used, [(1, &Assignment::FACTORY)]);
         let mut printed = String::new();
         Assignment::FACTORY.print(1, &mut printed).unwrap();
-        assert!(LISTING.contains(&printed), "{printed}");
-        assert_eq!(printed.lines().count(), 4);
+        assert_eq!(
+            printed,
+            "SETVAR $SNPX_ASG[1].$ADDRESS 1\nSETVAR $SNPX_ASG[1].$SIZE 10000\n\
+             SETVAR $SNPX_ASG[1].$VAR_NAME 'R[1]@1.1'\nSETVAR $SNPX_ASG[1].$MULTIPLY 1\n"
+        );
+        assert_eq!(Slots::parse(&printed).unwrap().used().collect::<std::vec::Vec<_>>(), used);
     }
 
     #[test]
@@ -361,14 +329,5 @@ mod tests {
             next = assignment.pdu_range().end;
         }
         assert_eq!(next, 37);
-    }
-
-    #[test]
-    fn reals_print_as_a_controller_prints_them() {
-        let print = |value| std::format!("{}", Scientific(value));
-        assert_eq!(print(0.0), "0.000000e+00");
-        assert_eq!(print(-1.0), "-1.000000e+00");
-        assert_eq!(print(0.0001), "1.000000e-04");
-        assert_eq!(print(10_000.0), "1.000000e+04");
     }
 }

@@ -38,8 +38,7 @@ pub(crate) fn assignment(Bytes(data): Bytes) {
         let again = Slots::parse(&printed).unwrap();
         let (_, read) = again.used().next().unwrap();
         assert_eq!((read.address, read.size, read.var_name), (found.address, found.size, found.var_name));
-        let (a, b) = (read.multiply.value(), found.multiply.value());
-        assert!((a - b).abs() <= 1e-6 * b.abs(), "six decimals are printed: {a} for {b}");
+        assert_eq!(read.multiply, found.multiply);
     }
     let all: Vec<_> = used.iter().map(|(_, found)| **found).collect();
     if assignment::check(&all).is_ok() {

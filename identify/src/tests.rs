@@ -198,7 +198,7 @@ fn the_lines_of_rust_compile() {
         {"name": "tool", "kind": "text", "length": [1, 8]},
     ]);
     is_rust! { "kawasaki-msg", {"job": job}, Carrier::Unknown,
-        use kawasaki_msg::{Charset, FieldVisitor, VisitResult, Text, Work};
+        use kawasaki_msg::{Charset, FieldVisitor, Text, VisitResult, Work};
         pub fn charset() -> Charset {
             Charset::Ascii
         }

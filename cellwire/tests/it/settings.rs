@@ -349,7 +349,10 @@ fn a_misspelt_setting_is_located_by_every_command() {
     // Of a plant's file each command takes its settings.
     fs::write(path("plant.toml"), "takeover = \"end\"\n").unwrap();
     let (code, _, said) = cellwire(&["decode", "kawasaki", "--settings", &path("plant.toml")], "");
-    assert_eq!((code, said.as_str()), (Some(0), "the setting takeover has no effect on this command\n"));
+    assert_eq!(
+        (code, said.as_str()),
+        (Some(0), "warning: the setting takeover has no effect on this command\n")
+    );
 }
 
 /// Starts a server that replies to every request as unit 9: one register with the value 42.
@@ -421,8 +424,9 @@ fn a_setting_without_an_effect_is_named() {
     let file = path("cell.toml");
     fs::write(&file, "view = \"telemetry\"\nword_order = \"high_first\"\nunit = 9\naddress = 0\n").unwrap();
     let address = unit_9();
-    let none =
-        |names: &[&str]| -> String { names.iter().map(|it| format!("the setting {it} {NONE}")).collect() };
+    let none = |names: &[&str]| -> String {
+        names.iter().map(|it| format!("warning: the setting {it} {NONE}")).collect()
+    };
     let poll = ["modbus", "poll", &address, "holding:0", "--for", "10ms"];
     let said = |args: &[&str], more: &[&str]| cellwire(&[args, more].concat(), "").2;
     assert_eq!(said(&poll, &["--settings", &file]), none(&["word_order", "address"]));

@@ -173,9 +173,14 @@ impl Controller {
         Some(())
     }
 
-    /// Restarts after a loss of power: the background task begins again, and values written by clients are lost.
+    /// Restarts after a loss of power: the background task begins again. A battery keeps the registers.
     pub(super) fn restart(&mut self) {
         self.run = None;
+    }
+
+    /// Discards the values that clients have written.
+    pub(super) fn forget(&mut self) {
+        self.restart();
         self.tables = match self.source {
             RegisterSource::Motion(_) => Tables::numbered(),
             RegisterSource::Program(_) => Tables::empty(),

@@ -186,7 +186,7 @@ impl Device for FanucController {
     /// Discards the clients' writes.
     fn forget(&mut self, now: Duration) {
         let mut controller = self.controller();
-        controller.restart();
+        controller.forget();
         controller.tick(now);
     }
 

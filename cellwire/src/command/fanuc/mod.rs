@@ -31,11 +31,11 @@ pub struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  cellwire fanuc log 192.168.0.10:502 --csv run.csv              log a run of the robot
-  cellwire fanuc log 192.168.0.10:502 --csv a.csv --limits r.json and mark unreachable poses
-  cellwire fanuc evaluate path.csv run.csv --out plots           deviation from the plan
-  cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
-  cellwire fanuc write 192.168.0.10:502 string --address 400 --size 10 '\"PART 7\"'
+  cellwire fanuc log 10.0.0.9:502 --csv run.csv                record a run
+  cellwire fanuc log 10.0.0.9:502 --csv a.csv --limits r.json  find bad poses
+  cellwire fanuc evaluate path.csv run.csv --out plots         check a run
+  cellwire fanuc read 10.0.0.9:502 position --address 100      a PR[n]
+  cellwire fanuc write 10.0.0.9:502 string --address 400 --size 10 '\"PART 7\"'
 
 log waits for a controller that is off, and reconnects; a name without an address ends it at once.
 

@@ -50,11 +50,11 @@ struct SendArgs {
 
 const EXAMPLES: &str = "\
 Examples:
-  echo '{\"unit\":1,\"function\":3,\"address\":0,\"quantity\":37}' | cellwire modbus send 192.168.0.10:502
-  cellwire modbus send 192.168.0.10:502 writes.jsonl --confirm   each write is read back
-  cellwire modbus scan /dev/ttyUSB0 --mode 8E1                   which units reply; on Windows: COM5
-  cellwire modbus scan 192.168.0.10:502 --ranges --unit 1        which addresses are readable
-  cellwire modbus poll 192.168.0.10:502 holding:0-36 coils:0-15  changes, one line per value
+  echo '{\"unit\":1,\"function\":3,\"address\":0,\"quantity\":37}' | cellwire modbus send 10.0.0.9:502
+  cellwire modbus send 10.0.0.9:502 writes.jsonl --confirm   read writes back
+  cellwire modbus scan /dev/ttyUSB0 --mode 8E1               find units; or COM5
+  cellwire modbus scan 10.0.0.9:502 --ranges --unit 1        find addresses
+  cellwire modbus poll 10.0.0.9:502 holding:0-36 coils:0-15  print changes
 
 Exit status:
   0 every request was executed   1 no usable reply, an unconfirmed write, or nothing found

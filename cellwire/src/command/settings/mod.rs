@@ -215,7 +215,7 @@ pub fn client_help(session: Vec<Setting>, uses: &[&str]) -> Vec<Setting> {
 
 /// Prints the remark for a setting that a command does not use.
 pub(crate) fn no_effect(name: &str) {
-    remark(&format!("the setting {name} has no effect on this command"));
+    remark(&format!("warning: the setting {name} has no effect on this command"));
 }
 
 /// The setting of a line that returns sent bytes: `identify` finds it, and ends of several links have it.

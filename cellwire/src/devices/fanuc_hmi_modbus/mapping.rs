@@ -165,14 +165,19 @@ impl Area {
     }
 
     fn show(&self, memory: &Memory, here: &RobotPosition, order: WordOrder, words: &mut [u16]) {
-        for (n, words) in (self.first..).zip(words.chunks_mut(self.each())) {
-            match self.variable {
-                Variable::Number(kind, multiply) => {
-                    let value = memory.numbers.get(&n).copied().unwrap_or(0.0);
-                    let shown = encoded(Number { kind, multiply, order }, value);
-                    words.iter_mut().zip(shown).for_each(|(word, shown)| *word = shown);
+        let each = self.each();
+        match self.variable {
+            Variable::Number(kind, multiply) => {
+                // Most of an area's thousands of registers were never written.
+                words.fill(0);
+                let number = Number { kind, multiply, order };
+                for (n, value) in memory.numbers.range(self.first..) {
+                    let Some(words) = words.chunks_mut(each).nth((n - self.first) as usize) else { break };
+                    words.iter_mut().zip(encoded(number, *value)).for_each(|(word, shown)| *word = shown);
                 }
-                Variable::Position | Variable::Here => {
+            }
+            Variable::Position | Variable::Here => {
+                for (n, words) in (self.first..).zip(words.chunks_mut(each)) {
                     let place = match self.variable {
                         Variable::Here => Some(here),
                         _ => memory.positions.get(&n),
@@ -183,7 +188,9 @@ impl Area {
                         .zip(register.to_registers(order))
                         .for_each(|(word, shown)| *word = shown);
                 }
-                Variable::Text => {
+            }
+            Variable::Text => {
+                for (n, words) in (self.first..).zip(words.chunks_mut(each)) {
                     let bytes = memory.strings.get(&n).map_or(&[][..], |string| string.as_bytes());
                     let room = bytes.len().min(2 * words.len());
                     if text::write(bytes.get(..room).unwrap_or_default(), words).is_err() {

@@ -27,8 +27,8 @@ pub enum LastOrder {
     /// All jobs of the order are executed. If the order is started again, they are executed again.
     Complete(JournalEntry),
     /// The outcome of the jobs from `executed` to `sent` is unknown
-    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece: [`Pc::go_on`](super::Pc::go_on)
-    /// continues after the last job that was evidently executed.
+    /// ([`Error::OutcomeUnknown`](super::Error::OutcomeUnknown)). Check the workpiece, and set
+    /// [`executed`](JournalEntry::executed) to the jobs that are done: [`Pc::go_on`](super::Pc::go_on) continues after them.
     Unknown(JournalEntry),
 }
 
@@ -74,7 +74,7 @@ impl ProgressStore for () {
 }
 
 /// A file that stores the progress: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for
-/// every change, of which the last counts. The checksum is the CRC-32 of the line before it, in hex.
+/// each change before jobs are sent, for every 64 executed jobs and for the end, of which the last counts. The checksum is the CRC-32 of the line before it, in hex.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk does not delay other tasks of
 /// the runtime.

@@ -37,13 +37,15 @@ impl<W> fmt::Debug for TaskSource<W> {
 #[derive(Debug)]
 pub struct Orders<W, K> {
     keep: K,
-    /// The order that was stored, and the number of its jobs that were sent then.
-    kept: (u16, u32),
+    /// The order that was stored, and the numbers of its jobs that were sent and executed then.
+    kept: (u16, u32, u32),
     /// The index of the order's first job in the caller's list.
     first: u32,
     active: Option<ActiveOrder>,
     /// The order that has ended. `None` if no part of it was sent: the journal stays as it is.
     ended: Option<LastOrder>,
+    /// The outcome of an order that is not stored yet.
+    outcome: Option<OrderOutcome>,
     commands: VecDeque<Reply<Result<CommandOutcome, Error>>>,
     jobs: core::marker::PhantomData<fn() -> W>,
 }
@@ -55,6 +57,23 @@ struct ActiveOrder {
     reply: Reply<Result<OrderResult, Error>>,
     unfit: Option<(u32, FieldError)>,
 }
+
+/// The outcome of an order. Its caller receives it when this is dropped: once it is stored, or cannot be.
+#[derive(Debug)]
+struct OrderOutcome(Option<(Reply<Outcome>, Outcome)>);
+
+type Outcome = Result<OrderResult, Error>;
+
+impl Drop for OrderOutcome {
+    fn drop(&mut self) {
+        if let Some((reply, outcome)) = self.0.take() {
+            let _ = reply.send(outcome);
+        }
+    }
+}
+
+/// The number of executed jobs after which the progress is stored again although no job is sent.
+const STORE_EVERY: u32 = 64;
 
 /// A call of a [`Pc`](super::Pc).
 #[derive(Debug)]
@@ -84,8 +103,17 @@ type Session<W> = LargePc<TaskSource<W>>;
 
 impl<W, K> Orders<W, K> {
     pub(super) fn new(keep: K) -> Self {
-        let (active, ended, commands) = (None, None, VecDeque::new());
-        Self { keep, kept: (0, 0), first: 0, active, ended, commands, jobs: core::marker::PhantomData }
+        let (active, ended, outcome, commands) = (None, None, None, VecDeque::new());
+        Self {
+            keep,
+            kept: (0, 0, 0),
+            first: 0,
+            active,
+            ended,
+            outcome,
+            commands,
+            jobs: core::marker::PhantomData,
+        }
     }
 
     /// Returns the progress of the order of a session, or its last progress once it has ended.
@@ -103,11 +131,13 @@ impl<W, K> Orders<W, K> {
         }
     }
 
-    /// Ends the order with an outcome. If the outcome is not awaited, it is an event.
-    fn end(&mut self, outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<OrderResult, Error>) {
-        if let Some(ActiveOrder { reply, unfit, .. }) = self.active.take() {
-            let _ = reply.send(outcome(unfit));
-        }
+    /// Ends the order with an outcome, which its caller receives when the return value is dropped. If the outcome is not
+    /// awaited, it is an event.
+    fn end(
+        &mut self,
+        outcome: impl FnOnce(Option<(u32, FieldError)>) -> Result<OrderResult, Error>,
+    ) -> OrderOutcome {
+        OrderOutcome(self.active.take().map(|ActiveOrder { reply, unfit, .. }| (reply, outcome(unfit))))
     }
 }
 
@@ -160,14 +190,14 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
             PcEvent::OrderOver { order, executed, complete } => {
                 let ended = if complete { LastOrder::Complete } else { LastOrder::Stopped };
                 self.ended = Some(ended(JournalEntry { order, ..self.progress(session) }));
-                self.end(|unfit| Ok(OrderResult { executed, complete, unfit }));
+                self.outcome = Some(self.end(|unfit| Ok(OrderResult { executed, complete, unfit })));
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
                 self.ended = Some(LastOrder::Unknown(JournalEntry { order, ..self.progress(session) }));
-                self.end(|_| Err(Error::OutcomeUnknown { executed, sent }));
+                self.outcome = Some(self.end(|_| Err(Error::OutcomeUnknown { executed, sent })));
             }
             PcEvent::OrderRefused { active, given_up: true, .. } => {
-                self.end(|_| Err(Error::Refused { active }));
+                drop(self.end(|_| Err(Error::Refused { active })));
             }
             PcEvent::Command { outcome, .. } => {
                 if let Some(reply) = self.commands.pop_front() {
@@ -179,11 +209,14 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         reports.event(event);
     }
 
-    /// Stores the progress when jobs are sent. The executed jobs are stored with it, since the robot itself reports them.
+    /// Stores the progress before jobs are sent, after each [`STORE_EVERY`] executed jobs, and before the caller receives the
+    /// outcome.
     async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
-        let now = (session.order().unwrap_or(0), session.sent());
+        let _stored = self.outcome.take();
+        let now = (session.order().unwrap_or(0), session.sent(), session.executed());
+        let (order, sent, executed) = self.kept;
         let last = match session.order() {
-            _ if self.kept == now => return Ok(()),
+            _ if (order, sent) == (now.0, now.1) && now.2 < executed + STORE_EVERY => return Ok(()),
             Some(_) => Some(LastOrder::Active(self.progress(session))),
             // The event that ends the order is still in the session.
             None if self.active.is_some() => return Ok(()),
@@ -202,6 +235,7 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         why: &Arc<io::Error>,
         reports: &mut Reports<'_, PcEvent>,
     ) {
+        self.outcome = None;
         if self.active.is_none() && self.commands.is_empty() {
             return;
         }
@@ -213,11 +247,11 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         let why = Arc::clone(why);
         if session.forget() {
             // The order can be resumed: it stays stored.
-            self.kept = (0, session.sent());
+            self.kept = (0, session.sent(), session.executed());
             reports.event(PcEvent::OutcomeUnknown { order, executed, sent });
-            self.end(|_| Err(Error::GivenUp { kept, why }));
+            drop(self.end(|_| Err(Error::GivenUp { kept, why })));
         } else {
-            self.end(|_| Err(Error::NotConnected(why)));
+            drop(self.end(|_| Err(Error::NotConnected(why))));
         }
     }
 

@@ -17,7 +17,7 @@ use kawasaki_msg::{
     Role, SessionError, Supply, Takeover,
 };
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
-use tokio::sync::oneshot;
+use tokio::sync::{Notify, oneshot};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
@@ -256,10 +256,56 @@ async fn a_journal_has_the_outcome_of_its_last_order() {
             robot.exchange(packet).await;
         }
         drop(outcome(order).await);
-        pc.handle().shutdown().await;
-        task.await.unwrap();
+        kill(task).await;
         assert_eq!(Journal::open(&path).unwrap().1, expected);
     }
+}
+
+/// Stores the end of an order when it is told to.
+struct SlowStore(Arc<Notify>);
+
+impl ProgressStore for SlowStore {
+    async fn keep(&mut self, last: &LastOrder) -> io::Result<()> {
+        if !matches!(last, LastOrder::Active(_)) {
+            self.0.notified().await;
+        }
+        Ok(())
+    }
+}
+
+/// A caller that ends the program at the outcome has it in the journal.
+#[tokio::test]
+async fn an_outcome_is_stored_before_the_caller_receives_it() {
+    let store = Arc::new(Notify::new());
+    let (pc, gate, _task) = a_pc(PcConfig::tcp(), SlowStore(Arc::clone(&store)));
+    let mut robot = open(gate);
+    let mut order = pin!(pc.start(50, jobs(3)).await.unwrap());
+    robot.exchange(IDLE).await;
+    robot.exchange(STARTED).await;
+    robot.0.write_all(b"<TyoKuittaus$4#50$3#><LoppuKuittaus$6#50$0$3#>").await.unwrap();
+    assert!(timeout(50 * MS, order.as_mut()).await.is_err(), "not stored yet");
+    store.notify_one();
+    let over = timeout(LONG, order).await.expect("an outcome").unwrap();
+    assert_eq!(over, OrderResult { executed: 3, complete: true, unfit: None });
+}
+
+/// No job is sent meanwhile: all are in the robot's queue.
+#[tokio::test]
+async fn a_journal_follows_the_executed_jobs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    let (pc, gate, task) = a_pc(PcConfig::tcp(), Journal::open(&path).unwrap().0);
+    let mut robot = open(gate);
+    let order = pc.start(50, jobs(100)).await.unwrap();
+    robot.exchange(IDLE).await;
+    assert_eq!(robot.exchange(STARTED).await.matches("<Tyo$").count(), 100);
+    for executed in [63, 64, 70] {
+        robot.exchange(&format!("<TyoKuittaus$5#50${executed}#>")).await;
+    }
+    kill(task).await;
+    drop(order);
+    let kept = JournalEntry { order: 50, first: 0, executed: 64, sent: 100, ahead: vec![] };
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Active(kept));
 }
 
 /// Returns the configuration over TCP, with a command of the plant: number 7.

@@ -328,7 +328,7 @@ impl<R: Record> Journal<R> {
     fn read_lines(&mut self, work: &str) -> Result<()> {
         self.file.seek(SeekFrom::Start(0))?;
         let mut reader = BufReader::new(self.file.try_clone()?);
-        let (mut line, mut number, mut is_this) = (Vec::new(), 0_u64, true);
+        let (mut line, mut number, mut is_this, mut is_counted) = (Vec::new(), 0_u64, true, true);
         loop {
             line.clear();
             let length = reader.read_until(b'\n', &mut line)? as u64;
@@ -342,6 +342,7 @@ impl<R: Record> Journal<R> {
                     Some(text).filter(|_| is_whole).and_then(|text| serde_json::from_slice(text).ok());
                 let taken = entry.and_then(|entry| self.record.take(&entry));
                 // The parts of other work may be more.
+                is_counted &= taken.is_some();
                 taken.or((!is_this).then_some(())).with_context(|| self.damage(work, number))?;
             } else {
                 is_this = first(line).with_context(|| self.damage(work, number))? == self.head;
@@ -353,7 +354,7 @@ impl<R: Record> Journal<R> {
             "it belongs to another {work}, of which it has {} as done: the file has changed, or a setting on which its parts depend. \
              Finish the earlier {work}, give the rest as a {work} of its own with another --journal, or do every part of this one with \
              --again, also what is done",
-            counted(self.tally().done, "part")
+            if is_counted { counted(self.tally().done, "part") } else { "parts".into() }
         );
         self.is_begun = number > 1;
         Ok(())

@@ -161,7 +161,10 @@ fn execute(
 fn machine(before: usize, tally: &Tally) -> String {
     match tally.done.saturating_sub(before) + tally.unknown {
         0 => "nothing was queued".into(),
-        queued => format!("the controller may still execute up to {queued} queued instructions"),
+        queued => {
+            let earlier = if before > 0 { ", and those of earlier runs" } else { "" };
+            format!("the controller may still execute up to {queued} queued instructions{earlier}")
+        }
     }
 }
 

@@ -149,6 +149,8 @@ fn a_run_that_does_nothing_leaves_its_journal_and_one_without_an_entry_is_of_no_
     assert_eq!(open("5a", true).unwrap(), [Outcome::NotSent; 7]);
     assert_eq!(open("5a", false).unwrap(), [Outcome::Done; 7]);
     assert!(format!("{:#}", open("5b", false).unwrap_err()).contains("it belongs to another plate"));
+    let fewer = Journal::<Vec<Outcome>>::open(&path, "plate", head("5b", 2), false).unwrap_err();
+    assert!(format!("{fewer:#}").contains("of which it has parts as done"), "{fewer:#}");
     std::fs::write(&path, format!("{}\n", written.1[0])).unwrap();
     assert_eq!(open("5b", false).unwrap(), [Outcome::NotSent; 7]);
     let mut journal = Journal::<Vec<Outcome>>::open(&path, "plate", head("5b", 7), false).unwrap();

@@ -73,8 +73,9 @@ impl ProgressStore for () {
     }
 }
 
-/// A file that stores the progress: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` for
-/// each change before jobs are sent, for every 64 executed jobs and for the end, of which the last counts. The checksum is the CRC-32 of the line before it, in hex.
+/// A file that stores the progress: a line `ORDER FIRST EXECUTED SENT [AHEAD …] [stopped|complete|unknown] *CHECKSUM` before
+/// jobs are sent, for every 64 executed jobs and for the end; the last line counts. The checksum is the CRC-32 of the line
+/// before it, in hex.
 ///
 /// A change is written and synchronised to the disk in a thread for blocking work: a slow disk does not delay other tasks of
 /// the runtime.

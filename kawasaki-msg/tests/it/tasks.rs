@@ -261,7 +261,7 @@ async fn a_journal_has_the_outcome_of_its_last_order() {
     }
 }
 
-/// Stores the end of an order when it is told to.
+/// Stores the end of an order after a notification.
 struct SlowStore(Arc<Notify>);
 
 impl ProgressStore for SlowStore {

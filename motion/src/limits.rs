@@ -6,7 +6,7 @@ use super::trajectory::Trajectory;
 /// A robot's description: the limits of six joints, and the arm. J3 counts as in the trajectory: from the horizontal, as FANUC
 /// shows it.
 ///
-/// Its file is JSON, a joint a line: `{"joints": [{"min": -170, "max": 170, "speed": 450}, …], "arm": {"shoulder": 50,
+/// The file is JSON, a joint a line: `{"joints": [{"min": -170, "max": 170, "speed": 450}, …], "arm": {"shoulder": 50,
 /// "upper_arm": 330, "elbow": 35, "forearm": 335, "flange": 80}}`. The arm may be left out.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -64,7 +64,7 @@ struct Bridge {
     inbox: Option<Page>,
     /// Whether it has read the ledger of the other on this connection.
     has_read: bool,
-    /// Its page of this connection is with the broker.
+    /// The broker has the bridge's page of this connection.
     is_said: bool,
     /// Whether the command was accepted, and its page is to be sent, or to come back.
     unsaid: bool,
@@ -157,7 +157,7 @@ impl Model {
                 step(&|after| self.say(after, at));
             }
             if bridge.waits {
-                // Its own page has come back.
+                // The bridge's own page has come back.
                 step(&|after| self.give(after, at));
             }
             let has_arrived = bridge.inbox.is_none() || !self.holds(Clause::Arrived);

@@ -115,7 +115,7 @@ pub struct StoreSettings {
     pub bytes: u64,
 }
 
-/// Health.
+/// The address of the health page and of the metrics.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Health {
@@ -123,7 +123,7 @@ pub struct Health {
     pub listen: Option<String>,
 }
 
-/// Commands.
+/// The commands that the bridge accepts.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Commands {

@@ -207,7 +207,7 @@ fn a_device_that_closes_each_connection_is_tried_less_and_less_often_and_dies_on
     // Half of each pause is random.
     assert!(begun.elapsed() >= Duration::from_millis((250 + 500 + 1000 + 2000) / 2), "{:?}", begun.elapsed());
     until("their failures", || figure(&bridge, "link_failures_total{cell=\"robot\"}") >= 5);
-    // Its first reason.
+    // The first reason of the event.
     let records = figure(&bridge, "record_number{cell=\"robot\"}");
     assert_eq!(records, 1);
     next(&mut peer, "/DDEATH/");

@@ -63,7 +63,7 @@ fn a_cell_whose_topic_is_refused_is_held_until_it_is_taken_and_the_others_go_on(
     let cells = [("ball", &balls[0]), ("free", &balls[1])];
     let mut bridge = Running::start(site_command(folder.path(), &broker.address(), "", &cells));
 
-    // Its first three are taken, and then the access control is another.
+    // The first three are taken, and then the access control is another.
     let mut peer = broker.accept(&[]);
     let seen = serve(&mut peer, 20, 4, |number| if number <= 3 { 0 } else { FORBIDDEN });
     assert!(of(&seen, "DBIRTH", "ball").is_empty() && of(&seen, "DDATA", "ball").is_empty());

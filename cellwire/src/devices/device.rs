@@ -23,7 +23,7 @@ use cellwire_links::settings::Setting;
 pub struct Device {
     /// The name of the device on the command line.
     pub name: &'static str,
-    /// Its link, where that has no other device: another name, and so is that of the link's crate.
+    /// The link of the device, if the link has no other device: a second name; so is the name of the link's crate.
     pub link: Option<&'static str>,
     /// The device in one line.
     pub about: &'static str,

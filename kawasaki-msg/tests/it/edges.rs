@@ -171,7 +171,7 @@ fn a_decoder_holds_the_longest_message_and_not_a_byte_more() {
     assert_eq!(decoder.push(&[b'x'; 97]), 96);
     assert_eq!(decoder.push(b"x"), 0);
     assert!(decoder.next_frame().is_none(), "garbage is told when a message begins");
-    // Its place is free again.
+    // The space of the garbage is free again.
     assert_eq!(decoder.push(&[b'x'; 5000]), 4096);
     assert!(decoder.next_frame().is_none());
     assert_eq!(decoder.push(b"<"), 1);

@@ -224,7 +224,7 @@ where
     const END: &'static str = "controller";
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-    /// Its single outcome was taken when the previous instruction was answered.
+    /// The single outcome was taken when the previous instruction was answered.
     const QUEUE_SPACE: QueueSpace = QueueSpace::NONE;
 
     robot_session::core!(ControllerEvent::Unexpected);

@@ -11,7 +11,7 @@ use super::pair::Setting;
 pub struct Margin {
     /// The end: `val2-alter host`.
     pub end: &'static str,
-    /// Its setting, or the value that it has in its place.
+    /// The setting of the assumption, or the value in place of a setting.
     pub setting: &'static str,
     /// The real time that is longer than assumed, and where.
     pub real: &'static str,

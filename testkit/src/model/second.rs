@@ -1,6 +1,6 @@
 //! A second opinion: any system as a model of `stateright`.
 //!
-//! Its search shares only the system with the project's own. Its traces are not the shortest, and its liveness misses
+//! The second search shares only the system with the project's own. Its traces are not the shortest, and its liveness misses
 //! cycles: it is used to count.
 
 use std::sync::Arc;

@@ -384,7 +384,7 @@ impl Cell {
             return self.open.map(|part| Event::SlotFound { place: place(part) });
         }
         if let Some(part) = self.open.take() {
-            // Its picture came when it was no longer awaited.
+            // The picture came when it was no longer awaited.
             self.ledger.report(part, ReportedOutcome::NotDone, self.robot.wire.mark());
         }
         let part = self.ledger.send(self.robot.wire.mark());

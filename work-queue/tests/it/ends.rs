@@ -48,7 +48,7 @@ fn each_end_is_woken_by_what_the_other_has_done() {
     woken(0, 0);
     drop(reader.take().unwrap());
     woken(0, 0);
-    // Its slot is free when those before it are: it is completed all the same.
+    // The job's slot is free when those before it are: it is completed all the same.
     reader.take_where(|number, _| number == 3).unwrap().complete();
     woken(0, 1);
     reader.take().unwrap().complete();

@@ -213,7 +213,7 @@ pub(crate) struct Terminal {
 impl Terminal {
     fn new() -> Self {
         let (user, path) = Pty::new();
-        // Its settings stay as long as it is open.
+        // The settings of the port stay as long as it is open.
         let client = File::options().read(true).write(true).open(&path).unwrap();
         stty(&path, &["sane", "rows", "24", "cols", "80"]);
         let settings = stty(&path, &["-g"]);

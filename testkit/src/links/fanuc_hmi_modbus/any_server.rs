@@ -7,7 +7,7 @@ use fanuc_hmi_modbus::client::machine::{
 };
 use fanuc_hmi_modbus::{ClientConfig, Framing};
 
-use super::line_to_client::{DATA, DecoderContents, Found, Frame, LINE, MOST, NOBODY, PROBE, Piece, Shape};
+use super::pieces::{DATA, DecoderContents, Found, Frame, LINE, MOST, NOBODY, PROBE, Piece, Shape};
 use super::requests::{ENDED_TWICE, Job, Kind, Knowledge, SENT, Stale};
 use super::world::{COLLISION, TICK, TURNAROUND};
 use crate::model::{Actor, Cause, CauseOf, EXPECTED, InputOf, Peer, PeerAssumptions, WRITTEN};

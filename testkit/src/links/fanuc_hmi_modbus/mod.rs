@@ -5,6 +5,7 @@ mod any_client;
 mod any_server;
 mod line_to_client;
 mod margins;
+mod pieces;
 mod requests;
 pub mod rows;
 mod world;

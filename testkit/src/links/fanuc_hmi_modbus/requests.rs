@@ -2,7 +2,7 @@
 
 use fanuc_hmi_modbus::client::machine::{ReplyMatch, SlotSet};
 
-use super::line_to_client::{DecoderContents, Frame, PROBE, Piece};
+use super::pieces::{DecoderContents, Follows, Frame, PROBE, Piece, Shape};
 
 pub(super) const ENDED_TWICE: &str = "each request has one outcome";
 pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
@@ -146,5 +146,23 @@ impl Knowledge {
     pub(super) fn read(&mut self) {
         self.replies().for_each(|reply| *reply = reply.filter(|left| *left > 0));
         self.stale.retain(|stale| stale.left > 0);
+    }
+}
+
+impl Shape {
+    /// Returns whether a frame can be the reply to the request in flight, if there is one.
+    pub(super) fn fit(self, asked: Option<Kind>, follows: Follows) -> ReplyMatch {
+        match (self, asked) {
+            (_, None) | (Self::Read, Some(Kind::Read)) => ReplyMatch::Full,
+            (Self::Write, Some(Kind::Write)) => ReplyMatch::Equal,
+            (Self::ReadRefused, Some(Kind::Read)) | (Self::WriteRefused, Some(Kind::Write)) => {
+                match follows {
+                    Follows::More => ReplyMatch::Exception,
+                    Follows::Nothing => ReplyMatch::OpenException,
+                    Follows::Silence => ReplyMatch::Full,
+                }
+            }
+            _ => ReplyMatch::Mismatch,
+        }
     }
 }

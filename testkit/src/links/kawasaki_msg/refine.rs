@@ -197,7 +197,7 @@ impl<'a> Ends<'a> {
                 }
                 let (robot, reader) = new_robot(self.setup);
                 (self.robot, self.reader) = (robot, Some(reader));
-                // Its clock continues where the model's has begun again.
+                // The session's clock continues where the model's has begun again.
                 assert_eq!(self.world.robot.link, Link::Disconnected { connect_at: Duration::ZERO });
             }
             Act::Tick | Act::LateTick => self.now += TICK,

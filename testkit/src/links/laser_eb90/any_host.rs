@@ -337,7 +337,7 @@ impl Knowledge {
                 self.corrupt(Refusal::BadFrame, held.bytes() + bytes - EMPTY_HEAD, false);
                 self.held = DecoderContents::Begun(EMPTY_HEAD);
             }
-            // Its first byte is not a tag.
+            // The first byte of noise is not a tag.
             Noise { .. } if matches!(held, DecoderContents::Begun(_)) => {
                 self.corrupt(Refusal::BadFrame, held.bytes() + 1, false);
                 self.held = DecoderContents::Headless(bytes - 1);

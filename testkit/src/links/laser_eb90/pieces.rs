@@ -105,12 +105,12 @@ pub(super) const SHAPES: &[(&[Piece], bool)] = &[
     (&[Bad, MANY], true),
     // A little noise.
     (&[Noise { many: false }, Whole(Verdict::Queued)], true),
-    // Its head is corrupt.
+    // The head of the frame is corrupt.
     (&[Noise { many: true }], false),
     (&[Noise { many: true }, MANY], false),
     (&[Noise { many: true }, FEW], false),
     (&[Noise { many: false }, MANY], false),
-    // Its head is lost.
+    // The head of the frame is lost.
     (&[MANY], false),
     (&[MANY, MANY], false),
     (&[MANY, FEW], false),

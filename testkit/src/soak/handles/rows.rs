@@ -353,7 +353,7 @@ impl HandledLink for laser::Laser {
     const FAULTS: Faults = SERIAL.at_baud(laser_eb90::timing::BAUD);
     const ONE_IN: Option<u32> = Some(256);
     const MAX_MESSAGE_LEN: usize = laser_eb90::Frame::MAX_LEN;
-    /// Its queue is lost.
+    /// The queue of the laser is lost with its power.
     const RESTARTS: bool = false;
 
     fn device() -> Laser {

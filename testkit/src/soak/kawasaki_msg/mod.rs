@@ -280,7 +280,7 @@ impl<C: Controller> Cell<C> {
                 self.lose_connection();
                 self.robot = C::begin(robot, self.capacity, self.ledger.len() as u64);
             }
-            // Its user knows of the restart, and of nothing more.
+            // The robot's user knows of the restart, and of nothing more.
             Mishap::PcRestarts => {
                 self.lose_connection();
                 self.pc = LargePc::with_ranges(pc, Default::default()).unwrap();

@@ -209,7 +209,7 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         reports.event(event);
     }
 
-    /// Stores the progress before jobs are sent, after each [`STORE_EVERY`] executed jobs, and before the caller receives the
+    /// Stores the progress before jobs are sent, after each 64 executed jobs, and before the caller receives the
     /// outcome.
     async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
         let _stored = self.outcome.take();

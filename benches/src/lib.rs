@@ -4,6 +4,7 @@
 //! A count is exact and the same on a busy computer: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
 
+pub mod frames;
 mod peer;
 mod row;
 

@@ -1,16 +1,15 @@
 use std::time::Duration;
 
+use benches::frames::BALL_PACKET;
 use benches::{Count, Link};
 use isra_ball::{HostConfig, HostEvent};
 
 use super::peer::{reply, with_peer};
 
-const PACKET: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
-
 pub(super) const LINK: Link = Link {
     name: "isra-ball",
     counts: &[Count::op("TCP: a poll and its packet through the handle", handle).rounds(50)],
-    peers: &[|stream| reply(stream, Duration::from_millis(15), &PACKET)],
+    peers: &[|stream| reply(stream, Duration::from_millis(15), &BALL_PACKET)],
     ..Link::EMPTY
 };
 

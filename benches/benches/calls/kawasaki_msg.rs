@@ -1,13 +1,17 @@
+#[path = "../work/kawasaki.rs"]
+mod work;
+
 use std::net::TcpStream;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
 use benches::{Count, Link};
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{JobKind, LargeRobot, Line, PcConfig, Point, RobotConfig};
+use kawasaki_msg::{LargeRobot, Line, PcConfig, RobotConfig};
 use robot_session::Driver;
 
 use super::peer::with_peer;
+use work::line;
 
 /// The jobs of a packet when the numbers have four digits.
 const JOBS: usize = 93;
@@ -23,21 +27,16 @@ pub(super) const LINK: Link = Link {
     ..Link::EMPTY
 };
 
-/// Lines on a board of 800 mm by 600 mm in front of the robot, each from one point to the next.
-fn line(index: usize) -> Line {
-    let n = (index % 9999) as i32 + 1;
-    let at = |n: i32| Point::new(40_000 + n * 7919 % 80_000, n * 6007 % 60_000 - 30_000);
-    let kind = if n % 5 == 0 { JobKind::Move } else { JobKind::Draw };
-    Line { kind, start: at(n), end: at(n + 1) }
-}
-
 /// Runs an order of as many full packets.
 fn handle(rounds: u64) {
     with_peer(LINK.name, 0, |tcp| async move {
         let (robot, task) = kawasaki_msg::tokio::pc(PcConfig::tcp(), (), tcp).expect("a PC");
         tokio::spawn(task.run());
         let jobs = rounds as usize * JOBS;
-        let over = robot.run(50, (0..jobs).map(line).collect::<Vec<_>>()).await.expect("the order ends");
+        let over = robot
+            .run(50, (0..jobs).map(|index| line((index % 9999) as u16 + 1)).collect::<Vec<_>>())
+            .await
+            .expect("the order ends");
         assert_eq!(over.executed as usize, jobs);
     });
 }

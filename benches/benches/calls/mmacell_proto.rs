@@ -1,14 +1,13 @@
+use benches::frames::MMA_STATUS;
 use benches::{Count, Link};
 use mmacell_proto::{CentralConfig, RobotPose};
 
 use super::peer::{DELAY, ROUNDS, reply, with_peer};
 
-const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
-
 pub(super) const LINK: Link = Link {
     name: "mmacell-proto",
     counts: &[Count::op("TCP: a status through the handle", handle).rounds(ROUNDS)],
-    peers: &[|stream| reply(stream, DELAY, STATUS)],
+    peers: &[|stream| reply(stream, DELAY, MMA_STATUS)],
     ..Link::EMPTY
 };
 

@@ -1,14 +1,13 @@
+use benches::frames::VIEWER_POSE;
 use benches::{Count, Link};
 use val2_viewer::{WorkstationConfig, WorkstationEvent};
 
 use super::peer::{DELAY, reply, with_peer};
 
-const LINE: &[u8] = b"$POSE,7,16384,0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
-
 pub(super) const LINK: Link = Link {
     name: "val2-viewer",
     counts: &[Count::op("TCP: ENQ and its pose through the workstation's handle", handle).rounds(20)],
-    peers: &[|stream| reply(stream, DELAY, LINE)],
+    peers: &[|stream| reply(stream, DELAY, VIEWER_POSE)],
     ..Link::EMPTY
 };
 

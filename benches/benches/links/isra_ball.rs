@@ -11,8 +11,7 @@ use isra_ball::{
 };
 
 use super::streams::{self, Decoding};
-
-const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
+use benches::frames::BALL_PACKET as BYTES;
 
 pub(super) const LINK: Link = Link {
     name: "isra-ball",

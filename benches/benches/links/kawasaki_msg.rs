@@ -2,6 +2,8 @@
 
 mod by_hand;
 mod exchange;
+#[path = "../work/kawasaki.rs"]
+mod work;
 
 use core::any::Any;
 use core::hint::black_box;
@@ -17,6 +19,7 @@ use kawasaki_msg::{
 use robot_work_queue::Reader;
 
 use super::streams::{self, Decoding};
+use work::line;
 
 /// The goals of each packet are ratios to the loop by hand for its one layout: the link carries 31 packets a second, and one
 /// grammar for every table and every layout is worth more than their speed.
@@ -246,14 +249,6 @@ fn build<W: Work>(packet: &mut Packet<'_>, work: impl Fn(u16) -> W) -> u16 {
             _ => return number - 1,
         }
     }
-}
-
-/// Lines on a board of 800 mm by 600 mm in front of the robot, each from one point to the next.
-fn line(number: u16) -> Line {
-    let n = i32::from(number);
-    let at = |n: i32| Point::new(40_000 + n * 7919 % 80_000, n * 6007 % 60_000 - 30_000);
-    let kind = if n % 5 == 0 { JobKind::Move } else { JobKind::Draw };
-    Line { kind, start: at(n), end: at(n + 1) }
 }
 
 /// Six joints in thousandths of a degree, a tool, a speed in per cent.

@@ -11,8 +11,8 @@ use mmacell_proto::{
 };
 
 use super::streams::{self, Decoding};
+use benches::frames::MMA_STATUS as STATUS;
 
-const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
 const MOVE: &[u8; 38] = b"MOVA+010.000-002.000+005.999-01.2322\r\n";
 
 const STATUS_READ: &str = "the same from a stream, through the decoder";

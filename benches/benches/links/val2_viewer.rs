@@ -11,8 +11,7 @@ use val2_viewer::{
 };
 
 use super::streams::{self, Decoding};
-
-const LINE: &[u8] = b"$POSE,7,16384,0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
+use benches::frames::VIEWER_POSE as LINE;
 
 pub(super) const LINK: Link = Link {
     name: "val2-viewer",

@@ -213,10 +213,12 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
     /// outcome.
     async fn keep(&mut self, session: &mut Session<W>) -> io::Result<()> {
         let _stored = self.outcome.take();
-        let now = (session.order().unwrap_or(0), session.sent(), session.executed());
-        let (order, sent, executed) = self.kept;
+        let (order, sent, executed) = (session.order().unwrap_or(0), session.sent(), session.executed());
+        let (kept_order, kept_sent, kept_executed) = self.kept;
         let last = match session.order() {
-            _ if (order, sent) == (now.0, now.1) && now.2 < executed + STORE_EVERY => return Ok(()),
+            _ if (order, sent) == (kept_order, kept_sent) && executed < kept_executed + STORE_EVERY => {
+                return Ok(());
+            }
             Some(_) => Some(LastOrder::Active(self.progress(session))),
             // The event that ends the order is still in the session.
             None if self.active.is_some() => return Ok(()),
@@ -225,7 +227,7 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         if let Some(last) = last {
             self.keep.keep(&last).await?;
         }
-        self.kept = now;
+        self.kept = (order, sent, executed);
         Ok(())
     }
 

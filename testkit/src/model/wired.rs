@@ -47,7 +47,7 @@ pub trait Wired: Peer {
     fn reported(&self, event: &EventOf<Self::Session>) -> Option<String>;
 
     /// Returns the strings of steps that the end may receive in place of a step whose bytes the line has lost or changed.
-    fn lost(&self, _known: &Self::Knowledge, _word: Self::Step) -> Vec<Vec<Self::Step>> {
+    fn lost(&self, _known: &Self::Knowledge, _step: Self::Step) -> Vec<Vec<Self::Step>> {
         vec![Vec::new()]
     }
 
@@ -57,12 +57,12 @@ pub trait Wired: Peer {
     }
 
     /// Returns whether the end waits for the rest of this step without a limit.
-    fn may_pause(&self, _word: Self::Step) -> bool {
+    fn may_pause(&self, _step: Self::Step) -> bool {
         true
     }
 
     /// Returns whether the decoder is empty when the end has received this step.
-    fn is_last(&self, _word: Self::Step) -> bool {
+    fn is_last(&self, _step: Self::Step) -> bool {
         true
     }
 

@@ -25,7 +25,7 @@ use self::any_server::{CUT, DATA_IS_NONE, ENDS, FITS, FOREIGN_REPLY, HEARD, PROV
 use self::world::{COLLISION, FRAMINGS};
 pub use self::world::{RTU, RTU_OVER_TCP};
 use crate::model::{
-    EndWithPeer, MustFail, Pair, PeerAssumptions, STANDSTILL, Setting, Table, Wired, at, draw,
+    EndWithPeer, MustFail, Pair, PeerAssumptions, Refined, STANDSTILL, Setting, Table, Wired, at, draw,
 };
 
 /// The tables of the link's machines.
@@ -63,10 +63,7 @@ pub const ANY_CLIENT: Pair = Pair {
         let settings = settings(any_client, any_client::RULES, any_client::ANYTHING);
         draw("fanuc-hmi-modbus", &["server"], &settings)
     },
-    refined: || {
-        let each = |(_, framing)| [true, false].map(|keeps_rules| any_client(framing, keeps_rules).refined());
-        FRAMINGS.into_iter().flat_map(each).collect()
-    },
+    refined: || refined(any_client),
 };
 
 /// A client, and servers of other makers.
@@ -128,10 +125,7 @@ pub const ANY_SERVER: Pair = Pair {
         let settings = settings(any_server, any_server::RULES, any_server::ANYTHING);
         draw("fanuc-hmi-modbus", &["client"], &settings)
     },
-    refined: || {
-        let each = |(_, framing)| [true, false].map(|keeps_rules| any_server(framing, keeps_rules).refined());
-        FRAMINGS.into_iter().flat_map(each).collect()
-    },
+    refined: || refined(any_server),
 };
 
 /// The settings of each framing: a peer that keeps the rules, and one that does anything.
@@ -148,6 +142,12 @@ where
             Setting::new(format!("{name}, {}", at(keeps_rules)), system(framing, keeps_rules)).on(terms)
         })
     };
+    FRAMINGS.into_iter().flat_map(each).collect()
+}
+
+/// The session of an end beside its machine, for the same settings.
+fn refined<P: Wired>(system: fn(Framing, bool) -> EndWithPeer<P>) -> Vec<Refined> {
+    let each = |(_, framing)| [true, false].map(|keeps_rules| system(framing, keeps_rules).refined());
     FRAMINGS.into_iter().flat_map(each).collect()
 }
 

@@ -156,7 +156,11 @@ impl<'a> Setting<'a> {
         };
         let rest = rest.trim();
         let (name, rest) = rest.split_once(|c: char| c.is_whitespace() || c == '=').unwrap_or((rest, ""));
-        let value = rest.split_once('=').map_or(rest, |(_, value)| value).trim();
+        // A name in quotes may have a `=` of its own.
+        let value = match rest.split_once('=') {
+            Some((before, value)) if !before.contains(QUOTES) => value.trim(),
+            _ => rest.trim(),
+        };
         if value == "Uninitialized" {
             return Ok(None);
         }
@@ -164,10 +168,7 @@ impl<'a> Setting<'a> {
         let field = match name {
             "ADDRESS" => Field::Address(number()?),
             "SIZE" => Field::Size(number()?),
-            "VAR_NAME" => {
-                let quotes: &[char] = &['\'', '"'];
-                Field::VarName(value.trim_matches(quotes))
-            }
+            "VAR_NAME" => Field::VarName(unquoted(value)),
             "MULTIPLY" => {
                 let value = value.parse::<f32>().map_err(|_| AssignmentError::Value { slot })?;
                 Field::Multiply(Multiply::new(value)?)
@@ -176,6 +177,14 @@ impl<'a> Setting<'a> {
         };
         Ok(Some(Self { slot, field }))
     }
+}
+
+/// What a controller, or a person, puts around the name of a variable.
+const QUOTES: [char; 2] = ['\'', '"'];
+
+/// Returns a value without one pair of quotes around it.
+fn unquoted(value: &str) -> &str {
+    QUOTES.iter().find_map(|&quote| value.strip_prefix(quote)?.strip_suffix(quote)).unwrap_or(value)
 }
 
 /// All slots, as a listing fills them.
@@ -283,6 +292,18 @@ mod tests {
         assert_eq!(Setting::parse("SETVAR $SNPX_ASG[3].$COLOR 1"), Err(AssignmentError::Value { slot: 3 }));
         let error = Slots::parse("\nSETVAR $SNPX_ASG[3].$MULTIPLY 0.00001").unwrap_err();
         assert_eq!(error, ListingError { line: 2, error: AssignmentError::Multiply { found: 0.00001 } });
+    }
+
+    #[test]
+    fn a_name_keeps_what_is_within_its_quotes() {
+        for name in ["R[1] = 2", "\"R[1]\"", "\"", "=", " R[1]"] {
+            let slot = Assignment { var_name: name, ..Assignment::FACTORY };
+            let mut printed = String::new();
+            slot.print(1, &mut printed).unwrap();
+            let listed = std::format!("Field: $SNPX_ASG[1].$VAR_NAME Access: RW: STRING[37] = '{name}'");
+            assert_eq!(Slots::parse(&printed).unwrap().used().next(), Some((1, &slot)));
+            assert_eq!(Setting::parse(&listed).unwrap().unwrap().field, Field::VarName(name));
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@
 
 use core::time::Duration;
 use std::fs::File;
-use std::io::{LineWriter, Write as _};
+use std::io::{ErrorKind, LineWriter, Write as _};
 use std::time::SystemTime;
 
 use fanuc_hmi_modbus::robot_session::tokio::{Link, Tcp};
@@ -43,6 +43,7 @@ async fn main() -> Result<(), Box<dyn core::error::Error>> {
         };
         match line {
             Ok(line) => writeln!(csv, "{line}")?,
+            Err(Error::NotConnected(why)) if why.kind() == ErrorKind::InvalidInput => return Err(why.into()), // of the address
             Err(Error::NotConnected(_) | Error::Failed(_)) => {} // `report` prints the connection
             Err(Error::Closed(closed)) => return Err(closed.into()),
             Err(error) => eprintln!("{error}"),

@@ -179,7 +179,7 @@ impl<'a> Setting<'a> {
     }
 }
 
-/// What a controller, or a person, puts around the name of a variable.
+/// The quotation marks around the name of a variable, by a controller or a person.
 const QUOTES: [char; 2] = ['\'', '"'];
 
 /// Returns a value without one pair of quotes around it.

@@ -66,8 +66,9 @@ fn ordinary<'a, 'b>(
 /// opened for writing.
 ///
 /// # Errors
-/// If writing there is not permitted.
+/// If writing there is not permitted, or the name is `-`.
 pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
+    anyhow::ensure!(path != Path::new("-"), "`-` is no name of a file: give one, or /dev/stdout");
     let is_device = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
     if is_device && let Ok(device) = OpenOptions::new().write(true).open(path) {
         return Ok((device, path.to_owned()));

@@ -106,11 +106,9 @@ fn what_no_link_explains_is_described() {
     fs::write(&file, (0..40).flat_map(message).collect::<Vec<u8>>()).unwrap();
     let (code, out, _) = identify("--format raw", &file);
     assert_eq!(code, Some(1));
-    for text in [
-        "messages of 6 to 6 bytes, begin with AA 55",
-        "checked by: xor of 1 bytes, at the end",
-        "counter: byte 2",
-    ] {
+    for text in
+        ["messages of 6 bytes, begin with AA 55", "checked by: xor of 1 byte, at the end", "counter: byte 2"]
+    {
         assert!(out.contains(text), "{text}: {out}");
     }
 }

@@ -161,7 +161,9 @@ pub(super) fn log(args: &Args) -> Result<bool> {
     writeln!(log.out, "utc,{}", recording::HEADER).map_err(|error| unwritten(error.into()))?;
     let outcome = logger.run(end, |reading| log.take(reading).map(|()| true).map_err(unwritten));
     log.end().map_err(unwritten)?;
-    print(&log.report(&args.server, &csv), args.json)?;
+    if log.tally.blocks > 0 || log.tally.failed > 0 || args.json {
+        print(&log.report(&args.server, &csv), args.json)?;
+    }
     if let Some(order) = log.order.contradicted {
         let order = json!(order);
         remark(&format!("warning: the life counter indicates word order {order}: these values are wrong"));

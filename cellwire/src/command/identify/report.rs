@@ -63,6 +63,9 @@ pub(super) fn tables(conversation: &Conversation, findings: &[Finding]) -> Resul
     Ok(writeln!(out)?)
 }
 
+/// The bits of a chance of one in about a million.
+const MILLION: f64 = 20.0;
+
 /// The number of settings of a line that are shown.
 #[cfg(unix)]
 const SHOWN: usize = 8;
@@ -78,7 +81,10 @@ pub(super) fn line(line: &Line, mark: &str) -> Result<()> {
             it.broken.to_string(),
             format!("{:.0} %", 100.0 * it.text),
             it.link.unwrap_or_default().to_owned(),
-            format!("2^{:.0}", it.bits),
+            match it.bits {
+                bits if bits < MILLION => format!("{:.0} times", bits.max(0.0).exp2()),
+                _ => "over a million times".into(),
+            },
         ]);
     }
     let likely: Vec<String> = line.judged.iter().take(line.likely).map(|it| it.setting.to_string()).collect();
@@ -118,22 +124,26 @@ fn unknown(conversation: &Conversation, out: &mut impl Write) -> Result<()> {
         let ends = if seen.end.is_empty() { String::new() } else { format!(", end with {}", hex(&seen.end)) };
         let [shortest, longest] = seen.lengths;
         writeln!(out, "  What can be seen of stream {}:", number + 1)?;
-        writeln!(out, "    {} messages of {shortest} to {longest} bytes{which}{ends}", seen.messages)?;
+        let lengths =
+            if shortest == longest { format!("{longest}") } else { format!("{shortest} to {longest}") };
+        writeln!(out, "    {} messages of {lengths} bytes{which}{ends}", seen.messages)?;
         for line in lines(seen) {
             writeln!(out, "    {line}")?;
         }
         writeln!(out)?;
     }
     let near: Vec<Nearest> = nearest(&LINKS.iter().collect::<Vec<_>>(), &conversation.streams)?;
-    for Nearest { link, settings, side, begin, whole, wrong } in near.iter().take(2) {
-        let wrong = wrong.as_ref().map_or_else(String::new, |kind| format!("; most others: {kind}"));
+    for (which, near) in ["nearest", "next"].into_iter().zip(&near) {
+        let Nearest { link, settings, side, begin, whole, wrong } = near;
+        let wrong =
+            wrong.as_ref().map_or_else(String::new, |kind| format!("; the most frequent error: {kind}"));
         let with: Vec<String> =
             settings.iter().map(|(name, value)| format!(" --set {name}={}", plain(value))).collect();
         let with = with.concat();
-        writeln!(
-            out,
-            "  Near: {link}{with}, sent by {side}: {begin} messages begin as its own, {whole} are whole{wrong}"
-        )?;
+        let text = format!(
+            "The {which} link is {link}{with}, sent by the {side}: {begin} messages begin as its own, {whole} of them are whole{wrong}."
+        );
+        say(out, &text)?;
     }
     Ok(writeln!(out)?)
 }
@@ -156,7 +166,10 @@ fn lines(seen: &StreamStructure) -> Vec<String> {
         let plus = if *constant == 0 { String::new() } else { format!(", and {constant:X}h") };
         let once = if *once { ", what is doubled once" } else { "" };
         let order = if *width == 1 { String::new() } else { format!(", {order}") };
-        lines.push(format!("checked by: {kind} of {width} bytes{order}, {place}: of the bytes from {first} {up_to}{once}{plus}"));
+        lines.push(format!(
+            "checked by: {kind} of {}{order}, {place}: of the bytes from {first} {up_to}{once}{plus}",
+            counted(*width as u64, "byte")
+        ));
     }
     if let Some(length) = &seen.length {
         let field = match length.order {
@@ -331,8 +344,8 @@ fn senders(finding: &Finding) -> String {
 fn chance(bits: f64) -> String {
     match bits {
         bits if bits < 1.0 => "likely".into(),
-        bits if bits < 1000.0 => format!("1 in 2^{bits:.0}"),
-        _ => "never".into(),
+        bits if bits < MILLION => format!("1 in {:.0}", bits.exp2()),
+        _ => "under 1 in a million".into(),
     }
 }
 

@@ -20,8 +20,8 @@ use cellwire_sim::fanuc::{Tables, TelemetryFaults};
 /// Simulates a program on a virtual clock, and draws its path.
 ///
 /// The same simulation as `cellwire simulate fanuc --set program=FILE`: a test bench, not a controller. Prints one JSON line
-/// for each feature that is not modelled, and for each event of the program. The exit status is 1 when the program stops
-/// with an alarm, still runs after the time of --for, or waits for something that cannot happen.
+/// for each instruction that is not understood or not modelled, and for each event of the program. The exit status is 1 when
+/// the program stops with an alarm, still runs after the time of --for, or waits for something that cannot happen.
 ///
 /// As on a controller, a position in a frame other than the selected one stops the program, a block without its end is
 /// refused, and a motion with Skip whose condition was not met continues at its label. Before any selection, the frames are

@@ -1,6 +1,7 @@
 //! `cellwire modbus scan`.
 
 use core::ops::RangeInclusive;
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
@@ -74,7 +75,7 @@ pub(super) fn scan(args: &Args) -> Result<bool> {
 
 fn units_of(args: &Args, client: &mut Client, seen: &mut RetryStatistics) -> Result<u64> {
     let progress = progress(args.units.clone().count() as u64);
-    let mut found = 0;
+    let (mut found, mut replies) = (0, BTreeSet::new());
     for unit in args.units.clone() {
         if interrupt::requested() {
             break;
@@ -88,7 +89,7 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut RetryStatistics) -> Res
         let request = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
         let Some(answer) = seen.ask(client, |client| ask(client, unit, &request))? else { break };
         let reply = match answer {
-            RequestOutcome::Replied(Ok(())) => "has holding register 0".into(),
+            RequestOutcome::Replied(Ok(())) => "has holding register 0".to_owned(),
             RequestOutcome::Replied(Err(
                 Exception::GatewayPathUnavailable | Exception::GatewayTargetFailedToRespond,
             )) => continue,
@@ -98,9 +99,13 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut RetryStatistics) -> Res
         };
         found += 1;
         log(&json!({"unit": unit, "reply": reply}))?;
+        replies.insert(reply);
     }
     output::clear_bar();
-    Ok(found)
+    if found > 16 && found == args.units.clone().count() && replies.len() == 1 {
+        remark(&format!("all {found} units reply alike: the server probably ignores the unit"));
+    }
+    Ok(found as u64)
 }
 
 /// The result of a request for a run of addresses.

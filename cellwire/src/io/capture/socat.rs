@@ -2,11 +2,10 @@
 //! length, and lines of hex.
 
 use std::io::{BufRead, BufReader, Read};
-use std::time::Duration;
+use std::time::{Duration, UNIX_EPOCH};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::hexdump::time;
 use super::{CaptureItem, Fault, Flow, Line, Packet, Summary};
 
 /// The longest line, in bytes: without -v, socat writes all bytes of a block in one.
@@ -90,10 +89,10 @@ impl Block {
             "<" => false,
             _ => return None,
         };
-        let (_, clock) = (words.next()?, words.next()?);
+        let (day, clock) = (words.next()?, words.next()?);
         let length = words.next()?.strip_prefix("length=")?.parse().ok().filter(|length| *length > 0)?;
         words.next()?.strip_prefix("from=")?;
-        Some(Self { number, at: time(&microseconds(clock)), by_keeper, length, bytes: Vec::new() })
+        Some(Self { number, at: time(day, clock), by_keeper, length, bytes: Vec::new() })
     }
 
     /// Appends the bytes of a line: a space and two digits for each, and after two spaces the same as text. False if it is
@@ -111,16 +110,21 @@ impl Block {
     }
 }
 
-/// Returns the time with its fraction in microseconds: socat 1.7.4 writes microseconds with nine digits.
-fn microseconds(clock: &str) -> String {
-    match clock.split_once(".000") {
+/// Returns the time since 1970, as if the machine of socat had UTC: socat names no zone. Its version 1.7.4 writes microseconds
+/// with nine digits.
+fn time(day: &str, clock: &str) -> Option<Duration> {
+    let clock = match clock.split_once(".000") {
         Some((seconds, fraction)) if fraction.len() == 6 => format!("{seconds}.{fraction}"),
         _ => clock.into(),
-    }
+    };
+    let time = humantime::parse_rfc3339_weak(&format!("{} {clock}", day.replace('/', "-"))).ok()?;
+    time.duration_since(UNIX_EPOCH).ok()
 }
 
 #[cfg(test)]
 mod tests {
+    use humantime::format_rfc3339_millis;
+
     use super::*;
 
     fn found(text: &str) -> Result<Vec<String>> {
@@ -131,7 +135,7 @@ mod tests {
                 CaptureItem::Packet(Packet {
                     number, at, flow: Flow::Kept(_, by_keeper), payload, ..
                 }) => {
-                    let at = at.unwrap_or_default().as_secs_f64();
+                    let at = format_rfc3339_millis(UNIX_EPOCH + at.unwrap_or_default());
                     format!("{number} {at} {} {payload:02x?}", if by_keeper { ">" } else { "<" })
                 }
                 other => format!("{other:?}"),
@@ -146,7 +150,7 @@ mod tests {
         let plain = "2026/11/29 00:00:00 socat[7] N starting data transfer loop\n\
                      > 2026/11/29 00:00:03.000206370  length=3 from=0 to=2\n 0a 20 41\n\
                      < 2026/11/29 00:00:04.500000  length=1 from=0 to=0\n 05\n";
-        let blocks = ["2 3.20637 > [0a, 20, 41]", "4 4.5 < [05]"];
+        let blocks = ["2 2026-11-29T00:00:03.206Z > [0a, 20, 41]", "4 2026-11-29T00:00:04.500Z < [05]"];
         assert_eq!(found(plain).unwrap(), blocks);
         let text = "2026/11/29 00:00:00 socat[7] N starting data transfer loop\n\
                     > 2026/11/29 00:00:03.000206370  length=3 from=0 to=2\n \
@@ -154,7 +158,7 @@ mod tests {
                     20 41                                             A\n--\n\
                     < 2026/11/29 00:00:04.500000  length=1 from=0 to=0\n \
                     05                                               .\n--\n";
-        assert_eq!(found(text).unwrap(), [blocks[0], "6 4.5 < [05]"]);
+        assert_eq!(found(text).unwrap(), [blocks[0], "6 2026-11-29T00:00:04.500Z < [05]"]);
     }
 
     #[test]
@@ -162,7 +166,9 @@ mod tests {
         let head = "> 2026/11/29 00:00:01.000000  length=3 from=0 to=2";
         let cut = format!("{head}\n 01 02\n{head}\n 03 04 05\n");
         let missing = "Fault(3, Line { why: \"2 of 3 bytes are in the block before it\" })";
-        assert_eq!(found(&cut).unwrap(), [missing, "1 1 > [01, 02]", "3 1 > [03, 04, 05]"]);
+        let at = "2026-11-29T00:00:01.000Z";
+        let blocks = [format!("1 {at} > [01, 02]"), format!("3 {at} > [03, 04, 05]")];
+        assert_eq!(found(&cut).unwrap(), [missing, &blocks[0], &blocks[1]]);
         let text = format!("{head}\nabc");
         assert_eq!(found(&text).unwrap_err().to_string(), "line 2: the bytes are not in hex: use `socat -x`");
         assert!(found("abc\n").is_err());

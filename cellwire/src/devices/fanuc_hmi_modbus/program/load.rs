@@ -36,6 +36,8 @@ pub type Macros = BTreeMap<String, String>;
 /// Something of the programs that the simulation does not do, or does otherwise.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
+    /// The name of its event: `not_modelled`, or `not_understood` of an instruction.
+    event: &'static str,
     /// The unsupported part, and the simulation's behaviour instead.
     pub what: String,
     /// In which programs and lines, as `NAME:3`.
@@ -147,7 +149,7 @@ impl Finding {
     /// Returns the finding as a line of JSON: the first places, and how many there are.
     pub fn event(&self) -> serde_json::Value {
         let first: Vec<&String> = self.places.iter().take(5).collect();
-        serde_json::json!({"event": "not_modelled", "what": self.what, "at": first, "count": self.places.len()})
+        serde_json::json!({"event": self.event, "what": self.what, "at": first, "count": self.places.len()})
     }
 }
 
@@ -176,16 +178,31 @@ impl Step {
 }
 
 #[derive(Default)]
-struct Survey(BTreeMap<String, Vec<String>>);
+struct Survey {
+    /// The behaviour that differs from a controller, and where.
+    otherwise: BTreeMap<String, Vec<String>>,
+    /// The instructions that no rule reads, and where.
+    not_understood: BTreeMap<String, Vec<String>>,
+}
+
+fn place(name: &str, line: usize) -> String {
+    if line == 0 { name.to_owned() } else { format!("{name}:{line}") }
+}
 
 impl Survey {
     fn add(&mut self, what: impl Into<String>, name: &str, line: usize) {
-        let place = if line == 0 { name.to_owned() } else { format!("{name}:{line}") };
-        self.0.entry(what.into()).or_default().push(place);
+        self.otherwise.entry(what.into()).or_default().push(place(name, line));
     }
 
     fn findings(self) -> Vec<Finding> {
-        self.0.into_iter().map(|(what, places)| Finding { what, places }).collect()
+        let skipped = self.not_understood.into_iter().map(|(text, places)| {
+            let what = format!("`{text}` is skipped: `cellwire ls check` says what is wrong");
+            Finding { event: "not_understood", what, places }
+        });
+        let otherwise = self.otherwise.into_iter();
+        skipped
+            .chain(otherwise.map(|(what, places)| Finding { event: "not_modelled", what, places }))
+            .collect()
     }
 
     fn look(&mut self, name: &str, loaded: &LoadedProgram, macros: &Macros) {
@@ -200,7 +217,7 @@ impl Survey {
                     Some(Operation::Macro { name, .. }) if macros.contains_key(&name.to_uppercase()) => {}
                     Some(Operation::Command { name: "SKIP CONDITION" | "OFFSET CONDITION", .. }) => {}
                     None | Some(Operation::Macro { .. }) => {
-                        self.add(format!("`{text}` is not understood and skipped"), name, line)
+                        self.not_understood.entry(text.clone()).or_default().push(place(name, line));
                     }
                     Some(Operation::Command { .. } | Operation::Monitor(_) | Operation::When(..)) => {
                         self.add(format!("`{text}` is not modelled and skipped"), name, line)
@@ -233,7 +250,7 @@ impl Survey {
                     let what = format!(
                         "{kind}[{number}] is {otherwise} until the program sets it: LS files do not contain it"
                     );
-                    if !self.0.contains_key(&what) {
+                    if !self.otherwise.contains_key(&what) {
                         self.add(what, name, 0);
                     }
                 }

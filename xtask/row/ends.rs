@@ -24,7 +24,7 @@ impl Owner for Host {
     }];
 
     fn new(given: GivenFields, rules: Rules<host::Rule>) -> Result<Self> {
-        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
+        let made = given.configure(HostConfig::default().with_rules(rules))?;
         Ok(Self::new(made)?)
     }
 }
@@ -43,7 +43,7 @@ impl Owner for Device {
     }];
 
     fn new(given: GivenFields, rules: Rules<device::Rule>) -> Result<Self> {
-        let made = given.configure(DeviceConfig { rules })?;
+        let made = given.configure(DeviceConfig::default().with_rules(rules))?;
         Ok(Self::new(made))
     }
 }

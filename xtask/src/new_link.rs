@@ -27,11 +27,21 @@ pub(crate) fn make(root: &Path, name: &str) -> Result<()> {
     link.insert("Cargo.toml", "    \"xtask\",", &format!("    \"{name}\","))?;
     let line = format!("{name} = {{ version = \"0.1.0\", path = \"{name}\", default-features = false }}");
     link.insert("Cargo.toml", "cellwire = {", &line)?;
-    let line = format!("{name} = {{ workspace = true, features = [\"serde\", \"spec\"] }}");
-    link.insert("links/Cargo.toml", "val2-alter = {", &line)?;
-    link.insert("links/Cargo.toml", "    \"val2-alter/arbitrary", &format!("    \"{name}/arbitrary\","))?;
-    link.insert("links/src/lib.rs", "pub mod val2_alter;", &format!("pub mod {};", link.name[1]))?;
-    link.insert("links/src/lib.rs", "];", &format!("    {}::LINK,", link.name[1]))?;
+    let row = "links/Cargo.toml";
+    let line =
+        format!("{name} = {{ workspace = true, features = [\"serde\", \"settings\"], optional = true }}");
+    link.insert(row, "val2-alter = {", &line)?;
+    link.insert(row, "val2-alter = [", &format!("{name} = [\"dep:{name}\"]"))?;
+    link.insert(row, "    \"val2-alter\"", &format!("    \"{name}\","))?;
+    for feature in ["arbitrary", "model"] {
+        let before = format!("    \"val2-alter?/{feature}");
+        link.insert(row, &before, &format!("    \"{name}?/{feature}\","))?;
+    }
+    let row = "links/src/lib.rs";
+    let only = format!("#[cfg(feature = \"{name}\")]");
+    link.insert(row, "        feature = \"val2-alter\"", &format!("        feature = \"{name}\","))?;
+    link.insert(row, "#[cfg(feature = \"val2-alter\")]", &format!("{only}\npub mod {};", link.name[1]))?;
+    link.insert(row, "];", &format!("    {only}\n    {}::LINK,", link.name[1]))?;
     for target in ["decoder", "message", "host", "device"] {
         link.fuzz(&format!("{}_{target}", link.name[1]))?;
     }

@@ -24,3 +24,8 @@ impl Configure for DeviceConfig {
         } = self;
     }
 }
+
+#[cfg(feature = "settings")]
+robot_session::deserialize!(DeviceConfig, DeviceConfig::default());
+#[cfg(feature = "settings")]
+robot_session::deserialize!(HostConfig, HostConfig::default());

@@ -161,7 +161,8 @@ pub struct Head {
 #[derive(Debug)]
 pub struct Journal<R> {
     path: PathBuf,
-    file: File,
+    /// The file; `None` for a journal that is not written.
+    file: Option<File>,
     record: R,
     head: Head,
     /// The file has the head and an entry of this work.
@@ -193,12 +194,19 @@ impl<R: Record> Journal<R> {
             bail!("another process is running this {work}: it has locked {}", path.display());
         }
         let (record, is_begun) = (R::new(head.parts), false);
-        let mut journal = Self { path: path.to_owned(), file, record, head, is_begun, length: 0, sum: 0 };
+        let (path, file) = (path.to_owned(), Some(file));
+        let mut journal = Self { path, file, record, head, is_begun, length: 0, sum: 0 };
         journal.check_robot().with_context(what)?;
         if !again {
             journal.read(work).with_context(what)?;
         }
         Ok(journal)
+    }
+
+    /// Creates a journal that is not written: its outcomes end with the process.
+    pub fn unwritten(head: Head) -> Self {
+        let record = R::new(head.parts);
+        Self { path: PathBuf::new(), file: None, record, head, is_begun: true, length: 0, sum: 0 }
     }
 
     /// Reads the journal of this work, and leaves the file as it is; `None` if it has no entry.
@@ -212,15 +220,17 @@ impl<R: Record> Journal<R> {
             file => file.with_context(what)?,
         };
         let (record, is_begun) = (R::new(head.parts), false);
-        let mut journal = Self { path: path.to_owned(), file, record, head, is_begun, length: 0, sum: 0 };
+        let (path, file) = (path.to_owned(), Some(file));
+        let mut journal = Self { path, file, record, head, is_begun, length: 0, sum: 0 };
         journal.check_robot().and_then(|()| journal.read_lines(work)).with_context(what)?;
         Ok(journal.is_begun.then_some(journal))
     }
 
     /// Fails if the file has entries of another robot.
     fn check_robot(&mut self) -> Result<()> {
-        self.file.seek(SeekFrom::Start(0))?;
-        let mut lines = BufReader::new(&self.file).split(b'\n').map_while(Result::ok);
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.seek(SeekFrom::Start(0))?;
+        let mut lines = BufReader::new(file).split(b'\n').map_while(Result::ok);
         let head = lines.next().and_then(|line| first(&line)).filter(|head| head.robot != self.head.robot);
         let Some(Head { robot, .. }) = head else { return Ok(()) };
         ensure!(
@@ -287,12 +297,10 @@ impl<R: Record> Journal<R> {
 
     /// Writes the head, before the first entry.
     fn write_head(&mut self) -> io::Result<()> {
-        if self.is_begun {
-            return Ok(());
-        }
+        let Some(file) = self.file.as_mut().filter(|_| !self.is_begun) else { return Ok(()) };
         let head = serde_json::to_value(&self.head)?;
-        self.file.set_len(0)?;
-        self.file.seek(SeekFrom::Start(0))?;
+        file.set_len(0)?;
+        file.seek(SeekFrom::Start(0))?;
         (self.length, self.sum) = (0, 0);
         self.append(&head)?;
         self.is_begun = true;
@@ -301,13 +309,14 @@ impl<R: Record> Journal<R> {
 
     /// Appends a line; after an error the file is unchanged, as far as the disk permits.
     fn append(&mut self, line: &impl Serialize) -> io::Result<()> {
+        let Some(file) = &mut self.file else { return Ok(()) };
         let mut line = serde_json::to_vec(line)?;
         let sum = checksum(self.sum, &line);
         writeln!(line, " {sum:08x}")?;
-        let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
+        let written = file.write_all(&line).and_then(|()| file.sync_data());
         if written.is_err() {
-            self.file.set_len(self.length)?;
-            self.file.seek(SeekFrom::Start(self.length))?;
+            file.set_len(self.length)?;
+            file.seek(SeekFrom::Start(self.length))?;
             return written;
         }
         (self.sum, self.length) = (sum, self.length + line.len() as u64);
@@ -317,17 +326,18 @@ impl<R: Record> Journal<R> {
     /// Reads the file. A last line without a line feed was not written completely, and is removed.
     fn read(&mut self, work: &str) -> Result<()> {
         self.read_lines(work)?;
-        if self.is_begun {
-            self.file.set_len(self.length)?;
-            self.file.seek(SeekFrom::Start(self.length))?;
+        if let Some(file) = self.file.as_mut().filter(|_| self.is_begun) {
+            file.set_len(self.length)?;
+            file.seek(SeekFrom::Start(self.length))?;
         }
         Ok(())
     }
 
     /// Reads the whole lines of the file.
     fn read_lines(&mut self, work: &str) -> Result<()> {
-        self.file.seek(SeekFrom::Start(0))?;
-        let mut reader = BufReader::new(self.file.try_clone()?);
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.seek(SeekFrom::Start(0))?;
+        let mut reader = BufReader::new(file.try_clone()?);
         let (mut line, mut number, mut is_this, mut is_counted) = (Vec::new(), 0_u64, true, true);
         loop {
             line.clear();

@@ -53,7 +53,6 @@ mod ls_lsp;
 mod ls_run;
 #[cfg(unix)]
 mod mma_run;
-mod mma_virtual_clock;
 mod modbus_bench;
 mod modbus_devices;
 mod modbus_scan;

@@ -1,16 +1,19 @@
-//! The simulated cell: three devices and the parts between them.
+//! The simulated cell: a robot that its port shares with the periphery, and the parts that they handle.
 
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use anyhow::Result;
-use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
-use mmacell_task::{Device, TaskConfig};
+use mmacell_proto::{PlatformPose, RobotPose};
+use mmacell_task::TaskConfig;
+use robot_session::{Session, now};
 
-use super::periphery::Periphery;
 use super::workpiece::Workpieces;
-use cellwire_sim::mma::{Mma, MmaDevice, MotionFaults, MotionOutcome, Simulated};
-use cellwire_sim::{Settings as _, Simulator, SimulatorReport};
-use robot_session::{Session as _, Step, Steps};
+use crate::run::mma::{Periphery, PeripheryEvent};
+use cellwire_sim::Simulator;
+use cellwire_sim::host::{HostedSession, Request};
+use cellwire_sim::mma::{MmaDevice, Simulated as _};
 
 /// The set-up of the simulated cell. Its times are those of the cell.
 pub const CONFIG: TaskConfig = TaskConfig {
@@ -22,170 +25,154 @@ pub const CONFIG: TaskConfig = TaskConfig {
     ..TaskConfig::DEFAULT
 };
 
-/// The connections of the central controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CellConnection {
-    /// The connection to the robot.
-    Robot,
-    /// The connection to the platform.
-    Platform,
-    /// The connection to the third device, which has the cameras' trigger and the valves.
-    Periphery,
+/// The interval at which the vacuum switch is looked at.
+const SWITCH_CHECK_INTERVAL: Duration = Duration::from_millis(1);
+
+/// A robot, which a host runs and the periphery sees.
+#[derive(Debug, Clone)]
+pub struct SharedRobot(Arc<Mutex<Simulator<MmaDevice<RobotPose>>>>);
+
+impl SharedRobot {
+    /// Creates a robot without a host.
+    pub fn new(robot: Simulator<MmaDevice<RobotPose>>) -> Self {
+        Self(Arc::new(Mutex::new(robot)))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Simulator<MmaDevice<RobotPose>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the pose at this time.
+    fn pose(&self, now: Duration) -> RobotPose {
+        let mut robot = self.lock();
+        robot.handle_timeout(now);
+        robot.device().pose()
+    }
 }
 
-/// Robot, platform, cameras and valves, and the parts that they handle.
+impl HostedSession for SharedRobot {
+    fn request(event: &Self::Event) -> Option<Request> {
+        Simulator::<MmaDevice<RobotPose>>::request(event)
+    }
+}
+
+impl Session for SharedRobot {
+    type Event = <Simulator<MmaDevice<RobotPose>> as Session>::Event;
+    type Statistics = <Simulator<MmaDevice<RobotPose>> as Session>::Statistics;
+    const MAX_INPUT: usize = Simulator::<MmaDevice<RobotPose>>::MAX_INPUT;
+    const MAX_TRANSMIT: usize = Simulator::<MmaDevice<RobotPose>>::MAX_TRANSMIT;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.lock().handle_connected(now);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.lock().handle_disconnected(now);
+    }
+
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
+        self.lock().handle_input(now, bytes);
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.lock().handle_timeout(now);
+    }
+
+    fn wants_input(&self) -> bool {
+        self.lock().wants_input()
+    }
+
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        self.lock().poll_event()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.lock().poll_transmit(now, out)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.lock().poll_timeout()
+    }
+
+    fn statistics(&self) -> Self::Statistics {
+        self.lock().statistics()
+    }
+}
+
+/// Cameras, valves and vacuum switch, and the parts that the robot handles.
 #[derive(Debug)]
 pub struct Cell {
-    robot: Simulator<MmaDevice<RobotPose>>,
-    platform: Simulator<MmaDevice<PlatformPose>>,
-    periphery: Periphery,
-    parts: Workpieces,
-    errors: Option<fastrand::Rng>,
-    motions_seen: u64,
-}
-
-impl CellConnection {
-    /// All three.
-    pub const ALL: [Self; 3] = [Self::Robot, Self::Platform, Self::Periphery];
-
-    /// Returns the devices of the task at the other end of this connection.
-    pub fn devices(self) -> &'static [Device] {
-        match self {
-            Self::Robot => &[Device::Robot],
-            Self::Platform => &[Device::Platform],
-            Self::Periphery => &[Device::Conditioning, Device::Vision, Device::Gripper],
-        }
-    }
+    robot: SharedRobot,
+    /// The clock of the cell is faster than the clock of the host by this factor.
+    speed: u32,
+    switch: bool,
+    events: VecDeque<PeripheryEvent>,
+    /// The part that the client has begun last, by its number; `None` before the first.
+    pub part: Option<usize>,
+    /// The parts that were put in their place, by the client's numbers, in sequence.
+    pub placed: Vec<usize>,
+    /// The parts as they are.
+    pub parts: Workpieces,
 }
 
 impl Cell {
-    /// Creates a cell whose parts follow from `seed`, and whose devices are of this kind; with `errors`, one motion of the
-    /// robot in a hundred fails, and one stalls.
-    ///
-    /// # Errors
-    /// Never, with the refusal of the protocol.
-    pub fn new(seed: u64, errors: bool, robot: MotionFaults, device: DeviceConfig) -> Result<Self> {
-        let cell = CONFIG;
-        Ok(Self {
-            robot: Mma { config: device, home: cell.robot_home, faults: robot, ..Mma::default() }
-                .simulator()?
-                .keeping_nothing(),
-            platform: Mma { config: device, home: cell.platform_home, ..Mma::default() }
-                .simulator()?
-                .keeping_nothing(),
-            periphery: Periphery::new(device)?,
-            parts: Workpieces::new(seed),
-            errors: errors.then(|| fastrand::Rng::with_seed(!seed)),
-            motions_seen: 0,
-        })
+    /// Creates a cell whose parts follow from `seed`.
+    pub fn new(robot: SharedRobot, speed: u32, seed: u64) -> Self {
+        let (switch, events, part, placed) = (false, VecDeque::new(), None, Vec::new());
+        Self { robot, speed, switch, events, part, placed, parts: Workpieces::new(seed) }
     }
 
-    /// Connects to a device; a new connection replaces the previous one.
-    pub fn connect(&mut self, which: CellConnection, now: Duration) {
-        match which {
-            CellConnection::Robot => connect(&mut self.robot, now),
-            CellConnection::Platform => connect(&mut self.platform, now),
-            CellConnection::Periphery => self.periphery.connect(now),
-        }
+    /// Returns the time of the cell.
+    pub fn now(&self) -> Duration {
+        now() * self.speed
     }
 
-    /// Passes bytes to a device; returns its reply, and whether it then closes the connection.
-    pub fn receive(&mut self, which: CellConnection, now: Duration, bytes: &[u8]) -> (Vec<u8>, bool) {
-        self.advance(now);
-        match which {
-            CellConnection::Robot => {
-                let answer = receive(&mut self.robot, now, bytes);
-                self.break_down();
-                self.advance(now);
-                answer
-            }
-            CellConnection::Platform => receive(&mut self.platform, now, bytes),
-            CellConnection::Periphery => {
-                let answer = self.periphery.receive(now, bytes);
-                for (valve, open) in answer.valves {
-                    self.parts.set_valve(now, valve, open, self.robot.device().pose());
-                }
-                (answer.replies, answer.closed)
-            }
-        }
-    }
-
-    /// Moves on to this time.
-    pub fn advance(&mut self, now: Duration) {
-        advance(&mut self.robot, now);
-        advance(&mut self.platform, now);
-        self.parts.move_to(now, self.robot.device().pose());
-    }
-
-    /// Returns the parts.
-    pub fn parts(&self) -> &Workpieces {
-        &self.parts
-    }
-
-    #[cfg(test)]
-    pub(super) fn drop_part(&mut self, at: Duration) {
-        self.parts.record.outcomes.push((at, super::workpiece::Outcome::Dropped));
-    }
-
-    /// Returns the robot.
-    pub fn robot(&self) -> &MmaDevice<RobotPose> {
-        self.robot.device()
-    }
-
-    /// Returns the platform.
-    pub fn platform(&self) -> &MmaDevice<PlatformPose> {
-        self.platform.device()
-    }
-
-    /// Makes the motion that has just begun fail or stall, at times.
-    fn break_down(&mut self) {
-        let motions = self.robot.device().motions();
-        if motions > core::mem::replace(&mut self.motions_seen, motions)
-            && let Some(rng) = &mut self.errors
-        {
-            match rng.u32(..100) {
-                0 => self.robot.device_mut().end_motion(MotionOutcome::Fails),
-                1 => self.robot.device_mut().end_motion(MotionOutcome::Stalls),
-                _ => {}
-            }
-        }
+    /// Returns the time of the cell, and the pose of the robot.
+    fn state(&self) -> (Duration, RobotPose) {
+        let now = now();
+        (now * self.speed, self.robot.pose(now))
     }
 }
 
-/// Connects to a device; a new connection replaces the previous one.
-fn connect<P: Simulated>(device: &mut Simulator<MmaDevice<P>>, now: Duration) {
-    device.handle_disconnected(now);
-    device.handle_connected(now);
-}
-
-/// Returns the device's reply, and whether it then closes the connection.
-fn receive<P: Simulated>(
-    device: &mut Simulator<MmaDevice<P>>,
-    now: Duration,
-    bytes: &[u8],
-) -> (Vec<u8>, bool) {
-    let (mut replies, mut closed, mut buffer) = (Vec::new(), false, [0; 64]);
-    // Every order is decided at once, so that more is wanted after each piece.
-    for piece in bytes.chunks(Simulator::<MmaDevice<P>>::MAX_INPUT) {
-        device.handle_input(now, piece);
-        let mut steps = Steps::NEW;
-        loop {
-            match steps.next(device, now, &mut buffer) {
-                Step::Event(told) => closed |= matches!(told, SimulatorReport::Close(_)),
-                Step::Write(bytes) => replies.extend_from_slice(bytes),
-                Step::Wait { .. } => break,
+/// The client and its operator both see the cell.
+impl Periphery for &RefCell<Cell> {
+    fn acquire(&mut self, camera: i32, part: usize) {
+        let mut cell = self.borrow_mut();
+        cell.part = Some(part);
+        let event = match camera {
+            1 => {
+                let (platform, pick) = cell.parts.part();
+                PeripheryEvent::Part(platform, pick)
             }
-        }
+            _ => PeripheryEvent::Slot(cell.parts.place()),
+        };
+        cell.events.push_back(event);
     }
-    (replies, closed)
-}
 
-/// Moves on to this time.
-fn advance<P: Simulated>(device: &mut Simulator<MmaDevice<P>>, now: Duration) {
-    // At rest nothing happens by itself.
-    if !device.device().moves() {
-        return;
+    fn set_valve(&mut self, valve: i32, open: bool) {
+        let mut cell = self.borrow_mut();
+        let (now, gripper) = cell.state();
+        let before = cell.parts.record.placed;
+        cell.parts.set_valve(now, valve, open, gripper);
+        if cell.parts.record.placed > before {
+            let part = cell.part;
+            cell.placed.extend(part);
+        }
+        cell.events.push_back(PeripheryEvent::ValveSet);
     }
-    device.handle_timeout(now);
-    while device.poll_event().is_some() {}
+
+    fn poll(&mut self) -> Option<PeripheryEvent> {
+        let mut cell = self.borrow_mut();
+        let (now, gripper) = cell.state();
+        cell.parts.move_to(now, gripper);
+        let high = cell.parts.switch();
+        if core::mem::replace(&mut cell.switch, high) != high {
+            cell.events.push_back(PeripheryEvent::Switch(high));
+        }
+        cell.events.pop_front()
+    }
+
+    fn due(&self) -> Option<Duration> {
+        Some(now() + SWITCH_CHECK_INTERVAL)
+    }
 }

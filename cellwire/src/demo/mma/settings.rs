@@ -7,15 +7,15 @@ use super::cell::CONFIG;
 use cellwire_links::settings::{Configure, FieldVisitor};
 
 /// Parts of a run without a limit.
-const PARTS: u64 = 100;
+const PARTS: usize = 100;
 /// The most parts: a run takes no longer than ten minutes at the usual speed.
-const MAX_PARTS: u64 = 10_000;
+pub(super) const MAX_PARTS: usize = 10_000;
 /// The factor by which the cell runs faster than life, unless a setting gives another. The protocol's own times are not changed.
 const SPEED: u32 = 200;
 /// The settings of the demo.
 #[derive(Debug)]
 pub struct Settings {
-    pub(super) parts: u64,
+    pub(super) parts: usize,
     pub(super) speed: u32,
     pub(super) stall_every: u64,
     pub(super) task: TaskConfig,

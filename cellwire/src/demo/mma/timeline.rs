@@ -9,7 +9,6 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::central::Log;
 use super::workpiece::{Outcome, Record};
 use crate::fine::{self, FINE, UNIT};
 use cellwire_io::files;
@@ -36,17 +35,6 @@ const AIR: RGBColor = RGBColor(120, 170, 210);
 const GOOD: RGBColor = RGBColor(58, 145, 84);
 const BAD: RGBColor = RGBColor(198, 66, 60);
 
-/// The source of the picture.
-#[derive(Clone, Copy)]
-struct TimelineSource<'a> {
-    /// Each step of the task, with the time of its beginning.
-    steps: &'a [(Duration, Step)],
-    vacuum: &'a [(Duration, bool)],
-    blow: &'a [(Duration, bool)],
-    switch: &'a [(Duration, bool)],
-    outcomes: &'a [(Duration, Outcome)],
-}
-
 /// A bar in a lane.
 struct Span {
     from: Duration,
@@ -56,30 +44,29 @@ struct Span {
 }
 
 /// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
-pub fn draw(path: &Path, log: &Log, record: &Record) -> Result<()> {
-    let Record { vacuum, blow, switch, outcomes, .. } = record;
-    let shown = &TimelineSource { steps: &log.steps, vacuum, blow, switch, outcomes };
-    let (from, to) = window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
+pub fn draw(path: &Path, steps: &[(Duration, Step)], record: &Record) -> Result<()> {
+    let (from, to) =
+        window(steps, record).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
     let mut drawn = String::new();
     let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
     let root = SVGBackend::with_string(&mut drawn, size).into_drawing_area();
     let picture = Picture { area: &root, from, to };
-    picture.draw(shown).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    picture.draw(steps, record).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
     root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
     drop(root);
     files::write(path, fine::shown(&drawn).as_bytes())
 }
 
 /// Returns the times of six attempts: the first in which one part is placed, one missed and one lost, if there are any.
-fn window(shown: &TimelineSource<'_>) -> Option<(Duration, Duration)> {
+fn window(steps: &[(Duration, Step)], record: &Record) -> Option<(Duration, Duration)> {
     const SHOWN: usize = 6;
-    let begins = shown.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
-    let begins: Vec<Duration> = begins.chain([shown.steps.last()?.0]).collect();
+    let begins = steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
+    let begins: Vec<Duration> = begins.chain([steps.last()?.0]).collect();
     let mut windows =
         begins.windows(SHOWN.min(begins.len() - 1) + 1).filter_map(|w| Some((*w.first()?, *w.last()?)));
     let first = windows.clone().next()?;
     let holds = |(from, to): &(Duration, Duration), fate: Outcome| {
-        shown.outcomes.iter().any(|(at, outcome)| *outcome == fate && (from..=to).contains(&at))
+        record.outcomes.iter().any(|(at, outcome)| *outcome == fate && (from..=to).contains(&at))
     };
     let fates = [Outcome::Placed, Outcome::Missed, Outcome::Lost];
     Some(windows.find(|window| fates.into_iter().all(|fate| holds(window, fate))).unwrap_or(first))
@@ -94,7 +81,7 @@ struct Picture<'a, 'b> {
 type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 impl Picture<'_, '_> {
-    fn draw(&self, shown: &TimelineSource<'_>) -> DrawResult {
+    fn draw(&self, steps: &[(Duration, Step)], record: &Record) -> DrawResult {
         self.area.fill(&WHITE)?;
         self.text(
             (LEFT, 30 * UNIT),
@@ -106,21 +93,21 @@ impl Picture<'_, '_> {
         let legend = "one attempt between lines; a missed or lost part is retried from step 7";
         self.text((LEFT, 56 * UNIT), legend, 14, INK, HPos::Left)?;
         self.legend()?;
-        self.attempts(shown)?;
+        self.attempts(steps)?;
         self.axis()?;
         let lanes = [
-            ("Step", spans(shown, numbers)),
-            ("Robot", spans(shown, robot)),
-            ("Platform", platform(shown)),
-            ("Cameras", spans(shown, cameras)),
-            ("Vacuum", levels(shown.vacuum, self.to, AIR)),
-            ("Vacuum switch", levels(shown.switch, self.to, CARRY)),
-            ("Blow", levels(shown.blow, self.to, EYES)),
+            ("Step", spans(steps, numbers)),
+            ("Robot", spans(steps, robot)),
+            ("Platform", spans(steps, platform)),
+            ("Cameras", spans(steps, cameras)),
+            ("Vacuum", levels(&record.vacuum, self.to, AIR)),
+            ("Vacuum switch", levels(&record.switch, self.to, CARRY)),
+            ("Blow", levels(&record.blow, self.to, EYES)),
         ];
         for (row, (name, spans)) in lanes.iter().enumerate() {
             self.lane(i32::try_from(row).unwrap_or_default(), name, spans)?;
         }
-        self.outcomes(shown.outcomes)
+        self.outcomes(&record.outcomes)
     }
 
     /// Draws the meaning of the colours, beside the labels of the bars.
@@ -145,8 +132,8 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn attempts(&self, shown: &TimelineSource<'_>) -> DrawResult {
-        for (at, _) in shown.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
+    fn attempts(&self, steps: &[(Duration, Step)]) -> DrawResult {
+        for (at, _) in steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
             let x = self.x(*at);
             self.area
                 .draw(&PathElement::new([(x, TOP - 14 * UNIT), (x, TOP + LANES * LANE)], thin(FAINT)))?;
@@ -232,9 +219,9 @@ fn thin(color: RGBColor) -> ShapeStyle {
 }
 
 /// Returns the spans of the steps in which a device has something to do; adjacent spans with one label are merged.
-fn spans(shown: &TimelineSource<'_>, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
+fn spans(steps: &[(Duration, Step)], of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
     let mut spans: Vec<Span> = Vec::new();
-    for pair in shown.steps.windows(2) {
+    for pair in steps.windows(2) {
         let [(from, step), (to, _)] = pair else { continue };
         let Some((color, label)) = of(*step) else { continue };
         match spans.last_mut().filter(|last| last.to == *from && last.label == label) {
@@ -282,12 +269,12 @@ fn cameras(step: Step) -> Option<(RGBColor, &'static str)> {
     })
 }
 
-/// Returns the spans of the platform: it turns from step 10 on, and is at rest at the latest at the end of step 12.
-fn platform(shown: &TimelineSource<'_>) -> Vec<Span> {
-    spans(shown, |step| match step {
-        Step::GoHome | Step::AwaitHome | Step::Resetting => Some((PLATFORM, "home")),
-        Step::TurnPlatform | Step::GoCamera2 | Step::AwaitCamera2 => Some((PLATFORM, "turn")),
-        _ => None,
+/// The platform turns from step 10 on, and is at rest at the latest at the end of step 12.
+fn platform(step: Step) -> Option<(RGBColor, &'static str)> {
+    Some(match step {
+        Step::GoHome | Step::AwaitHome | Step::Resetting => (PLATFORM, "home"),
+        Step::TurnPlatform | Step::GoCamera2 | Step::AwaitCamera2 => (PLATFORM, "turn"),
+        _ => return None,
     })
 }
 

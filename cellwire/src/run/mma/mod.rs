@@ -6,7 +6,7 @@ mod run;
 mod settings;
 mod wire;
 
-pub use periphery::{Line, Periphery, SimulatedPeriphery};
+pub use periphery::{Line, Periphery, PeripheryEvent, SimulatedPeriphery};
 pub use run::{Addresses, FinalState, RunEnd, Runner};
 pub use settings::{Part, Settings};
 

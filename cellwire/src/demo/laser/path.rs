@@ -1,15 +1,11 @@
-//! The path to cut: the tool's drawing on a large curved sheet, as instructions with six floats.
+//! The path to cut: the tool's drawing on a large curved sheet.
 
 use anyhow::Result;
-use laser_eb90::{EncodeError, Item, Items, Payload, Profile};
+use laser_eb90::ControllerConfig;
 
 use crate::io::drawing::{Line, Picture, Point};
+use crate::run::laser::{Instruction, Mapping, Program, Route};
 use cellwire_sim::laser::Job;
-
-/// To a point with the laser on.
-pub const CUT: u16 = 0x0101;
-/// To a point with the laser off.
-pub const MOVE: u16 = 0x0102;
 
 /// The sheet: 1.5 m by 1 m, in hundredths of a millimetre.
 pub const SHEET: Point = Point { x: 150_000, y: 100_000 };
@@ -17,85 +13,53 @@ pub const SHEET: Point = Point { x: 150_000, y: 100_000 };
 /// A line is cut in steps of at most this, in hundredths of a millimetre, so that the beam follows the curved sheet.
 const STEP: f64 = 500.0;
 
-/// One instruction: to X, Y, Z in millimetres with the beam tilted about X and Y in degrees; the last float is the length of
-/// the path so far in millimetres, by which the laser is pulsed. It makes every instruction of the path another one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cut {
-    /// The command word: [`CUT`] or [`MOVE`].
-    pub word: u16,
-    /// X, Y, Z, tilt about X, tilt about Y, length.
-    pub values: [f32; 6],
-}
-
-impl Cut {
-    /// Writes the parameters.
-    ///
-    /// # Errors
-    /// If they do not fit.
-    pub fn write(&self, parameters: &mut Payload<'_>) -> Result<(), EncodeError> {
-        parameters.f32(&self.values).map(drop)
-    }
-
-    /// Returns the cut of a job; `None` if the job is not an instruction of a path.
-    pub fn of(job: &Job, profile: &Profile) -> Option<Self> {
-        let mut items = Items::new(&job.parameters, profile);
-        match (job.word, items.next(), items.next()) {
-            (CUT | MOVE, Some(Ok(Item::F32(values))), None) => {
-                Some(Self { word: job.word, values: values.array()? })
-            }
-            _ => None,
-        }
-    }
-
-    /// Returns the end of the cut on the sheet; a point that corruption has moved off the sheet is at its edge.
-    pub fn end(&self) -> Point {
-        let [x, y, ..] = self.values;
-        Point { x: hundredths(x).clamp(0, SHEET.x), y: hundredths(y).clamp(0, SHEET.y) }
-    }
-}
-
-/// Returns the path of the built-in drawing.
+/// Returns the path of the built-in drawing. Its last float, the length of the path so far, makes every instruction another one.
 ///
 /// # Errors
 /// Never, unless the drawing is broken.
-pub fn path() -> Result<Vec<Cut>> {
-    let picture = Picture::built_in(SHEET)?;
-    let mut length = 0.0;
-    Ok(picture.lines.iter().flat_map(|line| steps(*line, &mut length)).collect())
+pub fn path(mapping: &Mapping) -> Result<Program> {
+    let (picture, mut route) = (Picture::built_in(SHEET)?, Route::new(mapping));
+    picture.lines.iter().try_for_each(|line| steps(*line, &mut route))?;
+    Ok(Program::of(route.instructions))
 }
 
-fn steps(line: Line, length: &mut f64) -> Vec<Cut> {
-    let from = (f64::from(line.from.x), f64::from(line.from.y));
-    let way = (f64::from(line.to.x) - from.0, f64::from(line.to.y) - from.1);
-    let distance = way.0.hypot(way.1);
-    let count = if line.draws { (distance / STEP).ceil().max(1.0) } else { 1.0 };
-    let word = if line.draws { CUT } else { MOVE };
-    let start = *length;
-    *length += distance / 100.0;
-    (1..=whole(count))
-        .map(|step| {
-            let part = f64::from(step) / count;
-            let (x, y) = ((from.0 + way.0 * part) / 100.0, (from.1 + way.1 * part) / 100.0);
-            let (z, tilt_x, tilt_y) = measured(x, y);
-            let values = [x, y, z, tilt_x, tilt_y, start + distance / 100.0 * part];
-            Cut { word, values: values.map(float) }
-        })
-        .collect()
+fn steps(line: Line, route: &mut Route<'_>) -> Result<()> {
+    let [from, to] = [line.from, line.to].map(|Point { x, y }| [x, y].map(|it| f64::from(it) / 100.0));
+    let count = if line.draws { (line.length() * 100.0 / STEP).ceil().max(1.0) } else { 1.0 };
+    for step in 1..=whole(count) {
+        let part = f64::from(step) / count;
+        let [x, y] = [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * part);
+        let [z, tilt_x, tilt_y] = measured(x, y);
+        route.line(0, line.draws, [x, y, z, tilt_x, tilt_y, 0.0])?;
+    }
+    Ok(())
 }
 
-/// Returns the measurements of the sheet at X, Y: its height, and the tilt of the beam with which it is perpendicular to the
-/// sheet. The parameters of a laser robot cannot be taught; they come from a measuring system (introduction of the source).
-fn measured(x: f64, y: f64) -> (f64, f64, f64) {
+/// Returns the measurements of the sheet at X, Y: its height, and the tilt of the beam about X and Y with which it is perpendicular
+/// to the sheet. The parameters of a laser robot cannot be taught; they come from a measuring system (introduction of the source).
+fn measured(x: f64, y: f64) -> [f64; 3] {
     let (wave_x, wave_y) = (x / 240.0, y / 310.0);
     let z = 12.0 * wave_x.sin() + 8.0 * wave_y.cos();
     let slope_x = 12.0 / 240.0 * wave_x.cos();
     let slope_y = -8.0 / 310.0 * wave_y.sin();
-    (z, slope_y.atan().to_degrees(), -slope_x.atan().to_degrees())
+    [z, slope_y.atan().to_degrees(), -slope_x.atan().to_degrees()]
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "the link carries floats")]
-fn float(x: f64) -> f32 {
-    x as f32
+/// Returns the instruction that a robot has executed.
+pub fn executed(job: &Job, config: &ControllerConfig) -> Instruction {
+    Instruction { line: 0, word: job.word, values: job.floats(config) }
+}
+
+/// Returns the lines on the sheet of these instructions; a point that corruption has moved off the sheet is at its edge.
+pub fn lines(executed: &[Instruction], mapping: &Mapping) -> Vec<Line> {
+    let mut at = Point { x: 0, y: 0 };
+    let lines = executed.iter().filter_map(|Instruction { word, values, .. }| {
+        let [x, y, ..] = *values.as_slice() else { return None };
+        let to = Point { x: hundredths(x).clamp(0, SHEET.x), y: hundredths(y).clamp(0, SHEET.y) };
+        let from = core::mem::replace(&mut at, to);
+        Some(Line { draws: *word == mapping.cut, from, to })
+    });
+    lines.collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a float saturates when cast to an integer")]
@@ -115,22 +79,22 @@ mod tests {
 
     #[test]
     fn the_path_has_tens_of_thousands_of_different_instructions() {
-        let path = path().unwrap();
+        let path = path(&Mapping::default()).unwrap().instructions;
         assert!((20_000..99_999).contains(&path.len()), "{}", path.len());
-        let different: HashSet<_> = path.iter().map(|cut| cut.values.map(f32::to_bits)).collect();
+        let values = |it: &Instruction| it.values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        let different: HashSet<_> = path.iter().map(values).collect();
         assert_eq!(different.len(), path.len());
-        let stuffed = path.iter().flat_map(|cut| cut.values).filter(|v| v.to_le_bytes().contains(&0x90));
+        let stuffed = path.iter().flat_map(|it| &it.values).filter(|v| v.to_le_bytes().contains(&0x90));
         assert!(stuffed.count() > 100, "some values need stuffing");
     }
 
     #[test]
     fn steps_end_where_the_line_ends() {
+        let mapping = Mapping::default();
         let line = Line { draws: true, from: Point { x: 0, y: 0 }, to: Point { x: 1100, y: 0 } };
-        let mut length = 7.0;
-        let cuts = steps(line, &mut length);
-        let ends: Vec<_> = cuts.iter().map(Cut::end).collect();
-        assert_eq!(ends.len(), 3);
-        assert_eq!(ends.last(), Some(&line.to));
-        assert_eq!((cuts[2].values[5], length), (18.0, 18.0));
+        let mut route = Route::new(&mapping);
+        steps(line, &mut route).unwrap();
+        let ends: Vec<_> = lines(&route.instructions, &mapping).iter().map(|line| line.to).collect();
+        assert_eq!((ends.len(), ends.last()), (3, Some(&line.to)));
     }
 }

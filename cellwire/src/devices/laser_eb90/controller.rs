@@ -34,6 +34,8 @@ pub struct RobotCounts {
     pub work: Samples,
     /// The times from the end of the cycle to the answer on the line: how late the computer gave it the processor.
     pub answer: Samples,
+    /// The number of times that it was started again.
+    pub restarts: u64,
     /// The instructions that it held when it was killed.
     pub forgotten: Vec<Job>,
 }

@@ -9,7 +9,7 @@ mod settings;
 mod svg;
 
 pub use program::Program;
-pub use route::Instruction;
+pub use route::{Instruction, Route};
 pub use run::{RunEnd, Runner};
 pub use settings::{Coordinate, Mapping, Settings};
 

@@ -71,7 +71,8 @@ impl Program {
         Ok(program)
     }
 
-    fn of(instructions: Vec<Instruction>) -> Self {
+    /// Creates the program of these instructions.
+    pub fn of(instructions: Vec<Instruction>) -> Self {
         Self { instructions, unit: "line", not_carried: Vec::new(), warnings: Vec::new() }
     }
 

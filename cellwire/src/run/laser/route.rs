@@ -20,7 +20,7 @@ pub struct Instruction {
 
 /// A path that becomes instructions, line by line.
 #[derive(Debug)]
-pub(super) struct Route<'a> {
+pub struct Route<'a> {
     pub(super) mapping: &'a Mapping,
     /// X, Y, Z, A, B, C.
     pub(super) at: [f64; 6],
@@ -28,11 +28,13 @@ pub(super) struct Route<'a> {
     /// The power in the program; `None` before the first.
     pub(super) power: Option<f64>,
     length: f64,
-    pub(super) instructions: Vec<Instruction>,
+    /// The instructions so far.
+    pub instructions: Vec<Instruction>,
 }
 
 impl<'a> Route<'a> {
-    pub(super) fn new(mapping: &'a Mapping) -> Self {
+    /// Creates a path that begins at the origin.
+    pub fn new(mapping: &'a Mapping) -> Self {
         Self { mapping, at: [0.0; 6], feed: 0.0, power: None, length: 0.0, instructions: Vec::new() }
     }
 
@@ -45,7 +47,7 @@ impl<'a> Route<'a> {
     ///
     /// # Errors
     /// If there are too many.
-    pub(super) fn line(&mut self, source: u64, cuts: bool, to: [f64; 6]) -> Result<()> {
+    pub fn line(&mut self, source: u64, cuts: bool, to: [f64; 6]) -> Result<()> {
         ensure!(self.instructions.len() < MAX_INSTRUCTIONS, "more than {MAX_INSTRUCTIONS} instructions");
         let way = |axis: usize| {
             let [from, to] = [self.at, to].map(|place| place.get(axis).copied().unwrap_or_default());

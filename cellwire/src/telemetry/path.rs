@@ -1,10 +1,9 @@
 //! The path of a program that was simulated: a table, and a picture from above, from the side, and over time.
 
-use anyhow::{Result, anyhow};
-use plotters::coord::Shift;
+use anyhow::Result;
 use plotters::prelude::*;
 
-use crate::fine::{self, FINE, UNIT};
+use crate::fine::{self, Area, Drawn, FINE, UNIT};
 use cellwire_motion::Pose;
 
 /// The joints and the tool's pose of the robot at a time.
@@ -47,32 +46,24 @@ pub fn table(samples: &[Sample]) -> String {
 const LINE: RGBColor = RGBColor(30, 90, 180);
 const START: RGBColor = RGBColor(40, 140, 70);
 const END: RGBColor = RGBColor(200, 60, 50);
-const FRAME: RGBColor = RGBColor(130, 130, 130);
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Failure = DrawingAreaErrorKind<std::io::Error>;
 
 /// Draws a picture of the path.
 ///
 /// # Errors
 /// If it cannot be drawn.
 pub fn draw(title: &str, samples: &[Sample]) -> Result<String> {
-    let mut picture = String::new();
-    figure(title, samples, &mut picture).map_err(|error| anyhow!("cannot draw the path: {error}"))?;
-    Ok(fine::shown(&picture))
+    fine::draw("the path", [1200, 900], |root| figure(root, title, samples))
 }
 
-fn figure(title: &str, samples: &[Sample], picture: &mut String) -> Result<(), Failure> {
-    let root = SVGBackend::with_string(picture, (1200 * FINE, 900 * FINE)).into_drawing_area();
-    root.fill(&WHITE)?;
+fn figure(root: &Area<'_>, title: &str, samples: &[Sample]) -> Drawn {
     let (upper, lower) = root.split_vertically(560 * UNIT);
     let (left, right) = upper.split_horizontally(600 * UNIT);
     let places = |x: usize, y: usize| -> Vec<(f64, f64)> {
         let part = |sample: &Sample, axis: usize| sample.pose.position.get(axis).copied().unwrap_or(0.0);
         samples.iter().map(|sample| (part(sample, x), part(sample, y))).collect()
     };
-    view(&left, &format!("{title} from above"), ("X, mm", "Y, mm"), &places(0, 1))?;
-    view(&right, "from the side (starts green, ends red)", ("X, mm", "Z, mm"), &places(0, 2))?;
+    view(&left, &format!("{title} from above"), ["X, mm", "Y, mm"], &places(0, 1))?;
+    view(&right, "from the side (starts green, ends red)", ["X, mm", "Z, mm"], &places(0, 2))?;
     let speed = |pair: &[Sample]| match pair {
         [a, b] if b.time > a.time => (b.time, distance(pair) / (b.time - a.time)),
         _ => (0.0, 0.0),
@@ -80,29 +71,13 @@ fn figure(title: &str, samples: &[Sample], picture: &mut String) -> Result<(), F
     let speeds: Vec<(f64, f64)> = samples.windows(2).map(speed).collect();
     let last = samples.last().map_or(1.0, |sample| sample.time).max(0.1);
     let fastest = speeds.iter().map(|(_, speed)| *speed).fold(1.0, f64::max);
-    let mut chart = ChartBuilder::on(&lower)
-        .caption("Speed of the tool", ("sans-serif", 19 * UNIT))
-        .margin(12 * FINE)
-        .x_label_area_size(38 * FINE)
-        .y_label_area_size(74 * FINE)
-        .build_cartesian_2d(0.0..last, 0.0..fastest * 1.06)?;
-    chart
-        .configure_mesh()
-        .x_desc("time, s")
-        .y_desc("mm/s")
-        .light_line_style(WHITE)
-        .bold_line_style(FRAME.mix(0.25).stroke_width(FINE))
-        .axis_style(BLACK.stroke_width(FINE))
-        .set_all_tick_mark_size(5 * UNIT)
-        .label_style(("sans-serif", 14 * UNIT))
-        .axis_desc_style(("sans-serif", 15 * UNIT))
-        .draw()?;
-    chart.draw_series(LineSeries::new(speeds, LINE.stroke_width(2 * FINE)))?;
-    root.present()
+    let ranges = [0.0..last, 0.0..fastest * 1.06];
+    let mut chart = fine::chart(&lower, "Speed of the tool", ["time, s", "mm/s"], ranges, [1, 0])?;
+    chart.draw_series(LineSeries::new(speeds, LINE.stroke_width(2 * FINE))).map(drop)
 }
 
 /// Draws the path on a plane, both axes in the same scale; its start is green, its end red.
-fn view(area: &Area<'_>, title: &str, (x, y): (&str, &str), path: &[(f64, f64)]) -> Result<(), Failure> {
+fn view(area: &Area<'_>, title: &str, names: [&str; 2], path: &[(f64, f64)]) -> Drawn {
     let range = |values: &mut dyn Iterator<Item = f64>| {
         values.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)))
     };
@@ -111,25 +86,8 @@ fn view(area: &Area<'_>, title: &str, (x, y): (&str, &str), path: &[(f64, f64)])
     // The plot is about as wide as high.
     let half = ((right - left).max(high - low) * 0.55).max(1.0);
     let (middle_x, middle_y) = (f64::midpoint(left, right), f64::midpoint(low, high));
-    let mut chart = ChartBuilder::on(area)
-        .caption(title, ("sans-serif", 19 * UNIT))
-        .margin(12 * FINE)
-        .x_label_area_size(38 * FINE)
-        .y_label_area_size(74 * FINE)
-        .build_cartesian_2d(middle_x - half..middle_x + half, middle_y - half..middle_y + half)?;
-    chart
-        .configure_mesh()
-        .x_desc(x)
-        .y_desc(y)
-        .x_label_formatter(&|x| format!("{x:.0}"))
-        .y_label_formatter(&|y| format!("{y:.0}"))
-        .light_line_style(WHITE)
-        .bold_line_style(FRAME.mix(0.25).stroke_width(FINE))
-        .axis_style(BLACK.stroke_width(FINE))
-        .set_all_tick_mark_size(5 * UNIT)
-        .label_style(("sans-serif", 14 * UNIT))
-        .axis_desc_style(("sans-serif", 15 * UNIT))
-        .draw()?;
+    let ranges = [middle_x, middle_y].map(|middle| middle - half..middle + half);
+    let mut chart = fine::chart(area, title, names, ranges, [0, 0])?;
     chart.draw_series(LineSeries::new(path.iter().copied(), LINE.stroke_width(2 * FINE)))?;
     for (place, colour) in [(path.first(), START), (path.last(), END)] {
         chart.draw_series(place.map(|place| Circle::new(*place, 6 * UNIT, colour.filled())))?;

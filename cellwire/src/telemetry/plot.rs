@@ -3,21 +3,19 @@
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 use cellwire_io::files;
 use cellwire_motion::{Deviation, State};
-use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::recording::Comparison;
-use crate::fine::{self, FINE, UNIT};
+use crate::fine::{self, Area, Drawn, FINE, UNIT};
 
 const RED: RGBColor = RGBColor(200, 60, 50);
 const GREEN: RGBColor = RGBColor(40, 140, 70);
 const BLUE: RGBColor = RGBColor(30, 90, 180);
 const VIOLET: RGBColor = RGBColor(130, 70, 160);
 const NORM: RGBColor = RGBColor(60, 60, 60);
-const FRAME: RGBColor = RGBColor(130, 130, 130);
 
 /// Draws the four figures into a folder; their paths.
 ///
@@ -106,8 +104,11 @@ pub fn draw(folder: &Path, comparison: &Comparison) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     for (name, top, bottom) in figures {
         let path = folder.join(name);
-        let picture = figure(span.clone(), &top, &bottom)
-            .map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+        let picture = fine::draw(path.display(), [1200, 860], |root| {
+            let (upper, lower) = root.split_vertically(430 * UNIT);
+            top.draw(&upper, span.clone())?;
+            bottom.draw(&lower, span.clone())
+        })?;
         files::write(&path, picture.as_bytes())?;
         paths.push(path);
     }
@@ -178,23 +179,8 @@ fn span(comparison: &Comparison) -> Result<Range<f64>> {
     Ok(first.time - margin..last.time + margin)
 }
 
-type Failure = DrawingAreaErrorKind<std::io::Error>;
-
-fn figure(span: Range<f64>, top: &Panel, bottom: &Panel) -> Result<String, Failure> {
-    let mut picture = String::new();
-    {
-        let root = SVGBackend::with_string(&mut picture, (1200 * FINE, 860 * FINE)).into_drawing_area();
-        root.fill(&WHITE)?;
-        let (upper, lower) = root.split_vertically(430 * UNIT);
-        top.draw(&upper, span.clone())?;
-        bottom.draw(&lower, span)?;
-        root.present()?;
-    }
-    Ok(fine::shown(&picture))
-}
-
 impl Panel {
-    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, span: Range<f64>) -> Result<(), Failure> {
+    fn draw(&self, area: &Area<'_>, span: Range<f64>) -> Drawn {
         let values =
             self.curves.iter().flat_map(|c| &c.points).filter(|(t, _)| span.contains(t)).map(|(_, y)| *y);
         let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), y| (low.min(y), high.max(y)));
@@ -207,25 +193,9 @@ impl Panel {
         };
         // The legend stands beside the curves, not upon them.
         let (plot, side) = area.split_horizontally(1030 * UNIT);
-        let mut chart = ChartBuilder::on(&plot)
-            .caption(self.title, ("sans-serif", 19 * UNIT))
-            .margin(12 * FINE)
-            .x_label_area_size(38 * FINE)
-            .y_label_area_size(74 * FINE)
-            .build_cartesian_2d(span.clone(), low - margin..high + margin)?;
-        chart
-            .configure_mesh()
-            .x_desc("time since the motion began, s")
-            .y_desc(self.unit)
-            .x_label_formatter(&|x| format!("{x:.1}"))
-            .y_label_formatter(&|y| format!("{:.*}", digits, if y.abs() < 1e-9 { 0.0 } else { *y }))
-            .light_line_style(WHITE)
-            .bold_line_style(FRAME.mix(0.25).stroke_width(FINE))
-            .axis_style(BLACK.stroke_width(FINE))
-            .set_all_tick_mark_size(5 * UNIT)
-            .label_style(("sans-serif", 14 * UNIT))
-            .axis_desc_style(("sans-serif", 15 * UNIT))
-            .draw()?;
+        let (names, ranges) =
+            (["time since the motion began, s", self.unit], [span.clone(), low - margin..high + margin]);
+        let mut chart = fine::chart(&plot, self.title, names, ranges, [1, digits])?;
         for (row, curve) in (0..).zip(&self.curves) {
             let points: Vec<(f64, f64)> =
                 curve.points.iter().copied().filter(|(time, _)| span.contains(time)).collect();

@@ -5,15 +5,12 @@ use std::time::Duration;
 
 use anyhow::{Result, anyhow};
 use mmacell_task::Step;
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::workpiece::{Outcome, Record};
-use crate::fine::{self, FINE, UNIT};
+use crate::fine::{self, Area, Drawn, FINE, UNIT};
 use cellwire_io::files;
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 const SIZE: (i32, i32) = (1600 * UNIT, 603 * UNIT);
 const LEFT: i32 = 150 * UNIT;
@@ -47,14 +44,9 @@ struct Span {
 pub fn draw(path: &Path, steps: &[(Duration, Step)], record: &Record) -> Result<()> {
     let (from, to) =
         window(steps, record).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
-    let mut drawn = String::new();
-    let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
-    let root = SVGBackend::with_string(&mut drawn, size).into_drawing_area();
-    let picture = Picture { area: &root, from, to };
-    picture.draw(steps, record).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
-    root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
-    drop(root);
-    files::write(path, fine::shown(&drawn).as_bytes())
+    let size = [SIZE.0, SIZE.1].map(|length| (length / UNIT).unsigned_abs());
+    let drawn = fine::draw(path.display(), size, |area| Picture { area, from, to }.draw(steps, record))?;
+    files::write(path, drawn.as_bytes())
 }
 
 /// Returns the times of six attempts: the first in which one part is placed, one missed and one lost, if there are any.
@@ -78,11 +70,8 @@ struct Picture<'a, 'b> {
     to: Duration,
 }
 
-type DrawResult = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-
 impl Picture<'_, '_> {
-    fn draw(&self, steps: &[(Duration, Step)], record: &Record) -> DrawResult {
-        self.area.fill(&WHITE)?;
+    fn draw(&self, steps: &[(Duration, Step)], record: &Record) -> Drawn {
         self.text(
             (LEFT, 30 * UNIT),
             "Pick and place: what each device of the cell does",
@@ -111,7 +100,7 @@ impl Picture<'_, '_> {
     }
 
     /// Draws the meaning of the colours, beside the labels of the bars.
-    fn legend(&self) -> DrawResult {
+    fn legend(&self) -> Drawn {
         let mut left = LEFT;
         for (color, text) in [
             (ROBOT, "robot without a part"),
@@ -132,7 +121,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn attempts(&self, steps: &[(Duration, Step)]) -> DrawResult {
+    fn attempts(&self, steps: &[(Duration, Step)]) -> Drawn {
         for (at, _) in steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
             let x = self.x(*at);
             self.area
@@ -141,7 +130,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn axis(&self) -> DrawResult {
+    fn axis(&self) -> Drawn {
         let bottom = TOP + LANES * LANE;
         self.area.draw(&PathElement::new([(LEFT, bottom), (SIZE.0 - RIGHT, bottom)], thin(INK)))?;
         let span = (self.to - self.from).as_secs_f64();
@@ -156,7 +145,7 @@ impl Picture<'_, '_> {
         self.text(((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38 * UNIT), "cell time", 14, INK, HPos::Center)
     }
 
-    fn lane(&self, row: i32, name: &str, spans: &[Span]) -> DrawResult {
+    fn lane(&self, row: i32, name: &str, spans: &[Span]) -> Drawn {
         let middle = TOP + row * LANE + LANE / 2;
         self.text((LEFT - 14 * UNIT, middle), name, 15, INK, HPos::Right)?;
         self.area.draw(&PathElement::new([(LEFT, middle), (SIZE.0 - RIGHT, middle)], thin(FAINT)))?;
@@ -174,7 +163,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn outcomes(&self, outcomes: &[(Duration, Outcome)]) -> DrawResult {
+    fn outcomes(&self, outcomes: &[(Duration, Outcome)]) -> Drawn {
         let middle = TOP + (LANES - 1) * LANE + LANE / 2;
         self.text((LEFT - 14 * UNIT, middle), "The part is", 15, INK, HPos::Right)?;
         for (at, outcome) in outcomes.iter().filter(|(at, _)| self.shows(*at)) {
@@ -195,7 +184,7 @@ impl Picture<'_, '_> {
         Ok(())
     }
 
-    fn text(&self, at: (i32, i32), text: &str, size: i32, color: RGBColor, side: HPos) -> DrawResult {
+    fn text(&self, at: (i32, i32), text: &str, size: i32, color: RGBColor, side: HPos) -> Drawn {
         let style =
             TextStyle::from(("sans-serif", size * UNIT)).color(&color).pos(Pos::new(side, VPos::Center));
         self.area.draw_text(text, &style, at)

@@ -1,21 +1,17 @@
 //! The source's Figure 9 from a run: the values of the hand, and the limited values.
 
-use std::path::Path;
-
-use anyhow::{Result, anyhow};
-use plotters::coord::Shift;
+use anyhow::{Result, ensure};
 use plotters::prelude::*;
 use val2_alter::{Limits, Scale, timing};
 
 use crate::demo::DemoOptions;
 use crate::demo::teleop::cell::{CellConfig, CellRecord};
 use crate::demo::teleop::cycles::Cycle;
-use crate::fine::{self, FINE, UNIT};
+use crate::fine::{self, Area, Drawn, FINE, FRAME, UNIT};
 use cellwire_io::files;
 
 const ASKED: RGBColor = RGBColor(200, 90, 40);
 const LIMITED: RGBColor = RGBColor(20, 80, 160);
-const LIMIT: RGBColor = RGBColor(130, 130, 130);
 
 const AXES: [&str; 6] = ["along X", "along Y", "along Z", "about X", "about Y", "about Z"];
 
@@ -23,30 +19,22 @@ const AXES: [&str; 6] = ["along X", "along Y", "along Z", "about X", "about Y", 
 /// arm stood, and where the robot's subroutine has stopped it.
 type Curve = Vec<Vec<(f64, f64)>>;
 
-/// Draws the run of a cell where the options name a file.
-///
-/// # Errors
-/// The errors of [`draw`].
-pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRecord) -> Result<()> {
-    let Some(path) = &options.out else { return Ok(()) };
-    draw(path, &record.host.cycles.speeds(), &config.alter.limits)
-}
-
-/// Draws the velocity in each axis, and the acceleration along X.
+/// Draws the run of a cell where the options name a file: the velocity in each axis, and the acceleration along X.
 ///
 /// # Errors
 /// If the file cannot be written, or there is nothing to draw.
-pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
-    let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else {
-        return Err(anyhow!("there is nothing to draw: ALTER never ran"));
-    };
+pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRecord) -> Result<()> {
+    let Some(path) = &options.out else { return Ok(()) };
+    let cycles = record.host.cycles.speeds();
+    ensure!(!cycles.is_empty(), "there is nothing to draw: ALTER never ran");
+    let drawn = fine::draw(path.display(), [1100, 1240], |root| draw(root, &cycles, &config.alter.limits))?;
+    files::write(path, drawn.as_bytes())
+}
+
+fn draw(root: &Area<'_>, cycles: &[Cycle], limits: &Limits) -> Drawn {
+    let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else { return Ok(()) };
     let cycle = timing::CYCLE.as_secs_f64();
     let span = first.at.as_secs_f64()..last.at.as_secs_f64();
-
-    let mut picture = String::new();
-    let root = SVGBackend::with_string(&mut picture, (1100 * FINE, 1240 * FINE)).into_drawing_area();
-    let failed = |error| anyhow!("cannot draw {}: {error}", path.display());
-    root.fill(&WHITE).map_err(failed)?;
     let (top, bottom) = root.split_vertically(900 * UNIT);
     let areas = top.split_evenly((3, 2));
     for (axis, (name, limit)) in AXES.into_iter().zip(limits.velocity).enumerate() {
@@ -65,7 +53,7 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
             limited: scaled(&curve(cycles, |cycle| of(cycle.values)), velocity),
         };
         let Some(area) = areas.get(place) else { continue };
-        panel.draw(area, span.clone()).map_err(failed)?;
+        panel.draw(area, span.clone())?;
     }
     let acceleration = |words: f64| words / Scale::PUMA_562.per_mm / (cycle * cycle);
     let panel = Panel {
@@ -76,10 +64,7 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
         asked: scaled(&steps(&curve(cycles, |cycle| cycle.demand[0])), acceleration),
         limited: scaled(&steps(&curve(cycles, |cycle| cycle.values[0])), acceleration),
     };
-    panel.draw(&bottom, span).map_err(failed)?;
-    root.present().map_err(failed)?;
-    drop((root, top, bottom, areas));
-    files::write(path, fine::shown(&picture).as_bytes())
+    panel.draw(&bottom, span)
 }
 
 struct Panel {
@@ -91,41 +76,20 @@ struct Panel {
 }
 
 impl Panel {
-    fn draw(
-        &self,
-        area: &DrawingArea<SVGBackend<'_>, Shift>,
-        span: core::ops::Range<f64>,
-    ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    fn draw(&self, area: &Area<'_>, span: core::ops::Range<f64>) -> Drawn {
         let range = -self.limit * 2.0..self.limit * 2.0;
-        let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, ("sans-serif", 18 * UNIT))
-            .margin(12 * FINE)
-            .x_label_area_size(38 * FINE)
-            .y_label_area_size(70 * FINE)
-            .build_cartesian_2d(span.clone(), range.clone())?;
-        chart
-            .configure_mesh()
-            .x_desc("time, s")
-            .y_desc(self.unit)
-            .y_label_formatter(&|y| format!("{y:.0}"))
-            .x_label_formatter(&|x| format!("{x:.1}"))
-            .light_line_style(WHITE)
-            .bold_line_style(LIMIT.mix(0.25).stroke_width(FINE))
-            .axis_style(BLACK.stroke_width(FINE))
-            .set_all_tick_mark_size(5 * UNIT)
-            .label_style(("sans-serif", 13 * UNIT))
-            .axis_desc_style(("sans-serif", 14 * UNIT))
-            .draw()?;
+        let ranges = [span.clone(), range.clone()];
+        let mut chart = fine::chart(area, &self.title, ["time, s", self.unit], ranges, [1, 0])?;
         for limit in [self.limit, -self.limit] {
             let ends = [(span.start, limit), (span.end, limit)];
             let series = chart.draw_series(DashedLineSeries::new(
                 ends,
                 6 * FINE,
                 4 * FINE,
-                LIMIT.stroke_width(FINE),
+                FRAME.stroke_width(FINE),
             ))?;
             if limit > 0.0 {
-                let dash = |x, y| PathElement::new([(x, y), (x + 6 * UNIT, y)], LIMIT.stroke_width(FINE));
+                let dash = |x, y| PathElement::new([(x, y), (x + 6 * UNIT, y)], FRAME.stroke_width(FINE));
                 series.label("limit").legend(move |(x, y)| {
                     EmptyElement::at((x, y)) + dash(0, 0) + dash(8 * UNIT, 0) + dash(16 * UNIT, 0)
                 });
@@ -150,7 +114,7 @@ impl Panel {
             .configure_series_labels()
             .position(SeriesLabelPosition::LowerLeft)
             .background_style(WHITE.mix(0.85))
-            .border_style(LIMIT.stroke_width(FINE))
+            .border_style(FRAME.stroke_width(FINE))
             .legend_area_size(30 * UNIT)
             .margin(10 * UNIT)
             .label_font(("sans-serif", 13 * UNIT))

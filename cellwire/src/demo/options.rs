@@ -61,8 +61,7 @@ impl MustFail {
 
 impl DemoOptions {
     /// Returns the options of a run without options, which shows no progress.
-    #[cfg(test)]
-    pub(crate) fn quiet() -> Self {
+    pub fn quiet() -> Self {
         Self {
             seconds: None,
             faults: false,

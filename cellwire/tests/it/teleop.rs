@@ -10,6 +10,7 @@ use std::time::Duration;
 use crate::real_time::in_real_time;
 use cellwire::alter::input::InputConfig;
 use cellwire::alter::{LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config};
+use cellwire::demo::DemoOptions;
 use cellwire::demo::teleop::cell::{self, CellConfig};
 use cellwire::devices::isra_ball::ball;
 use cellwire::devices::val2_alter::puma::{self, PumaConfig};
@@ -18,9 +19,7 @@ use cellwire_io::clock::Clock;
 use cellwire_io::serial;
 use cellwire_io::trace::TraceArgs;
 use cellwire_motion::latch::LatchConfig;
-use cellwire_sim::Viewer;
 use cellwire_sim::puma::{Pose, PumaEvent};
-use indicatif::ProgressBar;
 use isra_ball::BallConfig;
 use val2_alter::{ErrorCode, HostConfig, Motion};
 
@@ -140,20 +139,14 @@ fn nor_over_tcp() {
 
 fn whatever_goes_wrong(lines: Lines) {
     in_real_time(|| {
-        let config = CellConfig {
-            time: Duration::from_millis(4500),
-            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            controller: PumaConfig::default().puma.config,
-            polls: isra_ball::HostConfig::default(),
-            ball: BallConfig::default(),
-            viewer: Viewer::default(),
-            viewer_host: val2_viewer::HostConfig::default(),
+        let options = DemoOptions {
+            seconds: Some(Duration::from_millis(4500)),
             faults: true,
             seed: 5,
-            trace: TraceArgs::off(),
             lines,
+            ..DemoOptions::quiet()
         };
-        let record = cell::run(&config, &ProgressBar::hidden()).unwrap();
+        let record = cell::run(&CellConfig::default(), &options).unwrap();
         assert!(record.puma.starts > 0 && record.host.stalls > 0, "{record:?}");
         let sent = record.puma.judge.extremes;
         assert!(sent.keeps(&LIMITS), "{sent:?}");

@@ -1,26 +1,21 @@
 //! `cellwire demo ball`: the teleoperation cell, seen from the ball.
 
 use anyhow::Result;
-use isra_ball::{BallConfig, timing};
+use isra_ball::timing;
 
-use super::plot;
-use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
+use super::cell::{CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::report::{Budget, Report, were};
 use cellwire_links::settings::{self, Configure, FieldVisitor};
 
 /// The settings of the demo.
 #[derive(Debug, Default)]
-pub struct Settings {
-    polls: isra_ball::HostConfig,
-    ball: BallConfig,
-}
+pub struct Settings(CellConfig);
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl FieldVisitor) {
-        let Self { polls, ball } = self;
-        polls.configure(fields);
-        ball.configure(fields);
+        self.0.polls.configure(fields);
+        self.0.ball.configure(fields);
     }
 }
 
@@ -29,13 +24,11 @@ impl Configure for Settings {
 /// # Errors
 /// If there are no pseudo-terminals, or a setting is unknown to this demo.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = settings::read("ball", Settings::default(), &options.settings)?;
-    let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };
-    let mut record = cell::run(&config, &options.progress)?;
-    plot::write(options, &config, &record)?;
+    let Settings(config) = settings::read("ball", Settings::default(), &options.settings)?;
+    let mut record = super::run(&config, options)?;
     if options.spoils(MustFail::Lost) {
         // One packet that arrived is removed, and each packet that may be lost is.
-        let [sent, explained] = packets(&config, &record);
+        let [sent, explained] = packets(&record);
         record.ball.fresh += explained.saturating_sub(sent);
         let host = &mut record.host;
         let arrived = if host.fresh > 0 { &mut host.fresh } else { &mut host.old };
@@ -48,12 +41,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 /// Returns the number of packets that the ball sent, and the maximum that it can have sent if none was lost without a
 /// reason: those that arrived, complete or partial; one on the line at the end of the run; and two for each corrupted byte,
 /// since it may join two packets.
-fn packets(
-    config: &CellConfig,
-    CellRecord { ball, host, line_faults: [_, faults, _], .. }: &CellRecord,
-) -> [u64; 2] {
-    let lost = if config.faults { 2 * faults } else { 0 };
-    [ball.fresh + ball.old, host.fresh + host.old + host.ball_late + host.ball_corrupt + 1 + lost]
+fn packets(CellRecord { ball, host, line_faults: [_, faults, _], .. }: &CellRecord) -> [u64; 2] {
+    [ball.fresh + ball.old, host.fresh + host.old + host.ball_late + host.ball_corrupt + 1 + 2 * faults]
 }
 
 pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
@@ -64,7 +53,7 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     );
     let mut report = Report::new("ball", title).moves("a hand pushes the ball");
     let answered = host.fresh + host.old;
-    let [sent, explained] = packets(config, record);
+    let [sent, explained] = packets(record);
     let lost = sent.saturating_sub(explained);
     report.stream(answered, host.ball_missed.max(lost), lost == 0);
     report.fact("polls", "polls", answered + host.ball_missed);
@@ -90,7 +79,8 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
         format!("a packet came in {fastest:?}, faster than the line rate")
     });
     report.require(lost == 0, || {
-        let beyond = if config.faults { ", more than the faults of the line can have destroyed" } else { "" };
+        let beyond =
+            if *line_faults > 0 { ", more than the faults of the line can have destroyed" } else { "" };
         format!("{} lost between ball and host{beyond}", were(lost, "packet"))
     });
     report

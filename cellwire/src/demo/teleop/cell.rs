@@ -19,7 +19,7 @@ use crate::demo::DemoOptions;
 use crate::devices::isra_ball::ball;
 use crate::devices::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::devices::val2_viewer::workstation;
-use crate::io::line::{Line, Lines};
+use crate::io::line::Line;
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::TraceArgs;
@@ -37,11 +37,9 @@ const STALL: Duration = Duration::from_millis(60);
 /// An ALTER that has just ended is waited for this long at most, to see it taken up again before the run ends.
 const TAKE_UP: Duration = Duration::from_secs(10);
 
-/// The settings of a run of the cell.
-#[derive(Debug, Clone)]
+/// The settings of the cell: by default the source's lines and its cumulative mode.
+#[derive(Debug)]
 pub struct CellConfig {
-    /// The length of the run.
-    pub time: Duration,
     /// The host's end of the robot's line.
     pub alter: HostConfig,
     /// The robot's end of the robot's line.
@@ -54,31 +52,17 @@ pub struct CellConfig {
     pub viewer: Viewer,
     /// The host's end of the workstation's line.
     pub viewer_host: val2_viewer::HostConfig,
-    /// Whether lines corrupt bytes, and the host stalls.
-    pub faults: bool,
-    /// The seed of the faults.
-    pub seed: u64,
-    /// The options of traces: the place of a session's last bytes.
-    pub trace: TraceArgs,
-    /// The transport in place of serial lines.
-    pub lines: Lines,
 }
 
-impl CellConfig {
-    /// Returns the configuration of the source's lines and its cumulative mode.
-    pub fn of(options: &DemoOptions) -> Self {
+impl Default for CellConfig {
+    fn default() -> Self {
         Self {
-            time: options.seconds.unwrap_or(OWN_RUN),
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
             controller: PumaConfig::default().puma.config,
             polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
             viewer: Viewer::default(),
             viewer_host: val2_viewer::HostConfig::default(),
-            faults: options.faults,
-            seed: options.seed,
-            trace: options.trace.clone(),
-            lines: options.lines,
         }
     }
 }
@@ -94,7 +78,7 @@ pub struct CellRecord {
     pub drawn: WorkstationCounts,
     /// The run as the host saw it.
     pub host: HostRecord,
-    /// Bytes corrupted by the lines of robot, ball and workstation.
+    /// The number of bytes corrupted by the lines of robot, ball and workstation; zero without faults.
     pub line_faults: [u64; 3],
     /// The time at which the host was ordered to come to rest.
     pub stopped_at: Duration,
@@ -115,12 +99,8 @@ pub struct HostRecord {
     pub has_priority: bool,
     /// Times that ALTER was accepted.
     pub starts: u32,
-    /// Ends of ALTER that the robot reported.
-    pub ends: u64,
     /// Deadlines that passed without a reply.
     pub missed: u64,
-    /// Stretches of corrupt bytes from the robot.
-    pub corrupt: u64,
     /// Exceptions taken for the gripper's keys, and when: true closes.
     pub gripper_keys: Vec<(Duration, bool)>,
     /// Keys that did nothing, because ALTER did not run.
@@ -153,12 +133,12 @@ pub struct HostRecord {
 ///
 /// # Errors
 /// If there are no pseudo-terminals.
-pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
+pub fn run(config: &CellConfig, options: &DemoOptions) -> Result<CellRecord> {
     let clock = Clock::start();
     let (polls, viewer_baud) = (config.polls, config.viewer.baud);
-    let mut robot = Wire::new("robot", clock, config.controller.baud, 1, config)?;
-    let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
-    let mut viewer = Wire::new("viewer", clock, viewer_baud, 3, config)?;
+    let mut robot = Wire::new("robot", clock, config.controller.baud, 1, options)?;
+    let mut ball = Wire::new("ball", clock, polls.baud, 2, options)?;
+    let mut viewer = Wire::new("viewer", clock, viewer_baud, 3, options)?;
     let restart = Duration::from_millis(300);
     let mut puma = PumaConfig::default();
     (puma.puma.config, puma.puma.restart) = (config.controller, restart);
@@ -188,7 +168,7 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
                 viewer.line.faults(),
             )
         });
-        let host = drive(config, teleop, clock, progress);
+        let host = drive(teleop, clock, options);
         stop.store(true, Ordering::Relaxed);
         let gone = |what| move |_| anyhow!("the simulated {what} panicked");
         let (puma, robot_faults) = robot.join().map_err(gone("robot"))?;
@@ -216,10 +196,10 @@ struct Wire {
 }
 
 impl Wire {
-    fn new(name: &str, clock: Clock, baud: u32, number: u64, config: &CellConfig) -> Result<Self> {
-        let (line, path) = Line::simulated(config.lines, clock, baud, config.trace.start(name))?;
-        let faults = match config.faults {
-            true => ByteFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
+    fn new(name: &str, clock: Clock, baud: u32, number: u64, options: &DemoOptions) -> Result<Self> {
+        let (line, path) = Line::simulated(options.lines, clock, baud, options.trace.start(name))?;
+        let faults = match options.faults {
+            true => ByteFaults::with_rate(FAULT_RATE, options.seed.wrapping_mul(3).wrapping_add(number)),
             false => ByteFaults::none(),
         };
         Ok(Self { line: line.with_faults(faults), path })
@@ -231,23 +211,19 @@ impl Wire {
 }
 
 /// Runs the host for its time, lets it come to rest, and records its reports.
-fn drive(
-    config: &CellConfig,
-    teleop: TeleopConfig,
-    clock: Clock,
-    progress: &ProgressBar,
-) -> Result<(HostRecord, Duration)> {
+fn drive(teleop: TeleopConfig, clock: Clock, options: &DemoOptions) -> Result<(HostRecord, Duration)> {
+    let (time, progress) = (options.seconds.unwrap_or(OWN_RUN), &options.progress);
+    let cycles = Cycles::new(teleop.alter.mode.accumulation());
     // The devices keep the traces.
     let off = TraceArgs::off();
     let traces = Traces { robot: off.start("robot"), ball: off.start("ball"), viewer: off.start("viewer") };
     let host = Teleop::start(teleop, clock, &traces)?;
-    let cycles = Cycles::new(config.alter.mode.accumulation());
     let mut record = HostRecord { cycles, ..HostRecord::default() };
-    progress.set_length(u64::try_from(config.time.as_millis() / timing::CYCLE.as_millis())?);
-    let end = clock.now() + config.time;
+    progress.set_length(u64::try_from(time.as_millis() / timing::CYCLE.as_millis())?);
+    let end = clock.now() + time;
     let mut next_stall = clock.now() + STALL_EVERY;
     while clock.now() < end || (!record.runs && clock.now() < end + TAKE_UP) {
-        if config.faults && (next_stall..end).contains(&clock.now()) {
+        if options.faults && (next_stall..end).contains(&clock.now()) {
             next_stall += STALL_EVERY;
             record.stalls += 1;
             host.order(Order::Stall(STALL));
@@ -290,11 +266,7 @@ impl HostRecord {
                 self.thinking.add(*thinking);
                 progress.inc(1);
             }
-            Notification::End(_) => {
-                self.ends += 1;
-                self.runs = false;
-            }
-            Notification::Lost(_) => self.runs = false,
+            Notification::End(_) | Notification::Lost(_) => self.runs = false,
             Notification::Missed => {
                 self.missed += 1;
                 self.stood += 1;
@@ -303,7 +275,6 @@ impl HostRecord {
                 self.cycles.reject();
                 self.stood += 1;
             }
-            Notification::Corrupt(_) => self.corrupt += 1,
             Notification::Gripper(exception, Ok(())) => {
                 self.gripper_keys.push((at, *exception == Exception::CloseGripper))
             }

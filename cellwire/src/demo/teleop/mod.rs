@@ -9,7 +9,7 @@ mod viewer;
 
 use anyhow::Result;
 
-use self::cell::CellConfig;
+use self::cell::{CellConfig, CellRecord};
 use crate::demo::DemoOptions;
 use crate::report::Report;
 
@@ -22,8 +22,14 @@ pub use viewer::{Settings as ViewerSettings, demo as viewer};
 /// # Errors
 /// If there are no pseudo-terminals.
 pub fn all(options: &DemoOptions) -> Result<[Report; 3]> {
-    let config = CellConfig::of(options);
-    let record = cell::run(&config, &options.progress)?;
-    plot::write(options, &config, &record)?;
-    Ok([robot::report(&config, &record), viewer::report(&config, &record), ball::report(&config, &record)])
+    let config = CellConfig::default();
+    let record = run(&config, options)?;
+    Ok([robot::report(&config, &record), viewer::report(&record), ball::report(&config, &record)])
+}
+
+/// Runs the cell, and draws what the arm did.
+fn run(config: &CellConfig, options: &DemoOptions) -> Result<CellRecord> {
+    let record = cell::run(config, options)?;
+    plot::write(options, config, &record)?;
+    Ok(record)
 }

@@ -4,13 +4,11 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use anyhow::Result;
-use val2_alter::{AXES, ControllerConfig, ErrorCode, HostConfig, Scale, timing};
+use val2_alter::{AXES, ErrorCode, HostConfig, Scale, timing};
 
-use super::plot;
-use crate::alter::{LIMITS, host_config};
-use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
+use super::cell::{CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
-use crate::devices::val2_alter::puma::{PumaConfig, error_text};
+use crate::devices::val2_alter::puma::error_text;
 use crate::report::{Budget, Report, times};
 use cellwire_io::output::counted;
 use cellwire_links::settings::{self, Configure, FieldVisitor};
@@ -19,24 +17,12 @@ use cellwire_links::settings::{self, Configure, FieldVisitor};
 const SETTLING: Duration = Duration::from_secs(1);
 
 /// The settings of the demo: the host's end, and the differences of the robot's end.
-#[derive(Debug)]
-pub struct Settings {
-    alter: HostConfig,
-    controller: ControllerConfig,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            controller: PumaConfig::default().puma.config,
-        }
-    }
-}
+#[derive(Debug, Default)]
+pub struct Settings(CellConfig);
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl FieldVisitor) {
-        let Self { alter, controller } = self;
+        let CellConfig { alter, controller, .. } = &mut self.0;
         alter.configure(fields);
         // Both ends of a line agree, unless they are set apart.
         (controller.framing, controller.baud, controller.mode) = (alter.framing, alter.baud, alter.mode);
@@ -49,10 +35,8 @@ impl Configure for Settings {
 /// # Errors
 /// If there are no pseudo-terminals, or a setting is unknown to this demo.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { alter, controller } = settings::read("alter", Settings::default(), &options.settings)?;
-    let config = CellConfig { alter, controller, ..CellConfig::of(options) };
-    let mut record = cell::run(&config, &options.progress)?;
-    plot::write(options, &config, &record)?;
+    let Settings(config) = settings::read("alter", Settings::default(), &options.settings)?;
+    let mut record = super::run(&config, options)?;
     if options.spoils(MustFail::Lost) {
         // A cycle without a reply, for which ALTER ended; and it was not resumed.
         record.puma.missed += 1;
@@ -135,7 +119,7 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
     }
     report.timing("host_own", "host by its own clock", &host_own, slack(config));
 
-    promises(&mut report, config, record, missed);
+    promises(&mut report, record, missed);
     report
 }
 
@@ -157,13 +141,13 @@ fn to_take_up(record: &CellRecord) -> u64 {
 }
 
 /// Checks every cycle: one without a good reply has an injected fault, or was late.
-fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
+fn promises(report: &mut Report, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());
     let lost = missed + puma.bad_replies;
     // A host that sleeps misses one cycle, which ends ALTER; so does a byte that is corrupt on either way.
     let [line_faults, _, _] = record.line_faults;
-    let inserted = if config.faults { host.stalls + line_faults } else { 0 };
+    let inserted = host.stalls + line_faults;
     report.in_time(lost <= inserted, || {
         let cycles = counted(puma.cycles, "cycle");
         format!(
@@ -184,7 +168,7 @@ fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, misse
         };
         format!("ALTER ended {}, but was {resumed}", times(ended))
     });
-    if !config.faults && record.ends_before_stop == 0 {
+    if host.stalls == 0 && record.line_faults == [0; 3] && record.ends_before_stop == 0 {
         let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
         let due = host.gripper_keys.iter().take_while(|(at, _)| is_settled(record, *at)).count();
         report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
@@ -229,7 +213,6 @@ mod tests {
     use super::*;
     use crate::devices::val2_alter::judge::ReceivedReply;
     use crate::io::samples::Samples;
-    use cellwire_io::trace::TraceArgs;
 
     const MS: Duration = Duration::from_millis(1);
 
@@ -242,19 +225,6 @@ mod tests {
     }
 
     fn list(key: &str, change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
-        let config = CellConfig {
-            time: 10_000 * MS,
-            alter: Settings::default().alter,
-            controller: Settings::default().controller,
-            polls: isra_ball::HostConfig::default(),
-            ball: isra_ball::BallConfig::default(),
-            viewer: cellwire_sim::Viewer::default(),
-            viewer_host: val2_viewer::HostConfig::default(),
-            faults: false,
-            seed: 1,
-            trace: TraceArgs::off(),
-            lines: crate::io::line::Lines::HERE,
-        };
         let mut record = CellRecord { stopped_at: 10_000 * MS, ..CellRecord::default() };
         record.puma.starts = 1;
         for cycle in 1..=100u8 {
@@ -265,7 +235,7 @@ mod tests {
             record.host.thinking.add(MS / 20);
         }
         change(&mut record);
-        let report = report(&config, &record);
+        let report = report(&CellConfig::default(), &record);
         if key == "failures" { report.failures().to_vec() } else { report.over_budget().collect() }
     }
 

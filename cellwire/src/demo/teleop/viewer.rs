@@ -2,25 +2,19 @@
 
 use anyhow::Result;
 
-use super::plot;
-use crate::demo::teleop::cell::{self, CellConfig, CellRecord};
+use super::cell::{CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::report::{Report, were};
 use cellwire_links::settings::{self, Configure, FieldVisitor};
-use cellwire_sim::Viewer;
 
 /// The settings of the demo: the workstation, and the host that answers it.
 #[derive(Debug, Default)]
-pub struct Settings {
-    viewer: Viewer,
-    host: val2_viewer::HostConfig,
-}
+pub struct Settings(CellConfig);
 
 impl Configure for Settings {
     fn configure(&mut self, fields: &mut impl FieldVisitor) {
-        let Self { viewer, host } = self;
-        viewer.configure(fields);
-        fields.group("host", |fields| host.configure(fields));
+        self.0.viewer.configure(fields);
+        fields.group("host", |fields| self.0.viewer_host.configure(fields));
     }
 }
 
@@ -29,22 +23,20 @@ impl Configure for Settings {
 /// # Errors
 /// If there are no pseudo-terminals, or a setting is unknown to this demo.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { viewer, host } = settings::read("viewer", Settings::default(), &options.settings)?;
-    let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };
-    let mut record = cell::run(&config, &options.progress)?;
-    plot::write(options, &config, &record)?;
+    let Settings(config) = settings::read("viewer", Settings::default(), &options.settings)?;
+    let mut record = super::run(&config, options)?;
     if options.spoils(MustFail::Repeated) {
         record.drawn.most_at_once += 1;
     }
-    Ok(report(&config, &record))
+    Ok(report(&record))
 }
 
-pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
+pub(super) fn report(record: &CellRecord) -> Report {
     let CellRecord { drawn, host, line_faults: [_, _, line_faults], .. } = record;
     let title = "a workstation draws the robot, one pose per request";
     let mut report = Report::new("viewer", title).moves("a screen shows that arm");
     // The last one may be on the line when the run ends. A corrupt byte may join two lines.
-    let explained = drawn.poses + 1 + if config.faults { 2 * line_faults } else { 0 };
+    let explained = drawn.poses + 1 + 2 * line_faults;
     let lost = host.poses.saturating_sub(explained);
     report.stream(drawn.poses, host.poses.saturating_sub(drawn.poses + 1), lost == 0);
     report.fact("requests", "requests", drawn.asked);
@@ -61,7 +53,8 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
         format!("{} poses arrived at once: a backlog", drawn.most_at_once)
     });
     report.require(lost == 0, || {
-        let beyond = if config.faults { ", more than the faults of the line can have destroyed" } else { "" };
+        let beyond =
+            if *line_faults > 0 { ", more than the faults of the line can have destroyed" } else { "" };
         format!("{} lost between host and screen{beyond}", were(lost, "pose"))
     });
     report

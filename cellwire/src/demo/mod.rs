@@ -5,6 +5,7 @@ pub mod fanuc;
 pub mod kawasaki;
 pub mod laser;
 pub mod mma;
+mod operator;
 mod options;
 pub mod table;
 pub mod teleop;

@@ -28,6 +28,31 @@ pub fn beside(work: &Path) -> PathBuf {
     work.with_file_name(name)
 }
 
+/// A number that distinguishes some work from other work: FNV-1a of its bytes. Its `Display` is for the journal.
+#[derive(Debug, Clone, Copy)]
+pub struct Fingerprint(u64);
+
+impl Default for Fingerprint {
+    fn default() -> Self {
+        Self(0xCBF2_9CE4_8422_2325)
+    }
+}
+
+impl Fingerprint {
+    /// Adds bytes.
+    pub fn add(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3);
+        }
+    }
+}
+
+impl fmt::Display for Fingerprint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:016x}", self.0)
+    }
+}
+
 /// The known outcome of a part of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -204,8 +229,8 @@ impl<R: Record> Journal<R> {
     }
 
     /// Creates a journal that is not written: its outcomes end with the process.
-    pub fn unwritten(head: Head) -> Self {
-        let record = R::new(head.parts);
+    pub fn unwritten(parts: usize) -> Self {
+        let (record, head) = (R::new(parts), Head { robot: String::new(), work: String::new(), parts });
         Self { path: PathBuf::new(), file: None, record, head, is_begun: true, length: 0, sum: 0 }
     }
 

@@ -13,7 +13,7 @@ use robot_session::now;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::io::journal::Tally;
+use crate::io::journal::{Outcome, Span, Tally};
 use cellwire_io::input::OperatorInput;
 use cellwire_io::output::{admits, remark};
 
@@ -95,6 +95,33 @@ pub struct ResumeAnswer {
     pub done: usize,
 }
 
+impl ResumeAnswer {
+    /// Returns the outcomes of the parts: those that are done, and those that are not.
+    pub fn spans(self) -> impl Iterator<Item = Span> {
+        let Self { first, count, done } = self;
+        let done_parts = Span { outcome: Outcome::Done, first, count: done };
+        let others = Span { outcome: Outcome::NotSent, first: first + done, count: count - done };
+        [done_parts, others].into_iter().filter(|span| span.count > 0)
+    }
+}
+
+/// Returns an event about `count` parts, the first of which has the index `first`: the number of the first, and the `unit`s of
+/// the first and the last in the file, as `line` returns them.
+pub fn span(
+    event: &str,
+    (first, count): (usize, usize),
+    unit: &str,
+    line: impl Fn(usize) -> Option<u64>,
+) -> Value {
+    let mut span = json!({"event": event, "first": first + 1, "count": count});
+    if let (Some(fields), [Some(from), Some(to)]) =
+        (span.as_object_mut(), [first, first + count.max(1) - 1].map(line))
+    {
+        fields.insert(format!("{unit}s"), json!([from, to]));
+    }
+    span
+}
+
 /// The dialogue with the operator of a run, and where the run is reported.
 #[allow(missing_debug_implementations, reason = "it has closures")]
 pub struct Console<'a> {
@@ -147,26 +174,22 @@ impl<'a> Console<'a> {
         }
     }
 
-    /// Asks the operator for the outcomes of `count` parts, the first of which has the index `first`; `line` makes an event
-    /// about them. False if standard input has ended, or ends within `wait`: nobody can answer, the option that answers is
+    /// Asks the operator for the outcomes of `count` parts, the first of which has the index `first`, by an event about them
+    /// without a name. False if standard input has ended, or ends within `wait`: nobody can answer, the option that answers is
     /// named, and the run is to stop.
-    pub fn ask(
-        &mut self,
-        (first, count): (usize, usize),
-        wait: Duration,
-        line: impl FnOnce(&str) -> Value,
-    ) -> bool {
+    pub fn ask(&mut self, (first, count): (usize, usize), wait: Duration, mut event: Value) -> bool {
         let is_asked = !self.is_without_keyboard(wait);
-        let (mut event, key, value) = if is_asked {
+        let (name, key, value) = if is_asked {
             self.question = Some((first, count));
             let answers = ["done", "repeat", "stop", "the number of the last that is done"];
             let possible = if count > 1 { answers.len() } else { answers.len() - 1 };
-            (line("question"), "answers", answers.into_iter().take(possible).collect())
+            ("question", "answers", answers.into_iter().take(possible).collect())
         } else {
             self.stopping = true;
-            (line("unanswered"), "what", json!(UNANSWERED))
+            ("unanswered", "what", json!(UNANSWERED))
         };
         if let Some(event) = event.as_object_mut() {
+            event.insert("event".into(), name.into());
             event.insert(key.into(), value);
         }
         self.notify(event);

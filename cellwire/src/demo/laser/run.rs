@@ -1,7 +1,6 @@
 //! The host: that of `cellwire run laser`, with an operator who never repeats an instruction.
 
 use std::io;
-use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
 use anyhow::Result;
@@ -9,11 +8,11 @@ use laser_eb90::HostConfig;
 use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, now};
 use serde_json::Value;
 
-use crate::io::journal::{Head, Tally};
+use crate::demo::operator::Operator;
+use crate::io::journal::Tally;
 use crate::io::samples::Samples;
 use crate::run::Console;
 use crate::run::laser::{Journal, Program, RunEnd, Runner};
-use cellwire_io::input::OperatorInput;
 use cellwire_io::port::AnyPort;
 use cellwire_sim::ledger::ReportedOutcome;
 
@@ -34,9 +33,15 @@ impl<'a> Cutter<'a> {
     /// Creates a host at the beginning of the path.
     pub fn new(port: AnyPort, program: &'a Program, config: HostConfig) -> Self {
         let parts = program.instructions.len();
-        let journal = Journal::unwritten(Head { robot: "laser".into(), work: String::new(), parts });
         let port = MeasuredPort { port, sent: None, exchange: Samples::default() };
-        Self { port, program, config, journal, known: vec![None; parts], refused: 0 }
+        Self {
+            port,
+            program,
+            config,
+            journal: Journal::unwritten(parts),
+            known: vec![None; parts],
+            refused: 0,
+        }
     }
 
     /// Cuts until `end`, or to the end of the path, with `batch` instructions in a frame; returns how many instructions were
@@ -47,15 +52,15 @@ impl<'a> Cutter<'a> {
     pub fn cut(&mut self, end: Duration, batch: u8, mut progress: impl FnMut(u64)) -> Result<f64> {
         let Self { port, program, config, journal, known, refused } = self;
         let config = HostConfig { batch, ..*config };
-        let (sender, typed) = channel();
-        let mut operator = Operator { typed: sender, end: Some(end), known, queued: 0, from: None };
-        let notify = &mut |event| operator.take(&event);
+        let (operator, typed) = Operator::new(Some(end));
+        let mut watch = Watch { operator, known, queued: 0, from: None };
+        let notify = &mut |event| watch.take(&event);
         let progress = &mut |tally: Tally| progress(tally.done as u64);
         let mut runner = Runner::new(program, journal, config, Console::new(typed, notify, progress));
         while runner.run(&mut *port)? == RunEnd::Refused {
             *refused += 1;
         }
-        Ok(operator.rate())
+        Ok(watch.rate())
     }
 
     /// Returns the times from a frame to its answer.
@@ -64,11 +69,9 @@ impl<'a> Cutter<'a> {
     }
 }
 
-/// The operator of a run: notes what is reported, and stops the run when its time is over.
-struct Operator<'a> {
-    typed: Sender<Option<OperatorInput>>,
-    /// The time at which the run is stopped.
-    end: Option<Duration>,
+/// The operator's view of a run: what is reported.
+struct Watch<'a> {
+    operator: Operator,
     known: &'a mut [Option<ReportedOutcome>],
     /// The number of instructions that were queued since `from`, the time of the first answer: a new host waits until bytes of
     /// an earlier host have passed.
@@ -76,7 +79,7 @@ struct Operator<'a> {
     from: Option<Duration>,
 }
 
-impl Operator<'_> {
+impl Watch<'_> {
     /// Takes an event of the host.
     fn take(&mut self, event: &Value) -> Result<()> {
         let reported = match event["event"].as_str() {
@@ -84,7 +87,7 @@ impl Operator<'_> {
             Some("refused") => ReportedOutcome::NotDone,
             Some("unknown") => {
                 // The host asks next. To take them for done repeats nothing.
-                self.say("done")?;
+                self.operator.say("done")?;
                 ReportedOutcome::Unknown
             }
             _ => return Ok(()),
@@ -97,14 +100,7 @@ impl Operator<'_> {
         } else if reported == ReportedOutcome::Done {
             self.queued += count as u64;
         }
-        if self.end.take_if(|end| now() >= *end).is_some() {
-            self.say("stop")?;
-        }
-        Ok(())
-    }
-
-    fn say(&self, word: &str) -> Result<()> {
-        Ok(self.typed.send(Some(OperatorInput::Line(word.into())))?)
+        self.operator.look_at_clock()
     }
 
     fn rate(&self) -> f64 {

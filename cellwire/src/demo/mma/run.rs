@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Sender, channel};
 use std::thread;
 use std::time::Duration;
 
@@ -15,13 +14,13 @@ use serde_json::Value;
 use super::cell::{CONFIG, Cell, SharedRobot};
 use super::settings::Settings;
 use crate::demo::DemoOptions;
+use crate::demo::operator::Operator;
 use crate::devices::device::keep;
-use crate::io::journal::{Head, Outcome, Tally};
+use crate::io::journal::{Outcome, Tally};
 use crate::run::Console;
 use crate::run::mma::{self as client, Addresses, Journal, Runner};
 use cellwire_io::bell::Bell;
 use cellwire_io::drive::ConnectionLost;
-use cellwire_io::input::OperatorInput;
 use cellwire_io::tcp;
 use cellwire_io::trace::Trace;
 use cellwire_sim::host::{HostedSession, Listener, Notice, Server};
@@ -84,11 +83,10 @@ impl Run {
             ..task
         };
         let client = client::Settings { task, central, ..client::Settings::default() };
-        let head = Head { robot: "mma".into(), work: String::new(), parts };
-        let mut journal = Journal::unwritten(head);
+        let mut journal = Journal::unwritten(parts);
         let cell = RefCell::new(Cell::new(robot.clone(), speed, options.seed));
-        let (sender, typed) = channel();
-        let mut operator = Operator::new(&cell, sender, options);
+        let (operator, typed) = Operator::new(options.seconds.map(|seconds| now() + seconds));
+        let mut watch = Watch { cell: &cell, operator, questions: 0, steps: Vec::new(), vacuum_left_on: 0 };
         let (goes_on, connections) = (AtomicBool::new(true), AtomicU64::new(0));
         let ran = thread::scope(|scope| {
             let (goes_on, connections) = (&goes_on, &connections);
@@ -97,7 +95,7 @@ impl Run {
                 scope.spawn(|| robot_port.serve(robot, goes_on, connections)),
                 scope.spawn(|| platform_port.serve(platform, goes_on, connections)),
             ];
-            let notify = &mut |event| operator.take(&event);
+            let notify = &mut |event| watch.take(&event);
             let progress = &mut |tally: Tally| options.progress.set_position(tally.done as u64);
             let console = Console::new(typed, notify, progress);
             let mut runner = Runner::new(&mut journal, console, Bell::default());
@@ -113,7 +111,7 @@ impl Run {
         if let Some(error) = ran.err().filter(|error| !error.is::<ConnectionLost>()) {
             return Err(error);
         }
-        let Operator { steps, vacuum_left_on, .. } = operator;
+        let Watch { steps, vacuum_left_on, .. } = watch;
         let reconnections = connections.into_inner().saturating_sub(2);
         Ok(Self { journal, cell: cell.into_inner(), steps, vacuum_left_on, reconnections })
     }
@@ -184,24 +182,17 @@ impl Port {
     }
 }
 
-/// The operator of the run: notes its steps, looks at the cell to answer its questions, and stops it when its time is over.
-struct Operator<'a> {
+/// The operator's view of the run: its steps, and the cell.
+struct Watch<'a> {
     cell: &'a RefCell<Cell>,
-    typed: Sender<Option<OperatorInput>>,
-    /// The time at which the run is stopped.
-    end: Option<Duration>,
+    operator: Operator,
     /// The number of questions about the current part.
     questions: u32,
     steps: Vec<(Duration, Step)>,
     vacuum_left_on: u64,
 }
 
-impl<'a> Operator<'a> {
-    fn new(cell: &'a RefCell<Cell>, typed: Sender<Option<OperatorInput>>, options: &DemoOptions) -> Self {
-        let end = options.seconds.map(|seconds| now() + seconds);
-        Self { cell, typed, end, questions: 0, steps: Vec::new(), vacuum_left_on: 0 }
-    }
-
+impl Watch<'_> {
     /// Takes an event of the client.
     fn take(&mut self, event: &Value) -> Result<()> {
         let named = |step: &Step| serde_json::to_value(step).is_ok_and(|name| name == event["step"]);
@@ -215,7 +206,7 @@ impl<'a> Operator<'a> {
             Step::Unpicked | Step::Faulted => {
                 self.questions += 1;
                 let is_placed = cell.placed.last().is_some_and(|last| event["part"] == last + 1);
-                self.say(match is_placed {
+                self.operator.say(match is_placed {
                     _ if self.questions > MAX_QUESTIONS => "stop",
                     true => "done",
                     false => "repeat",
@@ -223,13 +214,6 @@ impl<'a> Operator<'a> {
             }
             _ => {}
         }
-        if self.end.take_if(|end| now() >= *end).is_some() {
-            self.say("stop")?;
-        }
-        Ok(())
-    }
-
-    fn say(&self, word: &str) -> Result<()> {
-        Ok(self.typed.send(Some(OperatorInput::Line(word.into())))?)
+        self.operator.look_at_clock()
     }
 }

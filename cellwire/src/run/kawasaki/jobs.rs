@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::Settings;
 use crate::devices::kawasaki_msg::sheet::Lines;
 use crate::io::drawing::{self, Picture};
-use crate::io::journal::Outcome;
+use crate::io::journal::{Fingerprint, Outcome};
 use crate::io::sheet;
 use crate::run::Bounds;
 use cellwire_io::input;
@@ -34,9 +34,9 @@ pub struct Jobs {
     /// The unit of `lines`: `line`, or `outline`.
     pub unit: &'static str,
     layout: Layout,
-    /// The bytes of all of them on the wire, and a number that other jobs do not have: FNV-1a of those bytes.
+    /// The number of their bytes on the wire, and the fingerprint of these bytes.
     bytes: usize,
-    hash: u64,
+    fingerprint: Fingerprint,
 }
 
 impl Jobs {
@@ -79,22 +79,21 @@ impl Jobs {
         ensure!(!rows.is_empty(), "it has no jobs");
         ensure!(rows.len() <= MAX_JOBS, "more than {MAX_JOBS} jobs");
         let dialect = plant.dialect()?;
-        let (mut bytes, mut hash, mut bad, mut wire) = (0, 0xCBF2_9CE4_8422_2325_u64, Vec::new(), [0; 2048]);
+        let (mut bytes, mut fingerprint) = (0, Fingerprint::default());
+        let (mut bad, mut wire) = (Vec::new(), [0; 2048]);
         for (line, work) in &rows {
             let job = kawasaki_msg::Job { order: 0, number: 0, work: *work };
             match dialect.write_job(&job, &layout, &mut wire) {
                 Ok(length) => {
                     bytes += length;
-                    for byte in wire.iter().take(length) {
-                        hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3);
-                    }
+                    fingerprint.add(wire.get(..length).unwrap_or_default());
                 }
                 Err(error) => bad.push(format!("{unit} {line}: {error}")),
             }
         }
         refuse(bad)?;
         let (lines, work) = rows.into_iter().unzip();
-        Ok(Self { work, lines, unit, layout, bytes, hash })
+        Ok(Self { work, lines, unit, layout, bytes, fingerprint })
     }
 
     /// Returns the layout of a job.
@@ -102,9 +101,9 @@ impl Jobs {
         &self.layout
     }
 
-    /// Returns a number that distinguishes these jobs from others.
+    /// Returns the value by which a journal recognizes these jobs.
     pub fn fingerprint(&self) -> String {
-        format!("{:016x}", self.hash)
+        self.fingerprint.to_string()
     }
 
     /// Returns the number of the jobs, their size, and their time on the line with packets of at most `packet` bytes; for lines

@@ -12,8 +12,8 @@ use super::journal::{Entry, Journal};
 use super::order::Order;
 use crate::devices::kawasaki_msg::pc::{self, Connection, Program};
 use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
-use crate::io::journal::{Outcome, Span};
-use crate::run::{Console, ResumeAnswer, ResumeChoice, STOP_WITHIN};
+use crate::io::journal::Outcome;
+use crate::run::{self, Console, ResumeAnswer, ResumeChoice, STOP_WITHIN};
 use cellwire_io::drive::ConnectionLost;
 use cellwire_io::trace::Trace;
 
@@ -144,13 +144,8 @@ impl<'a> Runner<'a> {
 
     /// Notes an answer about jobs.
     fn answer(&mut self, answered: ResumeAnswer) -> Result<()> {
-        let ResumeAnswer { first, count, done } = answered;
-        let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
-        if done > 0 {
-            self.journal.note(&answer(Outcome::Done, first, done))?;
-        }
-        if done < count {
-            self.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
+        for span in answered.spans() {
+            self.journal.note(&Entry::Answer(span))?;
         }
         self.asks = false;
         self.console.progress(self.journal.tally());
@@ -160,8 +155,8 @@ impl<'a> Runner<'a> {
 
     /// Asks the operator for the outcomes of jobs.
     fn ask(&mut self, first: usize, count: usize) {
-        let line = self.span("", first, count);
-        self.asks = self.console.ask((first, count), Duration::ZERO, |event| with(line, event));
+        let event = self.span("", first, count);
+        self.asks = self.console.ask((first, count), Duration::ZERO, event);
     }
 
     /// Called when the jobs of the order up to this count are done.
@@ -182,12 +177,7 @@ impl<'a> Runner<'a> {
     /// Returns an event about jobs with consecutive numbers: the number of the first, and their lines or outlines in the
     /// file.
     fn span(&self, event: &str, first: usize, count: usize) -> Value {
-        let mut span = json!({"event": event, "first": first + 1, "count": count});
-        let ends = [first, first + count.max(1) - 1].map(|at| self.jobs.lines.get(at));
-        if let (Some(fields), [Some(from), Some(to)]) = (span.as_object_mut(), ends) {
-            fields.insert(format!("{}s", self.jobs.unit), json!([from, to]));
-        }
-        span
+        run::span(event, (first, count), self.jobs.unit, |at| self.jobs.lines.get(at).copied())
     }
 
     fn check_absence(&self) -> Result<()> {
@@ -350,12 +340,4 @@ impl<'a> Program for Runner<'a> {
         self.console.notify(line);
         Ok(())
     }
-}
-
-/// Returns the line with another event name.
-fn with(mut line: Value, event: &str) -> Value {
-    if let Some(line) = line.as_object_mut() {
-        line.insert("event".into(), event.into());
-    }
-    line
 }

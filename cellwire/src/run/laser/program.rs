@@ -10,7 +10,7 @@ use super::route::{Instruction, MAX_INSTRUCTIONS};
 use super::settings::{Coordinate, Mapping};
 use super::{csv, gcode, svg};
 use crate::io::drawing::refuse_dxf;
-use crate::io::journal::Outcome;
+use crate::io::journal::{Fingerprint, Outcome};
 use crate::io::sheet;
 use crate::run::Bounds;
 use cellwire_io::input;
@@ -76,16 +76,15 @@ impl Program {
         Self { instructions, unit: "line", not_carried: Vec::new(), warnings: Vec::new() }
     }
 
-    /// Returns a number that distinguishes the program from others: FNV-1a of all words and floats.
+    /// Returns the value by which a journal recognizes this program, from all words and floats.
     pub fn fingerprint(&self) -> String {
-        let mut hash = 0xCBF2_9CE4_8422_2325_u64;
-        let mut add = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3);
+        let mut fingerprint = Fingerprint::default();
         for Instruction { word, values, .. } in &self.instructions {
-            word.to_le_bytes().into_iter().for_each(&mut add);
-            values.iter().flat_map(|value| value.to_le_bytes()).for_each(&mut add);
-            add(0xFF);
+            fingerprint.add(&word.to_le_bytes());
+            values.iter().for_each(|value| fingerprint.add(&value.to_le_bytes()));
+            fingerprint.add(&[0xFF]);
         }
-        format!("{hash:016x}")
+        fingerprint.to_string()
     }
 
     /// Returns the number of frames, and the time of the line if nothing fails and the queue is never full.

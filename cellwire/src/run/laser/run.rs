@@ -5,13 +5,13 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
 use robot_session::{Driver, Session as _, Transport, now};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
 use crate::io::journal::{Outcome, Span};
-use crate::run::{Console, KEYBOARD_WITHIN, ResumeAnswer, ResumeChoice, STOP_WITHIN};
+use crate::run::{self, Console, KEYBOARD_WITHIN, ResumeAnswer, ResumeChoice, STOP_WITHIN};
 use cellwire_io::drive::{ConnectionLost, turn};
 
 /// The interval at which the operator's words are checked.
@@ -201,8 +201,7 @@ impl<'a> Runner<'a> {
     fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {
         let Some((first, count)) = self.flight.take() else { return Ok(()) };
         self.note(outcome, first, count)?;
-        let more = if why.is_empty() { vec![] } else { vec![("why", why.into())] };
-        let line = self.span(json!(outcome), first, count, more);
+        let line = self.span(outcome.name(), first, count, why);
         self.console.notify(line);
         Ok(())
     }
@@ -214,22 +213,19 @@ impl<'a> Runner<'a> {
     }
 
     /// Returns an event about instructions with consecutive numbers, with their lines or outlines in the file.
-    fn span(&self, event: Value, first: usize, count: usize, more: Vec<(&str, Value)>) -> Value {
-        let line = |at: usize| self.program.instructions.get(at).map_or(0, |it| it.line);
-        let lines = [line(first), line(first + count - 1)];
-        let mut span = Map::from_iter([("event".into(), event)]);
-        span.extend([("first".into(), json!(first + 1)), ("count".into(), json!(count))]);
-        span.insert(format!("{}s", self.program.unit), json!(lines));
-        span.extend(more.into_iter().map(|(key, value)| (key.to_owned(), value)));
-        span.into()
+    fn span(&self, event: &str, first: usize, count: usize, why: &str) -> Value {
+        let line = |at: usize| self.program.instructions.get(at).map(|it| it.line);
+        let mut span = run::span(event, (first, count), self.program.unit, line);
+        if let Some(fields) = span.as_object_mut().filter(|_| !why.is_empty()) {
+            fields.insert("why".into(), why.into());
+        }
+        span
     }
 
     /// Asks the operator for the outcomes of instructions; returns false if the operator stops, or cannot answer.
     fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
-        let line = |event: &str| self.span(event.into(), first, count, vec![("why", why.into())]);
-        let (question, unanswered) = (line("question"), line("unanswered"));
-        let line = |event: &str| if event == "question" { question } else { unanswered };
-        if !self.console.ask((first, count), KEYBOARD_WITHIN, line) {
+        let event = self.span("", first, count, why);
+        if !self.console.ask((first, count), KEYBOARD_WITHIN, event) {
             return Ok(false);
         }
         match self.console.answer() {
@@ -239,12 +235,8 @@ impl<'a> Runner<'a> {
     }
 
     fn answer(&mut self, answered: ResumeAnswer) -> Result<()> {
-        let ResumeAnswer { first, count, done } = answered;
-        if done > 0 {
-            self.note(Outcome::Done, first, done)?;
-        }
-        if done < count {
-            self.note(Outcome::NotSent, first + done, count - done)?;
+        for Span { outcome, first, count } in answered.spans() {
+            self.note(outcome, first, count)?;
         }
         self.console.notify_answered(answered);
         Ok(())

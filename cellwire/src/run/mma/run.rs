@@ -348,8 +348,8 @@ impl<'a> Runner<'a> {
     fn ask(&mut self, why: &str) -> bool {
         self.question = true;
         let part = self.part;
-        let line = |event: &str| json!({"event": event, "part": part + 1, "why": why});
-        self.console.ask((part, 1), KEYBOARD_WITHIN, line)
+        let event = json!({"event": "", "part": part + 1, "why": why});
+        self.console.ask((part, 1), KEYBOARD_WITHIN, event)
     }
 
     /// Executes the operator's requests since the last call. Without an operator the run stops at the next question.

@@ -8,7 +8,7 @@ use mmacell_proto::{CentralConfig, PlatformPose, RobotPose};
 use mmacell_task::TaskConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::io::journal::Outcome;
+use crate::io::journal::{Fingerprint, Outcome};
 use crate::io::sheet;
 use cellwire_links::json;
 use cellwire_links::settings::{ANY_TIME, Configure, FieldVisitor};
@@ -71,11 +71,9 @@ impl Settings {
 
     /// Returns the value by which a journal recognizes this task.
     pub fn fingerprint(&self) -> String {
-        let text = format!("{} {}", self.parts, json::value(&self.part));
-        let hash = text.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
-        });
-        format!("{hash:016x}")
+        let mut fingerprint = Fingerprint::default();
+        fingerprint.add(format!("{} {}", self.parts, json::value(&self.part)).as_bytes());
+        fingerprint.to_string()
     }
 
     /// Draws the ways of the robot seen from above: those with a part on the gripper are thick. With outcomes of the parts,

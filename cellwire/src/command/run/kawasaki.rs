@@ -161,7 +161,7 @@ fn serve(
     let absence = (args.robot_timeout < Duration::MAX).then_some(args.robot_timeout);
     let answer = args.work.unknown;
     let runner = Runner::new(jobs, config, journal, settings.order, answer, absence, console);
-    runner.run(&mut meeting, &trace)
+    runner.run(&mut meeting, &trace).map(|(ended, _)| ended)
 }
 
 /// Returns the jobs that the robot still draws.

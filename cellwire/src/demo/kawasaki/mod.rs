@@ -3,26 +3,31 @@
 pub mod tally;
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver};
+use std::sync::mpsc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Result, anyhow, bail, ensure};
-use indicatif::ProgressBar;
-use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timing};
+use kawasaki_msg::{Bounds, PcConfig, Point, RobotConfig, timing};
+use robot_session::now;
+use serde_json::Value;
 
-use self::tally::{Orders, Outcome};
+use self::tally::Orders;
 use crate::demo::DemoOptions;
+use crate::demo::operator::Operator;
 use crate::devices::device::Endpoint;
-use crate::devices::kawasaki_msg::pc::{self, Packets, Program};
+use crate::devices::kawasaki_msg::pc::Packets;
 use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
-use crate::devices::kawasaki_msg::robot::{self, Setup, Stroke};
+use crate::devices::kawasaki_msg::robot::{self, Setup};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
+use crate::io::journal::Tally;
 use crate::report::{Budget, Report, were};
+use crate::run::Console;
+use crate::run::kawasaki::{Jobs, Journal, RunEnd, Runner};
 use cellwire_io::tcp;
 use cellwire_io::tls::TlsArgs;
-use cellwire_links::kawasaki_msg::layout::AnyWork;
+use cellwire_io::trace::Trace;
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
 use cellwire_links::settings::{self, Configure, FieldVisitor};
@@ -44,9 +49,8 @@ const RECONNECT: Duration = Duration::from_millis(100);
 /// The number of the first order: that of the source's example (thesis, section 10.1).
 const ORDER: u16 = 50;
 
-/// The time within which an order that was ended is over, plus that of the longest line: the job that is being executed is done,
-/// and the robot has reported it.
-const END_TIMEOUT: Duration = Duration::from_secs(10);
+/// The longest wait for the robot's connection.
+const ABSENCE: Duration = Duration::from_secs(10);
 
 /// The settings of the demo.
 #[derive(Debug)]
@@ -91,13 +95,11 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         Some(file) => Picture::from_file(file, SHEET, false)?,
         None => Picture::built_in(SHEET)?,
     };
-    let layout = plant.layout()?;
-    let board = Lines::of(&layout)?;
-    let lines = board.jobs(&picture);
+    let jobs = Jobs::of(&picture, &plant)?;
     let (config, pc) = (plant.robot(robot)?, plant.pc(pc)?);
-    let session = LargePc::with_ranges(pc, layout.clone())?;
     // All jobs are lines.
-    let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
+    let (layout, speed, job_time) = (jobs.layout().clone(), f64::from(speed), Duration::ZERO);
+    let setup = Setup { config, layout, queue, speed, job_time };
     let (udp, dialing, tls) = (plant.udp, tcp::Dialing::default(), TlsArgs::default());
     ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
     let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
@@ -108,117 +110,70 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     };
     let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
     let (mut robot_meeting, ..) = PeerEndpoint::of_robot(&Endpoint::Connect(address), udp, dialing, &tls)?;
-    let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
-    let patience = END_TIMEOUT + Duration::from_secs_f64(longest / setup.speed);
 
-    let (switch, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
+    let switch = AtomicBool::new(false);
     let (sender, strokes) = mpsc::channel();
-    let mut program = Repeat::new(&lines, options, patience, &robot_is_off, strokes);
+    let (mut ledger, start) = (Orders::new(&jobs.work, options, strokes), now());
     let (robot, packets) = thread::scope(|scope| {
         let robot = scope.spawn(|| {
             let trace = options.trace.start("kawasaki-robot");
-            let run = robot::simulator(&setup).and_then(|robot| {
-                let drawn = |stroke| sender.send(stroke).unwrap_or_default();
-                robot::run(robot, &mut robot_meeting, &trace, &switch, drawn, |_| Ok(()))
-            });
-            robot_is_off.store(true, Ordering::Relaxed);
-            run
+            let drawn = |stroke| sender.send(stroke).unwrap_or_default();
+            robot::simulator(&setup)
+                .and_then(|robot| robot::run(robot, &mut robot_meeting, &trace, &switch, drawn, |_| Ok(())))
         });
         let trace = options.trace.start("kawasaki-pc");
-        let packets = pc::run(&mut meeting, session, &trace, &mut program);
+        let packets = draw(&jobs, pc, &mut meeting, &trace, options, &mut ledger);
         switch.store(true, Ordering::Relaxed);
         (robot.join(), packets)
     });
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
-    program.ledger.end();
-    let (limit, time) = (pc.limits.packet, program.start.elapsed());
-    let seen = RunResults { packets: packets?, limit, ledger: program.ledger, robot, time };
+    ledger.end();
+    let (limit, time) = (pc.limits.packet, now().saturating_sub(start));
+    let seen = RunResults { packets: packets?, limit, ledger, robot, time };
     if let Some(file) = &options.out {
+        let board = Lines::of(jobs.layout())?;
         let drawn = seen.ledger.longest().iter().map(|stroke| board.line(&stroke.job.work));
         drawing::write_svg(file, SHEET, &drawn.collect::<Vec<_>>())?;
     }
-    Ok(report(&picture, &lines, &seen, proxy.as_ref()))
+    Ok(report(&picture, &seen, proxy.as_ref()))
 }
 
-/// The PC's program: one order after another, each the whole picture.
-struct Repeat<'a> {
-    lines: &'a [AnyWork],
-    start: Instant,
-    seconds: Option<Duration>,
-    patience: Duration,
-    robot_is_off: &'a AtomicBool,
-    progress: &'a ProgressBar,
-    ledger: Orders<'a>,
-    over: Option<u32>,
-    interrupted: bool,
-}
-
-impl<'a> Repeat<'a> {
-    fn new(
-        lines: &'a [AnyWork],
-        options: &'a DemoOptions,
-        patience: Duration,
-        robot_is_off: &'a AtomicBool,
-        strokes: Receiver<Stroke>,
-    ) -> Self {
-        options.progress.set_length(lines.len() as u64);
-        Self {
-            lines,
-            start: Instant::now(),
-            seconds: options.seconds,
-            patience,
-            robot_is_off,
-            progress: &options.progress,
-            ledger: Orders::new(lines, options, strokes),
-            over: None,
-            interrupted: false,
-        }
-    }
-}
-
-impl<'a> Program for Repeat<'a> {
-    type Jobs = &'a [AnyWork];
-
-    fn step(&mut self, pc: &mut LargePc<&'a [AnyWork]>) -> Result<bool> {
-        let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
-        if let Some(executed) = self.over.take() {
-            self.ledger.over(Outcome { sent: pc.sent(), executed });
-        }
-        if self.robot_is_off.load(Ordering::Relaxed) {
-            return Ok(false); // it reports why
-        }
-        if pc.order().is_some() {
-            if time_is_up && !self.interrupted {
-                pc.interrupt()?;
-                self.interrupted = true;
+/// Runs one order after another, each the whole picture, and counts the packets.
+fn draw(
+    jobs: &Jobs,
+    pc: PcConfig,
+    meeting: &mut PeerEndpoint,
+    trace: &Trace,
+    options: &DemoOptions,
+    ledger: &mut Orders<'_>,
+) -> Result<Packets> {
+    options.progress.set_length(jobs.work.len() as u64);
+    let (end, mut packets) = (options.seconds.map(|seconds| now() + seconds), Packets::default());
+    loop {
+        let mut journal = Journal::unwritten(jobs.work.len());
+        let ((operator, typed), mut sent) = (Operator::new(end), 0);
+        let notify = &mut |event: Value| match event["event"] == "unknown" {
+            true => operator.say("stop"),
+            false => Ok(()),
+        };
+        let progress = &mut |Tally { done, unknown, queued, .. }| {
+            sent = sent.max(done + unknown);
+            options.progress.set_position(done as u64);
+            options.progress.set_message(format!("drawn, {queued} in the queue"));
+        };
+        let number = u16::try_from(ledger.orders()).unwrap_or(u16::MAX).saturating_add(ORDER);
+        let console = Console::new(typed, notify, progress);
+        let runner = Runner::new(jobs, pc, &mut journal, Some(number), None, Some(ABSENCE), console);
+        let (ended, here) = runner.run(meeting, trace)?;
+        packets = packets.merge(here);
+        ledger.over(journal.outcomes().get(..sent).unwrap_or_default());
+        match ended {
+            RunEnd::Complete if end.is_some_and(|end| now() < end) => {}
+            RunEnd::Complete | RunEnd::Stopped => return Ok(packets),
+            RunEnd::Refused { active } => {
+                bail!("the robot refuses order {number}: order {active} is active")
             }
-            let late = self.seconds.is_some_and(|seconds| self.start.elapsed() > seconds + self.patience);
-            ensure!(!late, "the robot has not reported the end of the order for {:?}", self.patience);
-            return Ok(true);
         }
-        let drawn = self.ledger.orders() > 0;
-        if time_is_up || (drawn && self.seconds.is_none()) {
-            return Ok(false);
-        }
-        let number = u16::try_from(self.ledger.orders()).unwrap_or(u16::MAX).saturating_add(ORDER);
-        pc.start(number, self.lines)?;
-        Ok(true)
-    }
-
-    fn event(&mut self, event: PcEvent) -> Result<()> {
-        match event {
-            PcEvent::Progress { executed, queued } => {
-                self.progress.set_position(executed.into());
-                self.progress.set_message(format!("drawn, {} in the queue", queued.saturating_sub(executed)));
-            }
-            PcEvent::OrderOver { executed, .. } => self.over = Some(executed),
-            PcEvent::OrderRefused { given_up: true, order, active } => {
-                bail!("the robot refuses order {order}: order {active} is active");
-            }
-            PcEvent::OutcomeUnknown { order, .. } => bail!("the robot no longer has order {order}"),
-            _ => {}
-        }
-        Ok(())
     }
 }
 
@@ -232,19 +187,14 @@ struct RunResults<'a> {
     time: Duration,
 }
 
-fn report(
-    picture: &Picture,
-    lines: &[AnyWork],
-    seen: &RunResults<'_>,
-    proxy: Option<&FaultyProxy>,
-) -> Report {
+fn report(picture: &Picture, seen: &RunResults<'_>, proxy: Option<&FaultyProxy>) -> Report {
     let RunResults { packets, limit, ledger, robot, time } = seen;
     let tally = ledger.tally();
     let statistics = robot.statistics;
     let title = format!(
         "a robot draws a picture of {} strokes and {} moves for a PC",
         picture.strokes(),
-        lines.len() - picture.strokes()
+        picture.lines.len() - picture.strokes()
     );
     let mut report = Report::new("kawasaki", title).moves("a pen draws a picture");
     report.fact("orders", "orders: pictures begun", ledger.orders());

@@ -5,19 +5,12 @@ use std::sync::mpsc::Receiver;
 use kawasaki_msg::Dialect;
 
 use crate::demo::DemoOptions;
+use crate::demo::operator::reported;
 use crate::devices::kawasaki_msg::robot::Stroke;
+use crate::io::journal::Outcome;
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_sim::Ledger;
-use cellwire_sim::ledger::{Counts, ReportedOutcome};
-
-/// The end of an order, as the PC knows it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Outcome {
-    /// The number of jobs that were sent, from the first on.
-    pub sent: u32,
-    /// The number of jobs that are executed, from the first on; the others will not be.
-    pub executed: u32,
-}
+use cellwire_sim::ledger::Counts;
 
 /// The outcomes of the jobs of all orders.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -41,7 +34,7 @@ pub struct Orders<'a> {
     /// Strokes of orders that are not counted yet.
     held: Vec<Stroke>,
     /// The last order that was over: a stroke that comes late is one of its.
-    last: Option<Outcome>,
+    last: Option<Vec<Outcome>>,
     /// Orders that are counted.
     counted: u32,
     /// Orders that were over with the whole picture drawn.
@@ -67,11 +60,12 @@ impl<'a> Orders<'a> {
         }
     }
 
-    /// Called when an order is over; `outcome` is the PC's report of its end.
-    pub fn over(&mut self, outcome: Outcome) {
+    /// Called when an order is over, with the outcomes that the PC has noted of its jobs that were sent.
+    pub fn over(&mut self, outcomes: &[Outcome]) {
         self.count_last();
-        self.complete += u32::from(outcome.executed as usize == self.picture.len());
-        self.last = Some(outcome);
+        let done = outcomes.iter().filter(|outcome| **outcome == Outcome::Done).count();
+        self.complete += u32::from(done == self.picture.len());
+        self.last = Some(outcomes.to_vec());
     }
 
     /// Called when the run is over, and the pen has stopped.
@@ -103,7 +97,7 @@ impl<'a> Orders<'a> {
 
     fn count_last(&mut self) {
         self.held.extend(self.strokes.try_iter());
-        let Some(outcome) = self.last.take() else { return };
+        let Some(outcomes) = self.last.take() else { return };
         self.counted += 1;
         let order = self.counted;
         let (mut strokes, held) = self.held.drain(..).partition(|stroke: &Stroke| stroke.order <= order);
@@ -111,7 +105,7 @@ impl<'a> Orders<'a> {
         if order == 1 {
             self.options.spoil(&mut strokes, |stroke| stroke.order == order);
         }
-        self.tally.add(self.picture, outcome, order, &strokes);
+        self.tally.add(self.picture, &outcomes, order, &strokes);
         strokes.retain(|stroke| stroke.order == order);
         if strokes.len() > self.longest.len() {
             self.longest = strokes;
@@ -121,12 +115,11 @@ impl<'a> Orders<'a> {
 
 impl Tally {
     /// Adds an order by its number, counted from 1, and the strokes of the pen until it was counted.
-    fn add(&mut self, picture: &[AnyWork], outcome: Outcome, order: u32, strokes: &[Stroke]) {
+    fn add(&mut self, picture: &[AnyWork], outcomes: &[Outcome], order: u32, strokes: &[Stroke]) {
         let (mut ledger, mut next) = (Ledger::default(), 0);
-        for number in 0..outcome.sent {
+        for outcome in outcomes {
             let job = ledger.send(());
-            let is_executed = number < outcome.executed;
-            ledger.report(job, if is_executed { ReportedOutcome::Done } else { ReportedOutcome::NotDone });
+            ledger.report(job, reported(*outcome));
         }
         for stroke in strokes {
             if stroke.order != order {
@@ -179,13 +172,13 @@ mod tests {
 
     #[test]
     fn each_fate_is_counted() {
-        let outcome = Outcome { sent: 6, executed: 4 };
+        let outcomes = [[Outcome::Done; 4].as_slice(), &[Outcome::NotSent; 2]].concat();
         let mut altered = stroke(1, 4);
         altered.job.work.set(4, AnyValue::Number(7));
         // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is withdrawn.
         let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
         let mut tally = Tally::default();
-        tally.add(&picture(9), outcome, 1, &strokes);
+        tally.add(&picture(9), &outcomes, 1, &strokes);
         let jobs = Counts {
             sent: 6,
             executed_once: 1,
@@ -208,10 +201,10 @@ mod tests {
         for (order, number) in [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2), (1, 2)] {
             sender.send(stroke(order, number)).unwrap();
             if number == 2 && order > 1 {
-                orders.over(Outcome { sent: 2, executed: 2 });
+                orders.over(&[Outcome::Done; 2]);
             }
         }
-        orders.over(Outcome { sent: 2, executed: 2 });
+        orders.over(&[Outcome::Done; 2]);
         orders.end();
         let jobs = Counts { sent: 6, executed_once: 6, unreported: 1, ..Counts::default() };
         let expected = Tally { jobs, ..Tally::default() };

@@ -14,9 +14,9 @@ use serde_json::Value;
 use super::cell::{CONFIG, Cell, SharedRobot};
 use super::settings::Settings;
 use crate::demo::DemoOptions;
-use crate::demo::operator::Operator;
+use crate::demo::operator::{Operator, reported};
 use crate::devices::device::keep;
-use crate::io::journal::{Outcome, Tally};
+use crate::io::journal::Tally;
 use crate::run::Console;
 use crate::run::mma::{self as client, Addresses, Journal, Runner};
 use cellwire_io::bell::Bell;
@@ -24,7 +24,7 @@ use cellwire_io::drive::ConnectionLost;
 use cellwire_io::tcp;
 use cellwire_io::trace::Trace;
 use cellwire_sim::host::{HostedSession, Listener, Notice, Server};
-use cellwire_sim::ledger::{Counts, ReportedOutcome};
+use cellwire_sim::ledger::Counts;
 use cellwire_sim::mma::{Mma, MotionFaults};
 use cellwire_sim::{FaultyProxy, Ledger, Settings as _};
 
@@ -122,12 +122,7 @@ impl Run {
         let begun = self.cell.part.map_or(0, |part| part + 1);
         for outcome in self.journal.outcomes().iter().take(begun) {
             let job = ledger.send(());
-            let reported = match outcome {
-                Outcome::Done => ReportedOutcome::Done,
-                Outcome::Unknown => ReportedOutcome::Unknown,
-                Outcome::NotSent | Outcome::Refused => ReportedOutcome::NotDone,
-            };
-            ledger.report(job, reported);
+            ledger.report(job, reported(*outcome));
         }
         let mut placed = self.cell.placed.clone();
         options.spoil(&mut placed, |_| true);
@@ -214,6 +209,6 @@ impl Watch<'_> {
             }
             _ => {}
         }
-        self.operator.look_at_clock()
+        Ok(())
     }
 }

@@ -55,6 +55,17 @@ pub struct Packets {
 }
 
 impl Packets {
+    /// Returns the counts of both.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            messages: self.messages + other.messages,
+            most_messages: self.most_messages.max(other.most_messages),
+            longest: self.longest.max(other.longest),
+        }
+    }
+
     fn and(self, packet: &[u8]) -> Self {
         // A value cannot hold the mark that begins a message.
         let messages = packet.iter().filter(|byte| **byte == START).count();

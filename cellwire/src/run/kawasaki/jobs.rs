@@ -69,10 +69,18 @@ impl Jobs {
     /// # Errors
     /// If the file cannot be read, the plant's jobs are not lines, or a line is out of the robot's reach.
     pub fn from_picture(file: &Path, plant: &Plant, sheet: drawing::Point, allow: bool) -> Result<Self> {
-        let (picture, layout) = (Picture::from_file(file, sheet, allow)?, plant.layout()?);
+        Self::of(&Picture::from_file(file, sheet, allow)?, plant).with_context(|| file.display().to_string())
+    }
+
+    /// Returns the lines of a picture.
+    ///
+    /// # Errors
+    /// If the plant's jobs are not lines, or a line is out of the robot's reach.
+    pub fn of(picture: &Picture, plant: &Plant) -> Result<Self> {
+        let layout = plant.layout()?;
         let lines = Lines::of(&layout)?;
-        let rows = picture.outlines.iter().copied().zip(lines.jobs(&picture)).collect();
-        Self::new(rows, "outline", plant, layout).with_context(|| file.display().to_string())
+        let rows = picture.outlines.iter().copied().zip(lines.jobs(picture)).collect();
+        Self::new(rows, "outline", plant, layout)
     }
 
     fn new(rows: Vec<(u64, AnyWork)>, unit: &'static str, plant: &Plant, layout: Layout) -> Result<Self> {

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
-use crate::devices::kawasaki_msg::pc::{self, Connection, Program};
+use crate::devices::kawasaki_msg::pc::{self, Connection, Packets, Program};
 use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
 use crate::io::journal::Outcome;
 use crate::run::{self, Console, ResumeAnswer, ResumeChoice, STOP_WITHIN};
@@ -99,11 +99,11 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Runs to the end of the jobs, or until it is stopped.
+    /// Runs to the end of the jobs, or until it is stopped; counts the packets that were sent.
     ///
     /// # Errors
     /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
-    pub fn run(mut self, meeting: &mut PeerEndpoint, trace: &Trace) -> Result<RunEnd> {
+    pub fn run(mut self, meeting: &mut PeerEndpoint, trace: &Trace) -> Result<(RunEnd, Packets)> {
         let layout = self.jobs.layout().clone();
         let mut pc = LargePc::with_ranges(self.config, layout)?;
         if let Some(flight) = &self.journal.record().flight {
@@ -124,8 +124,8 @@ impl<'a> Runner<'a> {
                 json!({"event": "order_resumed", "order": order, "executed": executed, "sent": sent}),
             );
         }
-        pc::run(meeting, pc, trace, &mut self)?;
-        Ok(self.ended.unwrap_or(RunEnd::Stopped))
+        let packets = pc::run(meeting, pc, trace, &mut self)?;
+        Ok((self.ended.unwrap_or(RunEnd::Stopped), packets))
     }
 
     /// Begins the next order: all jobs that are not done.

@@ -15,24 +15,27 @@ use cellwire_sim::ledger::ReportedOutcome;
 #[derive(Debug)]
 pub(super) struct Operator {
     typed: Sender<Option<OperatorInput>>,
-    /// Dropped with the operator: the run is not stopped any more.
-    _run: Sender<()>,
+    /// Dropped with the operator: a run that is over is not stopped.
+    timer: Option<Sender<()>>,
 }
 
 impl Operator {
-    /// Creates an operator who stops the run at `end`, and the receiver of the typed lines.
-    pub(super) fn new(end: Option<Duration>) -> (Self, Receiver<Option<OperatorInput>>) {
-        let ((typed, lines), (run, is_over)) = (channel(), channel());
-        let operator = Self { typed, _run: run };
-        if let Some(end) = end {
-            let typed = operator.typed.clone();
-            thread::spawn(move || {
-                if is_over.recv_timeout(end.saturating_sub(now())) == Err(RecvTimeoutError::Timeout) {
-                    let _ = typed.send(Some(OperatorInput::Line("stop".into())));
-                }
-            });
-        }
-        (operator, lines)
+    /// Creates an operator, and the receiver of the typed lines.
+    pub(super) fn new() -> (Self, Receiver<Option<OperatorInput>>) {
+        let (typed, lines) = channel();
+        (Self { typed, timer: None }, lines)
+    }
+
+    /// Stops the run at this time.
+    pub(super) fn stop_at(&mut self, end: Duration) {
+        let (timer, is_over) = channel();
+        let typed = self.typed.clone();
+        self.timer = Some(timer);
+        thread::spawn(move || {
+            if is_over.recv_timeout(end.saturating_sub(now())) == Err(RecvTimeoutError::Timeout) {
+                let _ = typed.send(Some(OperatorInput::Line("stop".into())));
+            }
+        });
     }
 
     /// Types a line.

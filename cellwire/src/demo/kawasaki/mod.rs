@@ -151,7 +151,8 @@ fn draw(
     let (end, mut packets) = (options.seconds.map(|seconds| now() + seconds), Packets::default());
     loop {
         let mut journal = Journal::unwritten(jobs.work.len());
-        let ((operator, typed), mut sent) = (Operator::new(end), 0);
+        let ((mut operator, typed), mut sent) = (Operator::new(), 0);
+        end.into_iter().for_each(|end| operator.stop_at(end));
         let notify = &mut |event: Value| match event["event"] == "unknown" {
             true => operator.say("stop"),
             false => Ok(()),

@@ -44,16 +44,23 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Cuts until `end`, or to the end of the path, with `batch` instructions in a frame; returns how many instructions were
-    /// queued in a second.
+    /// Cuts for `time` after the first answer, or to the end of the path, with `batch` instructions in a frame; returns how many
+    /// instructions were queued in a second. A new host waits first until bytes of an earlier host have passed: `begun` is
+    /// called after that.
     ///
     /// # Errors
     /// If the port fails.
-    pub fn cut(&mut self, end: Duration, batch: u8, mut progress: impl FnMut(u64)) -> Result<f64> {
+    pub fn cut(
+        &mut self,
+        time: Duration,
+        batch: u8,
+        mut progress: impl FnMut(u64),
+        mut begun: impl FnMut(),
+    ) -> Result<f64> {
         let Self { port, program, config, journal, known, refused } = self;
         let config = HostConfig { batch, ..*config };
-        let (operator, typed) = Operator::new(Some(end));
-        let mut watch = Watch { operator, known, queued: 0, from: None };
+        let (operator, typed) = Operator::new();
+        let mut watch = Watch { operator, time, begun: &mut begun, known, queued: 0, from: None };
         let notify = &mut |event| watch.take(&event);
         let progress = &mut |tally: Tally| progress(tally.done as u64);
         let mut runner = Runner::new(program, journal, config, Console::new(typed, notify, progress));
@@ -72,9 +79,11 @@ impl<'a> Cutter<'a> {
 /// The operator's view of a run: what is reported.
 struct Watch<'a> {
     operator: Operator,
+    /// The time after the first answer at which the run is stopped.
+    time: Duration,
+    begun: &'a mut dyn FnMut(),
     known: &'a mut [Option<ReportedOutcome>],
-    /// The number of instructions that were queued since `from`, the time of the first answer: a new host waits until bytes of
-    /// an earlier host have passed.
+    /// The number of instructions that were queued since `from`, the time of the first answer.
     queued: u64,
     from: Option<Duration>,
 }
@@ -97,6 +106,8 @@ impl Watch<'_> {
         self.known.iter_mut().skip(first).take(count).for_each(|known| *known = Some(reported));
         if self.from.is_none() {
             self.from = Some(now());
+            self.operator.stop_at(now() + self.time);
+            (self.begun)();
         } else if reported == ReportedOutcome::Done {
             self.queued += count as u64;
         }

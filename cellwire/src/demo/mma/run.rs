@@ -85,7 +85,8 @@ impl Run {
         let client = client::Settings { task, central, ..client::Settings::default() };
         let mut journal = Journal::unwritten(parts);
         let cell = RefCell::new(Cell::new(robot.clone(), speed, options.seed));
-        let (operator, typed) = Operator::new(options.seconds.map(|seconds| now() + seconds));
+        let (mut operator, typed) = Operator::new();
+        options.seconds.into_iter().for_each(|seconds| operator.stop_at(now() + seconds));
         let mut watch = Watch { cell: &cell, operator, questions: 0, steps: Vec::new(), vacuum_left_on: 0 };
         let (goes_on, connections) = (AtomicBool::new(true), AtomicU64::new(0));
         let ran = thread::scope(|scope| {

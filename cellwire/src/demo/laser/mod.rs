@@ -129,7 +129,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         |jobs: &[Job]| jobs.iter().map(|job| path::executed(job, &settings.config)).collect::<Vec<_>>();
     let (mut executed, places) = (read(&executed.into_inner()?), PathIndex::new(&path.instructions));
     let (mut known, mut forgotten) = (cutter.known.clone(), 0);
-    // The host is not told of a restart: what the robot forgot with its queue is unknown.
+    // No message reports a restart: the instructions that the robot forgot with its queue are unknown.
     for place in read(&robot.forgotten).iter().filter_map(|instruction| places.of(instruction)) {
         if let Some(outcome) = known.get_mut(place) {
             forgotten += u64::from(outcome.replace(ReportedOutcome::Unknown) == Some(ReportedOutcome::Done));
@@ -235,11 +235,6 @@ fn report(
         "gain_calculated",
         "calculated gain at this rate, without faults",
         format!("{} %", gain(baud)),
-    );
-    report.fact(
-        "gain_slow",
-        "calculated gain at 9600 and 1200 baud",
-        format!("{} %, {} %", gain(9600), gain(1200)),
     );
     report.fact("gain_source", "gain in the source, at an unnamed rate", "about 37 %");
     report.timing("exchange", "frame to answer", cutter.exchange(), None);

@@ -33,15 +33,12 @@ pub struct RunFigures {
     pub let_go_elsewhere: u64,
     /// The time of each part, from step 7 of its first attempt until it was placed.
     pub cycles: Samples,
-    /// The duration of each step of the cycle.
-    pub steps: Vec<(Step, Samples)>,
 }
 
 impl RunFigures {
     /// Judges a run by its steps, each with the time at which it began.
     pub fn of(steps: &[(Duration, Step)], record: &Record) -> Self {
         let mut judged = Self::default();
-        judged.measure(steps);
         for (numbers, end) in attempts(steps.iter().map(|(_, step)| *step)) {
             judged.attempts += 1;
             judged.broken_off += u64::from(end == End::Fault);
@@ -67,24 +64,6 @@ impl RunFigures {
             judged.let_go_elsewhere += u64::from(*outcome == Outcome::Dropped && !by_fault);
         }
         judged
-    }
-
-    /// Measures the duration of each step of the cycle.
-    fn measure(&mut self, steps: &[(Duration, Step)]) {
-        for pair in steps.windows(2) {
-            let [(begin, step), (end, _)] = pair else { continue };
-            if step.number().is_none_or(|number| number < 7) && *step != Step::Resetting {
-                continue;
-            }
-            match self.steps.iter_mut().find(|(known, _)| known == step) {
-                Some((_, samples)) => samples.add(*end - *begin),
-                None => {
-                    let mut samples = Samples::default();
-                    samples.add(*end - *begin);
-                    self.steps.push((*step, samples));
-                }
-            }
-        }
     }
 }
 

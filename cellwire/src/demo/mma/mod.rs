@@ -88,12 +88,6 @@ fn report(run: &Run, settings: &Settings, options: &DemoOptions) -> Report {
         format!("{placed} of {} placed", were(parts as u64, "part"))
     });
     report.timing("cycle", "cycle of a part, in cell time", &judged.cycles, None);
-    let of = |step| judged.steps.iter().find(|(known, _)| *known == step);
-    for (step, samples) in Step::ALL.into_iter().filter_map(of) {
-        let number = step.number().map_or_else(|| "–".into(), |number| number.to_string());
-        let key = format!("step_{}", step.label().replace(' ', "_"));
-        report.timing(&key, &format!("  {number:>2} {}", step.label()), samples, None);
-    }
     report
 }
 

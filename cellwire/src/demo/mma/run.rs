@@ -1,7 +1,7 @@
 //! The run: the client of `cellwire run mma`, two simulated devices at their ports, and an operator.
 
-use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use mmacell_task::{Step, TaskConfig};
 use robot_session::now;
 use serde_json::Value;
 
-use super::cell::{CONFIG, Cell, SharedRobot};
+use super::cell::{CONFIG, Cell, lock};
 use super::settings::Settings;
 use crate::demo::DemoOptions;
 use crate::demo::operator::{Operator, reported};
@@ -25,8 +25,8 @@ use cellwire_io::tcp;
 use cellwire_io::trace::Trace;
 use cellwire_sim::host::{HostedSession, Listener, Notice, Server};
 use cellwire_sim::ledger::Counts;
-use cellwire_sim::mma::{Mma, MotionFaults};
-use cellwire_sim::{FaultyProxy, Ledger, Settings as _};
+use cellwire_sim::mma::{Mma, MmaDevice, MotionFaults};
+use cellwire_sim::{FaultyProxy, Ledger, Settings as _, Simulator};
 
 /// The probability that a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;
@@ -67,7 +67,7 @@ impl Run {
         let config =
             DeviceConfig { accepts: central.writes, writes: central.accepts, ..DeviceConfig::DEFAULT };
         let robot = Mma { config, speed, faults, home: CONFIG.robot_home, ..Mma::default() };
-        let robot = SharedRobot::new(robot.simulator()?.keeping_nothing());
+        let robot = robot.simulator()?.keeping_nothing();
         let platform = Mma { config, speed, home: CONFIG.platform_home, ..Mma::default() };
         let platform = platform.simulator()?.keeping_nothing();
         let ports = [Port::open("robot", 0, options)?, Port::open("platform", 1, options)?];
@@ -84,23 +84,24 @@ impl Run {
         };
         let client = client::Settings { task, central, ..client::Settings::default() };
         let mut journal = Journal::unwritten(parts);
-        let cell = RefCell::new(Cell::new(robot.clone(), speed, options.seed));
+        let cell = Mutex::new(Cell::new(speed, options.seed));
         let (mut operator, typed) = Operator::new();
         options.seconds.into_iter().for_each(|seconds| operator.stop_at(now() + seconds));
         let mut watch = Watch { cell: &cell, operator, questions: 0, steps: Vec::new(), vacuum_left_on: 0 };
         let (goes_on, connections) = (AtomicBool::new(true), AtomicU64::new(0));
         let ran = thread::scope(|scope| {
-            let (goes_on, connections) = (&goes_on, &connections);
+            let (goes_on, connections, cell) = (&goes_on, &connections, &cell);
             let [robot_port, platform_port] = ports;
+            let look = |robot: &Simulator<_>| lock(cell).move_to(MmaDevice::pose(robot.device()));
             let devices = [
-                scope.spawn(|| robot_port.serve(robot, goes_on, connections)),
-                scope.spawn(|| platform_port.serve(platform, goes_on, connections)),
+                scope.spawn(move || robot_port.serve(robot, goes_on, connections, look)),
+                scope.spawn(move || platform_port.serve(platform, goes_on, connections, |_| ())),
             ];
             let notify = &mut |event| watch.take(&event);
             let progress = &mut |tally: Tally| options.progress.set_position(tally.done as u64);
             let console = Console::new(typed, notify, progress);
             let mut runner = Runner::new(&mut journal, console, Bell::default());
-            let ran = runner.run(&client, &addresses, &mut &cell);
+            let ran = runner.run(&client, &addresses, &mut &*cell);
             // Each device leaves its trace, however long that takes to write.
             goes_on.store(false, Ordering::Relaxed);
             for device in devices {
@@ -114,7 +115,8 @@ impl Run {
         }
         let Watch { steps, vacuum_left_on, .. } = watch;
         let reconnections = connections.into_inner().saturating_sub(2);
-        Ok(Self { journal, cell: cell.into_inner(), steps, vacuum_left_on, reconnections })
+        let cell = cell.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(Self { journal, cell, steps, vacuum_left_on, reconnections })
     }
 
     /// Counts the parts as jobs: those that the client has begun, beside those that are in their place.
@@ -159,14 +161,21 @@ impl Port {
         Ok(Self { listener: Listener::new(listener)?, address, trace, _proxy: proxy })
     }
 
-    /// Serves a device while `goes_on`, and counts its connections.
-    fn serve<S: HostedSession>(self, device: S, goes_on: &AtomicBool, connections: &AtomicU64) -> Result<()> {
+    /// Serves a device while `goes_on`, and counts its connections; `look` is called before each of its messages.
+    fn serve<S: HostedSession>(
+        self,
+        device: S,
+        goes_on: &AtomicBool,
+        connections: &AtomicU64,
+        look: impl Fn(&S),
+    ) -> Result<()> {
         let Self { listener, trace, _proxy, .. } = self;
         let server = Server { look: Some(STOP), ..Server::new(listener, now) };
         server.run(
             device,
             || goes_on.load(Ordering::Relaxed),
-            |_, notice| {
+            |device, notice| {
+                look(device);
                 match notice {
                     Notice::Connected(_) => _ = connections.fetch_add(1, Ordering::Relaxed),
                     Notice::Disconnected(..) => trace.end_session("the connection ended"),
@@ -180,7 +189,7 @@ impl Port {
 
 /// The operator's view of the run: its steps, and the cell.
 struct Watch<'a> {
-    cell: &'a RefCell<Cell>,
+    cell: &'a Mutex<Cell>,
     operator: Operator,
     /// The number of questions about the current part.
     questions: u32,
@@ -193,7 +202,7 @@ impl Watch<'_> {
     fn take(&mut self, event: &Value) -> Result<()> {
         let named = |step: &Step| serde_json::to_value(step).is_ok_and(|name| name == event["step"]);
         let Some(step) = Step::ALL.into_iter().find(named) else { return Ok(()) };
-        let cell = self.cell.borrow();
+        let cell = lock(self.cell);
         self.steps.push((cell.now(), step));
         match step {
             Step::GoCamera1 => self.vacuum_left_on += u64::from(cell.parts.vacuum()),

@@ -51,7 +51,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 }
 
 pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
-    let CellRecord { puma, host, drawn, .. } = record;
+    let CellRecord { puma, host, .. } = record;
     let mut report = Report::new(
         "alter",
         format!(
@@ -102,8 +102,6 @@ pub(super) fn report(config: &CellConfig, record: &CellRecord) -> Report {
         "gripper opened / key presses",
         format!("{} of {}", moved(false), pressed(false)),
     );
-    report.fact("poses", "poses drawn / sent", format!("{} of {}", drawn.poses, host.poses));
-    report.fact("most_poses_at_once", "maximum of poses between two pictures", drawn.most_at_once);
     report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
     report.fact("stray_replies", "replies too late for their window", puma.strays);
     report.fact("simulator_late_us", "delay of the simulator itself, µs in total", micros(puma.stood));
@@ -142,7 +140,7 @@ fn to_take_up(record: &CellRecord) -> u64 {
 
 /// Checks every cycle: one without a good reply has an injected fault, or was late.
 fn promises(report: &mut Report, record: &CellRecord, missed: u64) {
-    let CellRecord { puma, host, drawn, .. } = record;
+    let CellRecord { puma, host, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());
     let lost = missed + puma.bad_replies;
     // A host that sleeps misses one cycle, which ends ALTER; so does a byte that is corrupt on either way.
@@ -157,9 +155,6 @@ fn promises(report: &mut Report, record: &CellRecord, missed: u64) {
     });
     report.require(puma.turn_around.count() > 0, || "no cycle was answered".into());
     report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
-    report.require(drawn.most_at_once <= 1, || {
-        format!("{} poses arrived at once: a backlog", drawn.most_at_once)
-    });
     let ended = to_take_up(record);
     report.require(puma.starts > ended, || {
         let resumed = match puma.starts.saturating_sub(1) {

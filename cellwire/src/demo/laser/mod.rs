@@ -209,11 +209,8 @@ fn report(
     [one, seven]: [f64; 2],
 ) -> Report {
     let [single, batch, answer] = FRAME_LENGTHS;
-    let gain = |baud| {
-        let one = timing::period(single, answer, baud, timing::TICK).as_secs_f64();
-        let seven = timing::period(batch, answer, baud, timing::TICK).as_secs_f64() / 7.0;
-        percent(one / seven)
-    };
+    let period = |frame| timing::period(frame, answer, baud, timing::TICK).as_secs_f64();
+    let calculated = period(single) / (period(batch) / 7.0);
     let mut report = Report::new(
         "laser",
         format!(
@@ -234,7 +231,7 @@ fn report(
     report.fact(
         "gain_calculated",
         "calculated gain at this rate, without faults",
-        format!("{} %", gain(baud)),
+        format!("{} %", percent(calculated)),
     );
     report.fact("gain_source", "gain in the source, at an unnamed rate", "about 37 %");
     report.timing("exchange", "frame to answer", cutter.exchange(), None);

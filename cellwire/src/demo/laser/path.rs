@@ -35,8 +35,8 @@ fn steps(line: Line, route: &mut Route<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Returns the measurements of the sheet at X, Y: its height, and the tilt of the beam about X and Y with which it is perpendicular
-/// to the sheet. The parameters of a laser robot cannot be taught; they come from a measuring system (introduction of the source).
+/// Returns the measurements of the sheet at X, Y: its height, and the tilt about X and Y with which the beam is perpendicular to
+/// it. The parameters of a laser robot cannot be taught; they come from a measuring system (introduction of the source).
 fn measured(x: f64, y: f64) -> [f64; 3] {
     let (wave_x, wave_y) = (x / 240.0, y / 310.0);
     let z = 12.0 * wave_x.sin() + 8.0 * wave_y.cos();

@@ -83,12 +83,9 @@ impl Periphery for &Mutex<Cell> {
 
     fn set_valve(&mut self, valve: i32, open: bool) {
         let mut cell = lock(self);
-        let (now, gripper, before) = (cell.now(), cell.gripper, cell.parts.record.placed);
-        cell.parts.set_valve(now, valve, open, gripper);
-        if cell.parts.record.placed > before {
-            let part = cell.part;
-            cell.placed.extend(part);
-        }
+        let (now, gripper, part) = (cell.now(), cell.gripper, cell.part);
+        let is_placed = cell.parts.set_valve(now, valve, open, gripper);
+        cell.placed.extend(part.filter(|_| is_placed));
         cell.events.push_back(PeripheryEvent::ValveSet);
     }
 

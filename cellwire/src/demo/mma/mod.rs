@@ -14,8 +14,9 @@ use mmacell_task::Step;
 
 use self::figures::RunFigures;
 use self::run::Run;
+use self::workpiece::Outcome;
 use crate::demo::DemoOptions;
-use crate::io::journal::Outcome;
+use crate::io::journal;
 use crate::report::{Report, were};
 use cellwire_io::output::counted;
 
@@ -49,17 +50,17 @@ fn report(run: &Run, settings: &Settings, options: &DemoOptions) -> Report {
     let Settings { parts, speed, stall_every, .. } = *settings;
     let record = &run.cell.parts.record;
     let judged = RunFigures::of(&run.steps, record);
-    let placed = run.journal.count(Outcome::Done);
+    let placed = run.journal.count(journal::Outcome::Done);
     let title = format!(
         "pick and place over two TCP connections, with simulated cameras and valves; axes at {speed} times real speed"
     );
     let mut report = Report::new("mma", title).moves("a cell places parts");
     report.fact("parts_placed", "parts placed", placed);
     report.fact("attempts", "attempts", judged.attempts);
-    report.fact("missed", "parts missed and retried", record.missed);
-    report.fact("fallen", "parts lost in flight and retried", record.lost);
+    report.fact("missed", "parts missed and retried", record.count(Outcome::Missed));
+    report.fact("fallen", "parts lost in flight and retried", record.count(Outcome::Lost));
     let elsewhere = judged.let_go_elsewhere;
-    report.fact("let_go_in_place", "parts released in the right place", record.placed);
+    report.fact("let_go_in_place", "parts released in the right place", record.count(Outcome::Placed));
     report.fact("let_go_elsewhere", "parts released elsewhere", elsewhere);
     let unpicked = run.entered(Step::Unpicked);
     report.fact("unpicked", "parts given up after the maximum of attempts", unpicked);
@@ -67,7 +68,7 @@ fn report(run: &Run, settings: &Settings, options: &DemoOptions) -> Report {
         report.fact("faults", "faults cleared by a reset", run.entered(Step::Faulted));
         report.fact("reconnections", "connections reopened", run.reconnections);
         report.fact("broken_off", "attempts aborted by a fault", judged.broken_off);
-        report.fact("dropped", "parts released at a fault", record.dropped);
+        report.fact("dropped", "parts released at a fault", record.count(Outcome::Dropped));
     }
     report.fact("vacuum_left_on", "attempts started with the vacuum on", run.vacuum_left_on);
     let after_loss = u64::try_from(record.vacuum_after_fall.as_millis()).unwrap_or(u64::MAX);

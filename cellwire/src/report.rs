@@ -235,7 +235,7 @@ impl Timing {
             "count": self.count, "p50_us": micros(self.p50), "p99_us": micros(self.p99), "max_us": micros(self.max)
         });
         if let (Some(object), Some(budget)) = (object.as_object_mut(), self.budget) {
-            object.insert("budget_us".into(), micros(budget.time));
+            object.insert("budget_us".into(), json!(micros(budget.time)));
             object.insert("margin_us".into(), json!((self.margin(budget) * 1e6).round()));
         }
         object
@@ -305,8 +305,14 @@ fn right_align(table: &mut Table, index: usize) {
     }
 }
 
-fn micros(time: Duration) -> Value {
-    json!(u64::try_from(time.as_micros()).unwrap_or(u64::MAX))
+/// Returns a time in whole microseconds.
+pub fn micros(time: Duration) -> u64 {
+    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
+}
+
+/// Returns a value that is rounded to tenths.
+pub fn tenths(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0
 }
 
 fn show(time: Duration) -> String {

@@ -2,11 +2,10 @@
 
 use core::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::report::{ExecutedWork, Report, was, were};
+use crate::report::{ExecutedWork, Report, micros, was, were};
 use cellwire_io::output::{counted, wrapped};
 use cellwire_sim::ledger::Counts;
 
@@ -153,7 +152,6 @@ impl DemoResult {
             ExecutedWork::Jobs(jobs, _) => (jobs.executed_once, jobs.lost),
             ExecutedWork::Stream { done, lost, .. } => (done, lost),
         };
-        let micros = |time: Duration| u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
         let nearest = self.report.nearest();
         json!({
             "link": link, "ok": self.is_good(), "late": !self.report.is_in_time(), "sent": count(|it| it.sent),
@@ -271,6 +269,8 @@ pub fn pictures(layout: Layout, folder: Option<&Path>, all: &[DemoResult]) -> St
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
     use crate::io::samples::Samples;
     use crate::report::Budget;

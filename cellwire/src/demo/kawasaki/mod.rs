@@ -22,7 +22,7 @@ use crate::devices::kawasaki_msg::robot::{self, Setup};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::io::journal::Tally;
-use crate::report::{Budget, Report, were};
+use crate::report::{Budget, Report, tenths, were};
 use crate::run::Console;
 use crate::run::kawasaki::{Jobs, Journal, RunEnd, Runner};
 use cellwire_io::tcp;
@@ -206,12 +206,16 @@ fn report(picture: &Picture, seen: &RunResults<'_>, proxy: Option<&FaultyProxy>)
     }
     report.fact("asked_again", "jobs dropped at a full queue and resent", statistics.discarded);
     report.fact("packets", "packets of the PC", packets.count);
-    report.fact("messages_mean", "messages per packet, mean", tenths(packets.messages, packets.count));
+    report.fact(
+        "messages_mean",
+        "messages per packet, mean",
+        tenths(count(packets.messages) / count(packets.count.max(1))),
+    );
     report.fact("messages_most", "messages per packet, maximum", packets.most_messages);
     let label = format!("bytes of the longest packet, maximum {limit} (§9.5)");
     report.fact("longest_packet", &label, packets.longest);
-    let a_second = tenths(robot.exchange.count(), 1) / time.as_secs_f64();
-    report.fact("exchanges_a_second", "exchanges per second, in the source 31 (§9.4)", round(a_second));
+    let a_second = tenths(count(robot.exchange.count()) / time.as_secs_f64());
+    report.fact("exchanges_a_second", "exchanges per second, in the source 31 (§9.4)", a_second);
     if let Some(faults) = proxy.map(FaultyProxy::faults) {
         report.fact("splits", "split reads", faults.splits.load(Ordering::Relaxed));
         report.fact("delays", "reads delayed", faults.delays.load(Ordering::Relaxed));
@@ -241,14 +245,9 @@ fn report(picture: &Picture, seen: &RunResults<'_>, proxy: Option<&FaultyProxy>)
     report
 }
 
-fn tenths(dividend: u64, divisor: u64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "counts of a run")]
-    let quotient = dividend as f64 / divisor.max(1) as f64;
-    round(quotient)
-}
-
-fn round(x: f64) -> f64 {
-    (x * 10.0).round() / 10.0
+#[expect(clippy::cast_precision_loss, reason = "counts of a run")]
+fn count(count: u64) -> f64 {
+    count as f64
 }
 
 #[cfg(test)]

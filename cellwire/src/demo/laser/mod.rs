@@ -18,7 +18,7 @@ use crate::demo::DemoOptions;
 use crate::devices::laser_eb90::controller::{self, RobotCounts, Switch};
 use crate::io::line::Line;
 use crate::io::sheet;
-use crate::report::{Budget, Report};
+use crate::report::{Budget, Report, tenths};
 use crate::run::laser::{Mapping, Program};
 use cellwire_io::clock::Clock;
 use cellwire_io::port::AnyPort;
@@ -251,10 +251,6 @@ fn percent(ratio: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "a float saturates when cast to an integer")]
     let percent = ((ratio - 1.0) * 100.0).round() as i64;
     percent
-}
-
-fn tenths(rate: f64) -> f64 {
-    (rate * 10.0).round() / 10.0
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use val2_alter::{AXES, ErrorCode, HostConfig, Scale, timing};
 use super::cell::{CellConfig, CellRecord};
 use crate::demo::{DemoOptions, MustFail};
 use crate::devices::val2_alter::puma::error_text;
-use crate::report::{Budget, Report, times};
+use crate::report::{Budget, Report, micros, times};
 use cellwire_io::output::counted;
 use cellwire_links::settings::{self, Configure, FieldVisitor};
 
@@ -197,10 +197,6 @@ fn judge_limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
         row(asked.acceleration[0], sent.acceleration[0], limits.acceleration[0], cycle * cycle);
     report.fact("acceleration_x", "highest acceleration along X, mm/s²", acceleration);
     report.require(sent.keeps(&limits), || format!("the robot got {sent:?}, the limits are {limits:?}"));
-}
-
-pub(super) fn micros(time: Duration) -> u64 {
-    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
 }
 
 #[cfg(test)]

@@ -153,9 +153,9 @@ fn draw(
         let mut journal = Journal::unwritten(jobs.work.len());
         let ((mut operator, typed), mut sent) = (Operator::new(), 0);
         end.into_iter().for_each(|end| operator.stop_at(end));
-        let notify = &mut |event: Value| match event["event"] == "unknown" {
-            true => operator.say("stop"),
-            false => Ok(()),
+        let notify = &mut |event: Value| match event.get("event").and_then(Value::as_str) {
+            Some("unknown") => operator.say("stop"),
+            _ => Ok(()),
         };
         let progress = &mut |Tally { done, unknown, queued, .. }| {
             sent = sent.max(done + unknown);

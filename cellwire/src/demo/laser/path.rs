@@ -3,7 +3,7 @@
 use anyhow::Result;
 use laser_eb90::ControllerConfig;
 
-use crate::io::drawing::{Line, Picture, Point};
+use crate::io::drawing::{Line, Picture, Point, mm};
 use crate::run::laser::{Instruction, Mapping, Program, Route};
 use cellwire_sim::laser::Job;
 
@@ -24,11 +24,11 @@ pub fn path(mapping: &Mapping) -> Result<Program> {
 }
 
 fn steps(line: Line, route: &mut Route<'_>) -> Result<()> {
-    let [from, to] = [line.from, line.to].map(|Point { x, y }| [x, y].map(|it| f64::from(it) / 100.0));
+    let [from, to] = [line.from, line.to].map(|at| (mm(at.x), mm(at.y)));
     let count = if line.draws { (line.length() * 100.0 / STEP).ceil().max(1.0) } else { 1.0 };
     for step in 1..=whole(count) {
         let part = f64::from(step) / count;
-        let [x, y] = [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * part);
+        let (x, y) = (from.0 + (to.0 - from.0) * part, from.1 + (to.1 - from.1) * part);
         let [z, tilt_x, tilt_y] = measured(x, y);
         route.line(0, line.draws, [x, y, z, tilt_x, tilt_y, 0.0])?;
     }

@@ -11,33 +11,6 @@ use crate::devices::device::POLL_INTERVAL;
 use crate::io::line::Line;
 use cellwire_io::priority::{self, ThreadRole};
 
-/// A transport over a line.
-pub trait OverLine: Transport {
-    /// Returns the line.
-    fn line(&mut self) -> &mut Line;
-
-    /// Carries bytes up to now while the device does not read.
-    fn pass(&mut self) {
-        self.line().pass();
-    }
-}
-
-impl OverLine for Line {
-    fn line(&mut self) -> &mut Line {
-        self
-    }
-}
-
-impl<T: OverLine + ?Sized> OverLine for &mut T {
-    fn line(&mut self) -> &mut Line {
-        (**self).line()
-    }
-
-    fn pass(&mut self) {
-        (**self).pass();
-    }
-}
-
 /// The time during which a device on a line is connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Presence {
@@ -47,13 +20,13 @@ pub enum Presence {
     Always,
 }
 
-/// Runs a device on a line while `goes_on`, or until the line is gone for good.
+/// Runs a device on a line, or on a transport around one, while `goes_on`, or until the line is gone for good.
 ///
 /// # Errors
 /// The errors of `observe`.
 pub fn on_line<S: HostedSession>(
     session: &mut S,
-    line: impl OverLine,
+    line: impl Transport + AsMut<Line>,
     presence: Presence,
     goes_on: impl FnMut() -> bool,
     observe: impl FnMut(&mut S, Notice<'_, S::Event>) -> Result<()>,
@@ -69,14 +42,14 @@ struct OnLine<T> {
     left: usize,
 }
 
-impl<T: OverLine> Endpoint for OnLine<T> {
+impl<T: Transport + AsMut<Line>> Endpoint for OnLine<T> {
     type Error = io::Error;
 
     fn look(&mut self, device: State) -> io::Result<Option<Change>> {
+        let line = self.transport.as_mut();
         if device.is_held {
-            self.transport.pass();
+            line.pass();
         }
-        let line = self.transport.line();
         if !device.accepts {
             line.discard();
         }
@@ -95,12 +68,12 @@ impl<T: OverLine> Endpoint for OnLine<T> {
     }
 
     fn end(&mut self, ending: &ConnectionEnd) -> bool {
-        self.transport.line().hang_up();
+        self.transport.as_mut().hang_up();
         matches!(ending, ConnectionEnd::ByDevice(_))
     }
 }
 
-impl<T: OverLine> Transport for OnLine<T> {
+impl<T: Transport + AsMut<Line>> Transport for OnLine<T> {
     fn now(&self) -> Duration {
         self.transport.now()
     }

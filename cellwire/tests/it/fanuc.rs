@@ -5,9 +5,8 @@ use std::process::{Command, Output};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use cellwire::devices::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
+use cellwire::devices::fanuc_hmi_modbus::simulate::connection;
 use cellwire_io::clock::Clock;
-use cellwire_io::trace::TraceArgs;
 use cellwire_sim::fanuc::{Controller, circle};
 use cellwire_sim::host::{Listener, Server};
 use fanuc_hmi_modbus::{ServerConfig, WordOrder};
@@ -373,10 +372,10 @@ fn controller(order: WordOrder) -> String {
     let address = listener.local_addr().unwrap().to_string();
     let shared = Arc::new(Mutex::new(Controller::new(Box::new(circle), order)));
     thread::spawn(move || {
-        let trace = TraceArgs::off().start("fanuc");
         let (listener, clock) = (Listener::new(listener).unwrap(), Clock::start());
         let server = Server::new(listener, || clock.now());
-        serve_tcp(server, connection(&shared, ServerConfig::tcp()).unwrap(), &trace, None)
+        let device = connection(&shared, ServerConfig::tcp()).unwrap();
+        server.run(device, || true, |_, _| Ok::<_, std::io::Error>(()))
     });
     address
 }

@@ -20,7 +20,7 @@ use cellwire_io::serial;
 use cellwire_io::trace::TraceArgs;
 use cellwire_motion::latch::LatchConfig;
 use cellwire_sim::puma::{Pose, PumaEvent};
-use isra_ball::BallConfig;
+use cellwire_sim::{Settings as _, TeachBall};
 use val2_alter::{ErrorCode, HostConfig, Motion};
 
 const TEST_TIMEOUT: Duration = Duration::from_secs(20);
@@ -83,15 +83,18 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
             Line::over_port(robot_port, Path::new(&robot), clock, 38_400, off.start("robot")).unwrap();
         let stopped = Arc::clone(&stop);
         let robot_thread = thread::spawn(move || {
-            puma::run(&mut line, config, &stopped, |_, event| {
+            let goes_on = || !stopped.load(Ordering::Relaxed);
+            puma::run(&mut line, config.simulator()?, true, goes_on, |_, event| {
                 let _ = notify.send(event);
                 Ok(())
             })
         });
         let mut line = Line::over_port(ball_port, Path::new(&ball), clock, 9600, off.start("ball")).unwrap();
         let stopped = Arc::clone(&stop);
-        let ball_thread =
-            thread::spawn(move || ball::run(&mut line, BallConfig::default(), &stopped, |_| Ok(())));
+        let ball_thread = thread::spawn(move || {
+            let goes_on = || !stopped.load(Ordering::Relaxed);
+            ball::run(&mut line, TeachBall::default().simulator()?, goes_on, |_| Ok(()))
+        });
 
         let host = || {
             let config = TeleopConfig {

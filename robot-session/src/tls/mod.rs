@@ -69,21 +69,9 @@ impl Secure {
         Self::shake_hands(stream, Layer::accept(config)?)
     }
 
-    /// Creates the server's end without its handshake, which [`is_ready`](Self::is_ready) makes: for a thread that does not
-    /// wait for one client.
-    ///
-    /// # Errors
-    /// The configuration cannot work.
-    pub fn begin(stream: TcpStream, config: Arc<ServerConfig>) -> io::Result<Self> {
-        Ok(Self { stream, tls: Layer::accept(config)? })
-    }
-
-    /// Goes on with the handshake as far as the peer's bytes have come; returns whether the handshake is over.
-    ///
-    /// # Errors
-    /// The handshake has failed, or takes longer than [`HANDSHAKE`].
-    pub fn is_ready(&mut self) -> io::Result<bool> {
-        self.tls.shake_hands(&mut NonBlocking(&mut self.stream))
+    /// Creates an end whose handshake is over: of a client that a loop of many connections has accepted.
+    pub const fn new(stream: TcpStream, tls: Layer) -> Self {
+        Self { stream, tls }
     }
 
     fn shake_hands(mut stream: TcpStream, mut tls: Layer) -> io::Result<Self> {

@@ -7,11 +7,23 @@ use mio::net::TcpStream;
 use robot_session::tls::Layer;
 
 /// A connection that does not block.
-pub(super) struct Carrier {
-    pub(super) tcp: TcpStream,
-    /// `None`: bytes as they are.
+#[derive(Debug)]
+pub struct Carrier {
+    /// The TCP connection.
+    pub tcp: TcpStream,
+    /// The TLS of the connection; `None`: bytes as they are.
     #[cfg(feature = "tls")]
-    pub(super) tls: Option<Box<Layer>>,
+    pub tls: Option<Box<Layer>>,
+}
+
+impl From<TcpStream> for Carrier {
+    fn from(tcp: TcpStream) -> Self {
+        Self {
+            tcp,
+            #[cfg(feature = "tls")]
+            tls: None,
+        }
+    }
 }
 
 impl Carrier {

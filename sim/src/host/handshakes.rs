@@ -1,86 +1,99 @@
 //! The clients whose TLS handshake is not over.
 
+use core::net::SocketAddr;
+use core::time::Duration;
+use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 
 use mio::net::TcpStream;
 use mio::{Interest, Registry, Token};
-use robot_session::tls::Layer;
 use robot_session::tls::rustls::ServerConfig;
-use slab::Slab;
+use robot_session::tls::{HANDSHAKE, Layer};
 
+use super::MAX_CLIENTS;
 use super::carrier::Carrier;
-use super::{MAX_CLIENTS, refuse};
-
-/// The token of the first handshake; those of clients are below.
-pub(super) const FIRST_TOKEN: usize = MAX_CLIENTS;
+use super::listener::{Arrival, refuse};
 
 /// The handshakes of the clients that have arrived.
-pub(super) struct Handshakes(Slab<Handshake>);
+#[derive(Debug)]
+pub(super) struct Handshakes {
+    config: Arc<ServerConfig>,
+    /// The poll to which bytes of these clients are reported, if it is not the caller that polls.
+    reports: Option<(Registry, Token)>,
+    pending: Vec<Handshake>,
+    /// The clients whose handshake is over, or has failed.
+    done: VecDeque<Arrival>,
+}
 
+#[derive(Debug)]
 struct Handshake {
     tcp: TcpStream,
     tls: Box<Layer>,
-    peer: String,
+    peer: SocketAddr,
+    /// The outcome; false until the handshake is over.
+    outcome: io::Result<bool>,
 }
 
 impl Handshakes {
-    pub(super) const NONE: Self = Self(Slab::new());
-
-    /// Returns the tokens of all handshakes.
-    pub(super) fn tokens(&self) -> Vec<usize> {
-        self.0.iter().map(|(key, _)| FIRST_TOKEN + key).collect()
+    pub(super) const fn new(config: Arc<ServerConfig>) -> Self {
+        Self { config, reports: None, pending: Vec::new(), done: VecDeque::new() }
     }
 
-    /// Begins the handshake of a client; returns its token. The error has the client and the reason for which it is refused.
-    pub(super) fn begin(
-        &mut self,
-        mut tcp: TcpStream,
-        peer: String,
-        config: Arc<ServerConfig>,
-        registry: &Registry,
-    ) -> Result<usize, (String, String)> {
-        let token = FIRST_TOKEN + self.0.vacant_key();
-        let interest = Interest::READABLE | Interest::WRITABLE;
-        let begun = match Layer::accept(config) {
-            _ if self.0.len() >= MAX_CLIENTS => Err(io::Error::other("too many TLS handshakes at once")),
-            Ok(tls) => registry.register(&mut tcp, Token(token), interest).map(|()| tls),
-            Err(error) => Err(error),
+    /// Reports the bytes of clients that arrive from now on.
+    pub(super) fn report(&mut self, registry: Registry, token: Token) {
+        self.reports = Some((registry, token));
+    }
+
+    /// Begins the handshake of a client; returns the client if it is refused.
+    pub(super) fn begin(&mut self, mut tcp: TcpStream, peer: SocketAddr) -> Option<Arrival> {
+        let registered = match &self.reports {
+            _ if self.pending.len() >= MAX_CLIENTS => {
+                Err(io::Error::other("too many TLS handshakes at once"))
+            }
+            Some((registry, token)) => {
+                registry.register(&mut tcp, *token, Interest::READABLE | Interest::WRITABLE)
+            }
+            None => Ok(()),
         };
-        match begun {
+        match registered.and_then(|()| Layer::accept(Arc::clone(&self.config))) {
             Ok(tls) => {
-                self.0.insert(Handshake { tcp, tls: Box::new(tls), peer });
-                Ok(token)
+                self.pending.push(Handshake { tcp, tls: Box::new(tls), peer, outcome: Ok(false) });
+                None
             }
             Err(error) => {
                 refuse(&tcp);
-                Err((peer, error.to_string()))
+                Some(Arrival::Refused(peer, error.to_string()))
             }
         }
     }
 
-    /// Goes on with a handshake as far as the client's bytes have come. Returns the client when the handshake is over, or
-    /// the client and the reason for which it is refused.
-    pub(super) fn advance(
-        &mut self,
-        token: usize,
-        registry: &Registry,
-    ) -> Option<(String, Result<Carrier, String>)> {
-        let key = token.checked_sub(FIRST_TOKEN)?;
-        let Handshake { tcp, tls, .. } = self.0.get_mut(key)?;
-        let outcome = match tls.shake_hands(tcp) {
-            Ok(false) => return None,
-            outcome => outcome,
-        };
-        let Handshake { mut tcp, tls, peer } = self.0.try_remove(key)?;
-        _ = registry.deregister(&mut tcp);
-        let carrier = match outcome {
-            Ok(_) => Ok(Carrier { tcp, tls: Some(tls) }),
-            Err(error) => {
-                refuse(&tcp);
-                Err(error.to_string())
+    /// Goes on with the handshakes as far as the clients' bytes have come. Returns the next client whose handshake is over, or
+    /// that is refused.
+    pub(super) fn next(&mut self) -> Option<Arrival> {
+        if self.done.is_empty() {
+            let is_over = |Handshake { tcp, tls, outcome, .. }: &mut Handshake| {
+                *outcome = tls.shake_hands(tcp);
+                !matches!(outcome, Ok(false))
+            };
+            for Handshake { mut tcp, tls, peer, outcome } in self.pending.extract_if(.., is_over) {
+                if let Some((registry, _)) = &self.reports {
+                    _ = registry.deregister(&mut tcp);
+                }
+                self.done.push_back(match outcome {
+                    Ok(_) => Arrival::Client(Carrier { tcp, tls: Some(tls) }, peer),
+                    Err(error) => {
+                        refuse(&tcp);
+                        Arrival::Refused(peer, error.to_string())
+                    }
+                });
             }
-        };
-        Some((peer, carrier))
+        }
+        self.done.pop_front()
+    }
+
+    /// Returns the longest time until a handshake of a silent client has failed.
+    pub(super) fn time(&self) -> Option<Duration> {
+        (!self.pending.is_empty()).then_some(HANDSHAKE)
     }
 }

@@ -5,11 +5,19 @@ use core::time::Duration;
 use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::net::Shutdown;
+#[cfg(feature = "tls")]
+use std::sync::Arc;
 
 use mio::event::Source;
 use mio::net::{TcpListener, TcpStream};
 use mio::{Interest, Registry, Token};
+#[cfg(feature = "tls")]
+use robot_session::tls::rustls::ServerConfig;
 use socket2::{SockRef, TcpKeepalive};
+
+use super::carrier::Carrier;
+#[cfg(feature = "tls")]
+use super::handshakes::Handshakes;
 
 /// A peer that has vanished without a word is noticed when it acknowledges no probe: the first is sent after this long, the
 /// others after each [`PROBE_INTERVAL`].
@@ -23,15 +31,18 @@ pub struct Listener {
     /// When no descriptor is free, this one is given up to accept a client and to close its connection: it would otherwise
     /// wait forever, and its arrival would be reported again and again.
     reserve: Option<File>,
+    /// The clients whose TLS handshake is not over; `None`: the connections are not encrypted.
+    #[cfg(feature = "tls")]
+    handshakes: Option<Handshakes>,
 }
 
 /// A client that has arrived, or none.
 #[derive(Debug)]
 pub enum Arrival {
-    /// A client; its stream does not block.
-    Client(TcpStream, SocketAddr),
-    /// No descriptor was free for this client: its connection was closed.
-    Refused(SocketAddr),
+    /// A client; its stream does not block. In TLS its handshake is over.
+    Client(Carrier, SocketAddr),
+    /// The connection of this client was closed, for this reason: no descriptor was free, or the handshake has failed.
+    Refused(SocketAddr, String),
     /// No client has arrived since the last call.
     Nobody,
 }
@@ -43,20 +54,63 @@ impl Listener {
     /// If it cannot be made non-blocking.
     pub fn new(listener: std::net::TcpListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
-        Ok(Self { listener: TcpListener::from_std(listener), reserve: reserve() })
+        Ok(Self {
+            listener: TcpListener::from_std(listener),
+            reserve: reserve(),
+            #[cfg(feature = "tls")]
+            handshakes: None,
+        })
     }
 
-    /// Accepts the next client that has arrived.
+    /// Sets the TLS that the clients have to speak; `None`: the connections are not encrypted.
+    #[cfg(feature = "tls")]
+    #[must_use]
+    pub fn with_tls(self, config: Option<Arc<ServerConfig>>) -> Self {
+        Self { handshakes: config.map(Handshakes::new), ..self }
+    }
+
+    /// Accepts the next client that has arrived, and goes on with the handshakes of TLS as far as the clients' bytes have
+    /// come.
     ///
     /// # Errors
     /// If the system has no resources for a client: clients that wait may be accepted later.
     pub fn accept(&mut self) -> io::Result<Arrival> {
         loop {
+            let arrival = self.accept_tcp();
+            #[cfg(feature = "tls")]
+            if let Some(handshakes) = &mut self.handshakes {
+                match arrival {
+                    Ok(Arrival::Client(Carrier { tcp, .. }, peer)) => match handshakes.begin(tcp, peer) {
+                        Some(refused) => return Ok(refused),
+                        None => continue,
+                    },
+                    Ok(Arrival::Nobody) | Err(_) => match handshakes.next() {
+                        Some(done) => return Ok(done),
+                        None => return arrival,
+                    },
+                    refused => return refused,
+                }
+            }
+            return arrival;
+        }
+    }
+
+    /// Returns a time after which [`accept`](Self::accept) is to be called without an event, because a handshake has taken too
+    /// long then; `None` without handshakes.
+    pub(super) fn handshake_time(&self) -> Option<Duration> {
+        #[cfg(feature = "tls")]
+        return self.handshakes.as_ref().and_then(Handshakes::time);
+        #[cfg(not(feature = "tls"))]
+        None
+    }
+
+    fn accept_tcp(&mut self) -> io::Result<Arrival> {
+        loop {
             return match self.listener.accept() {
                 Ok((stream, peer)) => {
                     stream.set_nodelay(true)?;
                     SockRef::from(&stream).set_tcp_keepalive(&probes())?;
-                    Ok(Arrival::Client(stream, peer))
+                    Ok(Arrival::Client(stream.into(), peer))
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Arrival::Nobody),
                 // The client has gone before it was accepted.
@@ -71,7 +125,7 @@ impl Listener {
                         let accepted = self.listener.accept();
                         let refused = accepted.map(|(stream, peer)| {
                             refuse(&stream);
-                            Arrival::Refused(peer)
+                            Arrival::Refused(peer, "too many open files, see ulimit -n".into())
                         });
                         self.reserve = reserve();
                         refused
@@ -94,7 +148,12 @@ pub fn refuse(stream: &TcpStream) {
 }
 
 impl Source for Listener {
+    /// Clients whose handshake is not over are registered with the same token.
     fn register(&mut self, registry: &Registry, token: Token, interests: Interest) -> io::Result<()> {
+        #[cfg(feature = "tls")]
+        if let Some(handshakes) = &mut self.handshakes {
+            handshakes.report(registry.try_clone()?, token);
+        }
         self.listener.register(registry, token, interests)
     }
 

@@ -16,6 +16,7 @@ use crate::device::Device;
 use crate::simulator::{Simulator, SimulatorReport};
 
 pub use self::attend::{Change, Endpoint, State, attend};
+pub use self::carrier::Carrier;
 pub use self::listener::{Arrival, Listener, probes, refuse};
 pub use self::serve::Server;
 

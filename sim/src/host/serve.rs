@@ -6,14 +6,10 @@ use std::net::Shutdown;
 
 use mio::event::Event;
 use mio::{Events, Interest, Poll, Token};
-#[cfg(feature = "tls")]
-use robot_session::tls::HANDSHAKE;
 use robot_session::{Step, Steps};
 use slab::Slab;
 
 use super::carrier::Carrier;
-#[cfg(feature = "tls")]
-use super::handshakes::{self, Handshakes};
 use super::{Arrival, ConnectionEnd, HostedSession, Listener, MAX_CLIENTS, Notice, Request, refuse};
 
 /// A client whose requests do not end takes turns with the others after this many reads.
@@ -39,22 +35,12 @@ pub struct Server<C> {
     /// The interval at which the sessions are called even if no bytes arrive and no deadline has passed, because another thread
     /// may have changed them; also the longest time until the server stops. `None`: they are not.
     pub look: Option<Duration>,
-    /// The TLS that the clients have to speak; `None`: the connections are not encrypted.
-    #[cfg(feature = "tls")]
-    pub tls: Option<std::sync::Arc<robot_session::tls::rustls::ServerConfig>>,
 }
 
 impl<C: Fn() -> Duration> Server<C> {
     /// Creates a server without time limits, which polls its sessions when something is due.
     pub const fn new(listener: Listener, clock: C) -> Self {
-        Self {
-            listener,
-            clock,
-            idle_timeout: None,
-            look: None,
-            #[cfg(feature = "tls")]
-            tls: None,
-        }
+        Self { listener, clock, idle_timeout: None, look: None }
     }
 
     /// Serves while `goes_on`. A client that does not read its replies stops the reading of its requests, and does not stop
@@ -71,19 +57,8 @@ impl<C: Fn() -> Duration> Server<C> {
         let poll = Poll::new()?;
         let (input, out) = (vec![0; S::MAX_INPUT], vec![0; S::MAX_TRANSMIT]);
         let (first, clients, busy) = (Some(session), Slab::new(), Vec::new());
-        let mut serving = ServerLoop {
-            server: self,
-            poll,
-            first,
-            clients,
-            #[cfg(feature = "tls")]
-            handshakes: Handshakes::NONE,
-            busy,
-            due: None,
-            input,
-            out,
-            observe,
-        };
+        let mut serving =
+            ServerLoop { server: self, poll, first, clients, busy, due: None, input, out, observe };
         serving.poll.registry().register(&mut serving.server.listener, ARRIVALS, Interest::READABLE)?;
         serving.run(goes_on)
     }
@@ -95,8 +70,6 @@ struct ServerLoop<C, S, H> {
     /// The session without a connection; `None` while it has one because it serves only the newest client.
     first: Option<S>,
     clients: Slab<Client<S>>,
-    #[cfg(feature = "tls")]
-    handshakes: Handshakes,
     /// The clients with more to read, of which no further event comes.
     busy: Vec<usize>,
     /// A time not after the earliest deadline.
@@ -159,13 +132,15 @@ where
             for key in core::mem::take(&mut self.busy) {
                 self.serve(key, now)?;
             }
+            let mut has_arrivals = false;
             for event in &events {
                 match event.token() {
-                    ARRIVALS => self.accept(now)?,
-                    #[cfg(feature = "tls")]
-                    Token(token) if token >= handshakes::FIRST_TOKEN => self.shake_hands(token, now)?,
+                    ARRIVALS => has_arrivals = true,
                     Token(key) => self.wake(key, event, now)?,
                 }
+            }
+            if has_arrivals {
+                self.accept(now)?;
             }
             if self.due.is_some_and(|due| due <= now) {
                 self.due = None;
@@ -181,10 +156,6 @@ where
             self.wait_until(now + look);
         }
         self.accept(now)?;
-        #[cfg(feature = "tls")]
-        for token in self.handshakes.tokens() {
-            self.shake_hands(token, now)?;
-        }
         self.time_out(now)
     }
 
@@ -211,44 +182,19 @@ where
                 self.wait_until(now + RETRY);
                 return Ok(());
             }
-            let (stream, peer) = match self.server.listener.accept() {
-                Ok(Arrival::Nobody) => return Ok(()),
-                Ok(Arrival::Client(stream, peer)) => (stream, peer.to_string()),
-                Ok(Arrival::Refused(peer)) => {
-                    self.refuse(&peer.to_string(), "too many open files, see ulimit -n")?;
-                    continue;
+            match self.server.listener.accept() {
+                Ok(Arrival::Client(stream, peer)) => self.connect(stream, peer.to_string(), now)?,
+                Ok(Arrival::Refused(peer, why)) => self.refuse(&peer.to_string(), &why)?,
+                Ok(Arrival::Nobody) => {
+                    if let Some(time) = self.server.listener.handshake_time() {
+                        self.wait_until(now + time + RETRY);
+                    }
+                    return Ok(());
                 }
                 Err(_) => {
                     self.wait_until(now + RETRY);
                     return Ok(());
                 }
-            };
-            #[cfg(feature = "tls")]
-            if let Some(config) = self.server.tls.clone() {
-                match self.handshakes.begin(stream, peer, config, self.poll.registry()) {
-                    Ok(token) => self.shake_hands(token, now)?,
-                    Err((peer, why)) => self.refuse(&peer, &why)?,
-                }
-                continue;
-            }
-            let carrier = Carrier {
-                tcp: stream,
-                #[cfg(feature = "tls")]
-                tls: None,
-            };
-            self.connect(carrier, peer, now)?;
-        }
-    }
-
-    /// Goes on with a TLS handshake. Its client is served, and replaces another one, only after that.
-    #[cfg(feature = "tls")]
-    fn shake_hands(&mut self, token: usize, now: Duration) -> Result<(), E> {
-        match self.handshakes.advance(token, self.poll.registry()) {
-            Some((peer, Ok(carrier))) => self.connect(carrier, peer, now),
-            Some((peer, Err(why))) => self.refuse(&peer, &why),
-            None => {
-                self.wait_until(now + HANDSHAKE + RETRY);
-                Ok(())
             }
         }
     }

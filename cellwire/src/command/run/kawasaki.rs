@@ -11,6 +11,7 @@ use serde_json::json;
 use super::work::{self, RunInput, WorkArgs, ended, say_resumed};
 use crate::command::settings::connect_settings;
 use crate::devices::device::Endpoint;
+use crate::devices::kawasaki_msg::endpoint::Side;
 use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
 use crate::devices::kawasaki_msg::simulate::pc_config;
 use crate::io::journal::Tally;
@@ -151,8 +152,8 @@ fn serve(
         (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
     };
     let dialing = args.work.set.dialing(None, args.work.connect)?;
-    let (mut meeting, kind, place) =
-        PeerEndpoint::of_pc(&endpoint, config.datagrams, config.dialect, dialing, &args.tls)?;
+    let udp = config.datagrams.then_some(config.dialect);
+    let (mut meeting, kind, place) = PeerEndpoint::open(Side::Pc, &endpoint, udp, dialing, &args.tls)?;
     ready("kawasaki", kind, &place)?;
     say_resumed(journal)?;
     let trace = args.trace.start("kawasaki-pc");

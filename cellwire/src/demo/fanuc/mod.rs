@@ -18,8 +18,9 @@ use serde_json::json;
 
 use self::robot::Run;
 use crate::demo::{DemoOptions, MustFail};
+use crate::devices::device::keep;
 use crate::devices::fanuc_hmi_modbus::client::Port;
-use crate::devices::fanuc_hmi_modbus::simulate::{connection, serve_tcp};
+use crate::devices::fanuc_hmi_modbus::simulate::connection;
 use crate::io::samples::Samples;
 use crate::report::{Budget, Report};
 use crate::telemetry::logger::{Logger, Reading, TelemetrySource};
@@ -36,7 +37,7 @@ use cellwire_motion::{
 };
 use cellwire_sim::FaultyProxy;
 use cellwire_sim::fanuc::{Controller, PERIOD, Pose};
-use cellwire_sim::host::{Listener, Server};
+use cellwire_sim::host::{Listener, Notice, Server};
 
 const ARM: Arm = Arm::LR_MATE_200ID;
 /// The time for which the robot rests before and after the motion, in s.
@@ -173,7 +174,18 @@ impl Log {
         // The thread ends with the process, as the listener does.
         thread::spawn(move || {
             let server = Server::new(listener, || clock.now());
-            serve_tcp(server, device, &trace, None)
+            let served: Result<()> = server.run(
+                device,
+                || true,
+                |_, notice| {
+                    keep(&trace, &notice);
+                    if let Notice::Disconnected(_, ending) = &notice {
+                        trace.finish(&ending.to_string());
+                    }
+                    Ok(())
+                },
+            );
+            served
         });
         let proxy = options.faults.then(|| FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
         let address = proxy.as_ref().map_or(address, FaultyProxy::address);

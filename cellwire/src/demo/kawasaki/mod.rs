@@ -16,6 +16,7 @@ use self::tally::Orders;
 use crate::demo::DemoOptions;
 use crate::demo::operator::Operator;
 use crate::devices::device::Endpoint;
+use crate::devices::kawasaki_msg::endpoint::Side;
 use crate::devices::kawasaki_msg::pc::Packets;
 use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
 use crate::devices::kawasaki_msg::robot::{self, Setup};
@@ -103,13 +104,15 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (udp, dialing, tls) = (plant.udp, tcp::Dialing::default(), TlsArgs::default());
     ensure!(!(udp && options.faults), "--faults breaks TCP connections, and cannot be used with udp");
     let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
-    let (mut meeting, _, server) = PeerEndpoint::of_pc(&place, udp, pc.dialect, dialing, &tls)?;
+    let dialect = udp.then_some(pc.dialect);
+    let (mut meeting, _, server) = PeerEndpoint::open(Side::Pc, &place, dialect, dialing, &tls)?;
     let proxy = match options.faults {
         true => Some(FaultyProxy::start(server.parse()?, options.seed, BREAKS)?),
         false => None,
     };
     let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
-    let (mut robot_meeting, ..) = PeerEndpoint::of_robot(&Endpoint::Connect(address), udp, dialing, &tls)?;
+    let place = Endpoint::Connect(address);
+    let (mut robot_meeting, ..) = PeerEndpoint::open(Side::Robot, &place, dialect, dialing, &tls)?;
 
     let switch = AtomicBool::new(false);
     let (sender, strokes) = mpsc::channel();

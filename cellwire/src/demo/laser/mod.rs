@@ -4,7 +4,6 @@ pub mod path;
 pub mod run;
 pub mod tally;
 
-use std::sync::Mutex;
 use std::thread;
 use std::time::Duration;
 
@@ -24,9 +23,9 @@ use cellwire_io::clock::Clock;
 use cellwire_io::port::AnyPort;
 use cellwire_io::tcp::Dialing;
 use cellwire_links::settings::{self, Configure, FieldVisitor};
-use cellwire_sim::laser::Job;
+use cellwire_sim::laser::{Job, LaserRobot};
 use cellwire_sim::ledger::ReportedOutcome;
-use cellwire_sim::{ByteFaults, Laser};
+use cellwire_sim::{ByteFaults, Laser, Simulator};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
@@ -112,12 +111,12 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     if options.faults {
         line = line.with_faults(ByteFaults::with_rate(FAULT_RATE, options.seed));
     }
-    let executed = Mutex::new(Vec::new());
+    let mut executed = Vec::new();
     let (first, second) = (Switch::default(), Switch::default());
     options.progress.set_length(path.instructions.len() as u64);
 
     let (robot, cut) = thread::scope(|scope| {
-        let robot = scope.spawn(|| restarting(settings, &mut line, clock, [&first, &second], &executed));
+        let robot = scope.spawn(|| restarting(settings, &mut line, clock, [&first, &second], &mut executed));
         let cut = cut(&port, config, &path, seconds, options, &first);
         first.turn_off();
         second.turn_off();
@@ -127,7 +126,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (cutter, rates) = cut?;
     let read =
         |jobs: &[Job]| jobs.iter().map(|job| path::executed(job, &settings.config)).collect::<Vec<_>>();
-    let (mut executed, places) = (read(&executed.into_inner()?), PathIndex::new(&path.instructions));
+    let (mut executed, places) = (read(&executed), PathIndex::new(&path.instructions));
     let (mut known, mut forgotten) = (cutter.known.clone(), 0);
     // No message reports a restart: the instructions that the robot forgot with its queue are unknown.
     for place in read(&robot.forgotten).iter().filter_map(|instruction| places.of(instruction)) {
@@ -182,11 +181,12 @@ fn restarting(
     line: &mut Line,
     clock: Clock,
     switches: [&Switch; 2],
-    executed: &Mutex<Vec<Job>>,
+    executed: &mut Vec<Job>,
 ) -> Result<RobotCounts> {
     let mut counts = RobotCounts::default();
     for (boot, switch) in (1..).zip(switches) {
-        counts.add(&controller::run(robot, boot, line, clock, switch, |_| Ok(()), Some(executed))?);
+        let simulator = Simulator::new(LaserRobot::new(robot, boot)?);
+        counts.add(&controller::run(&robot, simulator, line, switch, |_| Ok(()), |job| executed.push(job))?);
         if !switch.was_killed() {
             break;
         }

@@ -25,7 +25,7 @@ use cellwire_io::clock::Clock;
 use cellwire_io::trace::TraceArgs;
 use cellwire_motion::latch::{Latch, LatchConfig};
 use cellwire_sim::viewer::WorkstationCounts;
-use cellwire_sim::{ByteFaults, Viewer};
+use cellwire_sim::{ByteFaults, Settings as _, TeachBall, Viewer};
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(7500);
@@ -156,17 +156,19 @@ pub fn run(config: &CellConfig, options: &DemoOptions) -> Result<CellRecord> {
             ..LatchConfig::default()
         },
     };
-    let stop = AtomicBool::new(false);
+    let (stop, puma) = (AtomicBool::new(false), puma.simulator()?);
+    let held = TeachBall { config: config.ball, ..TeachBall::default() }.simulator()?;
+    let screen = Viewer { config: config.viewer.config, ..Viewer::default() };
+    let screen = screen.simulator()?.keeping_nothing();
     thread::scope(|scope| {
-        let robot =
-            scope.spawn(|| (puma::run(&mut robot.line, puma, &stop, |_, _| Ok(())), robot.line.faults()));
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        let robot = scope.spawn(move || {
+            (puma::run(&mut robot.line, puma, true, goes_on, |_, _| Ok(())), robot.line.faults())
+        });
         let ball =
-            scope.spawn(|| (ball::run(&mut ball.line, config.ball, &stop, |_| Ok(())), ball.line.faults()));
-        let viewer = scope.spawn(|| {
-            (
-                workstation::run(&mut viewer.line, config.viewer.config, &stop, |_| Ok(())),
-                viewer.line.faults(),
-            )
+            scope.spawn(move || (ball::run(&mut ball.line, held, goes_on, |_| Ok(())), ball.line.faults()));
+        let viewer = scope.spawn(move || {
+            (workstation::run(&mut viewer.line, screen, goes_on, |_| Ok(())), viewer.line.faults())
         });
         let host = drive(teleop, clock, options);
         stop.store(true, Ordering::Relaxed);

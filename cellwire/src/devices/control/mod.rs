@@ -44,32 +44,24 @@ pub struct OwnCommands<D: Device> {
 }
 
 impl SimulateOptions {
-    /// Prints the line that reports the device as ready, and its addresses.
+    /// Prints the line that reports the device as ready, and its addresses. Executes commands to the device in a thread from
+    /// now on, with `--control`.
     ///
     /// # Errors
-    /// Standard output is closed.
-    pub fn ready(&self, device: &str, kind: &str, place: &str) -> Result<()> {
-        let mut line = json!({"ready": device, kind: place});
-        if let (Some(Control(listener)), Value::Object(line)) = (&self.control, &mut line) {
-            line.insert("control".into(), listener.local_addr()?.to_string().into());
-        }
-        announce(&line)
-    }
-
-    /// Executes commands to the device in a thread from now on, with `--control`.
-    ///
-    /// # Errors
-    /// The system cannot start it.
-    pub fn control<D>(
+    /// Standard output is closed; the system cannot start the thread.
+    pub fn ready<D: Device + 'static>(
         &self,
         device: &'static str,
+        kind: &str,
+        place: &str,
         simulator: &mut Simulator<D>,
         own: OwnCommands<D>,
-    ) -> Result<()>
-    where
-        D: Device + 'static,
-    {
-        let Some(Control(listener)) = &self.control else { return Ok(()) };
+    ) -> Result<()> {
+        let Some(Control(listener)) = &self.control else {
+            return announce(&json!({"ready": device, kind: place}));
+        };
+        let control = listener.local_addr()?.to_string();
+        announce(&json!({"ready": device, kind: place, "control": control}))?;
         let listener = Listener::new(listener.try_clone()?)?;
         let commands = Arc::new(Commands { device, remote: simulator.remote(), own });
         let thread = thread::Builder::new().name("control".into()).spawn(move || {

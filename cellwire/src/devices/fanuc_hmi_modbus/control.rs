@@ -1,6 +1,6 @@
 //! The commands of `--control` to the simulated controller: registers and signals.
 
-use cellwire_sim::fanuc::{FanucController, Write};
+use cellwire_sim::fanuc::{FanucController, Tables, Write};
 use fanuc_hmi_modbus::{Signal, Table};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -137,12 +137,6 @@ fn word(table: Table, value: Value) -> Result<u16, String> {
 }
 
 fn outside(table: Table) -> String {
-    let last = match table {
-        Table::DiscreteInputs => 27_999,
-        Table::Coils => 29_999,
-        Table::InputRegisters => 3999,
-        Table::HoldingRegisters => 16_447,
-    };
-    let name = json!(table);
+    let (name, last) = (json!(table), Tables::len(table).saturating_sub(1));
     format!("the addresses of {} are 0 to {last}", name.as_str().unwrap_or_default())
 }

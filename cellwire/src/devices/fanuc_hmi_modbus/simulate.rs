@@ -10,7 +10,7 @@ use cellwire_sim::fanuc::{
     Controller, FanucController, FanucEvent, Identification, Lists, Roles, Shared, Tables, TelemetryFaults,
     Write, circle,
 };
-use cellwire_sim::host::{Notice, Server};
+use cellwire_sim::host::Notice;
 use cellwire_sim::{Simulator, SimulatorReport};
 use fanuc_hmi_modbus::{Exception, ServerConfig, ServerEvent, Table, TelemetryBlock, WordOrder};
 use serde_json::{Map, Value, json};
@@ -21,12 +21,10 @@ use super::mapping::Mapping;
 use super::options::{FanucSettings, ProgramSettings};
 use super::program::{Finding, Machine, Programs, load};
 use super::robot::{ReportingRobot, Reports, Robot};
-use crate::devices::device::{self, Endpoint, SimulateOptions, keep, reason};
+use crate::devices::device::{Endpoint, SimulateOptions, connected, disconnected, reason};
 use crate::devices::on_line::{Presence, on_line};
 use cellwire_io::clock::Clock;
-use cellwire_io::output::{admits, log, remark};
-use cellwire_io::tcp;
-use cellwire_io::trace::Trace;
+use cellwire_io::output::{self, admits, log, remark};
 use cellwire_links::settings;
 use cellwire_motion::{Arm, Limits, Planner, Pose};
 
@@ -71,40 +69,55 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             .with_roles(roles),
     ));
     let runs = settings.program.program.is_some();
+    let start = |clock| if runs { keep_running(&controller, &reports, clock) } else { Ok(()) };
     match &options.endpoint {
-        Endpoint::Listen(address) => {
-            let config = settings.on_tcp();
-            let listener = tcp::listen(address)?;
-            let (clock, address) = (Clock::start(), listener.local_addr()?.to_string());
-            let server = options.server(listener, clock)?;
-            options.ready("fanuc", "listen", &address)?;
-            let trace = options.trace.start("fanuc");
-            let mut device = connection(&controller, config)?;
-            options.control("fanuc", &mut device, control::own())?;
-            if runs {
-                keep_running(&controller, &reports, clock)?;
-            }
-            serve_tcp(server, device, &trace, Some(&shown))
-        }
-        Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
-            if runs {
-                keep_running(&controller, &reports, clock)?;
-            }
-            let mut robot = connection(&controller, settings.on_line())?;
-            options.control("fanuc", &mut robot, control::own())?;
-            on_line(
-                &mut robot,
-                line,
-                Presence::Always,
-                || true,
-                |_, notice| {
-                    if let Notice::Event(_, SimulatorReport::Device(event)) = notice {
-                        shown.print(&event, None);
+        Endpoint::Listen(_) => {
+            let (device, clock) = (connection(&controller, settings.on_tcp())?, Clock::start());
+            start(clock)?;
+            let mut violation = None;
+            options.serve_tcp("fanuc", clock, device, control::own(), |trace, notice| {
+                let printed = match notice {
+                    Notice::Connected(peer) => connected(peer),
+                    Notice::Refused(peer, why) => {
+                        output::notice(&json!({"event": "refused_client", "peer": peer, "why": why}))
                     }
-                    Ok(())
-                },
-            )
-        }),
+                    Notice::Event(peer, SimulatorReport::Device(event)) => {
+                        if let FanucEvent::Server(ServerEvent::OutOfStep(error)) = &event {
+                            // The device closes the connection next.
+                            violation = Some(format!("the client violates the protocol: {error}"));
+                        }
+                        shown.print(&event, Some(peer));
+                        Ok(())
+                    }
+                    Notice::Disconnected(peer, ending) => {
+                        let why = violation.take().unwrap_or_else(|| reason(ending));
+                        disconnected(trace, peer, &why)
+                    }
+                    _ => Ok(()),
+                };
+                drop(printed); // a script that reads no more does not stop the simulator
+                Ok(())
+            })
+        }
+        Endpoint::Pty(_) => {
+            let device = connection(&controller, settings.on_line())?;
+            let (names, baud) = (["fanuc", "fanuc"], settings.baud);
+            options.serve(names, baud, device, control::own(), |line, mut robot| {
+                start(line.clock())?;
+                on_line(
+                    &mut robot,
+                    line,
+                    Presence::Always,
+                    || true,
+                    |_, notice| {
+                        if let Notice::Event(_, SimulatorReport::Device(event)) = notice {
+                            shown.print(&event, None);
+                        }
+                        Ok(())
+                    },
+                )
+            })
+        }
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
 }
@@ -178,55 +191,6 @@ fn keep_running(controller: &Shared, reports: &Reports, clock: Clock) -> Result<
     thread.context("cannot start a thread that runs the program").map(drop)
 }
 
-/// Serves any number of clients at once, each with another connection of the same device, until the listener fails. With
-/// `shown`, the accesses of the clients are printed.
-///
-/// # Errors
-/// If it does; a configuration that cannot work.
-pub fn serve_tcp<C: Fn() -> Duration>(
-    server: Server<C>,
-    device: Simulator<FanucController>,
-    trace: &Trace,
-    shown: Option<&AccessPrinter>,
-) -> Result<()> {
-    // A script that reads no more does not stop the simulator.
-    let print = |event: Value| drop(log(&event));
-    let admits = |kind| shown.is_some() && admits(kind);
-    let mut violation = None;
-    server.run(
-        device,
-        || true,
-        |_, notice| {
-            match notice {
-                Notice::Connected(peer) if admits("connected") => {
-                    print(json!({"event": "connected", "peer": peer}));
-                }
-                Notice::Refused(peer, why) if admits("refused_client") => {
-                    print(json!({"event": "refused_client", "peer": peer, "why": why}))
-                }
-                Notice::Event(peer, SimulatorReport::Device(event)) => {
-                    if let FanucEvent::Server(ServerEvent::OutOfStep(error)) = &event {
-                        // The device closes the connection next.
-                        violation = Some(format!("the client violates the protocol: {error}"));
-                    }
-                    shown.into_iter().for_each(|shown| shown.print(&event, Some(peer)));
-                }
-                Notice::Disconnected(peer, ending) => {
-                    let why = violation.take().unwrap_or_else(|| reason(ending));
-                    if admits("disconnected") {
-                        print(json!({"event": "disconnected", "peer": peer, "why": why}));
-                    }
-                    if let Some(path) = trace.finish(&why).filter(|_| shown.is_some()) {
-                        print(json!({"event": "trace", "path": path}));
-                    }
-                }
-                notice => keep(trace, &notice),
-            }
-            Ok(())
-        },
-    )
-}
-
 /// Creates one connection, without a record of writes.
 ///
 /// # Errors
@@ -237,7 +201,7 @@ pub fn connection(controller: &Shared, config: ServerConfig) -> Result<Simulator
 
 /// The printed accesses of clients.
 #[derive(Debug)]
-pub struct AccessPrinter {
+struct AccessPrinter {
     /// The assignments of the holding registers, if there are any.
     mapping: Option<Mapping>,
 }

@@ -1,18 +1,16 @@
 //! The simulated ball on a line.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use anyhow::Result;
 use cellwire_sim::ball::{Grip, HeldBall};
 use cellwire_sim::host::Notice;
 use cellwire_sim::{Settings as _, Simulator, SimulatorReport, TeachBall};
-use isra_ball::{BallConfig, BallEvent, BallStatistics, Keys};
+use isra_ball::{BallEvent, BallStatistics, Keys};
 use robot_session::Session as _;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::devices::control::{Command, Fields, OwnCommands, fields};
-use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::device::SimulateOptions;
 use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use cellwire_io::output::notice;
@@ -24,10 +22,8 @@ use cellwire_links::settings;
 /// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("ball", TeachBall::default(), &options.settings)?;
-    let mut ball = settings.simulator()?;
-    serve("ball", "ball", options, settings.baud, |line, _| {
-        options.control("ball", &mut ball, own())?;
-        answer_polls(line, &mut ball, &AtomicBool::new(false), |event| notice(&event))
+    options.serve(["ball", "ball"], settings.baud, settings.simulator()?, own(), |line, ball| {
+        run(line, ball, || true, |event| notice(&event)).map(drop)
     })
 }
 
@@ -82,29 +78,17 @@ struct BallValues {
     keys: Vec<u8>,
 }
 
-/// Answers polls until it is to stop, or until the connection is gone.
+/// Answers polls while `goes_on`, or until the connection is gone.
 ///
 /// # Errors
 /// If an event cannot be logged.
 pub fn run(
     line: &mut Line,
-    config: BallConfig,
-    stop: &AtomicBool,
-    report: impl FnMut(Value) -> Result<()>,
-) -> Result<BallStatistics> {
-    let mut ball = TeachBall { config, ..TeachBall::default() }.simulator()?;
-    answer_polls(line, &mut ball, stop, report)?;
-    Ok(ball.statistics())
-}
-
-fn answer_polls(
-    line: &mut Line,
-    ball: &mut Simulator<HeldBall>,
-    stop: &AtomicBool,
+    mut ball: Simulator<HeldBall>,
+    goes_on: impl FnMut() -> bool,
     mut report: impl FnMut(Value) -> Result<()>,
-) -> Result<()> {
-    let goes_on = || !stop.load(Ordering::Relaxed);
-    on_line(ball, line, Presence::OfClient, goes_on, |_, notice| match notice {
+) -> Result<BallStatistics> {
+    on_line(&mut ball, line, Presence::OfClient, goes_on, |_, notice| match notice {
         Notice::Event(_, SimulatorReport::Device(BallEvent::Reply(packet))) => {
             report(json!({"event": "reply", "message": packet}))
         }
@@ -114,5 +98,6 @@ fn answer_polls(
         Notice::Connected(_) => report(json!({"event": "connected"})),
         Notice::Disconnected(..) => report(json!({"event": "disconnected"})),
         _ => Ok(()),
-    })
+    })?;
+    Ok(ball.statistics())
 }

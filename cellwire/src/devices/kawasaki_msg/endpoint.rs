@@ -1,26 +1,25 @@
-//! The connections of an end, for its host.
+//! The loop of an end: its connections, and their reports.
 
 use std::cell::Cell;
 use std::io::{self, ErrorKind};
-use std::rc::Rc;
-use std::time::Duration;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result};
-use cellwire_sim::host::{Change, ConnectionEnd, Endpoint, Notice, State};
+use cellwire_sim::host::{Change, ConnectionEnd, Endpoint, HostedSession, Notice, State, attend};
 use kawasaki_msg::START;
 use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
-use super::peer_endpoint::{Carrier, PeerEndpoint};
+use super::peer_endpoint::PeerEndpoint;
 use cellwire_io::clock::Clock;
-use cellwire_io::drive::TracedTransport;
-use cellwire_io::trace::Trace;
+use cellwire_io::trace::{Trace, TraceDirection};
 
-/// The interval at which a host checks for another peer and for commands to the simulator.
-pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
+/// The interval at which an end checks for another peer and for commands to the simulator.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The end that is connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Side {
+pub enum Side {
     /// The PC connects whenever it can.
     Pc,
     /// The robot connects when its session requests it, if PCs do not connect to it.
@@ -29,7 +28,7 @@ pub(super) enum Side {
 
 impl Side {
     /// Returns the end of a connection in words.
-    pub(super) fn reason(self, ending: &ConnectionEnd) -> String {
+    fn reason(self, ending: &ConnectionEnd) -> String {
         let peer = if self == Self::Pc { "robot" } else { "PC" };
         match ending {
             ConnectionEnd::ByPeer => format!("the {peer} closed the connection"),
@@ -78,36 +77,105 @@ impl Packets {
     }
 }
 
+/// A report of an end while it runs.
+#[derive(Debug)]
+pub enum Report<'a, E> {
+    /// An event of the session.
+    Event(E),
+    /// A change of the connection.
+    Connection(Connection<'a>),
+    /// Received bytes were handled in this time.
+    Handled(Duration),
+    /// Bytes of the session are sent next: state that must survive the program is to be stored.
+    Sending,
+    /// The events of a turn have been reported.
+    Settled,
+}
+
+/// A report of an end's connection. A reason is reported once until a connection is made.
+#[derive(Debug)]
+pub enum Connection<'a> {
+    /// A connection with this peer is open.
+    Connected(&'a str),
+    /// No connection could be opened, or one has ended; the reason.
+    Disconnected(&'a str),
+    /// The session's bytes were written to this file.
+    Traced(PathBuf),
+}
+
+/// Runs an end while `goes_on`. One peer at a time: over TCP a new connection takes the place of the previous one, over UDP
+/// another robot is answered when the previous one is silent. The bytes of each connection are added to `trace`. Returns the
+/// counts of the packets that this end has sent, over all connections.
+///
+/// # Errors
+/// The errors of `observe`, and an endpoint that fails.
+pub(super) fn run<S: HostedSession>(
+    side: Side,
+    meeting: &mut PeerEndpoint,
+    trace: &Trace,
+    clock: Clock,
+    session: &mut S,
+    goes_on: impl FnMut() -> bool,
+    mut observe: impl FnMut(&mut S, Report<'_, S::Event>) -> Result<()>,
+) -> Result<Packets> {
+    let traffic = Traffic::default();
+    let (carrier, discard_after, retry_at) = (None, None, Duration::ZERO);
+    let connections =
+        Connections { side, meeting, clock, trace, traffic: &traffic, carrier, discard_after, retry_at };
+    let (mut is_connected, mut reported) = (false, String::new());
+    let mut pass = |session: &mut S, notice: Notice<'_, S::Event>| {
+        if let Some(begin) = traffic.received.take() {
+            observe(session, Report::Handled(begin.elapsed()))?;
+        }
+        match notice {
+            Notice::Event(_, event) => observe(session, Report::Event(event)),
+            Notice::Sending => observe(session, Report::Sending),
+            Notice::Settled => observe(session, Report::Settled),
+            Notice::Connected(peer) => {
+                (is_connected, reported) = (true, String::new());
+                observe(session, Report::Connection(Connection::Connected(peer)))
+            }
+            Notice::Disconnected(_, ending) => {
+                let why = side.reason(ending);
+                let is_news = reported != why && !matches!(ending, ConnectionEnd::Stopped);
+                if core::mem::take(&mut is_connected) || is_news {
+                    observe(session, Report::Connection(Connection::Disconnected(&why)))?;
+                }
+                let traced = trace.finish(&why).map(Connection::Traced);
+                reported = why;
+                traced.map_or(Ok(()), |traced| observe(session, Report::Connection(traced)))
+            }
+            _ => Ok(()),
+        }
+    };
+    let outcome = attend(session, connections, POLL_INTERVAL, goes_on, &mut pass);
+    session.handle_disconnected(clock.now());
+    let ended = pass(session, Notice::Disconnected("", &ConnectionEnd::Stopped));
+    outcome.and(ended).map(|()| traffic.packets.get())
+}
+
+/// The bytes of an end's connections.
+#[derive(Debug, Default)]
+struct Traffic {
+    packets: Cell<Packets>,
+    /// The time at which bytes were received that are not handled yet.
+    received: Cell<Option<Instant>>,
+}
+
 /// The connections of an end to its peers. Without a connection nothing arrives.
-pub(super) struct Connections<'a> {
+struct Connections<'a> {
     side: Side,
     meeting: &'a mut PeerEndpoint,
     clock: Clock,
     trace: &'a Trace,
-    carrier: Option<TracedTransport<'a, Carrier>>,
+    traffic: &'a Traffic,
+    carrier: Option<Box<dyn Transport>>,
     discard_after: Option<Duration>,
-    packets: Rc<Cell<Packets>>,
     /// The time of the next attempt to connect.
     retry_at: Duration,
 }
 
-impl<'a> Connections<'a> {
-    /// Creates an end without a connection; the bytes of each connection are added to `trace`.
-    pub(super) fn new(side: Side, meeting: &'a mut PeerEndpoint, trace: &'a Trace) -> Self {
-        let (clock, packets, retry_at) = (Clock::start(), Rc::default(), Duration::ZERO);
-        Self { side, meeting, clock, trace, carrier: None, discard_after: None, packets, retry_at }
-    }
-
-    /// Returns the clock of the session.
-    pub(super) fn clock(&self) -> Clock {
-        self.clock
-    }
-
-    /// Returns the counts of the packets that this end has sent, over all connections.
-    pub(super) fn packets(&self) -> Rc<Cell<Packets>> {
-        Rc::clone(&self.packets)
-    }
-
+impl Connections<'_> {
     /// Returns whether a connection is wanted now.
     fn is_wanted(&self, device: State, now: Duration) -> bool {
         match (self.meeting.takes_another(), self.side) {
@@ -131,7 +199,7 @@ impl Endpoint for Connections<'_> {
                 if let Some(after) = self.discard_after {
                     carrier.discard_after(after)?;
                 }
-                self.carrier = Some(TracedTransport::new(carrier, self.trace, self.clock));
+                self.carrier = Some(carrier);
                 return Ok(Some(Change::Connected(peer)));
             }
             Ok(None) if self.meeting.takes_another() || self.side == Side::Pc => return Ok(None),
@@ -161,17 +229,22 @@ impl Transport for Connections<'_> {
             return Ok(ReceiveOutcome::Nothing);
         };
         let received = carrier.receive(buffer, wait)?;
-        if let ReceiveOutcome::Bytes(_) = received {
+        if let ReceiveOutcome::Bytes(length) = received {
             self.meeting.answered();
+            let bytes = buffer.get(..length).unwrap_or_default();
+            self.trace.add(self.clock.now(), TraceDirection::Received, bytes);
+            self.traffic.received.set(Some(Instant::now()));
         }
         Ok(received)
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
+        let begun = self.clock.now();
         let sent = self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)?;
         let length = if let SendOutcome::Part(length) = sent { length } else { bytes.len() };
         if let Some(packet @ [_, ..]) = bytes.get(..length) {
-            self.packets.set(self.packets.get().and(packet));
+            self.trace.add(begun, TraceDirection::Sent, packet);
+            self.traffic.packets.set(self.traffic.packets.get().and(packet));
         }
         Ok(sent)
     }
@@ -183,56 +256,5 @@ impl Transport for Connections<'_> {
 
     fn wait_for_room(&mut self, wait: Wait<'_>) -> io::Result<()> {
         self.carrier.as_mut().map_or(Ok(()), |carrier| carrier.wait_for_room(wait))
-    }
-}
-
-/// The reports of connections: each reason once until a connection is made.
-#[derive(Debug)]
-pub(super) struct Reports {
-    side: Side,
-    is_connected: bool,
-    reported: String,
-}
-
-/// A report of an end's connection.
-#[derive(Debug)]
-pub enum Connection<'a> {
-    /// A connection with this peer is open.
-    Connected(&'a str),
-    /// No connection could be opened, or one has ended; the reason.
-    Disconnected(&'a str),
-    /// The session's bytes were written to this file.
-    Traced(std::path::PathBuf),
-}
-
-impl Reports {
-    pub(super) fn new(side: Side) -> Self {
-        Self { side, is_connected: false, reported: String::new() }
-    }
-
-    /// Passes a change of the connection on.
-    pub(super) fn pass<E>(
-        &mut self,
-        notice: &Notice<'_, E>,
-        trace: &Trace,
-        mut notify: impl FnMut(Connection<'_>) -> Result<()>,
-    ) -> Result<()> {
-        match notice {
-            Notice::Connected(peer) => {
-                (self.is_connected, self.reported) = (true, String::new());
-                notify(Connection::Connected(peer))
-            }
-            Notice::Disconnected(_, ending) => {
-                let why = self.side.reason(ending);
-                let is_news = self.reported != why && !matches!(ending, ConnectionEnd::Stopped);
-                if core::mem::take(&mut self.is_connected) || is_news {
-                    notify(Connection::Disconnected(&why))?;
-                }
-                let traced = trace.finish(&why);
-                self.reported = why;
-                traced.map_or(Ok(()), |path| notify(Connection::Traced(path)))
-            }
-            _ => Ok(()),
-        }
     }
 }

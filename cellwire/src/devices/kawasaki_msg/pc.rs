@@ -2,14 +2,14 @@
 
 use std::cell::Cell;
 
+use super::endpoint::{self, Report, Side};
 use super::peer_endpoint::PeerEndpoint;
 use anyhow::Result;
+use cellwire_io::clock::Clock;
 use cellwire_io::trace::Trace;
-use cellwire_sim::host::{ConnectionEnd, Notice, attend};
 use kawasaki_msg::{JobSource, LargePc, PcEvent};
 
 pub use super::endpoint::{Connection, Packets};
-use super::endpoint::{Connections, POLL_INTERVAL, Reports, Side};
 
 /// The program of a PC.
 pub trait Program {
@@ -45,8 +45,7 @@ pub trait Program {
     }
 }
 
-/// Runs until the program ends it. One robot at a time: over TCP a new connection takes the place of the previous one, over UDP
-/// another robot is answered when the previous one is silent.
+/// Runs until the program ends it; returns the counts of the packets that were sent.
 ///
 /// # Errors
 /// The errors of the program, and an endpoint that fails.
@@ -56,22 +55,13 @@ pub fn run<P: Program>(
     trace: &Trace,
     program: &mut P,
 ) -> Result<Packets> {
-    let connections = Connections::new(Side::Pc, meeting, trace);
-    let (packets, mut reports) = (connections.packets(), Reports::new(Side::Pc));
-    let is_over = Cell::new(false);
-    let outcome = attend(
-        &mut session,
-        connections,
-        POLL_INTERVAL,
-        || !is_over.get(),
-        |session, notice| match notice {
-            Notice::Event(_, event) => program.event(event),
-            Notice::Sending => program.keep(session),
-            Notice::Settled => program.step(session).map(|goes_on| is_over.set(!goes_on)),
-            notice => reports.pass(&notice, trace, |change| program.connection(change)),
-        },
-    );
-    let ended: Notice<'_, ()> = Notice::Disconnected("", &ConnectionEnd::Stopped);
-    reports.pass(&ended, trace, |change| program.connection(change))?;
-    outcome.map(|()| packets.get())
+    let (is_over, clock) = (Cell::new(false), Clock::start());
+    let goes_on = || !is_over.get();
+    endpoint::run(Side::Pc, meeting, trace, clock, &mut session, goes_on, |session, report| match report {
+        Report::Event(event) => program.event(event),
+        Report::Sending => program.keep(session),
+        Report::Settled => program.step(session).map(|goes_on| is_over.set(!goes_on)),
+        Report::Connection(change) => program.connection(change),
+        Report::Handled(_) => Ok(()),
+    })
 }

@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
-use cellwire_sim::host::{ConnectionEnd, HostedSession, Notice, Request, attend};
 use cellwire_sim::kawasaki::{Kawasaki, TimeOf};
 use cellwire_sim::{Device as _, KawasakiRobot, Settings as _, Simulator, SimulatorReport};
 use kawasaki_msg::{Job, RobotConfig, RobotEvent, RobotStatistics};
 use robot_session::Session;
 
-use super::endpoint::{Connection, Connections, POLL_INTERVAL, Reports, Side};
+use super::endpoint::{self, Connection, Report, Side};
 use super::peer_endpoint::PeerEndpoint;
 use super::sheet::Lines;
 use crate::io::samples::Samples;
+use cellwire_io::clock::Clock;
 use cellwire_io::trace::Trace;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 
@@ -57,15 +57,6 @@ pub struct Stroke {
     pub job: Job<AnyWork>,
 }
 
-/// A report of the robot while it runs.
-#[derive(Debug)]
-pub enum Notification<'a> {
-    /// An event of the session.
-    Event(RobotEvent),
-    /// A change of the connection.
-    Connection(Connection<'a>),
-}
-
 /// Creates the robot's simulator.
 ///
 /// # Errors
@@ -79,113 +70,51 @@ pub fn simulator(setup: &Setup) -> Result<Simulator<Kawasaki<AnyWork>>> {
 }
 
 /// Runs the robot until it is switched off: meets the PC, again whenever the connection is lost. Each job that is executed
-/// is given to `stroke`.
+/// is given to `stroke`, and `notify` gets the events and the changes of the connection.
 ///
 /// # Errors
 /// The errors of `notify`.
 pub fn run(
-    robot: Simulator<Kawasaki<AnyWork>>,
+    mut robot: Simulator<Kawasaki<AnyWork>>,
     meeting: &mut PeerEndpoint,
     trace: &Trace,
     is_off: &AtomicBool,
     mut stroke: impl FnMut(Stroke),
-    mut notify: impl FnMut(Notification<'_>) -> Result<()>,
+    mut notify: impl FnMut(Report<'_, RobotEvent>) -> Result<()>,
 ) -> Result<Run> {
-    let mut session = Unpacking { robot, times: Samples::default() };
-    let (mut run, mut orders, mut exchanges) = (Run::default(), 0, 0);
-    let connections = Connections::new(Side::Robot, meeting, trace);
-    let (clock, mut reports) = (connections.clock(), Reports::new(Side::Robot));
+    let (mut run, clock) = (Run::default(), Clock::start());
+    let (mut orders, mut exchanges) = (0, 0);
     let goes_on = || !is_off.load(Ordering::Relaxed);
-    attend(&mut session, connections, POLL_INTERVAL, goes_on, |session, notice| {
+    endpoint::run(Side::Robot, meeting, trace, clock, &mut robot, goes_on, |robot, report| {
         // Jobs that were executed before an event belong to the order before it.
-        while let Some(done) = session.robot.poll_executed() {
+        while let Some(done) = robot.poll_executed() {
             run.work_cycle.add(clock.now().saturating_sub(done.at));
             stroke(Stroke { order: orders, job: done.work });
         }
-        match notice {
-            Notice::Event(_, SimulatorReport::Device(RobotEvent::Connect)) => Ok(()),
-            Notice::Event(_, SimulatorReport::Device(event)) => {
+        match report {
+            Report::Event(SimulatorReport::Device(RobotEvent::Connect)) => Ok(()),
+            Report::Event(SimulatorReport::Device(event)) => {
                 orders += u32::from(matches!(event, RobotEvent::OrderStarted { .. }));
-                notify(Notification::Event(event))
+                notify(Report::Event(event))
             }
-            Notice::Settled => {
-                let exchange = session.robot.statistics().exchange;
+            Report::Connection(change) => {
+                run.connections += u64::from(matches!(change, Connection::Connected(_)));
+                notify(Report::Connection(change))
+            }
+            Report::Handled(time) => {
+                robot.device_mut().session_mut().record_unpack(time);
+                run.unpack.add(time);
+                Ok(())
+            }
+            Report::Settled => {
+                let exchange = robot.statistics().exchange;
                 if exchange.count() > core::mem::replace(&mut exchanges, exchange.count()) {
                     run.exchange.add(exchange.last().unwrap_or_default());
                 }
                 Ok(())
             }
-            notice => {
-                run.connections += u64::from(matches!(notice, Notice::Connected(_)));
-                reports.pass(&notice, trace, |change| notify(Notification::Connection(change)))
-            }
+            Report::Event(_) | Report::Sending => Ok(()),
         }
     })?;
-    session.handle_disconnected(clock.now());
-    let ended: Notice<'_, ()> = Notice::Disconnected("", &ConnectionEnd::Stopped);
-    reports.pass(&ended, trace, |change| notify(Notification::Connection(change)))?;
-    Ok(Run { statistics: session.statistics(), unpack: session.times, ..run })
-}
-
-/// A robot that measures how long it unpacks a packet.
-struct Unpacking {
-    robot: Simulator<Kawasaki<AnyWork>>,
-    times: Samples,
-}
-
-impl HostedSession for Unpacking {
-    fn accepts(&self, now: Duration) -> bool {
-        self.robot.accepts(now)
-    }
-
-    fn request(event: &SimulatorReport<RobotEvent>) -> Option<Request> {
-        Simulator::<Kawasaki<AnyWork>>::request(event)
-    }
-}
-
-impl Session for Unpacking {
-    type Event = SimulatorReport<RobotEvent>;
-    type Statistics = RobotStatistics;
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = Simulator::<Kawasaki<AnyWork>>::MAX_TRANSMIT;
-
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        let begin = Instant::now();
-        self.robot.handle_input(now, bytes);
-        let time = begin.elapsed();
-        self.robot.device_mut().session_mut().record_unpack(time);
-        self.times.add(time);
-    }
-
-    fn handle_connected(&mut self, now: Duration) {
-        self.robot.handle_connected(now);
-    }
-
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.robot.handle_disconnected(now);
-    }
-
-    fn handle_timeout(&mut self, now: Duration) {
-        self.robot.handle_timeout(now);
-    }
-
-    fn wants_input(&self) -> bool {
-        self.robot.wants_input()
-    }
-
-    fn poll_event(&mut self) -> Option<Self::Event> {
-        self.robot.poll_event()
-    }
-
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.robot.poll_transmit(now, out)
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.robot.poll_timeout()
-    }
-
-    fn statistics(&self) -> RobotStatistics {
-        self.robot.statistics()
-    }
+    Ok(Run { statistics: robot.statistics(), ..run })
 }

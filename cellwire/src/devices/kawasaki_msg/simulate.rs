@@ -7,20 +7,22 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
 use anyhow::{Context as _, Result};
-use cellwire_sim::host::{Notice, attend};
-use cellwire_sim::{KawasakiPc, Settings as _, SimulatorReport};
-use kawasaki_msg::{Charset, Decimal, PcConfig, PcEvent, RobotEvent, Takeover};
+use cellwire_sim::{Device, KawasakiPc, Settings as _, Simulator, SimulatorReport};
+use kawasaki_msg::{Charset, Decimal, Dialect, PcConfig, PcEvent, RobotEvent, Takeover};
 use serde_json::{Map, Value, json};
 
 use super::control;
-use super::endpoint::{Connection, Connections, POLL_INTERVAL, Reports, Side};
+use super::endpoint::{self, Connection, Report, Side};
 use super::options::{PcSettings, RobotSettings};
 use super::peer_endpoint::PeerEndpoint;
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{Lines, SHEET};
+use crate::devices::control::OwnCommands;
 use crate::devices::device::SimulateOptions;
 use crate::io::drawing::{self, Picture};
+use cellwire_io::clock::Clock;
 use cellwire_io::output::{log, notice, remark};
+use cellwire_io::trace::Trace;
 use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Field, FieldType, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
 use cellwire_links::settings::{self, RefusedSetting};
@@ -45,34 +47,44 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let config = pc_config(&settings.plant, settings.config, &options.settings)?;
     let PcSettings { order, repeat, .. } = settings;
     let mut pc = KawasakiPc { config, ranges: layout, order, jobs, repeat }.simulator()?.keeping_nothing();
-    let (mut meeting, kind, place) = PeerEndpoint::of_pc(
-        &options.endpoint,
-        config.datagrams,
-        config.dialect,
-        options.dialing,
-        &options.tls,
-    )?;
-    options.ready("kawasaki-pc", kind, &place)?;
-    options.control("kawasaki-pc", &mut pc, control::pc())?;
-    let trace = options.trace.start("kawasaki-pc");
-    let connections = Connections::new(Side::Pc, &mut meeting, &trace);
-    let mut reports = Reports::new(Side::Pc);
-    attend(
+    let (name, udp) = ("kawasaki-pc", config.datagrams.then_some(config.dialect));
+    let (mut meeting, trace) = open(Side::Pc, name, options, udp, &mut pc, control::pc())?;
+    let clock = Clock::start();
+    endpoint::run(
+        Side::Pc,
+        &mut meeting,
+        &trace,
+        clock,
         &mut pc,
-        connections,
-        POLL_INTERVAL,
         || true,
-        |_, event| match event {
-            Notice::Event(_, SimulatorReport::Device(event)) => {
+        |_, report| match report {
+            Report::Event(SimulatorReport::Device(event)) => {
                 let print = match event {
                     PcEvent::PeerStatus { .. } | PcEvent::Corrupt(_) | PcEvent::Rejected(_) => notice,
                     _ => log,
                 };
                 print(&serde_json::to_value(event)?)
             }
-            event => reports.pass(&event, &trace, print),
+            Report::Connection(change) => print(change),
+            _ => Ok(()),
         },
-    )
+    )?;
+    Ok(())
+}
+
+/// Opens the endpoint of an end, and reports the end as ready; returns its endpoint and its trace.
+fn open<D: Device + 'static>(
+    side: Side,
+    name: &'static str,
+    options: &SimulateOptions,
+    udp: Option<Dialect>,
+    simulator: &mut Simulator<D>,
+    own: OwnCommands<D>,
+) -> Result<(PeerEndpoint, Trace)> {
+    let (meeting, kind, place) =
+        PeerEndpoint::open(side, &options.endpoint, udp, options.dialing, &options.tls)?;
+    options.ready(name, kind, &place, simulator, own)?;
+    Ok((meeting, options.trace.start(name)))
 }
 
 /// Returns a PC's configuration in a plant. If the plant lacks a message that interrupts an order, as a drafted plant may,
@@ -136,13 +148,11 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let mut record = record.map(|file| Record::open(Path::new(&file), &layout)).transpose()?;
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
     let out = out.map(PathBuf::from);
-    let (mut meeting, kind, place) =
-        PeerEndpoint::of_robot(&options.endpoint, config.datagrams, options.dialing, &options.tls)?;
-    options.ready("kawasaki-robot", kind, &place)?;
     let mut simulator = robot::simulator(&setup)?;
-    options.control("kawasaki-robot", &mut simulator, control::robot(setup.layout.clone()))?;
+    let (name, udp) = ("kawasaki-robot", config.datagrams.then_some(config.dialect));
+    let own = control::robot(setup.layout);
+    let (mut meeting, trace) = open(Side::Robot, name, options, udp, &mut simulator, own)?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
-    let trace = options.trace.start("kawasaki-robot");
     // All orders are drawn on one sheet; the lines of the last one begin here.
     let (mut sheet, mut begin): (Vec<drawing::Line>, usize) = (Vec::new(), 0);
     let executed = |stroke: Stroke| {
@@ -153,30 +163,29 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         }
         let _ = sender.send(stroke);
     };
-    robot::run(simulator, &mut meeting, &trace, &AtomicBool::new(false), executed, |notification| {
-        match notification {
-            robot::Notification::Event(event) => {
-                let executed = strokes.try_iter();
-                sheet.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
-                if let (RobotEvent::OrderOver { .. }, Some(_)) = (event, &lines) {
-                    let strokes = sheet.iter().skip(begin).filter(|line| line.draws).count();
-                    begin = sheet.len();
-                    log(&json!({"event": "drawn", "strokes": strokes}))?;
-                    if let Some(file) = &out {
-                        drawing::write_svg(file, SHEET, &sheet)?;
-                    }
+    robot::run(simulator, &mut meeting, &trace, &AtomicBool::new(false), executed, |report| match report {
+        Report::Event(event) => {
+            let executed = strokes.try_iter();
+            sheet.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
+            if let (RobotEvent::OrderOver { .. }, Some(_)) = (event, &lines) {
+                let strokes = sheet.iter().skip(begin).filter(|line| line.draws).count();
+                begin = sheet.len();
+                log(&json!({"event": "drawn", "strokes": strokes}))?;
+                if let Some(file) = &out {
+                    drawing::write_svg(file, SHEET, &sheet)?;
                 }
-                let print = match event {
-                    RobotEvent::PeerStatus { .. }
-                    | RobotEvent::NoReply
-                    | RobotEvent::Corrupt(_)
-                    | RobotEvent::Rejected(_) => notice,
-                    _ => log,
-                };
-                print(&serde_json::to_value(event)?)
             }
-            robot::Notification::Connection(change) => print(change),
+            let print = match event {
+                RobotEvent::PeerStatus { .. }
+                | RobotEvent::NoReply
+                | RobotEvent::Corrupt(_)
+                | RobotEvent::Rejected(_) => notice,
+                _ => log,
+            };
+            print(&serde_json::to_value(event)?)
         }
+        Report::Connection(change) => print(change),
+        _ => Ok(()),
     })?;
     Ok(())
 }

@@ -3,7 +3,6 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -17,8 +16,8 @@ use robot_session::{ReceiveOutcome, SendOutcome, Session as _, Transport, Wait};
 use serde_json::{Value, json};
 
 use crate::devices::control::{Command, OwnCommands, fields};
-use crate::devices::device::{SimulateOptions, serve};
-use crate::devices::on_line::{OverLine, Presence, on_line};
+use crate::devices::device::SimulateOptions;
+use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;
@@ -58,19 +57,17 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let LaserSettings { robot, record } =
         settings::read("laser", LaserSettings::default(), &options.settings)?;
     let mut record = record.map(|file| Record::open(Path::new(&file))).transpose()?;
-    let records = record.is_some();
     let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
-    serve("laser", "laser", options, robot.baud, |line, clock| {
-        options.control("laser", &mut simulator, own(&robot))?;
-        let notify = |event| log(&event);
-        let mut add = |job: Job| {
+    if record.is_none() {
+        simulator = simulator.keeping_nothing();
+    }
+    options.serve(["laser", "laser"], robot.baud, simulator, own(&robot), |line, simulator| {
+        let executed = |job| {
             if let Some(Err(error)) = record.as_mut().map(|record| record.add(&job, &robot)) {
                 remark(&format!("warning: {error:#}"));
             }
         };
-        let executed = records.then_some(&mut add as &mut dyn FnMut(Job));
-        execute(&robot, simulator, line, clock, &Switch::default(), notify, executed)?;
-        Ok(())
+        run(&robot, simulator, line, &Switch::default(), |event| log(&event), executed).map(drop)
     })
 }
 
@@ -162,46 +159,22 @@ impl Switch {
 }
 
 /// Answers frames and executes the queue until the robot is switched off, or until the connection is gone. `executed`
-/// receives the executed instructions in sequence; `boot` is the number of the robot's starts.
+/// receives the executed instructions in sequence.
 ///
 /// # Errors
-/// If an event cannot be reported, or the queue cannot be as long as asked.
+/// If an event cannot be reported.
 pub fn run(
-    settings: Laser,
-    boot: i16,
-    line: &mut Line,
-    clock: Clock,
-    switch: &Switch,
-    notify: impl FnMut(Value) -> Result<()>,
-    executed: Option<&Mutex<Vec<Job>>>,
-) -> Result<RobotCounts> {
-    let robot = Simulator::new(LaserRobot::new(settings, boot)?);
-    let mut keep = |job| {
-        if let Some(Ok(mut executed)) = executed.map(Mutex::lock) {
-            executed.push(job);
-        }
-    };
-    let keep = executed.is_some().then_some(&mut keep as &mut dyn FnMut(Job));
-    execute(&settings, robot, line, clock, switch, notify, keep)
-}
-
-fn execute(
     settings: &Laser,
     mut robot: Simulator<LaserRobot>,
     line: &mut Line,
-    clock: Clock,
     switch: &Switch,
     mut notify: impl FnMut(Value) -> Result<()>,
-    mut executed: Option<&mut dyn FnMut(Job)>,
+    mut executed: impl FnMut(Job),
 ) -> Result<RobotCounts> {
+    let clock = line.clock();
     let mut measured = MeasuredLine { line, clock, woken: clock.now(), counts: RobotCounts::default() };
-    if executed.is_none() {
-        robot = robot.keeping_nothing();
-    }
     let mut keep = |robot: &mut Simulator<LaserRobot>| {
-        if let Some(executed) = &mut executed {
-            core::iter::from_fn(|| robot.poll_executed()).for_each(|done| executed(done.work));
-        }
+        core::iter::from_fn(|| robot.poll_executed()).for_each(|done| executed(done.work));
     };
     let mut refused = 0;
     on_line(
@@ -254,8 +227,8 @@ struct MeasuredLine<'a> {
     counts: RobotCounts,
 }
 
-impl OverLine for MeasuredLine<'_> {
-    fn line(&mut self) -> &mut Line {
+impl AsMut<Line> for MeasuredLine<'_> {
+    fn as_mut(&mut self) -> &mut Line {
         self.line
     }
 }

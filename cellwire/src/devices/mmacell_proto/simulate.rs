@@ -1,6 +1,6 @@
 //! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use cellwire_sim::host::{ConnectionEnd, Notice};
 use cellwire_sim::mma::{Mma, MmaDevice, MmaEvent, MotionOutcome, Simulated};
 use cellwire_sim::{Fault, MmaPlatform, MmaRobot, Settings as _, SimulatorReport};
@@ -9,10 +9,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::devices::control::{Command, Fields, OwnCommands, fields};
-use crate::devices::device::{Endpoint, SimulateOptions, keep, reason};
+use crate::devices::device::{SimulateOptions, connected, disconnected, reason};
 use cellwire_io::clock::Clock;
 use cellwire_io::output::{admits, log, notice, remark};
-use cellwire_io::tcp;
 use cellwire_links::settings;
 
 /// Runs the robot until interrupted.
@@ -40,41 +39,26 @@ where
     Mma<P>: Configure,
 {
     let settings = settings::read(name, settings, &options.settings)?;
-    let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
-    let mut device = settings.simulator()?.keeping_nothing();
-    let listener = tcp::listen(address)?;
-    let place = listener.local_addr()?.to_string();
-    let server = options.server(listener, Clock::start())?;
-    options.ready(name, "listen", &place)?;
-    options.control(name, &mut device, own())?;
-    let trace = options.trace.start(name);
-    server.run(
-        device,
-        || true,
-        |_, event| match event {
-            Notice::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
-            Notice::Refused(peer, why) if admits("refused_client") => {
-                remark(&format!("refused the client {peer}: {why}"));
-                Ok(())
-            }
-            Notice::Event(_, told) => print(&told),
-            Notice::Disconnected(peer, ending) => {
-                let why = match ending {
-                    ConnectionEnd::ByPeer | ConnectionEnd::Replaced => {
-                        "the central controller closed the connection, or another one replaced it".into()
-                    }
-                    ConnectionEnd::Stalled => "the central controller does not read".into(),
-                    ending => reason(ending),
-                };
-                notice(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
-                trace.finish(&why).map_or(Ok(()), |path| log(&json!({"event": "trace", "path": path})))
-            }
-            event => {
-                keep(&trace, &event);
-                Ok(())
-            }
-        },
-    )
+    let device = settings.simulator()?.keeping_nothing();
+    options.serve_tcp(name, Clock::start(), device, own(), |trace, event| match event {
+        Notice::Connected(peer) => connected(peer),
+        Notice::Refused(peer, why) if admits("refused_client") => {
+            remark(&format!("refused the client {peer}: {why}"));
+            Ok(())
+        }
+        Notice::Event(_, told) => print(&told),
+        Notice::Disconnected(peer, ending) => {
+            let why = match ending {
+                ConnectionEnd::ByPeer | ConnectionEnd::Replaced => {
+                    "the central controller closed the connection, or another one replaced it".into()
+                }
+                ConnectionEnd::Stalled => "the central controller does not read".into(),
+                ending => reason(ending),
+            };
+            disconnected(trace, peer, &why)
+        }
+        _ => Ok(()),
+    })
 }
 
 /// Returns the commands of `--control`: the end of a motion, and the pose.

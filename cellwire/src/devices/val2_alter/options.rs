@@ -6,7 +6,7 @@ use cellwire_links::settings::{Configure, FieldVisitor};
 
 impl Configure for PumaConfig {
     fn configure(&mut self, fields: &mut impl FieldVisitor) {
-        let Self { puma, script, keeps_all: _ } = self;
+        let Self { puma, script } = self;
         puma.configure(fields);
         let about = "events, with times since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \
                      mark or timeout, corrupt, status 1 to 13, finish, restart; each waits until ALTER runs";

@@ -1,7 +1,6 @@
 //! The simulated PUMA 562 on its MARK III controller, and the measurements of its host.
 
 use std::cell::RefCell;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
@@ -18,7 +17,7 @@ use super::control::{self, position};
 use super::judge::{Judge, ReceivedReply};
 use super::robot_line::{Request, RobotLine, Times};
 use super::script::{self, Script};
-use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::device::SimulateOptions;
 use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use crate::io::samples::Samples;
@@ -35,15 +34,23 @@ pub struct PumaConfig {
     pub puma: Puma,
     /// The events that the host does not cause.
     pub script: Script,
-    /// Whether the record keeps each end, each cycle without a reply and each move of the gripper.
-    pub keeps_all: bool,
 }
 
 impl Default for PumaConfig {
     /// Returns the options of `ALTER(0, 23, clamp2, 127)`, on a line with real delays.
     fn default() -> Self {
-        let puma = Puma { is_paced: false, ..Puma::default() };
-        Self { puma, script: Script::default(), keeps_all: true }
+        Self { puma: Puma { is_paced: false, ..Puma::default() }, script: Script::default() }
+    }
+}
+
+impl PumaConfig {
+    /// Creates the simulated robot.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    pub fn simulator(&self) -> Result<Simulator<MarkIii>> {
+        let Self { puma, script: Script(incidents) } = self;
+        Ok(Puma { incidents: incidents.clone(), ..puma.clone() }.simulator()?.keeping_nothing())
     }
 }
 
@@ -111,48 +118,32 @@ pub struct PumaRecord {
 /// # Errors
 /// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let config = PumaConfig { keeps_all: false, ..PumaConfig::default() };
-    let config = settings::read("puma", config, &options.settings)?;
-    let mut robot = simulator(&config)?;
-    serve("puma", "robot", options, config.puma.config.baud, |line, _| {
-        options.control("puma", &mut robot, control::own())?;
+    let config = settings::read("puma", PumaConfig::default(), &options.settings)?;
+    let (robot, baud) = (config.simulator()?, config.puma.config.baud);
+    options.serve(["puma", "robot"], baud, robot, control::own(), |line, robot| {
         let notify = |at, told| match told {
             Notification::Robot(PumaEvent::BadReply(_)) => notice(&to_json(at, told)),
             told => log(&to_json(at, told)),
         };
-        follow(line, robot, config.keeps_all, &AtomicBool::new(false), notify)?;
-        Ok(())
+        run(line, robot, false, || true, notify).map(drop)
     })
 }
 
-fn simulator(config: &PumaConfig) -> Result<Simulator<MarkIii>> {
-    let PumaConfig { puma, script: Script(incidents), .. } = config;
-    Ok(Puma { incidents: incidents.clone(), ..puma.clone() }.simulator()?.keeping_nothing())
-}
-
-/// Runs the robot's program until it is stopped, or until the connection is gone.
+/// Runs the robot's program while `goes_on`, or until the connection is gone. With `keeps_all` the record has each end, each
+/// cycle without a reply and each move of the gripper.
 ///
 /// # Errors
 /// If an event cannot be reported.
 pub fn run(
     line: &mut Line,
-    config: PumaConfig,
-    stop: &AtomicBool,
-    notify: impl FnMut(Duration, Notification) -> Result<()>,
-) -> Result<PumaRecord> {
-    follow(line, simulator(&config)?, config.keeps_all, stop, notify)
-}
-
-fn follow(
-    line: &mut Line,
     mut robot: Simulator<MarkIii>,
     keeps_all: bool,
-    stop: &AtomicBool,
+    goes_on: impl FnMut() -> bool,
     mut notify: impl FnMut(Duration, Notification) -> Result<()>,
 ) -> Result<PumaRecord> {
     let mut record = Recording::new(keeps_all);
     let (trace, times) = (line.trace(), RefCell::new(Times { now: line.now(), ..Times::default() }));
-    let (line, goes_on) = (RobotLine { line, times: &times }, || !stop.load(Ordering::Relaxed));
+    let line = RobotLine { line, times: &times };
     on_line(&mut robot, line, Presence::OfClient, goes_on, |robot, notice| {
         let mut times = times.borrow_mut();
         match notice {

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
-use crate::devices::on_line::OverLine;
 use crate::io::line::Line;
 
 /// The line by the robot's own clock.
@@ -36,37 +35,25 @@ pub(super) struct Request {
     pub(super) last_byte: Duration,
 }
 
-impl RobotLine<'_> {
-    fn go_on(&mut self) {
-        let mut times = self.times.borrow_mut();
-        times.stood += self.line.take_lateness();
-        times.now = times.now.max(self.line.now().saturating_sub(times.stood));
-    }
-}
-
-impl OverLine for RobotLine<'_> {
-    fn line(&mut self) -> &mut Line {
+impl AsMut<Line> for RobotLine<'_> {
+    fn as_mut(&mut self) -> &mut Line {
         self.line
-    }
-
-    fn pass(&mut self) {
-        self.line.pass();
-        self.go_on();
     }
 }
 
 impl Transport for RobotLine<'_> {
     fn now(&self) -> Duration {
-        self.times.borrow().now
+        let mut times = self.times.borrow_mut();
+        times.stood = self.line.lateness();
+        times.now = times.now.max(self.line.now().saturating_sub(times.stood));
+        times.now
     }
 
     fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let received = Transport::receive(self.line, buffer, wait)?;
-        self.go_on();
-        let mut times = self.times.borrow_mut();
-        let now = times.now;
+        let now = self.now();
         // Bytes that arrive before the request was sent are the reply to the previous request.
-        if let (ReceiveOutcome::Bytes(_), Some(request)) = (received, &mut times.request)
+        if let (ReceiveOutcome::Bytes(_), Some(request)) = (received, &mut self.times.borrow_mut().request)
             && now >= request.arrived
         {
             request.first_byte.get_or_insert(now);

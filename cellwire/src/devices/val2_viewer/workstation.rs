@@ -1,16 +1,14 @@
 //! The simulated graphics workstation on a line.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use anyhow::Result;
 use cellwire_sim::host::Notice;
 use cellwire_sim::viewer::{Screen, WorkstationCounts};
 use cellwire_sim::{Settings as _, Simulator, SimulatorReport, Viewer};
 use serde_json::{Value, json};
-use val2_viewer::{PosePacket, WorkstationConfig, WorkstationEvent};
+use val2_viewer::{PosePacket, WorkstationEvent};
 
 use crate::devices::control::{Command, OwnCommands, fields};
-use crate::devices::device::{SimulateOptions, serve};
+use crate::devices::device::SimulateOptions;
 use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use cellwire_io::output::notice;
@@ -22,10 +20,9 @@ use cellwire_links::settings;
 /// If the endpoint cannot be opened, or a setting is not one of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("viewer", Viewer::default(), &options.settings)?;
-    let mut screen = settings.simulator()?.keeping_nothing();
-    serve("viewer", "viewer", options, settings.baud, |line, _| {
-        options.control("viewer", &mut screen, own())?;
-        draw(line, &mut screen, &AtomicBool::new(false), |event| notice(&event))
+    let screen = settings.simulator()?.keeping_nothing();
+    options.serve(["viewer", "viewer"], settings.baud, screen, own(), |line, screen| {
+        run(line, screen, || true, |event| notice(&event)).map(drop)
     })
 }
 
@@ -55,29 +52,17 @@ fn own() -> OwnCommands<Screen> {
     }
 }
 
-/// Draws until it is to stop, or until the connection is gone.
+/// Draws while `goes_on`, or until the connection is gone.
 ///
 /// # Errors
 /// If an event cannot be logged.
 pub fn run(
     line: &mut Line,
-    config: WorkstationConfig,
-    stop: &AtomicBool,
-    report: impl FnMut(Value) -> Result<()>,
-) -> Result<WorkstationCounts> {
-    let mut screen = Viewer { config, ..Viewer::default() }.simulator()?.keeping_nothing();
-    draw(line, &mut screen, stop, report)?;
-    Ok(screen.device().drawn())
-}
-
-fn draw(
-    line: &mut Line,
-    screen: &mut Simulator<Screen>,
-    stop: &AtomicBool,
+    mut screen: Simulator<Screen>,
+    goes_on: impl FnMut() -> bool,
     mut report: impl FnMut(Value) -> Result<()>,
-) -> Result<()> {
-    let goes_on = || !stop.load(Ordering::Relaxed);
-    on_line(screen, line, Presence::OfClient, goes_on, |_, notice| {
+) -> Result<WorkstationCounts> {
+    on_line(&mut screen, line, Presence::OfClient, goes_on, |_, notice| {
         let Notice::Event(_, SimulatorReport::Device(event)) = notice else { return Ok(()) };
         match event {
             WorkstationEvent::Pose(packet) | WorkstationEvent::Unasked(packet) => report(pose(&packet)),
@@ -86,7 +71,8 @@ fn draw(
             WorkstationEvent::HoldEnded => report(json!({"event": "hold_ended"})),
             _ => Ok(()),
         }
-    })
+    })?;
+    Ok(screen.device().drawn())
 }
 
 fn pose(packet: &PosePacket) -> Value {

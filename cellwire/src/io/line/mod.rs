@@ -63,6 +63,7 @@ pub struct Line {
     /// The number of clients that had disconnected when the device saw that the last time.
     announced_left: usize,
     sending: Direction,
+    /// The time by which this process, not the line, has delayed the bytes that were sent.
     late: Duration,
     receiving: Direction,
     faults: ByteFaults,
@@ -305,9 +306,14 @@ impl Line {
         }
     }
 
-    /// Returns the time by which this process, not the line, delayed the bytes sent since the last call.
-    pub fn take_lateness(&mut self) -> Duration {
-        core::mem::take(&mut self.late)
+    /// Returns the time by which this process, not the line, has delayed the bytes sent so far.
+    pub fn lateness(&self) -> Duration {
+        self.late
+    }
+
+    /// Returns the clock of the line.
+    pub fn clock(&self) -> Clock {
+        self.clock
     }
 
     /// Returns whether a client has the other end open, and the device does not end its connection.
@@ -439,6 +445,12 @@ impl Transport for Line {
     fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         Line::send(self, bytes);
         Ok(SendOutcome::Buffered)
+    }
+}
+
+impl AsMut<Self> for Line {
+    fn as_mut(&mut self) -> &mut Self {
+        self
     }
 }
 

@@ -141,13 +141,11 @@ impl Server {
         }
         match self.listener.accept() {
             Ok(Arrival::Client(stream, peer)) => match first {
-                None => self.connect(stream, peer, feed),
-                Some(first) if self.next.is_some() => refuse_beside(first, &stream, peer),
-                Some(_) => self.next = Some((stream, peer, feed.clock.now())),
+                None => self.connect(stream.tcp, peer, feed),
+                Some(first) if self.next.is_some() => refuse_beside(first, &stream.tcp, peer),
+                Some(_) => self.next = Some((stream.tcp, peer, feed.clock.now())),
             },
-            Ok(Arrival::Refused(peer)) => {
-                remark(&format!("refused the client {peer}: too many open files, see ulimit -n"));
-            }
+            Ok(Arrival::Refused(peer, why)) => remark(&format!("refused the client {peer}: {why}")),
             Ok(Arrival::Nobody) => self.has_arrivals = false,
             // A client that could not be accepted for lack of resources is not reported again.
             Err(_) => {}

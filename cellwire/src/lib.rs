@@ -24,6 +24,7 @@ use self::command::{
 };
 use self::io::journal::JournalWriteError;
 use self::telemetry::Implausible;
+use cellwire_io::bar;
 use cellwire_io::drive::ConnectionLost;
 use cellwire_io::output::{self, remark};
 use cellwire_io::{files, manual};
@@ -145,7 +146,7 @@ pub fn main() -> ExitCode {
         Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
         Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
     };
-    output::clear_bar();
+    bar::clear_bar();
     let status = match outcome.map_err(settings::located) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),

@@ -2,6 +2,8 @@
 #![allow(clippy::std_instead_of_core, reason = "it is for programs with std")]
 
 pub mod backoff;
+#[cfg(feature = "progress")]
+pub mod bar;
 pub mod bell;
 pub mod clock;
 pub mod drive;
@@ -19,7 +21,6 @@ pub mod output;
 pub mod plain;
 pub mod port;
 pub mod ports;
-pub mod priority;
 pub mod serial;
 pub mod stream;
 pub mod tcp;

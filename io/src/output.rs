@@ -7,10 +7,11 @@ use std::sync::mpsc::Sender;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use anyhow::{Context as _, Result};
-use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use terminal_size::{Height, Width};
 
+#[cfg(feature = "progress")]
+use crate::bar::beside_bar;
 use crate::limiter::Limiter;
 use crate::outlet::Outlet;
 use crate::plain;
@@ -165,27 +166,9 @@ fn log_left_out() -> Result<()> {
     lines.try_for_each(|line| put(&line))
 }
 
-/// The progress bar that is shown on standard error.
-static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
-
-/// Sets a progress bar that is removed while a line is printed.
-pub fn show_bar(bar: &ProgressBar) {
-    *BAR.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
-}
-
-/// Removes the progress bar, if there is one.
-pub fn clear_bar() {
-    if let Some(bar) = BAR.lock().unwrap_or_else(PoisonError::into_inner).take() {
-        bar.finish_and_clear();
-    }
-}
-
-/// Calls `write` while no progress bar is on the terminal: the text begins at the left edge.
+#[cfg(not(feature = "progress"))]
 fn beside_bar<T>(write: impl FnOnce() -> T) -> T {
-    match &*BAR.lock().unwrap_or_else(PoisonError::into_inner) {
-        Some(bar) => bar.suspend(write),
-        None => write(),
-    }
+    write()
 }
 
 /// Returns the number of columns of the terminal.

@@ -19,8 +19,8 @@ use super::messages::{Notification, Order, lost_text};
 use super::port::Port;
 use super::profile::Profile;
 use super::sample::Sample;
+use crate::io::priority::{self, ThreadRole};
 use cellwire_io::latency::Deadline;
-use cellwire_io::priority::{self, ThreadRole};
 
 /// Orders are looked at this often while the robot is silent.
 const IDLE: Duration = Duration::from_millis(20);

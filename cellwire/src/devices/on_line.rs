@@ -9,7 +9,7 @@ use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
 use crate::devices::device::POLL_INTERVAL;
 use crate::io::line::Line;
-use cellwire_io::priority::{self, ThreadRole};
+use crate::io::priority::{self, ThreadRole};
 
 /// The time during which a device on a line is connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::real_time::in_real_time;
 use crate::tool::{DEADLINE, Running};
-use cellwire_io::priority::{self, ThreadRole};
+use cellwire::io::priority::{self, ThreadRole};
 use serde_json::Value;
 
 const RUNNING: u8 = 0x80;

@@ -23,7 +23,7 @@ use super::context::Context;
 use super::messages::{Notification, Order};
 use super::port::PortConfig;
 pub use super::sample::{FULL, Jog, Sample};
-use cellwire_io::priority::{self, ThreadRole};
+use crate::io::priority::{self, ThreadRole};
 
 /// Where the hand is.
 #[derive(Debug, Clone, PartialEq)]

@@ -24,11 +24,12 @@ use crate::report::Report;
 use crate::telemetry::Implausible;
 use crate::telemetry::logger::{Logger, Reading, TelemetrySource};
 use crate::telemetry::recording::{self, Recording};
+use cellwire_io::bar;
 use cellwire_io::clock::Clock;
 use cellwire_io::files;
 use cellwire_io::input::time;
 use cellwire_io::interrupt::{Policy, on_interrupt};
-use cellwire_io::output::{self, counted, remark};
+use cellwire_io::output::{counted, remark};
 use cellwire_io::tcp::TimeoutArgs;
 use cellwire_io::tls::TlsArgs;
 use cellwire_links::fanuc_hmi_modbus::Frames;
@@ -134,7 +135,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
     // The log has no end that a bar could show.
     let progress = ProgressBar::with_draw_target(None, target).with_style(ProgressStyle::default_spinner());
-    output::show_bar(&progress);
+    bar::show_bar(&progress);
     let known = match args.word_order {
         None => given.word_order,
         Some(OrderArg::Auto) => None,
@@ -329,7 +330,7 @@ impl Log {
 
     /// Writes the blocks that still wait for their word order as if it were the usual one, with a mark.
     fn end(&mut self) -> Result<()> {
-        output::clear_bar();
+        bar::clear_bar();
         match self.lost_at.take() {
             Some(lost) => self.tally.away += self.clock.now().saturating_sub(lost),
             None => self.note_unread()?,

@@ -13,9 +13,10 @@ use super::PortArgs;
 use super::range::{Range, TABLES};
 use super::retries::RetryStatistics;
 use crate::devices::fanuc_hmi_modbus::client::{Client, RequestOutcome};
+use cellwire_io::bar;
 use cellwire_io::drive::ConnectionLost;
 use cellwire_io::interrupt::{self, Policy};
-use cellwire_io::output::{self, log, remark};
+use cellwire_io::output::{log, remark};
 
 /// The number of times that a request is made whose connection is lost.
 const MAX_ATTEMPTS: usize = 2;
@@ -101,7 +102,7 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut RetryStatistics) -> Res
         log(&json!({"unit": unit, "reply": reply}))?;
         replies.insert(reply);
     }
-    output::clear_bar();
+    bar::clear_bar();
     if found > 16 && found == args.units.clone().count() && replies.len() == 1 {
         remark(&format!("all {found} units reply alike: the server probably ignores the unit"));
     }
@@ -160,7 +161,7 @@ fn ranges(args: &Args, unit: u8, client: &mut Client, seen: &mut RetryStatistics
             progress.set_position(u64::from(part.last) - u64::from(args.from));
             progress.set_message(format!("{name} {}", part.last));
         }
-        output::clear_bar();
+        bar::clear_bar();
         runs.extend(open);
         for run in &runs {
             log(&json!({"table": name, "from": run.first, "to": run.last, "count": run.count()}))?;
@@ -233,7 +234,7 @@ fn is_malformed(failure: Failure) -> bool {
 
 fn progress(length: u64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr_with_hz(10));
-    output::show_bar(&bar);
+    bar::show_bar(&bar);
     bar
 }
 

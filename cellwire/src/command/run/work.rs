@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 use crate::command::settings::SetArgs;
 use crate::io::journal::{self, Head, Journal, JournalWriteError, Outcome, Record, Tally};
 use crate::run::{END_WITHIN, ResumeChoice, STOP_WITHIN};
+use cellwire_io::bar;
 use cellwire_io::bell::Bell;
 use cellwire_io::drive::ConnectionLost;
 use cellwire_io::input::{self, OperatorInput};
@@ -193,9 +194,9 @@ impl WorkArgs {
         ensure!(!is_done, "the {what} is finished according to {path}; --again repeats it");
         let progress = ProgressBar::with_draw_target(Some(parts as u64), ProgressDrawTarget::stderr());
         progress.set_position(journal.count(Outcome::Done) as u64);
-        output::show_bar(&progress);
+        bar::show_bar(&progress);
         let ended = run(journal, &progress);
-        output::clear_bar();
+        bar::clear_bar();
         ended.map_err(|error| {
             let (tally, path) = (journal.tally(), journal.path().display());
             match error.downcast_ref() {

@@ -20,9 +20,9 @@ use cellwire_sim::host::Listener;
 use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, is_silence};
 use serialport::SerialPort;
 
+use crate::io::priority::{self, ThreadRole};
 use cellwire_io::clock::Clock;
 use cellwire_io::output::remark;
-use cellwire_io::priority::{self, ThreadRole};
 use cellwire_io::serial::{self, READ_TIMEOUT};
 use cellwire_io::tcp;
 use cellwire_io::trace::{Trace, TraceDirection};

@@ -11,7 +11,7 @@ use super::Settings;
 use crate::devices::kawasaki_msg::sheet::Lines;
 use crate::io::drawing::{self, Picture};
 use crate::io::journal::{Fingerprint, Outcome};
-use crate::io::sheet;
+use crate::io::{sheet, table};
 use crate::run::Bounds;
 use cellwire_io::input;
 use cellwire_io::output::counted;
@@ -168,7 +168,7 @@ impl Jobs {
 
 /// Reads the jobs of a table, with their lines.
 fn rows(text: &str, layout: &Layout, charset: Charset) -> Result<Vec<(u64, AnyWork)>> {
-    let mut table = input::rows(text);
+    let mut table = table::rows(text);
     let (_, header) = table.next().context("it has no jobs")??;
     let columns = columns(&header, layout)?;
     let (mut rows, mut bad) = (Vec::new(), Vec::new());

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::route::Instruction;
 use super::settings::{Coordinate, Mapping};
-use cellwire_io::input::rows;
+use crate::io::table::rows;
 
 /// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#`
 /// are passed over. A first line that begins with `word` names the floats, and the names of coordinates must stand in the

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use cellwire_io::priority::{self, ThreadRole};
+use cellwire::io::priority::{self, ThreadRole};
 
 use super::pty::Pty;
 

@@ -23,9 +23,9 @@ const CLIENT: Token = Token(1);
 /// The interval at which the line is checked while it is full, or carries data of a client that has disconnected.
 const BUSY: Duration = Duration::from_millis(5);
 
-/// So many bytes of a client are read without the line while another client waits: the end of a connection comes after all
-/// that was sent.
-const MAX_READ_AHEAD: usize = 16 << 20;
+/// So many chunks of a client, 16 MiB, are read without the line while another client waits: the end of a connection comes
+/// after all that was sent.
+const MAX_READ_AHEAD: usize = (16 << 20) / CHUNK;
 
 /// The time for which a second client waits for the end of the first connection: on a busy computer that end is reported after
 /// the arrival. Further clients are refused at once meanwhile.
@@ -58,10 +58,8 @@ struct Stream {
 struct Connection {
     stream: Arc<Stream>,
     peer: SocketAddr,
-    /// Bytes that were read to see whether the client has disconnected after them.
-    ahead: VecDeque<u8>,
-    /// The chunk that does not fit on the line yet.
-    held: Option<Chunk>,
+    /// The chunks that do not fit on the line yet.
+    held: VecDeque<Chunk>,
     is_readable: bool,
     /// When it has left.
     left: Option<Duration>,
@@ -91,10 +89,9 @@ impl Server {
             self.wait(if is_busy { BUSY } else { READ_TIMEOUT }, feed);
             self.accept(feed);
             let Some(connection) = &mut self.connection else { continue };
-            if self.next.is_some() {
-                connection.look_ahead(feed.clock.now());
-            }
-            let served = if feed.is_ended() { Err(None) } else { connection.serve(feed, self.idle_timeout) };
+            let most = if self.next.is_some() { MAX_READ_AHEAD } else { 1 };
+            let served =
+                if feed.is_ended() { Err(None) } else { connection.serve(feed, self.idle_timeout, most) };
             let Err(why) = served else { continue };
             if let Some(why) = why {
                 remark(&format!("the client {} is disconnected: {why}", connection.peer));
@@ -160,15 +157,8 @@ impl Server {
         let stream = Arc::new(Stream { stream, taken: AtomicU64::new(0) });
         *lock(&self.shared) = Some(Arc::clone(&stream));
         let active = (feed.clock.now(), 0);
-        self.connection = Some(Connection {
-            stream,
-            peer,
-            ahead: VecDeque::new(),
-            held: None,
-            is_readable: true,
-            left: None,
-            active,
-        });
+        let held = VecDeque::new();
+        self.connection = Some(Connection { stream, peer, held, is_readable: true, left: None, active });
         feed.connect(true);
     }
 }
@@ -180,87 +170,69 @@ fn refuse_beside(first: SocketAddr, stream: &TcpStream, peer: SocketAddr) {
 
 impl Connection {
     fn is_busy(&self) -> bool {
-        self.held.is_some() || self.left.is_some()
+        !self.held.is_empty() || self.left.is_some()
     }
 
-    /// Reads as many bytes as fit the line. An error is the end of the connection, and its reason, unless the client has
-    /// ended it and its bytes are carried.
-    fn serve(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
+    /// Reads as many bytes as fit the line, and those of `most` chunks that wait for it. An error is the end of the connection,
+    /// and its reason, unless the client has ended it and its bytes are carried.
+    fn serve(
+        &mut self,
+        feed: &Feed,
+        idle_timeout: Option<Duration>,
+        most: usize,
+    ) -> Result<(), Option<String>> {
         let now = feed.clock.now();
         if self.left.is_some_and(|left| now.saturating_sub(left) >= CARRIED) {
             return Err(Some(format!("it has left, and its data takes longer than {} s", CARRIED.as_secs())));
         }
-        match self.read(feed, idle_timeout) {
-            Err(None) if feed.client.under_way.load(Ordering::Relaxed) > 0 => {
-                self.left.get_or_insert(now);
-                Ok(())
-            }
-            result => result,
-        }
-    }
-
-    /// Reads on without the line, up to the end of the connection if that is there.
-    fn look_ahead(&mut self, now: Duration) {
-        let mut buffer = [0; 64 * 1024];
-        while self.left.is_none() && self.ahead.len() < MAX_READ_AHEAD {
-            match (&self.stream.stream).read(&mut buffer) {
-                Ok(0) => self.left = Some(now),
-                Ok(length) => {
-                    self.ahead.extend(buffer.get(..length).unwrap_or_default());
-                    self.is_readable = true;
-                }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-                Err(_) => self.left = Some(now),
-            }
-        }
-    }
-
-    /// Reads the next bytes of the client, some of which may be in the buffer already.
-    fn next_bytes(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if self.ahead.is_empty() { (&self.stream.stream).read(buffer) } else { self.ahead.read(buffer) }
-    }
-
-    /// Reads until the connection ends; the error is the reason, unless the client has ended it.
-    fn read(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
-        let now = feed.clock.now();
         let taken = self.stream.taken.load(Ordering::Relaxed);
         if taken != self.active.1 {
             self.active = (now, taken);
         }
         loop {
-            if let Some(chunk) = self.held.take() {
-                feed.client.under_way.fetch_add(1, Ordering::Relaxed);
-                match feed.sender.try_send(chunk) {
-                    Ok(()) => {}
-                    Err(TrySendError::Full(chunk)) => {
-                        feed.client.under_way.fetch_sub(1, Ordering::Relaxed);
-                        // It is the line that is slow.
-                        (self.held, self.active.0) = (Some(chunk), now);
-                        return Ok(());
-                    }
-                    Err(TrySendError::Disconnected(_)) => return Ok(()),
-                }
+            self.forward(feed);
+            if !self.held.is_empty() {
+                // It is the line that is slow.
+                self.active.0 = now;
             }
-            if !self.is_readable {
-                return match idle_timeout {
-                    Some(timeout) if now.saturating_sub(self.active.0) >= timeout => {
-                        Err(Some(format!("it is silent for {} s, see --idle-timeout", timeout.as_secs_f64())))
-                    }
-                    _ => Ok(()),
-                };
+            if !self.is_readable || self.held.len() >= most {
+                break;
             }
             let mut buffer = [0; CHUNK];
-            match self.next_bytes(&mut buffer) {
-                Ok(0) => return Err(None),
-                Ok(length) => {
+            match (&self.stream.stream).read(&mut buffer) {
+                Ok(length @ 1..) => {
                     self.active.0 = now;
                     let bytes = buffer.get(..length).unwrap_or_default().to_vec();
-                    self.held = Some((feed.clock.now(), bytes, feed.client.left.load(Ordering::Relaxed)));
+                    self.held.push_back((feed.clock.now(), bytes, feed.client.left.load(Ordering::Relaxed)));
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_readable = false,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(_) => return Err(None),
+                _ if self.held.is_empty() && feed.client.under_way.load(Ordering::Relaxed) == 0 => {
+                    return Err(None);
+                }
+                _ => {
+                    self.left.get_or_insert(now);
+                    return Ok(());
+                }
+            }
+        }
+        match idle_timeout {
+            Some(timeout) if now.saturating_sub(self.active.0) >= timeout => {
+                Err(Some(format!("it is silent for {} s, see --idle-timeout", timeout.as_secs_f64())))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Puts on the line as many chunks as it can take.
+    fn forward(&mut self, feed: &Feed) {
+        while let Some(chunk) = self.held.pop_front() {
+            feed.client.under_way.fetch_add(1, Ordering::Relaxed);
+            if let Err(TrySendError::Full(chunk) | TrySendError::Disconnected(chunk)) =
+                feed.sender.try_send(chunk)
+            {
+                feed.client.under_way.fetch_sub(1, Ordering::Relaxed);
+                return self.held.push_front(chunk);
             }
         }
     }

@@ -137,6 +137,25 @@ fn over_tcp_the_device_serves_one_client_after_another() {
 }
 
 #[test]
+fn the_bytes_of_a_client_that_has_left_are_carried_although_it_is_silent() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let clock = Clock::start();
+    let (listener, trace) = (Listener::new(listener).unwrap(), TraceArgs::off().start("x"));
+    // 40 bytes take 333 ms.
+    let mut line = Line::over_tcp(listener, Some(50 * MS), clock, 1200, trace).unwrap();
+    let mut client = TcpStream::connect(address).unwrap();
+    client.write_all(&[7; 40]).unwrap();
+    drop(client);
+    let (end, mut bytes) = (clock.now() + Duration::from_secs(5), 0);
+    while bytes < 40 && clock.now() < end {
+        assert!(line.wait(clock.now() + MS));
+        bytes += core::iter::from_fn(|| line.receive()).count();
+    }
+    assert_eq!(bytes, 40);
+}
+
+#[test]
 fn faults_are_about_as_frequent_as_configured() {
     let (line, mut client, clock) = line(10_000_000);
     let mut faults = ByteFaults::none();

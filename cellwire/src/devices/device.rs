@@ -98,7 +98,7 @@ impl SimulateOptions {
         )
     }
 
-    /// Runs a device on a line at `baud` until the process is interrupted. `trace` is the name of its traces.
+    /// Runs a device on a line at `baud` until the process is interrupted. The names are those of the device and of its traces.
     ///
     /// # Errors
     /// If the endpoint cannot be opened; the errors of `run`.

@@ -75,23 +75,26 @@ impl Listener {
     /// # Errors
     /// If the system has no resources for a client: clients that wait may be accepted later.
     pub fn accept(&mut self) -> io::Result<Arrival> {
+        #[cfg(feature = "tls")]
+        return self.accept_tls();
+        #[cfg(not(feature = "tls"))]
+        self.accept_tcp()
+    }
+
+    #[cfg(feature = "tls")]
+    fn accept_tls(&mut self) -> io::Result<Arrival> {
         loop {
             let arrival = self.accept_tcp();
-            #[cfg(feature = "tls")]
-            if let Some(handshakes) = &mut self.handshakes {
-                match arrival {
-                    Ok(Arrival::Client(Carrier { tcp, .. }, peer)) => match handshakes.begin(tcp, peer) {
-                        Some(refused) => return Ok(refused),
-                        None => continue,
-                    },
-                    Ok(Arrival::Nobody) | Err(_) => match handshakes.next() {
-                        Some(done) => return Ok(done),
-                        None => return arrival,
-                    },
-                    refused => return refused,
+            let Some(handshakes) = &mut self.handshakes else { return arrival };
+            match arrival {
+                Ok(Arrival::Client(Carrier { tcp, .. }, peer)) => {
+                    if let Some(refused) = handshakes.begin(tcp, peer) {
+                        return Ok(refused);
+                    }
                 }
+                Ok(Arrival::Nobody) | Err(_) => return handshakes.next().map_or(arrival, Ok),
+                refused => return refused,
             }
-            return arrival;
         }
     }
 

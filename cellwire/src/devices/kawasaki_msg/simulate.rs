@@ -1,14 +1,12 @@
 //! `cellwire simulate kawasaki-pc` and `kawasaki-robot`: an end to test the other one against.
 
-use std::fs::{File, OpenOptions};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use cellwire_sim::{Device, KawasakiPc, Settings as _, Simulator, SimulatorReport};
-use kawasaki_msg::{Charset, Decimal, Dialect, PcConfig, PcEvent, RobotEvent, Takeover};
+use kawasaki_msg::{Charset, Decimal, Dialect, Job, PcConfig, PcEvent, RobotEvent, Takeover};
 use serde_json::{Map, Value, json};
 
 use super::control;
@@ -18,8 +16,9 @@ use super::peer_endpoint::PeerEndpoint;
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{Lines, SHEET};
 use crate::devices::control::OwnCommands;
-use crate::devices::device::SimulateOptions;
+use crate::devices::device::{SimulateOptions, connected};
 use crate::io::drawing::{self, Picture};
+use crate::io::table::AppendedTable;
 use cellwire_io::clock::Clock;
 use cellwire_io::output::{log, notice, remark};
 use cellwire_io::trace::Trace;
@@ -145,21 +144,23 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;
     let (config, layout) = (plant.robot(config)?, plant.layout()?);
     let lines = Lines::of(&layout).ok();
-    let mut record = record.map(|file| Record::open(Path::new(&file), &layout)).transpose()?;
-    let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
-    let out = out.map(PathBuf::from);
-    let mut simulator = robot::simulator(&setup)?;
+    let names = ["order", "number"].into_iter().chain(layout.fields().iter().map(|field| &*field.name));
+    let names: Vec<&str> = names.collect();
+    let open_record = |file: String| AppendedTable::open(Path::new(&file), "jobs", &names);
+    let mut record = record.map(open_record).transpose()?;
+    let (out, speed) = (out.map(PathBuf::from), f64::from(speed));
+    let mut simulator = robot::simulator(&Setup { config, layout: layout.clone(), queue, speed, job_time })?;
     let (name, udp) = ("kawasaki-robot", config.datagrams.then_some(config.dialect));
-    let own = control::robot(setup.layout);
+    let own = control::robot(layout.clone());
     let (mut meeting, trace) = open(Side::Robot, name, options, udp, &mut simulator, own)?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
     // All orders are drawn on one sheet; the lines of the last one begin here.
     let (mut sheet, mut begin): (Vec<drawing::Line>, usize) = (Vec::new(), 0);
     let executed = |stroke: Stroke| {
-        if let Some(record) = &mut record
-            && let Err(error) = record.add(&stroke)
-        {
-            remark(&format!("warning: {error:#}"));
+        if let Some(record) = &mut record {
+            let Job { order, number, work, .. } = &stroke.job;
+            let fields = (0..layout.fields().len()).map(|place| layout.show(place, work));
+            record.add([order, number].map(|number| number.to_string()).into_iter().chain(fields));
         }
         let _ = sender.send(stroke);
     };
@@ -190,37 +191,9 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     Ok(())
 }
 
-/// Every job that was executed, in a table.
-struct Record {
-    file: File,
-    layout: Layout,
-}
-
-impl Record {
-    fn open(path: &Path, layout: &Layout) -> Result<Self> {
-        let what = || format!("cannot write {}", path.display());
-        let mut file = OpenOptions::new().append(true).create(true).open(path).with_context(what)?;
-        if file.metadata()?.len() == 0 {
-            let names = layout.fields().iter().map(|field| field.name.as_str());
-            let names = ["order", "number"].into_iter().chain(names).collect::<Vec<_>>();
-            writeln!(file, "{}", names.join(",")).with_context(what)?;
-        }
-        Ok(Self { file, layout: layout.clone() })
-    }
-
-    fn add(&mut self, Stroke { job, .. }: &Stroke) -> Result<()> {
-        let fields = (0..self.layout.fields().len()).map(|place| self.layout.show(place, &job.work));
-        let cells: Vec<String> =
-            [job.order, job.number].map(|number| number.to_string()).into_iter().chain(fields).collect();
-        let mut row = csv::Writer::from_writer(Vec::new());
-        row.write_record(&cells)?;
-        self.file.write_all(&row.into_inner().unwrap_or_default()).context("cannot write the record of jobs")
-    }
-}
-
 fn print(change: Connection<'_>) -> Result<()> {
     match change {
-        Connection::Connected(peer) => notice(&json!({"event": "connected", "peer": peer})),
+        Connection::Connected(peer) => connected(peer),
         Connection::Disconnected(why) => notice(&json!({"event": "disconnected", "why": why})),
         Connection::Traced(path) => log(&json!({"event": "trace", "path": path})),
     }

@@ -1,12 +1,11 @@
 //! The simulated laser robot on a line.
 
-use std::fs::{File, OpenOptions};
-use std::io::{self, Write as _};
+use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use cellwire_sim::host::Notice;
 pub use cellwire_sim::laser::STATUS;
 use cellwire_sim::laser::{Job, LaserEvent, LaserRobot};
@@ -20,8 +19,9 @@ use crate::devices::device::SimulateOptions;
 use crate::devices::on_line::{Presence, on_line};
 use crate::io::line::Line;
 use crate::io::samples::Samples;
+use crate::io::table::AppendedTable;
 use cellwire_io::clock::Clock;
-use cellwire_io::output::{log, remark};
+use cellwire_io::output::log;
 use cellwire_links::settings::{self, Configure, FieldVisitor};
 
 /// The counts of a robot.
@@ -56,15 +56,16 @@ impl RobotCounts {
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let LaserSettings { robot, record } =
         settings::read("laser", LaserSettings::default(), &options.settings)?;
-    let mut record = record.map(|file| Record::open(Path::new(&file))).transpose()?;
+    let open = |file: String| AppendedTable::open(Path::new(&file), "instructions", &[]);
+    let mut record = record.map(open).transpose()?;
     let mut simulator = Simulator::new(LaserRobot::new(robot, 1)?);
     if record.is_none() {
         simulator = simulator.keeping_nothing();
     }
     options.serve(["laser", "laser"], robot.baud, simulator, own(&robot), |line, simulator| {
         let executed = |job| {
-            if let Some(Err(error)) = record.as_mut().map(|record| record.add(&job, &robot)) {
-                remark(&format!("warning: {error:#}"));
+            if let Some(record) = &mut record {
+                record.add(row(&job, &robot));
             }
         };
         run(&robot, simulator, line, &Switch::default(), |event| log(&event), executed).map(drop)
@@ -88,30 +89,18 @@ impl Configure for LaserSettings {
     }
 }
 
-/// Every instruction that was executed, as a program.
-struct Record(File);
-
-impl Record {
-    fn open(path: &Path) -> Result<Self> {
-        let what = || format!("cannot write {}", path.display());
-        Ok(Self(OpenOptions::new().append(true).create(true).open(path).with_context(what)?))
-    }
-
-    fn add(&mut self, Job { word, parameters }: &Job, robot: &Laser) -> Result<()> {
-        let mut row = format!("{word:#06x}");
-        for item in Items::new(parameters, &robot.config.profile) {
-            let Ok(item) = item else { break };
-            match item {
-                Item::F32(values) => values.iter().for_each(|value| row += &format!(",{value}")),
-                Item::I16(values) => values.iter().for_each(|value| row += &format!(",{value}")),
-                Item::U8(values) | Item::Char(values) => {
-                    values.iter().for_each(|value| row += &format!(",{value}"));
-                }
-            }
+/// Returns an executed instruction as a row of a program.
+fn row(Job { word, parameters }: &Job, robot: &Laser) -> Vec<String> {
+    let mut row = vec![format!("{word:#06x}")];
+    for item in Items::new(parameters, &robot.config.profile) {
+        match item {
+            Ok(Item::F32(values)) => row.extend(values.iter().map(|value| value.to_string())),
+            Ok(Item::I16(values)) => row.extend(values.iter().map(|value| value.to_string())),
+            Ok(Item::U8(values) | Item::Char(values)) => row.extend(values.iter().map(u8::to_string)),
+            Err(_) => break,
         }
-        row.push('\n');
-        self.0.write_all(row.as_bytes()).context("cannot write the record of instructions")
     }
+    row
 }
 
 /// Returns the commands of `--control`: the length of the queue.

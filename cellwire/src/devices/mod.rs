@@ -5,6 +5,7 @@
 pub mod control;
 pub mod device;
 pub mod fanuc_hmi_modbus;
+pub mod host;
 pub mod isra_ball;
 pub mod kawasaki_msg;
 pub mod laser_eb90;

@@ -1,6 +1,8 @@
-//! The bytes of a client: as they are, or in TLS.
+//! A client that has arrived, and its bytes: as they are, or in TLS.
 
+use core::net::SocketAddr;
 use std::io::{self, Read, Write};
+use std::net::Shutdown;
 
 use mio::net::TcpStream;
 #[cfg(feature = "tls")]
@@ -24,6 +26,17 @@ impl From<TcpStream> for Carrier {
             tls: None,
         }
     }
+}
+
+/// A client that has arrived, or none.
+#[derive(Debug)]
+pub enum Arrival {
+    /// A client; its stream does not block. In TLS its handshake is over.
+    Client(Carrier, SocketAddr),
+    /// The connection of this client was closed, for this reason: no descriptor was free, or the handshake has failed.
+    Refused(SocketAddr, String),
+    /// No client has arrived since the last call.
+    Nobody,
 }
 
 impl Carrier {
@@ -79,4 +92,11 @@ impl Write for Carrier {
         }
         Ok(())
     }
+}
+
+/// Closes the connection of a client that is not served.
+pub fn refuse(stream: &TcpStream) {
+    // Without the shutdown, bytes that the client has sent would make the close a reset, which some clients do not
+    // report as an end.
+    let _ = stream.shutdown(Shutdown::Both);
 }

@@ -12,8 +12,7 @@ use robot_session::tls::rustls::ServerConfig;
 use robot_session::tls::{HANDSHAKE, Layer};
 
 use super::MAX_CLIENTS;
-use super::carrier::Carrier;
-use super::listener::{Arrival, refuse};
+use super::carrier::{Arrival, Carrier, refuse};
 
 /// The handshakes of the clients that have arrived.
 #[derive(Debug)]

@@ -1,21 +1,19 @@
 //! Accepts clients without waiting for them, even if there are more than can be served.
 
-use core::net::SocketAddr;
 use core::time::Duration;
 use std::fs::File;
 use std::io::{self, ErrorKind};
-use std::net::Shutdown;
 #[cfg(feature = "tls")]
 use std::sync::Arc;
 
 use mio::event::Source;
-use mio::net::{TcpListener, TcpStream};
+use mio::net::TcpListener;
 use mio::{Interest, Registry, Token};
 #[cfg(feature = "tls")]
 use robot_session::tls::rustls::ServerConfig;
 use socket2::{SockRef, TcpKeepalive};
 
-use super::carrier::Carrier;
+use super::carrier::{Arrival, refuse};
 #[cfg(feature = "tls")]
 use super::handshakes::Handshakes;
 
@@ -34,17 +32,6 @@ pub struct Listener {
     /// The clients whose TLS handshake is not over; `None`: the connections are not encrypted.
     #[cfg(feature = "tls")]
     handshakes: Option<Handshakes>,
-}
-
-/// A client that has arrived, or none.
-#[derive(Debug)]
-pub enum Arrival {
-    /// A client; its stream does not block. In TLS its handshake is over.
-    Client(Carrier, SocketAddr),
-    /// The connection of this client was closed, for this reason: no descriptor was free, or the handshake has failed.
-    Refused(SocketAddr, String),
-    /// No client has arrived since the last call.
-    Nobody,
 }
 
 impl Listener {
@@ -87,8 +74,8 @@ impl Listener {
             let arrival = self.accept_tcp();
             let Some(handshakes) = &mut self.handshakes else { return arrival };
             match arrival {
-                Ok(Arrival::Client(Carrier { tcp, .. }, peer)) => {
-                    if let Some(refused) = handshakes.begin(tcp, peer) {
+                Ok(Arrival::Client(client, peer)) => {
+                    if let Some(refused) = handshakes.begin(client.tcp, peer) {
                         return Ok(refused);
                     }
                 }
@@ -141,13 +128,6 @@ impl Listener {
             };
         }
     }
-}
-
-/// Closes the connection of a client that is not served.
-pub fn refuse(stream: &TcpStream) {
-    // Without the shutdown, bytes that the client has sent would make the close a reset, which some clients do not
-    // report as an end.
-    let _ = stream.shutdown(Shutdown::Both);
 }
 
 impl Source for Listener {

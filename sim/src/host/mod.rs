@@ -16,8 +16,8 @@ use crate::device::Device;
 use crate::simulator::{Simulator, SimulatorReport};
 
 pub use self::attend::{Change, Endpoint, State, attend};
-pub use self::carrier::Carrier;
-pub use self::listener::{Arrival, Listener, probes, refuse};
+pub use self::carrier::{Arrival, Carrier, refuse};
+pub use self::listener::{Listener, probes};
 pub use self::serve::Server;
 
 /// The number of clients that a [`Server`] serves at once; others are refused.

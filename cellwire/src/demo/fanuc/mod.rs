@@ -18,9 +18,9 @@ use serde_json::json;
 
 use self::robot::Run;
 use crate::demo::{DemoOptions, MustFail};
-use crate::devices::device::keep;
 use crate::devices::fanuc_hmi_modbus::client::Port;
 use crate::devices::fanuc_hmi_modbus::simulate::connection;
+use crate::devices::host::keep;
 use crate::io::samples::Samples;
 use crate::report::{Budget, Report};
 use crate::telemetry::logger::{Logger, Reading, TelemetrySource};

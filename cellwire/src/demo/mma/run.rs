@@ -15,7 +15,7 @@ use super::cell::{CONFIG, Cell, lock};
 use super::settings::Settings;
 use crate::demo::DemoOptions;
 use crate::demo::operator::{Operator, reported};
-use crate::devices::device::keep;
+use crate::devices::host::keep;
 use crate::io::journal::Tally;
 use crate::run::Console;
 use crate::run::mma::{self as client, Addresses, Journal, Runner};

@@ -10,35 +10,12 @@ use cellwire_sim::host::{Change, ConnectionEnd, Endpoint, HostedSession, Notice,
 use kawasaki_msg::START;
 use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait};
 
-use super::peer_endpoint::PeerEndpoint;
+use super::peer_endpoint::{PeerEndpoint, Side};
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::{Trace, TraceDirection};
 
 /// The interval at which an end checks for another peer and for commands to the simulator.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-
-/// The end that is connected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// The PC connects whenever it can.
-    Pc,
-    /// The robot connects when its session requests it, if PCs do not connect to it.
-    Robot,
-}
-
-impl Side {
-    /// Returns the end of a connection in words.
-    fn reason(self, ending: &ConnectionEnd) -> String {
-        let peer = if self == Self::Pc { "robot" } else { "PC" };
-        match ending {
-            ConnectionEnd::ByPeer => format!("the {peer} closed the connection"),
-            ConnectionEnd::Stopped if self == Self::Robot => "the robot is switched off".into(),
-            ConnectionEnd::Stopped => "the PC has ended".into(),
-            ConnectionEnd::Replaced => format!("another {peer} has connected"),
-            ending => ending.to_string(),
-        }
-    }
-}
 
 /// Counts of the packets that an end has sent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use std::cell::Cell;
 
-use super::endpoint::{self, Report, Side};
-use super::peer_endpoint::PeerEndpoint;
+use super::endpoint::{self, Report};
+use super::peer_endpoint::{PeerEndpoint, Side};
 use anyhow::Result;
 use cellwire_io::clock::Clock;
 use cellwire_io::trace::Trace;

@@ -6,12 +6,11 @@ use std::net::{TcpStream, UdpSocket};
 use std::time::Duration;
 
 use anyhow::{Result, bail, ensure};
-use cellwire_sim::host::{Arrival, Listener};
+use cellwire_sim::host::{Arrival, ConnectionEnd, Listener};
 use kawasaki_msg::{Dialect, Message};
 use robot_session::tls::Secure;
 use robot_session::{Transport, is_lost_datagram};
 
-use super::endpoint::Side;
 use cellwire_io::backoff::Backoff;
 use cellwire_io::drive::ConnectionLost;
 use cellwire_io::endpoint::Endpoint;
@@ -23,6 +22,29 @@ use cellwire_io::udp::{self, Datagrams};
 
 /// The longest datagram.
 const MAX_DATAGRAM_LEN: usize = 65536;
+
+/// The end that is connected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The PC connects whenever it can.
+    Pc,
+    /// The robot connects when its session requests it, if PCs do not connect to it.
+    Robot,
+}
+
+impl Side {
+    /// Returns the end of a connection in words.
+    pub(super) fn reason(self, ending: &ConnectionEnd) -> String {
+        let peer = if self == Self::Pc { "robot" } else { "PC" };
+        match ending {
+            ConnectionEnd::ByPeer => format!("the {peer} closed the connection"),
+            ConnectionEnd::Stopped if self == Self::Robot => "the robot is switched off".into(),
+            ConnectionEnd::Stopped => "the PC has ended".into(),
+            ConnectionEnd::Replaced => format!("another {peer} has connected"),
+            ending => ending.to_string(),
+        }
+    }
+}
 
 /// The address of the peer: listen, connect, or datagrams.
 #[derive(Debug)]

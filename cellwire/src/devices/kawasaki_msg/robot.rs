@@ -10,8 +10,8 @@ use cellwire_sim::{Device as _, KawasakiRobot, Settings as _, Simulator, Simulat
 use kawasaki_msg::{Job, RobotConfig, RobotEvent, RobotStatistics};
 use robot_session::Session;
 
-use super::endpoint::{self, Connection, Report, Side};
-use super::peer_endpoint::PeerEndpoint;
+use super::endpoint::{self, Connection, Report};
+use super::peer_endpoint::{PeerEndpoint, Side};
 use super::sheet::Lines;
 use crate::io::samples::Samples;
 use cellwire_io::clock::Clock;

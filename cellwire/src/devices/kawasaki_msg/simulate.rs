@@ -10,13 +10,14 @@ use kawasaki_msg::{Charset, Decimal, Dialect, Job, PcConfig, PcEvent, RobotEvent
 use serde_json::{Map, Value, json};
 
 use super::control;
-use super::endpoint::{self, Connection, Report, Side};
+use super::endpoint::{self, Connection, Report};
 use super::options::{PcSettings, RobotSettings};
-use super::peer_endpoint::PeerEndpoint;
+use super::peer_endpoint::{PeerEndpoint, Side};
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{Lines, SHEET};
 use crate::devices::control::OwnCommands;
-use crate::devices::device::{SimulateOptions, connected};
+use crate::devices::device::SimulateOptions;
+use crate::devices::host::connected;
 use crate::io::drawing::{self, Picture};
 use crate::io::table::AppendedTable;
 use cellwire_io::clock::Clock;

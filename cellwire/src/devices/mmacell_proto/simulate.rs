@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::devices::control::{Command, Fields, OwnCommands, fields};
-use crate::devices::device::{SimulateOptions, connected, disconnected, reason};
+use crate::devices::device::SimulateOptions;
+use crate::devices::host::{connected, disconnected, reason};
 use cellwire_io::clock::Clock;
 use cellwire_io::output::{admits, log, notice, remark};
 use cellwire_links::settings;

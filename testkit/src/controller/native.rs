@@ -3,7 +3,9 @@
 use core::ops::{Deref, DerefMut};
 use core::time::Duration;
 
-use kawasaki_msg::robot_session::Session;
+use kawasaki_msg::robot::machine::{Action, DuePacket, Input, Machine};
+use kawasaki_msg::robot_session::Unexpected;
+use kawasaki_msg::robot_session::end::{CoreOf, End, QueueSpace};
 use kawasaki_msg::{
     Bounds, Job, LargeRobot, Line, Phase, RobotConfig, RobotEvent, RobotStatistics, SessionError,
 };
@@ -90,42 +92,58 @@ impl DerefMut for Native {
     }
 }
 
-impl Session for Native {
-    type Event = RobotEvent;
+impl End for Native {
+    type Machine = Machine;
+    type Decoder = <LargeRobot<'static, Line> as End>::Decoder;
+    type Events = <LargeRobot<'static, Line> as End>::Events;
     type Statistics = RobotStatistics;
+    type Payload = ();
 
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = LargeRobot::<Line>::MAX_TRANSMIT;
+    const LINK: &'static str = <LargeRobot<'static, Line> as End>::LINK;
+    const END: &'static str = <LargeRobot<'static, Line> as End>::END;
+    const MAX_INPUT: usize = <LargeRobot<'static, Line> as End>::MAX_INPUT;
+    const MAX_TRANSMIT: usize = <LargeRobot<'static, Line> as End>::MAX_TRANSMIT;
+    const QUEUE_SPACE: QueueSpace = <LargeRobot<'static, Line> as End>::QUEUE_SPACE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.robot.handle_connected(now);
+    fn core(&self) -> &CoreOf<Self> {
+        self.robot.core()
     }
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.robot.handle_disconnected(now);
+    fn core_mut(&mut self) -> &mut CoreOf<Self> {
+        self.robot.core_mut()
     }
 
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        self.robot.handle_input(now, bytes);
+    fn begin_input(&mut self, now: Duration) -> bool {
+        self.robot.begin_input(now)
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        self.robot.handle_timeout(now);
+    fn end_input(&mut self, now: Duration) {
+        self.robot.end_input(now);
     }
 
-    fn poll_event(&mut self) -> Option<RobotEvent> {
-        self.robot.poll_event()
+    /// An idle motion task checks its queue, which sweeps cleared jobs.
+    fn look(&mut self, now: Duration) {
+        _ = self.reader.take();
+        self.robot.look(now);
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.robot.poll_transmit(now, out)
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        self.robot.next_input()
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.robot.poll_timeout()
+    fn act(&mut self, now: Duration, action: Action, payload: Option<()>) {
+        self.robot.act(now, action, payload);
     }
 
-    fn statistics(&self) -> RobotStatistics {
-        self.robot.statistics()
+    fn write(&mut self, now: Duration, due: DuePacket, out: &mut [u8]) -> Option<(usize, Input)> {
+        self.robot.write(now, due, out)
+    }
+
+    fn unexpected(unexpected: Unexpected) -> RobotEvent {
+        <LargeRobot<'static, Line> as End>::unexpected(unexpected)
+    }
+
+    fn next_event(&mut self) -> Option<RobotEvent> {
+        self.robot.next_event()
     }
 }

@@ -19,13 +19,15 @@ const NOW: Duration = Duration::ZERO;
 ///
 /// A peer that keeps the source's rules takes the steps that they permit; a peer that does anything sends everything
 /// that a decoder can make of bytes. The model explores each step that they leave open.
-pub trait Peer {
+///
+/// It needs no bytes: [`Wired`](super::Wired) has those of each step, in a file of its own if the two are long.
+pub trait Peer: Send + Sync + 'static {
     /// The end.
-    type End: DrawnMachine;
+    type End: DrawnMachine + Send + Sync;
     /// The model's knowledge of the peer, the line and the jobs. Its times are relative to now, and are bounded.
-    type Knowledge: Clone + Eq + Hash + Debug;
+    type Knowledge: Clone + Eq + Hash + Debug + Send + Sync;
     /// A step of the peer, the line or the end's user.
-    type Step: Copy + PartialEq + Debug;
+    type Step: Copy + PartialEq + Debug + Send + Sync;
 
     /// The length of a tick.
     const TICK: Duration;
@@ -52,6 +54,11 @@ pub trait Peer {
 
     /// Applies a step; returns the end's input, if there is one.
     fn apply(&self, end: &Self::End, known: &mut Self::Knowledge, step: Self::Step) -> Option<InputOf<Self>>;
+
+    /// Returns whether the end's program may handle expired deadlines, or send, now. By default, in any sequence.
+    fn may_call(&self, _end: &Self::End, _known: &Self::Knowledge, _call: Call) -> bool {
+        true
+    }
 
     /// Called when the incomplete frame in the decoder is given up as corrupt, before
     /// [`Input::TIMEOUT`](robot_session::end::Input::TIMEOUT): see [`Machine::cuts`].
@@ -90,6 +97,9 @@ pub trait Peer {
     /// Called when the end's process was restarted, and its owner's knowledge is lost. The new end has no connection.
     fn restarted(&self, known: &mut Self::Knowledge);
 
+    /// Clears the parts of the end that the model does not count, such as job numbers.
+    fn forget(&self, _end: &mut Self::End) {}
+
     /// Pushes the properties that do not hold.
     fn broken(&self, end: &Self::End, known: &Self::Knowledge, broken: &mut Vec<&'static str>);
 
@@ -109,6 +119,15 @@ pub trait Peer {
     fn fault_free_step(&self, _end: &Self::End, _known: &Self::Knowledge) -> Option<Self::Step> {
         None
     }
+}
+
+/// A call of the end's program, which its driver makes when it is due.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Call {
+    /// Handles the expired deadlines.
+    HandleTimeout,
+    /// Sends the message that is due.
+    PollTransmit,
 }
 
 /// The actor of a step.
@@ -236,6 +255,14 @@ impl<P: Peer> EndWithPeer<P> {
         }
     }
 
+    /// Returns the acts of the driver that are possible now.
+    fn due(&self, scene: &SceneOf<P>) -> impl Iterator<Item = Act<P::Step>> + use<P> {
+        let may = |call| self.peer.may_call(&scene.end, &scene.known, call);
+        let expires = scene.end.expires(NOW) && may(Call::HandleTimeout);
+        let sends = scene.end.transmit(NOW, self.peer.config()).is_some() && may(Call::PollTransmit);
+        expires.then_some(Act::Due).into_iter().chain(sends.then_some(Act::Send))
+    }
+
     fn send(&self, scene: &mut SceneOf<P>, edges: &mut Option<&mut Vec<Edge>>) {
         self.expire(scene, &[Expiry::First, Expiry::BeforeTransmit, Expiry::BeforeBytes], edges);
         let Some(what) = scene.end.transmit(NOW, self.peer.config()) else { return };
@@ -273,12 +300,7 @@ impl<P: Peer> System for EndWithPeer<P> {
     fn acts(&self, scene: &Self::State, acts: &mut Vec<Self::Act>) {
         let is_due = scene.end.expires(NOW);
         let sends = scene.end.transmit(NOW, self.peer.config()).is_some();
-        if is_due {
-            acts.push(Act::Due);
-        }
-        if sends {
-            acts.push(Act::Send);
-        }
+        acts.extend(self.due(scene));
         let mut steps = Vec::new();
         self.peer.steps(&scene.end, &scene.known, &mut steps);
         acts.extend(steps.into_iter().map(Act::Step));
@@ -318,6 +340,7 @@ impl<P: Peer> System for EndWithPeer<P> {
             }
             Act::Step(step) => self.say(&mut scene, step, edges),
         }
+        self.peer.forget(&mut scene.end);
         scene
     }
 
@@ -332,13 +355,8 @@ impl<P: Peer> System for EndWithPeer<P> {
         if !scene.is_connected {
             return Some(Act::Connect);
         }
-        if scene.end.expires(NOW) {
-            return Some(Act::Due);
-        }
-        if scene.end.transmit(NOW, self.peer.config()).is_some() {
-            return Some(Act::Send);
-        }
-        Some(self.peer.fault_free_step(&scene.end, &scene.known).map_or(Act::Tick, Act::Step))
+        let step = || self.peer.fault_free_step(&scene.end, &scene.known).map_or(Act::Tick, Act::Step);
+        Some(self.due(scene).next().unwrap_or_else(step))
     }
 
     fn is_over(&self, scene: &Self::State) -> bool {

@@ -84,7 +84,7 @@ fn search<S: System, K: KnownStates<S::State>>(system: &S, options: &Options<'_>
         if broken.is_empty() {
             system.acts(&state, &mut acts);
         }
-        let (over, stands) = (system.is_over(&state), system.stands(&state));
+        let over = system.is_over(&state);
         let fault_free_step = if over || !broken.is_empty() { None } else { system.fault_free_step(&state) };
         if acts.is_empty() && broken.is_empty() && !over {
             graph.deadlock.get_or_insert(at);
@@ -102,9 +102,6 @@ fn search<S: System, K: KnownStates<S::State>>(system: &S, options: &Options<'_>
             graph.steps += 1;
             let fresh = graph.parents.len() as u32 + 1;
             let to = known.number(&after, fresh);
-            if stands && system.stands(&after) {
-                runs.standing.push((at, to, system.ticks(act)));
-            }
             if fault_free_step == Some(act) {
                 follow = (to, system.ticks(act));
             }

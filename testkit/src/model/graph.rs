@@ -8,8 +8,6 @@ use super::machine::Edge;
 pub const DEADLOCK: &str = "no deadlock";
 /// The property that breaks in a state from which a run without faults never comes to the end of all work.
 pub const STANDSTILL: &str = "no standstill: a run without faults ends all work";
-/// The property that breaks where the system can stall forever.
-pub const STANDS_FOR_EVER: &str = "recovery ends every pause";
 
 /// Every state by its number, in the order of breadth first: the first is where it begins, and each has the step that led there
 /// first, so that every path is a shortest one.
@@ -29,10 +27,6 @@ pub struct Graph<A> {
     pub standstill: Option<u32>,
     /// The longest run without faults to the end of all work, in ticks, and where it begins.
     pub longest_benign: (u32, u32),
-    /// The longest stall of the system in ticks, and where it begins; `None` if it can be endless.
-    pub longest_standing: Option<(u32, u32)>,
-    /// A state from which it can stall forever.
-    pub stands_for_ever: Option<u32>,
     /// Every transition that the machines took, and the first state and act with it. Collected on demand.
     pub edges: BTreeMap<Edge, (u32, A)>,
     /// The state before, and the act that led from it, for every state but the first.
@@ -58,8 +52,6 @@ impl<A: Copy> Graph<A> {
             deadlock: None,
             standstill: None,
             longest_benign: (0, 0),
-            longest_standing: Some((0, 0)),
-            stands_for_ever: None,
             edges: BTreeMap::new(),
             parents: Vec::new(),
         }
@@ -79,11 +71,7 @@ impl<A: Copy> Graph<A> {
     /// Returns every property that is broken, the one with the shortest path first.
     pub fn findings(&self) -> Vec<Finding> {
         let broken = self.broken.iter().map(|(property, at)| (*property, Some(*at)));
-        let runs = [
-            (DEADLOCK, self.deadlock),
-            (STANDSTILL, self.standstill),
-            (STANDS_FOR_EVER, self.stands_for_ever),
-        ];
+        let runs = [(DEADLOCK, self.deadlock), (STANDSTILL, self.standstill)];
         let all = broken.chain(runs).filter_map(|(property, at)| Some(Finding { property, at: at? }));
         let mut all: Vec<_> = all.collect();
         all.sort_by_key(|finding| finding.at);

@@ -31,11 +31,11 @@ mod walk;
 mod wired;
 
 pub use against::{
-    Act, ActionOf, Actor, Cause, CauseOf, EXPECTED, EndWithPeer, InputOf, Peer, SceneOf, TransmitOf,
+    Act, ActionOf, Actor, Call, Cause, CauseOf, EXPECTED, EndWithPeer, InputOf, Peer, SceneOf, TransmitOf,
 };
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
-pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
+pub use graph::{DEADLOCK, Finding, Graph, STANDSTILL};
 pub use machine::{DrawnMachine, Edge, Edges, age, drive};
 pub use margins::{Margin, MarginResult, Step};
 pub use matrix::{Cell, NOW, Rows};

@@ -78,10 +78,7 @@ impl fmt::Debug for Setting {
 
 impl Setting {
     /// Creates a setting: a system under a name.
-    pub fn new<S>(name: impl Into<String>, system: S) -> Self
-    where
-        S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
-    {
+    pub fn new(name: impl Into<String>, system: impl System) -> Self {
         Self {
             name: name.into(),
             terms: None,
@@ -93,10 +90,7 @@ impl Setting {
 
     /// Creates a setting of one end against any peer, which can also be walked at random over bytes.
     #[cfg(feature = "links")]
-    pub fn walked<P>(name: impl Into<String>, against: EndWithPeer<P>) -> Self
-    where
-        P: Wired<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
-    {
+    pub fn walked<P: Wired>(name: impl Into<String>, against: EndWithPeer<P>) -> Self {
         let against = Arc::new(against);
         let walked = against.clone();
         Self {
@@ -152,8 +146,6 @@ pub struct ExplorationResult {
     pub broken: Vec<BrokenProperty>,
     /// The longest run without faults to the end of all work, in ticks.
     pub longest_benign: u32,
-    /// The longest stall in ticks; `None` if endless.
-    pub longest_standing: Option<u32>,
 }
 
 impl ExplorationResult {
@@ -187,24 +179,23 @@ pub struct MustFail {
 
 impl MustFail {
     /// Creates a case of a rule, the property that catches its removal, and the system without it.
-    pub fn new<S>(rule: &'static str, property: &'static str, setting: impl Into<String>, without: S) -> Self
-    where
-        S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
-    {
+    pub fn new(
+        rule: &'static str,
+        property: &'static str,
+        setting: impl Into<String>,
+        without: impl System,
+    ) -> Self {
         Self { rule, property, without: Setting::new(setting, without) }
     }
 
     /// Creates the same case of one end against any peer.
     #[cfg(feature = "links")]
-    pub fn walked<P>(
+    pub fn walked<P: Wired>(
         rule: &'static str,
         property: &'static str,
         setting: impl Into<String>,
         without: EndWithPeer<P>,
-    ) -> Self
-    where
-        P: Wired<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
-    {
+    ) -> Self {
         Self { rule, property, without: Setting::walked(setting, without) }
     }
 
@@ -238,14 +229,11 @@ pub const fn at(keeps_rules: bool) -> &'static str {
 }
 
 /// Returns the settings of a peer that follows the rules, and of one with any behaviour.
-pub fn both<P>(
+pub fn both<P: Peer>(
     system: impl Fn(bool) -> EndWithPeer<P>,
     rules: PeerAssumptions,
     anything: PeerAssumptions,
-) -> Vec<Setting>
-where
-    P: Peer<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
-{
+) -> Vec<Setting> {
     [(true, rules), (false, anything)]
         .map(|(keeps_rules, terms)| Setting::new(at(keeps_rules), system(keeps_rules)).on(terms))
         .into()
@@ -259,10 +247,7 @@ trait Explorable: Send + Sync {
     fn count(&self) -> (usize, usize);
 }
 
-impl<S> Explorable for Arc<S>
-where
-    S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
-{
+impl<S: System> Explorable for Arc<S> {
     fn explored(&self, setting: String, options: &Options<'_>) -> ExplorationResult {
         let begin = Instant::now();
         let graph = explore(&**self, options);
@@ -278,7 +263,6 @@ where
             complete: graph.complete,
             broken: broken.collect(),
             longest_benign: graph.longest_benign.0,
-            longest_standing: graph.longest_standing.map(|(ticks, _)| ticks),
         }
     }
 

@@ -10,10 +10,7 @@ use stateright::{Checker as _, Model, Property};
 use super::system::System;
 
 /// Returns the number of states, and of the steps between them.
-pub(super) fn count<S>(system: Arc<S>) -> (usize, usize)
-where
-    S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
-{
+pub(super) fn count(system: Arc<impl System>) -> (usize, usize) {
     let checker = Second(system).checker().spawn_bfs().join();
     // The checker counts the first state as a step.
     (checker.unique_state_count(), checker.state_count() - 1)
@@ -21,10 +18,7 @@ where
 
 struct Second<S>(Arc<S>);
 
-impl<S> Model for Second<S>
-where
-    S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
-{
+impl<S: System> Model for Second<S> {
     type State = S::State;
     type Action = S::Act;
 

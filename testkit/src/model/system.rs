@@ -6,11 +6,11 @@ use super::machine::Edge;
 
 /// A closed system: both machines, the messages in flight between them, the remaining acts of users and faults, and the
 /// known state of every job.
-pub trait System {
+pub trait System: Send + Sync + 'static {
     /// The basis of all decisions about the next act, with times relative to now.
-    type State: Clone + Eq + Hash + Debug;
+    type State: Clone + Eq + Hash + Debug + Send + Sync;
     /// One thing that happens.
-    type Act: Copy + PartialEq + Debug;
+    type Act: Copy + PartialEq + Debug + Send + Sync;
 
     /// Returns the initial state.
     fn init(&self) -> Self::State;
@@ -30,11 +30,6 @@ pub trait System {
 
     /// Returns whether all work has ended. A run without faults must lead here from every state.
     fn is_over(&self, state: &Self::State) -> bool;
-
-    /// Returns whether the system is stalled for now, so that recovery must follow: the longest such time is reported.
-    fn stands(&self, _state: &Self::State) -> bool {
-        false
-    }
 
     /// Returns the ticks that an act takes.
     fn ticks(&self, act: Self::Act) -> u32;

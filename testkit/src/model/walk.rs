@@ -178,7 +178,7 @@ impl<P: Wired> Walk<'_, P> {
             act => {
                 if !bytes.is_empty() {
                     self.tally.once += 1;
-                    let (pieces, _) = self.carry(&bytes);
+                    let (pieces, _) = self.carry(act, &bytes);
                     if !self.receive(pieces.iter().map(Vec::as_slice)) {
                         return;
                     }
@@ -249,7 +249,8 @@ impl<P: Wired> Walk<'_, P> {
     fn glue(&mut self, step: P::Step, mut bytes: Vec<u8>) {
         let between = self.against.step(&self.scene, Act::Step(step), None);
         let mut acts = self.acts(&between);
-        acts.retain(|act| self.is_heard(*act));
+        let joins = |act: &Act<P::Step>| matches!(act, Act::Step(step) if self.against.peer.may_join(*step));
+        acts.retain(|act| self.is_heard(*act) && joins(act));
         let Some(Act::Step(next)) = acts.get(self.rng.below(acts.len().max(1))).copied() else {
             return self.deliver(step, &bytes);
         };
@@ -311,7 +312,10 @@ impl<P: Wired> Walk<'_, P> {
     }
 
     /// Returns the pieces in which bytes arrive over the bad line, and whether it has changed them.
-    fn carry(&mut self, bytes: &[u8]) -> (Vec<Vec<u8>>, bool) {
+    fn carry(&mut self, act: Act<P::Step>, bytes: &[u8]) -> (Vec<Vec<u8>>, bool) {
+        if matches!(act, Act::Step(step) if !self.against.peer.may_split(step)) {
+            return (vec![bytes.to_vec()], false);
+        }
         let before = self.link.counts();
         self.link.send(End::A, Duration::ZERO, bytes);
         let delivered = core::iter::from_fn(|| self.link.receive(End::B, Duration::MAX));
@@ -323,7 +327,7 @@ impl<P: Wired> Walk<'_, P> {
 
     /// Delivers a step over the bad line: it is received or lost.
     fn deliver(&mut self, step: P::Step, bytes: &[u8]) {
-        let (pieces, is_hurt) = self.carry(bytes);
+        let (pieces, is_hurt) = self.carry(Act::Step(step), bytes);
         if !self.receive(pieces.iter().map(Vec::as_slice)) {
             return;
         }

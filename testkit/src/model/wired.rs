@@ -13,7 +13,7 @@ use crate::faults::Faults;
 /// The property that [`Wired::is_written`] states, wherever a session is compared with its machine.
 pub const WRITTEN: &str = "messages are encoded as the source says";
 
-/// A peer whose steps are bytes, or calls of the end's session.
+/// A peer whose steps are bytes, or calls of the end's session: from these follow its refinement and its random walks.
 pub trait Wired: Peer {
     /// The end's session.
     type Session: End<Machine = <Self as Peer>::End>;
@@ -61,13 +61,20 @@ pub trait Wired: Peer {
         true
     }
 
+    /// Returns whether the bytes of a step may arrive in pieces: not over datagrams, for example.
+    fn may_split(&self, _step: Self::Step) -> bool {
+        true
+    }
+
+    /// Returns whether this step may arrive in the same read as the previous one.
+    fn may_join(&self, _step: Self::Step) -> bool {
+        true
+    }
+
     /// Returns whether the decoder is empty when the end has received this step.
     fn is_last(&self, _step: Self::Step) -> bool {
         true
     }
-
-    /// Clears the parts of a session's machine that the model does not count, such as job numbers.
-    fn forget(&self, _machine: &mut Self::End) {}
 }
 
 /// A session that follows the end of a scene, step by step.
@@ -204,7 +211,9 @@ impl<P: Wired> EndWithPeer<P> {
             || Follower::new(&self.peer),
             |follower, act, scene, _, path| {
                 let heard = follower.act(scene, act).and_then(|bytes| {
-                    let (head, tail) = bytes.split_at(path.len() % (bytes.len() + 1));
+                    let is_whole = matches!(act, Act::Step(step) if !self.peer.may_split(step));
+                    let cut = if is_whole { 0 } else { path.len() % (bytes.len() + 1) };
+                    let (head, tail) = bytes.split_at(cut);
                     follower.receive([head, tail].into_iter().filter(|piece| !piece.is_empty()))
                 });
                 heard.unwrap_or_else(|error| panic!("{error}: {path:?}"));

@@ -16,23 +16,10 @@ mod wire;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::link::End;
-
 pub use handles::{ROWS as HANDLES, SABOTAGED};
 pub use log::{Log, Mark};
 pub use tally::{Ledger, ReportedOutcome, Span, Tally};
 pub use wire::{Check, Unseen, Wire};
-
-/// The programs at the two ends of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Peer {
-    /// Both ends are the project's.
-    Ours,
-    /// This end is another maker's: it chooses among the choices that the source permits.
-    Any(End),
-    /// This end is another maker's: it sends anything.
-    Hostile(End),
-}
 
 /// One link over one transport: a row of the table.
 #[derive(Debug, Clone, Copy)]
@@ -50,14 +37,16 @@ pub struct Row {
 
 /// The sessions of the workspace: both of the project's ends of the links that have a model of the pair, then each end
 /// against one of another maker. Both ends of every link are also in [`HANDLES`].
-pub const ROWS: [Row; 40] = [
+pub const ROWS: [Row; 42] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::AS,
-    kawasaki_msg::ANY_ROBOT,
-    kawasaki_msg::ANY_PC,
-    kawasaki_msg::HOSTILE_ROBOT,
-    kawasaki_msg::HOSTILE_PC,
+    walks::ANY_PC,
+    walks::ANY_INSISTENT_PC,
+    walks::ANY_LATE_PC,
+    walks::HOSTILE_PC,
+    walks::HOSTILE_PC_OVER_UDP,
+    walks::HOSTILE_ROBOT,
     walks::ANY_CONTROLLER,
     walks::HOSTILE_CONTROLLER,
     walks::ANY_HOST_OF_ALTER,

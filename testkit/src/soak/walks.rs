@@ -4,7 +4,7 @@ use fanuc_hmi_modbus::Framing::Tcp;
 
 use super::Row;
 use crate::links::fanuc_hmi_modbus::{self as modbus, RTU, RTU_OVER_TCP};
-use crate::links::{isra_ball, laser_eb90, mmacell_proto, val2_alter, val2_viewer};
+use crate::links::{isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer};
 use crate::model::walk;
 
 /// One row: the link, the transport and the peer, of how many random messages the check passes one, and the system.
@@ -43,6 +43,12 @@ rows! {
     HOSTILE_SERVER_RTU: "fanuc-hmi-modbus", "rtu, hostile server", None, modbus::any_server(RTU, false);
     ANY_SERVER_THROUGH: "fanuc-hmi-modbus", "rtu over tcp, any server", None, modbus::any_server(RTU_OVER_TCP, true);
     HOSTILE_SERVER_THROUGH: "fanuc-hmi-modbus", "rtu over tcp, hostile server", None, modbus::any_server(RTU_OVER_TCP, false);
+    ANY_PC: "kawasaki-msg", "tcp, any pc", None, kawasaki_msg::any_pc(false);
+    ANY_INSISTENT_PC: "kawasaki-msg", "tcp, any insistent pc", None, kawasaki_msg::any_pc(true);
+    ANY_LATE_PC: "kawasaki-msg", "tcp, any late pc", None, kawasaki_msg::late_pc();
+    HOSTILE_PC: "kawasaki-msg", "tcp, hostile pc", None, kawasaki_msg::hostile_pc(false);
+    HOSTILE_PC_OVER_UDP: "kawasaki-msg", "udp, hostile pc", None, kawasaki_msg::hostile_pc(true);
+    HOSTILE_ROBOT: "kawasaki-msg", "tcp, hostile robot", None, kawasaki_msg::hostile_robot();
     ANY_WORKSTATION: "val2-viewer", "serial, any workstation", None, val2_viewer::any_workstation(true);
     HOSTILE_WORKSTATION: "val2-viewer", "serial, hostile workstation", None, val2_viewer::any_workstation(false);
     ANY_HOST_OF_VIEWER: "val2-viewer", "serial, any host", Some(256), val2_viewer::any_host(true);

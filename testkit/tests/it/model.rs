@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 use robot_session::Unexpected;
 use robot_session::end::{Expiry, Machine};
 use testkit::model::{
-    DEADLOCK, DrawnMachine, Edge, MustFail, Options, STANDS_FOR_EVER, STANDSTILL, Setting, System, age,
-    check_or_write, drive, explore, explore_whole, mermaid, trace,
+    DEADLOCK, DrawnMachine, Edge, MustFail, Options, STANDSTILL, Setting, System, age, check_or_write, drive,
+    explore, explore_whole, mermaid, trace,
 };
 
 /// A system that is written down as its steps: from, to, ticks. The first step of a state is the benign one.
@@ -17,7 +17,6 @@ struct Steps {
     steps: Vec<(u8, u8, u32)>,
     over: Vec<u8>,
     bad: Vec<u8>,
-    standing: Vec<u8>,
 }
 
 impl System for Steps {
@@ -48,10 +47,6 @@ impl System for Steps {
 
     fn is_over(&self, state: &u8) -> bool {
         self.over.contains(state)
-    }
-
-    fn stands(&self, state: &u8) -> bool {
-        self.standing.contains(state)
     }
 
     fn ticks(&self, (_, ticks): (u8, u32)) -> u32 {
@@ -132,29 +127,6 @@ fn an_exploration_that_is_cut_off_says_so() {
     system.steps.extend([(1, 7, 0), (7, 7, 1)]);
     let graph = explore(&system, &Options { limit: 3, ..Options::default() });
     assert!(graph.findings().is_empty() && !graph.holds());
-}
-
-#[test]
-fn how_long_it_stands_still() {
-    let mut system = line();
-    system.steps.extend([(1, 4, 1), (4, 5, 3), (4, 6, 1), (5, 6, 1), (6, 4, 0), (6, 3, 1)]);
-    system.steps.retain(|step| *step != (6, 4, 0));
-    system.standing = vec![4, 5, 6];
-    let graph = explore(&system, &Options::default());
-    let (ticks, at) = graph.longest_standing.unwrap();
-    assert_eq!((ticks, graph.path(at)), (4, vec![(1, 1), (4, 1)]));
-
-    system.steps.push((6, 4, 0));
-    let graph = explore(&system, &Options::default());
-    assert_eq!(graph.longest_standing, None);
-    assert_eq!(graph.findings().last().unwrap().property, STANDS_FOR_EVER);
-    assert_eq!(graph.standstill, None, "a run without faults does not go that way");
-
-    // A cycle without time takes no time.
-    let mut system = line();
-    system.steps.extend([(1, 4, 0), (4, 3, 1), (4, 5, 0), (5, 4, 0)]);
-    system.standing = vec![4, 5];
-    assert_eq!(explore(&system, &Options::default()).longest_standing.unwrap().0, 0);
 }
 
 #[test]

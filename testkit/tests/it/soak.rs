@@ -41,7 +41,11 @@ fn nothing_is_lost_or_repeated_without_a_report(row: &Row, tally: &Tally) {
     if name.contains("hostile ") {
         // Reports of a hostile end prove nothing, and some have no jobs.
         let moved = faults.splits + faults.stalls + faults.merges;
-        let has_no_pieces = ["isra-ball/serial, hostile host", "val2-viewer/serial, hostile workstation"];
+        let has_no_pieces = [
+            "isra-ball/serial, hostile host",
+            "kawasaki-msg/udp, hostile pc",
+            "val2-viewer/serial, hostile workstation",
+        ];
         assert!(moved > 100 || has_no_pieces.contains(&name.as_str()), "{name}: {faults:?}");
         return;
     }

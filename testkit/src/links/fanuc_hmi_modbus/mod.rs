@@ -129,14 +129,11 @@ pub const ANY_SERVER: Pair = Pair {
 };
 
 /// The settings of each framing: a peer that keeps the rules, and one that does anything.
-fn settings<P>(
+fn settings<P: Wired>(
     system: fn(Framing, bool) -> EndWithPeer<P>,
     rules: PeerAssumptions,
     anything: PeerAssumptions,
-) -> Vec<Setting>
-where
-    P: Wired<End: Send + Sync, Knowledge: Send + Sync, Step: Send + Sync> + Send + Sync + 'static,
-{
+) -> Vec<Setting> {
     let each = |(name, framing)| {
         [(true, rules), (false, anything)].map(|(keeps_rules, terms)| {
             Setting::new(format!("{name}, {}", at(keeps_rules)), system(framing, keeps_rules)).on(terms)

@@ -5,9 +5,10 @@ mod any_robot;
 mod machines;
 mod margins;
 mod pair;
-mod refine;
+mod peers;
 pub mod rows;
 mod step;
+mod text;
 mod world;
 
 use core::num::NonZeroU16;
@@ -19,16 +20,15 @@ use kawasaki_msg::robot::Rule as RobotRule;
 use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover};
 use robot_session::end::Rules;
 
-pub use any_pc::{AnyPc, Peer};
+pub use any_pc::{AnyPc, Behaviour};
 pub use any_robot::AnyRobot;
 pub use machines::{Pc, Robot};
+pub use peers::{ANY_PC, ANY_ROBOT};
+pub(crate) use peers::{any_pc, hostile_pc, hostile_robot, late_pc};
 pub use world::TICK;
 pub use world::{Act, Faults, Flags, InFlight, ReportedStart, SentMessage, Setup, Start, Tag, World};
 
-use crate::model::{
-    Depth, Diagram, MustFail, Pair, PeerAssumptions, Refined, STANDSTILL, Setting, Table, draw,
-};
-use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
+use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, draw};
 use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
 /// The tables of the link's machines.
@@ -41,7 +41,7 @@ pub const TCP: Pair = Pair {
     settings: over_tcp,
     must_fail: tcp_must_fail,
     diagrams,
-    refined,
+    refined: Vec::new,
 };
 
 /// The same over UDP.
@@ -49,24 +49,6 @@ pub const UDP: Pair = Pair {
     name: "kawasaki-msg pc × robot, udp",
     settings: over_udp,
     must_fail: udp_must_fail,
-    diagrams: Vec::new,
-    refined: Vec::new,
-};
-
-/// The robot and PCs of other makers.
-pub const ANY_PC: Pair = Pair {
-    name: "kawasaki-msg robot × any pc",
-    settings: with_any_pc,
-    must_fail: any_pc_must_fail,
-    diagrams: Vec::new,
-    refined: Vec::new,
-};
-
-/// The PC and robots of other makers.
-pub const ANY_ROBOT: Pair = Pair {
-    name: "kawasaki-msg pc × any robot",
-    settings: with_any_robot,
-    must_fail: any_robot_must_fail,
     diagrams: Vec::new,
     refined: Vec::new,
 };
@@ -148,19 +130,6 @@ fn foreign(setup: Setup) -> Setup {
     Setup { robot: RobotConfig { end_foreign_order: true, ..setup.robot }, ..setup }
 }
 
-/// Returns a robot and a PC with any behaviour.
-fn any(peer: Peer, faults: u8) -> AnyPc {
-    let Setup { robot, capacity, low_water, .. } = tcp(&[1], 3, Faults::default());
-    let robot = RobotConfig { max_number: 6, ..robot };
-    AnyPc { robot, peer, jobs: 3, capacity, low_water, faults, late: false }
-}
-
-/// Returns a PC and a robot with any behaviour.
-fn any_robot(jobs: u32, users: u8) -> AnyRobot {
-    let pc = PcConfig { silence: TICK * 3, ..tcp(&[1], jobs, Faults::default()).pc };
-    AnyRobot { pc, starts: 2, jobs, batch: 2, users }
-}
-
 fn users(faults: Faults, most: u8, users: u8) -> Faults {
     Faults { most, users, ..faults }
 }
@@ -226,106 +195,6 @@ fn over_udp(depth: Depth) -> Vec<Setting> {
         ]);
     }
     settings
-}
-
-fn lossy(insists: bool) -> Peer {
-    Peer::Lossy { insists, only_late: false }
-}
-
-/// Returns a PC that answers late, for a robot with enough recovery steps for as many late answers.
-fn late(answers: u8) -> AnyPc {
-    let system = any(Peer::Lossy { insists: true, only_late: true }, answers);
-    let recovery = RecoveryLimits { resends: 9, ..system.robot.recovery };
-    AnyPc { robot: RobotConfig { recovery, ..system.robot }, ..system }
-}
-
-fn with_any_pc(_: Depth) -> Vec<Setting> {
-    let free = any(Peer::Any, 0);
-    let with = |robot| AnyPc { robot, ..free.clone() };
-    let rules = PeerAssumptions {
-        keeps: "KM-3, KM-4, KM-7, KM-94, KM-95, KM-96",
-        free: "how many jobs a packet has, whether it repeats the end; the line corrupts, splits, delays and breaks",
-        shows: &[],
-        properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, NO_ALARM, BOUND],
-    };
-    let anything = PeerAssumptions {
-        keeps: "",
-        free: "any message at any time",
-        shows: &[],
-        properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, BOUND],
-    };
-    let kept = vec![
-        // With three lost connections in a row the steps of recovery are used up, one of each here, and the alarm is right.
-        Setting::new("one that keeps the rules, 3 jobs, 2 faults", any(lossy(false), 2)),
-        // Assumption: a PC to which a job is requested again sends it and the following ones before the end, as the source's
-        // does. If a PC does not, a late job closes the gap, and the end that follows is executed. At 3 faults two answers
-        // that are both split come after the next packet, one piece after each request: the robot cannot distinguish the
-        // pieces from answers.
-        Setting::new("one that sends the end whenever all is sent, 2 faults", any(lossy(true), 2)),
-    ];
-    let free = vec![
-        Setting::new("one that does anything, 3 jobs", free.clone()),
-        Setting::new(
-            "one that does anything, foreign orders end",
-            with(RobotConfig { end_foreign_order: true, ..free.robot }),
-        ),
-        Setting::new(
-            "one that does anything, datagrams",
-            with(RobotConfig { datagrams: true, ..free.robot }),
-        ),
-        Setting::new("one that does anything, late polls", AnyPc { late: true, ..free.clone() }),
-        Setting::new("one that withholds the next job", any(Peer::Withholds, 0)),
-    ];
-    let free = free.into_iter().map(|setting| setting.on(anything));
-    let late = Setting::new("one that sends the end whenever all is sent, 3 late answers", late(3)).on(
-        PeerAssumptions {
-            free: "how many jobs a packet has, whether it repeats the end, when it answers",
-            ..rules
-        },
-    );
-    kept.into_iter().map(|setting| setting.on(rules)).chain([late]).chain(free).collect()
-}
-
-fn with_any_robot(depth: Depth) -> Vec<Setting> {
-    let anything = PeerAssumptions {
-        keeps: "",
-        free: "any message at any time",
-        shows: &[],
-        properties: &[
-            any_robot::AGAIN,
-            any_robot::COUNTS,
-            any_robot::REPORTED,
-            any_robot::NUMBERS,
-            any_robot::SPOKEN,
-            any_robot::SILENCE,
-            pair::ONE_OUTCOME,
-        ],
-    };
-    let mut settings = vec![Setting::new("one that does anything, 2 jobs", any_robot(2, 1)).on(anything)];
-    if depth == Depth::Deep {
-        settings.push(Setting::new("one that does anything, 8 jobs", any_robot(8, 2)).on(anything));
-    }
-    settings
-}
-
-/// Returns the refined settings: over TCP, with jobs that overtake one another, and over UDP.
-fn refined() -> Vec<Refined> {
-    let lossy = Faults { most: 1, lose: true, repeat: true, delay: true, ..Faults::default() };
-    let numbers = |setup: Setup, max_number| Setup {
-        robot: RobotConfig { max_number, ..setup.robot },
-        pc: PcConfig { max_number, ..setup.pc },
-        // A place is free when those before it are.
-        capacity: 4,
-        ..setup
-    };
-    let setups = [
-        tcp(&[1, 1], 2, users(ALL, 0, 1)),
-        tcp(&[1, 1], 2, ALL),
-        every_second(tcp(&[1], 3, ALL)),
-        numbers(overtaking(tcp(&[1], 2, ALL)), 6),
-        udp(2, Faults { delay: false, ..lossy }),
-    ];
-    setups.iter().map(refine::refine).collect()
 }
 
 fn tcp_must_fail() -> Vec<MustFail> {
@@ -406,49 +275,6 @@ fn udp_must_fail() -> Vec<MustFail> {
             pc(PcRule::LateReports, udp(2, Faults { most: 1, delay: true, ..Faults::default() })),
         ),
     ]
-}
-
-fn any_pc_must_fail() -> Vec<MustFail> {
-    let case = |name, property, setting, rule, system: AnyPc| {
-        let robot = RobotConfig { rules: Rules::without(rule), ..system.robot };
-        MustFail::new(name, property, setting, AnyPc { robot, ..system })
-    };
-    let free = |name, property, rule| {
-        case(name, property, "one that does anything, 3 jobs", rule, any(Peer::Any, 0))
-    };
-    let rules = "one that keeps the rules, 3 jobs, 2 faults";
-    vec![
-        case("DestroyRest (robot)", EARLY_END, rules, RobotRule::DestroyRest, any(lossy(false), 2)),
-        case("EndFillsGap (robot)", EARLY_END, rules, RobotRule::EndFillsGap, any(lossy(false), 2)),
-        case(
-            "GapAtConnection (robot)",
-            EARLY_END,
-            "one that sends the end whenever all is sent, 1 fault",
-            RobotRule::GapAtConnection,
-            any(lossy(true), 1),
-        ),
-        case(
-            "CountUnanswered (robot)",
-            EARLY_END,
-            "one that sends the end whenever all is sent, 3 late answers",
-            RobotRule::CountUnanswered,
-            late(3),
-        ),
-        free("StepsByClock (robot)", BOUND, RobotRule::StepsByClock),
-        free("ClosingIsStep (robot)", BOUND, RobotRule::ClosingIsStep),
-        free("SettledTwice (robot)", WRONG_COUNT, RobotRule::SettledTwice),
-    ]
-}
-
-fn any_robot_must_fail() -> Vec<MustFail> {
-    let system = any_robot(4, 1);
-    let pc = PcConfig { rules: Rules::without(PcRule::Window), ..system.pc };
-    vec![MustFail::new(
-        "Window (PC)",
-        any_robot::NUMBERS,
-        "one that does anything, 4 jobs",
-        AnyRobot { pc, ..system },
-    )]
 }
 
 fn diagrams() -> Vec<Diagram> {

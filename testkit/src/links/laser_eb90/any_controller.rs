@@ -397,6 +397,16 @@ impl Peer for AnyController {
         }
     }
 
+    /// Instructions have numbers.
+    fn forget(&self, host: &mut HostMachine) {
+        host.next.iter_mut().for_each(|batch| batch.first = 0);
+        match &mut host.link {
+            HostLink::Awaiting(sent) => sent.batch.first = 0,
+            HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.first = 0,
+            HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => {}
+        }
+    }
+
     fn broken(&self, _: &HostMachine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         broken.extend(known.wrong);
     }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use laser_eb90::host::machine::{Action, Batch, DueFrame, HostLink, HostMachine, Outcome};
+use laser_eb90::host::machine::{Action, Batch, DueFrame, HostLink, Outcome};
 use laser_eb90::robot_session::{Encode as _, Session as _};
 use laser_eb90::{Frame as Message, Host, HostEvent, Payload, Profile};
 
@@ -114,15 +114,5 @@ impl Wired for AnyController {
 
     fn given_up(&self) -> Option<Step> {
         Some(Step::Say(Answer::Corrupt))
-    }
-
-    /// Instructions have numbers.
-    fn forget(&self, machine: &mut HostMachine) {
-        machine.next.iter_mut().for_each(|batch| batch.first = 0);
-        match &mut machine.link {
-            HostLink::Awaiting(sent) => sent.batch.first = 0,
-            HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.first = 0,
-            HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => {}
-        }
     }
 }

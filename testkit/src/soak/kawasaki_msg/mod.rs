@@ -1,14 +1,8 @@
 //! A robot and a PC over TCP and UDP. A job is a line of a picture.
 //!
 //! The robot is the session in Rust, or a controller with the AS program in it.
-//!
-//! An end that is hostile is so for some seconds at the beginning: it sends any messages at any time.
 
-mod any_pc;
-mod any_robot;
-mod hostile;
 mod picture;
-mod text;
 
 use core::num::NonZeroU16;
 use core::time::Duration;
@@ -16,11 +10,8 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, LargePc, PcConfig, PcEvent, RobotConfig, RobotEvent, Takeover};
 
-use self::any_pc::AnyPc;
-use self::any_robot::AnyRobot;
-use self::hostile::{FAR, Hostile};
 use self::picture::{Picture, line};
-use super::{Check, Ledger, Log, Peer, ReportedOutcome, Row, Tally, Wire};
+use super::{Check, Ledger, Log, ReportedOutcome, Row, Tally, Wire};
 use crate::controller::{AsRobot, Controller, Native};
 use crate::link::{Delivery, End, Faults};
 use robot_session::contract::Rng;
@@ -30,41 +21,15 @@ pub(super) const TCP: Row = Row {
     transport: "tcp",
     job: "lines",
     one_in: None,
-    session: |seed, log| session::<Native>(seed, false, Peer::Ours, log),
+    session: |seed, log| session::<Native>(seed, false, log),
 };
 
 pub(super) const UDP: Row =
-    Row { transport: "udp", session: |seed, log| session::<Native>(seed, true, Peer::Ours, log), ..TCP };
+    Row { transport: "udp", session: |seed, log| session::<Native>(seed, true, log), ..TCP };
 
 /// Over TCP; the robot is the AS program.
 pub(super) const AS: Row =
-    Row { transport: "as", session: |seed, log| session::<AsRobot>(seed, false, Peer::Ours, log), ..TCP };
-
-pub(super) const ANY_ROBOT: Row = Row {
-    transport: "tcp, any robot",
-    session: |seed, log| session::<AnyRobot>(seed, false, Peer::Any(End::A), log),
-    ..TCP
-};
-
-pub(super) const ANY_PC: Row = Row {
-    transport: "tcp, any pc",
-    session: |seed, log| session::<Native>(seed, false, Peer::Any(End::B), log),
-    ..TCP
-};
-
-/// Over UDP in half of the sessions.
-pub(super) const HOSTILE_ROBOT: Row = Row {
-    transport: "hostile robot",
-    session: |seed, log| session::<Native>(seed, seed % 2 == 1, Peer::Hostile(End::A), log),
-    ..TCP
-};
-
-/// Over UDP in half of the sessions.
-pub(super) const HOSTILE_PC: Row = Row {
-    transport: "hostile pc",
-    session: |seed, log| session::<Native>(seed, seed % 2 == 1, Peer::Hostile(End::B), log),
-    ..TCP
-};
+    Row { transport: "as", session: |seed, log| session::<AsRobot>(seed, false, log), ..TCP };
 
 const MS: Duration = Duration::from_millis(1);
 /// An order that has not ended by then is stalled.
@@ -103,11 +68,6 @@ struct Cell<C> {
     order: Option<Order>,
     /// The connection is gone, and neither end notices it.
     half_open: bool,
-    hostile: Option<Hostile>,
-    /// Another PC in place of the project's own, and the source of its choices.
-    other: Option<(AnyPc, Rng)>,
-    /// Nothing goes wrong any more.
-    is_calm: bool,
 }
 
 /// The order that the PC's user waits for.
@@ -117,12 +77,9 @@ struct Order {
     ahead: Vec<u32>,
 }
 
-fn session<C: Controller>(seed: u64, datagrams: bool, peer: Peer, log: Log) -> Tally {
+fn session<C: Controller>(seed: u64, datagrams: bool, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
-    let mut cell = Cell::<C>::new(seed, datagrams, peer, &mut rng, log);
-    if let Peer::Hostile(end) = peer {
-        cell.is_harassed(end, seed, &mut rng);
-    }
+    let mut cell = Cell::<C>::new(seed, datagrams, &mut rng, log);
     for order in 1..=1 + rng.below(3) as u16 {
         // Over UDP, "give every order a new number"; over TCP one may be used again at once.
         let order = if datagrams { order } else { 1 + rng.below(2) as u16 };
@@ -168,7 +125,7 @@ fn session<C: Controller>(seed: u64, datagrams: bool, peer: Peer, log: Log) -> T
 }
 
 impl<C: Controller> Cell<C> {
-    fn new(seed: u64, datagrams: bool, peer: Peer, rng: &mut Rng, log: Log) -> Self {
+    fn new(seed: u64, datagrams: bool, rng: &mut Rng, log: Log) -> Self {
         let (robot, pc) = match datagrams {
             false => (RobotConfig::tcp(), PcConfig::tcp()),
             true => (RobotConfig::udp(), PcConfig::udp()),
@@ -176,8 +133,7 @@ impl<C: Controller> Cell<C> {
         let (capacity, max_number) = [(1, 2), (3, 5), (10, 17), (32, 200), (32, 9999)][rng.below(5)];
         // Over datagrams a number must not come again while an old datagram may still name it.
         let max_number = if datagrams { max_number.max(1000) } else { max_number };
-        let is_other = peer == Peer::Any(End::B);
-        let overtakes = rng.chance(0.3) && C::WHOLE && !is_other;
+        let overtakes = rng.chance(0.3) && C::WHOLE;
         let every = [1, 1, 2, 5, 100][rng.below(5)];
         let acks = match overtakes {
             true => Acks::Individual,
@@ -231,9 +187,6 @@ impl<C: Controller> Cell<C> {
             unreachable: rng.below(3) as u32,
             order: None,
             half_open: false,
-            hostile: None,
-            other: is_other.then(|| (AnyPc::new(max_number, rng), Rng::new(seed ^ 0x616E_7970))),
-            is_calm: false,
         }
     }
 
@@ -245,9 +198,6 @@ impl<C: Controller> Cell<C> {
             self.ledger.send(self.wire.mark());
         }
         self.order = Some(Order { picture: picture.clone(), ahead: Vec::new() });
-        if let Some((other, _)) = &mut self.other {
-            return other.start(order);
-        }
         self.pc.start(order, picture).unwrap();
     }
 
@@ -255,19 +205,6 @@ impl<C: Controller> Cell<C> {
         self.log.line(self.now, format_args!("{mishap:?}"));
         let (robot, pc) = self.config;
         // A mishap that is not possible now is skipped.
-        if let Some((other, rng)) = &mut self.other {
-            other.is_short |= matches!(mishap, Mishap::RobotResets | Mishap::RobotRestarts);
-            match mishap {
-                Mishap::PcInterrupts => return other.leave(true),
-                Mishap::PcEnds => return other.leave(false),
-                Mishap::PcRestarts => {
-                    *other = AnyPc::new(robot.max_number, rng);
-                    self.lose_connection();
-                    return self.over(0, u32::MAX);
-                }
-                _ => {}
-            }
-        }
         match mishap {
             Mishap::PcInterrupts => _ = self.pc.interrupt(),
             Mishap::PcEnds => _ = self.pc.end(),
@@ -307,7 +244,7 @@ impl<C: Controller> Cell<C> {
     /// Runs a minute without faults, in which a requested order must be executed; returns whether it was.
     fn works_when_healed(&mut self) -> bool {
         self.wire.heal(self.now);
-        (self.unreachable, self.is_calm) = (0, true);
+        self.unreachable = 0;
         let end = self.now + MS * 60_000;
         // The motion program ends an order that no PC knows and none may take over.
         if self.config.1.takeover == Takeover::Never {
@@ -352,8 +289,7 @@ impl<C: Controller> Cell<C> {
         let motion = self.robot.has_jobs().then_some(self.motion_at);
         // A cleared queue is seen in the next pass.
         let pass = Some(self.now + 20 * MS);
-        let other = self.other.as_ref().and_then(|(other, _)| other.next());
-        let times = [self.robot.poll_timeout(), self.pc.poll_timeout(), motion, pass, other];
+        let times = [self.robot.poll_timeout(), self.pc.poll_timeout(), motion, pass];
         self.now = self.wire.next(self.now, times);
     }
 
@@ -363,11 +299,6 @@ impl<C: Controller> Cell<C> {
                 self.motion_at = self.now + MS;
                 return;
             };
-            if job.work.start.x == FAR {
-                self.check_hostile(job.number);
-                self.motion_at += self.pace;
-                continue;
-            }
             let number = job.work.start.x as usize;
             self.log.line(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
             if job.work != line(number) || !self.ledger.execute(number) {
@@ -383,9 +314,6 @@ impl<C: Controller> Cell<C> {
     }
 
     fn robot_pass(&mut self) {
-        if self.harass(End::A) {
-            return;
-        }
         while let Some(delivery) = self.receive(End::A) {
             match delivery {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
@@ -401,9 +329,6 @@ impl<C: Controller> Cell<C> {
                     self.unreachable -= 1;
                     self.robot.handle_disconnected(self.now);
                 }
-                RobotEvent::OrderStarted { .. } => {
-                    self.hostile.iter_mut().for_each(|hostile| hostile.next = 1);
-                }
                 RobotEvent::Connect => {
                     self.half_open = false;
                     if !self.config.0.datagrams {
@@ -411,7 +336,6 @@ impl<C: Controller> Cell<C> {
                         self.pc.handle_disconnected(self.now);
                     }
                     self.pc.handle_connected(self.now);
-                    self.other.iter_mut().for_each(|(other, _)| other.connect());
                     self.robot.handle_connected(self.now);
                 }
                 RobotEvent::Disconnect => {
@@ -433,14 +357,6 @@ impl<C: Controller> Cell<C> {
     }
 
     fn pc_pass(&mut self) {
-        if self.harass(End::B) {
-            return;
-        }
-        if let Some((mut other, mut rng)) = self.other.take() {
-            self.other_pc_pass(&mut other, &mut rng);
-            self.other = Some((other, rng));
-            return;
-        }
         while let Some(delivery) = self.receive(End::B) {
             match delivery {
                 Delivery::Bytes(bytes) => self.pc.handle_input(self.now, &bytes),

@@ -1,35 +1,43 @@
 //! The robot, its queue and its motion task against PCs of other makers.
 
+mod bytes;
+mod says;
 mod world;
 
 use core::time::Duration;
 
-use kawasaki_msg::robot::machine::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
-use kawasaki_msg::{FromPc, RobotConfig};
+use kawasaki_msg::robot::machine::{
+    Action, DuePacket, Input, Link, Machine, Order, RecoveryStep, Replies, Report, SentPacket, Stage,
+};
+use kawasaki_msg::{FromPc, RobotConfig, timing};
 use robot_session::end::Machine as _;
 
-use super::machines::{Robot, packet};
-use super::pair::{NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};
+use super::machines::packet;
+use super::pair::{NO_ALARM, NO_SPIN, TWICE};
+use super::text::Held;
 use super::world::TICK;
-use crate::model::{Edge, Edges, System, age, drive};
+use crate::model::{Actor, Call, Cause, CauseOf, EndWithPeer, Peer};
 
 use Letter::Nothing as N;
-use world::Flags;
-pub use world::{Act, Letter, SentMessage, World};
+use world::{Asked, Pending, QueueCheck, stage};
+pub use world::{Knowledge, Letter, SentMessage, Step};
 
 const NOW: Duration = Duration::ZERO;
 const OURS: u16 = 1;
 const OTHER: u16 = 2;
+/// The ticks by which a datagram can be late.
+const LATEST: u8 = (timing::LATEST_DATAGRAM.as_millis() / TICK.as_millis()) as u8;
 
 pub(super) const SKIPPED: &str = "no job is left out";
 pub(super) const EARLY_END: &str = "no end is obeyed while jobs before it are missing";
 pub(super) const WRONG_COUNT: &str = "what an order's end counts was executed, and all of it";
 pub(super) const HEALTHY: &str = "no queue is cleared and no alarm raised while jobs are left to execute";
+pub(super) const OLD_START: &str = "over datagrams no order begins that is over, or of an earlier run";
 pub(super) const BOUND: &str = "the alarm comes within its bound";
 
 /// The behaviour of the PC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Peer {
+pub enum Behaviour {
     /// It keeps the source's rules: the jobs from the requested one on, the order's end after the last of them in the same
     /// packet. The line corrupts, splits, delays and breaks. `insists`: once all is sent, every answer without jobs is the end.
     Lossy {
@@ -44,39 +52,37 @@ pub enum Peer {
     Withholds,
 }
 
-/// A robot and its peer.
+/// A PC of which only this is known.
 #[derive(Debug, Clone)]
 pub struct AnyPc {
     /// The robot's configuration.
     pub robot: RobotConfig,
     /// The behaviour of the PC.
-    pub peer: Peer,
+    pub behaviour: Behaviour,
     /// The jobs of the order.
     pub jobs: u8,
     /// The capacity of the queue, in jobs.
     pub capacity: usize,
-    /// The jobs in the queue when it counts as drained.
-    pub low_water: usize,
-    /// Corrupt messages, split packets and lost connections of a [`Peer::Lossy`].
+    /// Corrupt messages, split packets and lost connections of a [`Behaviour::Lossy`].
     pub faults: u8,
     /// The robot is polled late.
     pub late: bool,
 }
 
 impl AnyPc {
-    fn report(&self, w: &mut World, edges: &mut Edges<'_>) {
-        w.unreported -= 1;
-        let number = self.number(w.robot.executed as u8);
-        self.drive(w, Input::Executed { number }, edges);
+    /// Returns the robot with this PC.
+    pub fn system(self) -> EndWithPeer<Self> {
+        let (late, breaks) = (self.late, self.is_free());
+        EndWithPeer { peer: self, late, breaks }
     }
 
     fn is_free(&self) -> bool {
-        !matches!(self.peer, Peer::Lossy { .. })
+        !matches!(self.behaviour, Behaviour::Lossy { .. })
     }
 
     /// Returns whether the line may still corrupt, split and break.
-    fn is_faulty(&self, w: &World) -> bool {
-        w.faults > 0 && !matches!(self.peer, Peer::Lossy { only_late: true, .. })
+    fn is_faulty(&self, known: &Knowledge) -> bool {
+        known.faults > 0 && !matches!(self.behaviour, Behaviour::Lossy { only_late: true, .. })
     }
 
     /// Returns the number of a job, counted from 0.
@@ -84,178 +90,25 @@ impl AnyPc {
         u16::from(job) % self.robot.max_number + 1
     }
 
-    fn drive(&self, w: &mut World, input: Input, edges: &mut Edges<'_>) -> Action {
-        let nothing_left = w.is_empty();
-        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
-            w.flags.unexpected = true;
-            return Action::Nothing;
-        };
-        match action {
-            Action::Step(step @ (RecoveryStep::Clear | RecoveryStep::Alarm)) => {
-                w.flags.healthy |= !nothing_left;
-                if step == RecoveryStep::Clear {
-                    w.queue.clear();
-                }
-            }
-            Action::Clear | Action::Interrupt => w.queue.clear(),
-            Action::Over => {
-                let executed = w.robot.executed as u8;
-                w.flags.wrong_count |= executed != w.done || executed != w.begun;
-                w.over = true;
-            }
-            Action::Started => (w.begun, w.done, w.over) = (0, 0, false),
-            _ => {}
-        }
-        action
+    /// Returns what a check of the queue finds.
+    fn found(&self, end: &Machine, known: &Knowledge) -> impl Iterator<Item = Pending> + use<> {
+        let cleared = matches!(stage(end), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
+        let settled = !cleared || known.queue.is_empty();
+        let drained = known.queue.len() <= self.capacity / 2;
+        settled.then_some(Pending::Settled).into_iter().chain(drained.then_some(Pending::Drained))
     }
 
-    fn pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        while w.robot.expires(NOW) {
-            self.drive(w, Input::Timeout, edges);
+    /// Returns whether a check of the queue has an effect.
+    fn is_check_due(&self, end: &Machine, known: &Knowledge) -> bool {
+        if end.expires(NOW) || !may_check(end, known) {
+            return false;
         }
-        let report = w.robot.report();
-        if report.is_some() {
-            let _reported = w.robot.on(NOW, Input::Reported, &self.robot);
+        let mut after = end.clone();
+        for found in self.found(end, known) {
+            let input = if found == Pending::Settled { Input::Settled } else { Input::Drained };
+            let _action = after.on(NOW, input, &self.robot);
         }
-        let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
-        if !cleared || w.is_empty() {
-            self.drive(w, Input::Settled, edges);
-        }
-        if w.occupied() <= self.low_water {
-            self.drive(w, Input::Drained, edges);
-        }
-        if report == Some(Report::Disconnect) {
-            self.lose(w, edges);
-        }
-    }
-
-    fn lose(&self, w: &mut World, edges: &mut Edges<'_>) {
-        w.down.clear();
-        w.tail = false;
-        self.drive(w, Input::Disconnected, edges);
-    }
-
-    fn deliver(&self, w: &mut World, SentMessage { message, job }: SentMessage, edges: &mut Edges<'_>) {
-        if core::mem::replace(&mut w.tail, message.is_none()) {
-            self.drive(w, Input::Corrupt, edges);
-        }
-        let Some(message) = message else { return };
-        let free = self.capacity - w.occupied();
-        let room = !matches!(message, FromPc::Job { .. }) || free > 0;
-        match self.drive(w, Input::Message { message, room }, edges) {
-            Action::Queue => {
-                w.queue.push(job);
-                w.take();
-            }
-            Action::Ending => w.flags.early_end |= w.robot.queued < job.into(),
-            _ => {}
-        }
-    }
-
-    /// Sends the robot's packet: returns whether the PC's order was accepted, and the requested job.
-    fn transmit(&self, w: &mut World, edges: &mut Edges<'_>) -> (bool, Option<u8>) {
-        let accepted = w.robot.order.number() == OURS || w.over;
-        let queued = w.robot.queued as u8;
-        let (_, sent) = packet(&w.robot, &self.robot);
-        let asked = sent.request.then_some(queued);
-        self.drive(w, Input::Sent(sent), edges);
-        (accepted, asked)
-    }
-
-    fn sent(&self, letter: Letter, from: u8) -> SentMessage {
-        let job = |order, offset: i8, good| {
-            let index = from.wrapping_add_signed(offset);
-            SentMessage { message: Some(FromPc::Job { order, number: self.number(index), good }), job: index }
-        };
-        let plain = |message| SentMessage { message: Some(message), job: 0 };
-        match letter {
-            N | Letter::Filler => plain(FromPc::Filler),
-            Letter::Start => plain(FromPc::Start { order: OURS, first: 1 }),
-            Letter::OtherStart => plain(FromPc::Start { order: OTHER, first: 1 }),
-            Letter::End => {
-                let job = if self.is_free() { 0 } else { self.jobs };
-                SentMessage { job, ..plain(FromPc::End { order: OURS }) }
-            }
-            Letter::Interrupt => plain(FromPc::Interrupt { order: OURS }),
-            Letter::Job(offset) => job(OURS, offset, true),
-            Letter::OtherOrder => job(OTHER, 0, true),
-            Letter::BadJob => job(OURS, 0, false),
-            Letter::OtherStatus => plain(FromPc::Status { order: OTHER }),
-            Letter::Corrupt => SentMessage { message: None, job: 0 },
-        }
-    }
-
-    /// Appends the answers of a PC that follows the rules.
-    fn answers(&self, w: &World, acts: &mut Vec<Act>) {
-        let Peer::Lossy { insists, only_late } = self.peer else { return };
-        if w.faults > 0 {
-            acts.push(Act::Transmit([N; 3]));
-        }
-        let (accepted, asked) = self.transmit(&mut w.clone(), &mut None);
-        let Some(from) = asked else {
-            let letter = match (accepted, insists && w.sent_all) {
-                (true, true) => Letter::End,
-                (true, false) => Letter::Filler,
-                (false, _) => Letter::Start,
-            };
-            acts.push(Act::Transmit([letter, N, N]));
-            return;
-        };
-        let one = [Letter::Job(0), N, N];
-        let packets = match self.jobs - from {
-            0 => vec![[Letter::End, N, N]],
-            1 => vec![[Letter::Job(0), Letter::End, N], one],
-            2 => vec![[Letter::Job(0), Letter::Job(1), Letter::End], one],
-            _ => vec![[Letter::Job(0), Letter::Job(1), Letter::Job(2)], one],
-        };
-        for packet in packets {
-            acts.push(Act::Transmit(packet));
-            for at in (0..3).filter(|at| w.faults > 0 && !only_late && packet[*at] != N) {
-                let mut bad = packet;
-                bad[at] = Letter::Corrupt;
-                acts.push(Act::Transmit(bad));
-            }
-        }
-    }
-
-    /// Returns the messages of a PC with any behaviour.
-    fn letters(&self, w: &World) -> Vec<Letter> {
-        let (next, any) = (w.next(), self.peer == Peer::Any);
-        let mut letters =
-            vec![Letter::Filler, Letter::Corrupt, Letter::OtherOrder, Letter::Start, Letter::OtherStatus];
-        let mut may = |may: bool, letter| {
-            if may {
-                letters.push(letter);
-            }
-        };
-        may(w.robot.order != Order::Idle, Letter::OtherStart);
-        may(next > 0, Letter::Job(-1));
-        may(next + 1 < self.jobs, Letter::Job(1));
-        may(next < self.jobs, Letter::BadJob);
-        may(next < self.jobs && any, Letter::Job(0));
-        may(any, Letter::End);
-        may(any, Letter::Interrupt);
-        letters
-    }
-
-    fn is_ready(w: &World) -> bool {
-        matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW, .. }, .. })
-    }
-
-    /// Returns whether the queue may be checked: all reports are handed over before every check except the first.
-    fn may_look(w: &World) -> bool {
-        let second = matches!(
-            w.stage(),
-            Some(Stage::Clearing { reported_at: NOW, .. } | Stage::Interrupted { reported_at: NOW })
-        );
-        w.unreported == 0
-            || !second && matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }))
-    }
-
-    fn is_due(&self, w: &World) -> bool {
-        let mut after = w.clone();
-        self.pass(&mut after, &mut None);
-        after != *w
+        after != *end
     }
 
     /// Returns the longest time of a stall. A look at a settled queue takes 2 ms, and a tick here.
@@ -263,243 +116,358 @@ impl AnyPc {
         let ticks = self.robot.alarm_bound().as_millis() / TICK.as_millis();
         ticks as u32 + u32::from(self.robot.recovery.clears)
     }
+
+    /// Records whether the order stalls.
+    fn settle(&self, end: &Machine, known: &mut Knowledge) {
+        let intake = matches!(stage(end), Some(Stage::Intake { .. } | Stage::Clearing { .. }));
+        let stands = !self.late && intake && known.queue.is_empty() && known.unreported == 0;
+        known.stands = stands.then(|| end.is_connected());
+        known.next = if stage(end).is_some() { end.queued as u8 } else { 0 };
+        if !stands {
+            known.stood = 0;
+        }
+    }
 }
 
-impl System for AnyPc {
-    type State = World;
-    type Act = Act;
-
-    fn init(&self) -> World {
-        let mut robot = Robot::new(&self.robot);
-        if let Starts::New { ignored_until, .. } = &mut robot.starts {
-            *ignored_until = NOW;
+/// Returns whether the queue may be checked: all reports are handed over before every check except the first of two.
+fn may_check(end: &Machine, known: &Knowledge) -> bool {
+    match stage(end) {
+        Some(Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at }) => {
+            known.unreported == 0 || reported_at != NOW
         }
-        World {
-            robot,
+        _ => known.unreported == 0,
+    }
+}
+
+impl Peer for AnyPc {
+    type End = Machine;
+    type Knowledge = Knowledge;
+    type Step = Step;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &RobotConfig {
+        &self.robot
+    }
+
+    fn end(&self) -> Machine {
+        Machine::new(&self.robot)
+    }
+
+    fn known(&self) -> Knowledge {
+        Knowledge {
+            asked: None,
             down: Vec::new(),
-            tail: false,
+            held: Held::Nothing,
             queue: Vec::new(),
-            executing: None,
+            next: 0,
             unreported: 0,
-            begun: 0,
             done: 0,
             sent_all: false,
             over: false,
+            ended: [false; 2],
+            strange_for: (!self.robot.datagrams).then_some(0),
+            has_begun: false,
+            closes: false,
             faults: self.faults,
+            stands: None,
             stood: 0,
-            flags: Flags::default(),
+            inputs: Default::default(),
+            check: QueueCheck::Idle,
+            read: 0,
+            wrong: None,
         }
     }
 
-    fn acts(&self, w: &World, acts: &mut Vec<Act>) {
-        if matches!(w.robot.link, Link::Connecting { .. }) {
-            acts.push(Act::Connect);
-            return;
+    fn steps(&self, end: &Machine, known: &Knowledge, steps: &mut Vec<Step>) {
+        let connected = end.is_connected();
+        if known.has_begun && matches!(end.link, Link::Connecting { .. }) {
+            steps.push(Step::Connect);
         }
-        let (connected, free) = (w.robot.is_connected(), self.is_free());
-        let due = Self::may_look(w) && self.is_due(w);
-        let ready = Self::is_ready(w);
-        if due {
-            acts.push(Act::Timeout);
+        if connected && (known.closes || !self.is_free() && self.is_faulty(known)) {
+            steps.push(Step::Break);
         }
-        if ready && !due {
-            if free {
-                acts.push(Act::Transmit([N; 3]));
-            }
-            self.answers(w, acts);
+        if !self.is_free()
+            && known.over
+            && known.is_quiet()
+            && matches!(end.link, Link::Connected { silent: 0, .. })
+        {
+            steps.push(Step::Again);
         }
-        if w.executing.is_some() {
-            acts.push(Act::Done);
+        if let Some(asked) = known.asked {
+            self.answers(known, asked, steps);
         }
-        if w.unreported > 0 {
-            acts.push(Act::Report);
+        if !known.queue.is_empty() {
+            steps.push(Step::Execute);
         }
-        if let Some(packet) = w.down.first() {
-            acts.push(Act::Read(packet.len() as u8));
-            if self.is_faulty(w) {
-                acts.extend((1..packet.len()).map(|count| Act::Read(count as u8)));
-            }
+        if known.unreported > 0 {
+            steps.push(Step::Report);
         }
-        if connected && free {
-            acts.extend(self.letters(w).into_iter().map(Act::Receive));
-            if matches!(w.robot.link, Link::Connected { cycle: Cycle::Waiting { answered: true, .. }, .. }) {
-                acts.push(Act::ReadEnd);
-            }
-            if matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { .. }, .. }) {
-                acts.extend([Act::ReadEnd, Act::ReadHalf]);
+        if self.is_check_due(end, known) {
+            steps.push(Step::Check);
+        }
+        if let Some(packet) = known.down.first() {
+            steps.push(Step::Read(packet.len() as u8));
+            if self.is_faulty(known) {
+                steps.extend((1..packet.len()).map(|count| Step::Read(count as u8)));
             }
         }
-        if connected && (free || self.is_faulty(w)) {
-            acts.push(Act::Break);
+        if connected && self.is_free() {
+            steps.extend(self.letters(end, known).into_iter().map(Step::Say));
+            match known.held {
+                Held::Half => steps.push(Step::Rest),
+                _ => steps.extend([false, true].map(|after_filler| Step::Half { after_filler })),
+            }
         }
-        let alarm = w.stage() == Some(Stage::Alarm);
-        if alarm {
-            acts.push(Act::ClearQueue);
-        }
-        let urgent = due || ready || w.unreported > 0;
-        if (!urgent || self.late) && (free || w.down.is_empty() || w.faults > 0) {
-            acts.push(Act::Tick);
+        if stage(end) == Some(Stage::Alarm) {
+            steps.push(Step::ClearQueue);
         }
     }
 
-    fn step(&self, state: &World, act: Act, mut edges: Option<&mut Vec<Edge>>) -> World {
-        let mut w = state.clone();
-        let edges = &mut edges;
-        match act {
-            Act::Connect => {
-                self.drive(&mut w, Input::Connected, edges);
+    fn by(&self, step: Step) -> Actor {
+        match step {
+            Step::Read(_) | Step::Say(_) | Step::Half { .. } | Step::Rest => Actor::Line,
+            Step::Report | Step::Check | Step::ClearQueue | Step::Connect | Step::Break => Actor::User,
+            Step::Again | Step::Answer(_) | Step::Execute => Actor::Others,
+        }
+    }
+
+    fn apply(&self, end: &Machine, known: &mut Knowledge, step: Step) -> Option<Input> {
+        let datagrams = self.robot.datagrams;
+        match step {
+            Step::Again => {
+                (known.over, known.done, known.sent_all, known.faults) = (false, 0, false, self.faults);
+                return None;
             }
-            Act::Break => {
-                w.faults -= u8::from(!self.is_free());
-                self.lose(&mut w, edges);
-            }
-            Act::Timeout => {
-                let late = matches!(
-                    w.robot.link,
-                    Link::Connected { cycle: Cycle::Waiting { overdue_at: NOW, .. }, .. }
-                );
-                w.faults = w.faults.saturating_sub(u8::from(late));
-                self.pass(&mut w, edges);
-            }
-            Act::Transmit(letters) => {
-                let (_, asked) = self.transmit(&mut w, edges);
-                w.faults -= u8::from(letters.contains(&Letter::Corrupt));
-                let from = asked.unwrap_or(w.done);
+            Step::Answer(letters) => {
+                known.faults -= u8::from(letters.contains(&Letter::Corrupt));
+                let asked = known.asked.take().and_then(|asked| asked.from);
+                let from = asked.unwrap_or(known.done);
                 let packet: Vec<_> =
                     letters.iter().filter(|l| **l != N).map(|l| self.sent(*l, from)).collect();
                 if !packet.is_empty() {
                     if let Some(from) = asked {
                         // It begins again where it is asked to.
-                        w.sent_all = from + packet.len() as u8 >= self.jobs;
+                        known.sent_all = from + packet.len() as u8 >= self.jobs;
                     }
-                    w.down.push(packet);
+                    known.down.push(packet);
                 }
+                return None;
             }
-            Act::Read(count) => {
-                let mut packet = w.down.remove(0);
+            Step::Read(count) => {
+                let mut packet = known.down.remove(0);
                 let rest = packet.split_off(count.into());
-                for sent in packet {
-                    self.deliver(&mut w, sent, edges);
-                }
-                self.drive(&mut w, Input::ReadEnd { whole: true }, edges);
                 if !rest.is_empty() {
-                    w.faults -= 1;
-                    w.down.insert(0, rest);
+                    known.faults -= 1;
+                    known.down.insert(0, rest);
                 }
+                known.hear(packet, datagrams);
             }
-            Act::Receive(letter) => {
-                let sent = self.sent(letter, w.next());
-                self.deliver(&mut w, sent, edges);
-            }
-            Act::ReadEnd => {
-                self.drive(&mut w, Input::ReadEnd { whole: true }, edges);
-            }
-            Act::ReadHalf => {
-                self.drive(&mut w, Input::ReadEnd { whole: false }, edges);
-            }
-            Act::Done => {
-                if let Some(job) = w.executing.take() {
-                    w.done = w.done.max(job + 1);
-                    w.unreported += 1;
+            Step::Say(letter) => known.hear([self.sent(letter, known.next)], datagrams),
+            Step::Half { after_filler } => {
+                known.begin_message();
+                if after_filler {
+                    known.inputs.push_back(Pending::Message(self.sent(Letter::Filler, 0)));
                 }
-                w.take();
+                known.held = Held::Half;
+                known.end_read(datagrams);
             }
-            Act::Report => self.report(&mut w, edges),
-            Act::ClearQueue => {
-                self.drive(&mut w, Input::ClearQueue, edges);
+            Step::Rest => {
+                known.held = Held::Nothing;
+                known.hear([self.sent(Letter::Filler, 0)], datagrams);
             }
-            Act::Tick => {
-                w.stood += u8::from(self.stands(&w) && w.robot.is_connected());
-                age(&mut w.robot, TICK);
+            Step::Execute => {
+                known.wrong = known.execute().or(known.wrong);
+                self.settle(end, known);
+                return None;
+            }
+            Step::Report => {
+                known.unreported -= 1;
+                return Some(Input::Executed { number: self.number(end.executed as u8) });
+            }
+            Step::Check => {
+                known.check = QueueCheck::Done;
+                known.inputs.extend(self.found(end, known));
+            }
+            Step::ClearQueue => return Some(Input::ClearQueue),
+            Step::Connect => {
+                known.lose();
+                return Some(Input::Connected);
+            }
+            Step::Break => {
+                known.faults -= u8::from(!self.is_free() && !known.closes);
+                known.lose();
+                return Some(Input::Disconnected);
             }
         }
-        if !self.stands(&w) {
-            w.stood = 0;
-        }
-        if self.is_free() {
-            w.project();
-        }
-        w
+        self.next(end, known)
     }
 
-    fn broken(&self, w: &World, broken: &mut Vec<&'static str>) {
-        let flags = w.flags;
+    /// A driver handles what is due before it sends.
+    fn may_call(&self, end: &Machine, known: &Knowledge, call: Call) -> bool {
+        match call {
+            Call::HandleTimeout => may_check(end, known),
+            Call::PollTransmit => {
+                let expires = end.expires(NOW) && may_check(end, known);
+                !expires && !self.is_check_due(end, known)
+            }
+        }
+    }
+
+    fn next(&self, end: &Machine, known: &mut Knowledge) -> Option<Input> {
+        if known.check == QueueCheck::Due {
+            if end.expires(NOW) {
+                return None;
+            }
+            known.check = QueueCheck::Done;
+            known.inputs.extend(self.found(end, known));
+        }
+        Some(match known.inputs.pop_front() {
+            Some(Pending::Message(SentMessage { message: Some(message), job })) => {
+                known.read = job;
+                let room = !matches!(message, FromPc::Job { .. }) || known.queue.len() < self.capacity;
+                Input::Message { message, room }
+            }
+            Some(Pending::Message(_) | Pending::Corrupt) => Input::Corrupt,
+            Some(Pending::ReadEnd { whole }) => Input::ReadEnd { whole },
+            Some(Pending::Settled) => Input::Settled,
+            Some(Pending::Drained) => Input::Drained,
+            None => {
+                let Some(report) = end.report() else {
+                    (known.check, known.read) = (QueueCheck::Idle, 0);
+                    return None;
+                };
+                known.closes = report == Report::Disconnect;
+                Input::Reported
+            }
+        })
+    }
+
+    fn sent(&self, due: &DuePacket) -> Input {
+        Input::Sent(SentPacket {
+            acked: 0,
+            start: due.start.is_some(),
+            end: due.end.is_some(),
+            status: due.status.is_some(),
+            pause: due.pause.is_some(),
+            request: due.request.is_some(),
+        })
+    }
+
+    fn answer(&self, end: &Machine, _: &mut Knowledge, _: &DuePacket) -> Input {
+        Input::Sent(packet(end, &self.robot).1)
+    }
+
+    fn acted(&self, end: &Machine, known: &mut Knowledge, cause: CauseOf<Self>, action: Action) {
+        match cause {
+            Cause::Due if known.check == QueueCheck::Idle => known.check = QueueCheck::Due,
+            Cause::Connected => {
+                known.lose();
+                known.has_begun = true;
+                known.strange_for.get_or_insert(LATEST);
+            }
+            Cause::Disconnected => known.lose(),
+            Cause::Sent(due) if !self.is_free() => {
+                let from = due.request.map(|_| end.queued as u8);
+                known.asked = Some(Asked { accepted: end.order.number() == OURS || known.over, from });
+            }
+            _ => {}
+        }
+        match action {
+            Action::Queue => known.queue.push(known.read),
+            Action::Clear | Action::Interrupt => known.queue.clear(),
+            Action::Step(step @ (RecoveryStep::Clear | RecoveryStep::Alarm)) => {
+                if !known.queue.is_empty() {
+                    known.wrong = Some(HEALTHY);
+                }
+                if step == RecoveryStep::Clear {
+                    known.queue.clear();
+                }
+            }
+            Action::Over => {
+                if end.executed != u32::from(known.done) {
+                    known.wrong = Some(WRONG_COUNT);
+                }
+                known.over = true;
+                known.ended[usize::from(end.ended.is_some_and(|ended| ended.order == OTHER))] |=
+                    self.robot.datagrams;
+            }
+            Action::Started => {
+                (known.done, known.over) = (0, false);
+                let is_old = known.ended[usize::from(end.order.number() == OTHER)];
+                if self.robot.datagrams && (is_old || known.strange_for != Some(0)) {
+                    known.wrong = Some(OLD_START);
+                }
+            }
+            Action::Ending if end.queued < known.read.into() => known.wrong = Some(EARLY_END),
+            Action::NoReply => known.faults = known.faults.saturating_sub(1),
+            _ => {}
+        }
+        self.settle(end, known);
+    }
+
+    fn tick(&self, known: &mut Knowledge) {
+        known.stood += u8::from(known.stands == Some(true));
+        known.strange_for = known.strange_for.map(|ticks| ticks.saturating_sub(1));
+    }
+
+    fn restarted(&self, known: &mut Knowledge) {
+        *known = Knowledge { wrong: known.wrong, ..self.known() };
+    }
+
+    /// A PC that does anything does not read the replies, which have no other effect.
+    fn forget(&self, end: &mut Machine) {
+        if !self.is_free() {
+            return;
+        }
+        (end.replies, end.ended) = (Replies::default(), None);
+        end.acked = end.executed;
+        if let Link::Connected { status_at, .. } = &mut end.link {
+            *status_at = Duration::MAX;
+        }
+        if end.order == Order::Idle {
+            (end.queued, end.executed, end.acked) = (0, 0, 0);
+        }
+    }
+
+    fn broken(&self, end: &Machine, known: &Knowledge, broken: &mut Vec<&'static str>) {
         let mut add = |is_broken: bool, name| {
             if is_broken {
                 broken.push(name);
             }
         };
-        add(flags.twice, TWICE);
-        add(flags.skipped, SKIPPED);
-        add(flags.early_end, EARLY_END);
-        add(flags.wrong_count, WRONG_COUNT);
-        add(flags.unexpected, UNEXPECTED);
-        add(flags.healthy, HEALTHY);
-        add(u32::from(w.stood) > self.bound(), BOUND);
-        let counted = w.robot.executed + u32::from(w.unreported);
-        add(w.stage().is_some() && counted != u32::from(w.done), WRONG_COUNT);
-        let alarm = w.stage() == Some(Stage::Alarm);
-        add(alarm && !self.is_free() && self.faults < 4, NO_ALARM);
-        add(!self.is_free() && w.over && w.done < self.jobs, EARLY_END);
-        let idles = w.robot.deadline() == Some(NOW) && Self::may_look(w) && !Self::is_ready(w);
-        add(idles && !self.is_due(w), NO_SPIN);
+        let stage = stage(end);
+        let counted = end.executed + u32::from(known.unreported);
+        add(stage.is_some() && counted != u32::from(known.done), WRONG_COUNT);
+        add(u32::from(known.stood) > self.bound(), BOUND);
+        add(stage == Some(Stage::Alarm) && !self.is_free() && self.faults < 4, NO_ALARM);
+        add(!self.is_free() && known.over && known.done < self.jobs, EARLY_END);
+        let is_ready = end.transmit(NOW, &self.robot).is_some();
+        add(end.deadline() == Some(NOW) && !is_ready && !end.expires(NOW), NO_SPIN);
+        broken.extend(known.wrong);
     }
 
-    fn fault_free_step(&self, w: &World) -> Option<Act> {
-        let mut acts = Vec::new();
-        self.acts(w, &mut acts);
-        let first = |f: &dyn Fn(&Act) -> bool| acts.iter().copied().find(|act| f(act));
-        let whole = w.down.first().map(|packet| packet.len() as u8);
-        first(&|act| matches!(act, Act::Report))
-            .or_else(|| first(&|act| matches!(act, Act::Connect | Act::Timeout | Act::ClearQueue)))
-            .or_else(|| first(&|act| matches!(act, Act::Read(count) if Some(*count) == whole)))
-            .or_else(|| {
-                let Link::Connected { cycle: Cycle::Waiting { answered, .. }, .. } = w.robot.link else {
-                    return None;
-                };
-                let letter = match w.robot.order {
-                    Order::Idle => Letter::Start,
-                    Order::Active { number: OURS, .. } if w.next() < self.jobs => Letter::Job(0),
-                    Order::Active { .. } => Letter::End,
-                };
-                let withheld = letter == Letter::Job(0) && self.peer == Peer::Withholds;
-                let letter = if withheld { Letter::Filler } else { letter };
-                first(&|act| match act {
-                    Act::ReadEnd => answered,
-                    Act::Receive(received) => !answered && *received == letter,
-                    _ => false,
-                })
-            })
-            .or_else(|| first(&|act| *act == Act::Transmit([N; 3]) && self.is_free()))
-            .or_else(|| {
-                if !Self::is_ready(w) {
-                    return None;
-                }
-                let (accepted, asked) = self.transmit(&mut w.clone(), &mut None);
-                let letter = match (accepted, asked) {
-                    (_, Some(from)) if from < self.jobs => Letter::Job(0),
-                    (_, Some(_)) => Letter::End,
-                    (false, None) => Letter::Start,
-                    (true, None) => Letter::Filler,
-                };
-                let end = [Letter::End, N, N];
-                let good = |letters: &[Letter; 3]| letters[0] == letter || accepted && *letters == end;
-                first(&|act| matches!(act, Act::Transmit(letters) if good(letters)))
-            })
-            .or_else(|| first(&|act| matches!(act, Act::Done)))
-            .or_else(|| first(&|act| matches!(act, Act::Tick)))
+    fn is_over(&self, end: &Machine, known: &Knowledge) -> bool {
+        known.over || self.behaviour == Behaviour::Withholds && stage(end) == Some(Stage::Alarm)
     }
 
-    fn is_over(&self, w: &World) -> bool {
-        w.over || self.peer == Peer::Withholds && w.stage() == Some(Stage::Alarm)
+    fn is_urgent(&self, end: &Machine, known: &Knowledge) -> bool {
+        let is_called = known.unreported > 0 || self.is_check_due(end, known);
+        let arrives = !self.is_free() && known.faults == 0 && !known.down.is_empty();
+        known.closes || known.asked.is_some() || arrives || !self.late && is_called
     }
 
-    fn stands(&self, w: &World) -> bool {
-        let intake = matches!(w.stage(), Some(Stage::Intake { .. } | Stage::Clearing { .. }));
-        !self.late && intake && w.is_empty() && w.unreported == 0
-    }
-
-    fn ticks(&self, act: Act) -> u32 {
-        u32::from(act == Act::Tick)
+    fn fault_free_step(&self, end: &Machine, known: &Knowledge) -> Option<Step> {
+        let mut steps = Vec::new();
+        self.steps(end, known, &mut steps);
+        let first = |f: &dyn Fn(Step) -> bool| steps.iter().copied().find(|step| f(*step));
+        let whole = known.down.first().map(|packet| packet.len() as u8);
+        let called = [Step::Report, Step::Connect, Step::Check, Step::ClearQueue];
+        let called = called.into_iter().find(|step| steps.contains(step));
+        called
+            .or_else(|| known.closes.then_some(Step::Break))
+            .or_else(|| first(&|step| matches!(step, Step::Read(count) if Some(count) == whole)))
+            .or_else(|| first(&|step| self.is_obliging(end, known, step)))
+            .or_else(|| first(&|step| step == Step::Execute))
     }
 }

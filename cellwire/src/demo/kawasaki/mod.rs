@@ -16,7 +16,7 @@ use self::tally::Orders;
 use crate::demo::DemoOptions;
 use crate::demo::operator::Operator;
 use crate::devices::device::Endpoint;
-use crate::devices::kawasaki_msg::pc::Packets;
+use crate::devices::kawasaki_msg::endpoint::Packets;
 use crate::devices::kawasaki_msg::peer_endpoint::{PeerEndpoint, Side};
 use crate::devices::kawasaki_msg::robot::{self, Setup};
 use crate::devices::kawasaki_msg::sheet::{Lines, SHEET};

@@ -86,7 +86,7 @@ pub enum Connection<'a> {
 ///
 /// # Errors
 /// The errors of `observe`, and an endpoint that fails.
-pub(super) fn run<S: HostedSession>(
+pub fn run<S: HostedSession>(
     side: Side,
     meeting: &mut PeerEndpoint,
     trace: &Trace,

@@ -3,7 +3,6 @@
 mod control;
 pub mod endpoint;
 pub mod options;
-pub mod pc;
 pub mod peer_endpoint;
 pub mod robot;
 pub mod sheet;

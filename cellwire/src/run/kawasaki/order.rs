@@ -6,7 +6,7 @@ use cellwire_links::kawasaki_msg::layout::AnyWork;
 
 /// The jobs of an order.
 #[derive(Debug)]
-pub struct Order<'a> {
+pub(super) struct Order<'a> {
     /// The jobs of the file.
     pub jobs: &'a [AnyWork],
     /// The places of the order's jobs in `jobs`.

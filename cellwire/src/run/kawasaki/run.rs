@@ -1,5 +1,6 @@
 //! The run: one order after another, until every job is done.
 
+use std::cell::Cell;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
@@ -10,10 +11,11 @@ use serde_json::{Value, json};
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::order::Order;
-use crate::devices::kawasaki_msg::pc::{self, Connection, Packets, Program};
-use crate::devices::kawasaki_msg::peer_endpoint::PeerEndpoint;
+use crate::devices::kawasaki_msg::endpoint::{self, Connection, Packets, Report};
+use crate::devices::kawasaki_msg::peer_endpoint::{PeerEndpoint, Side};
 use crate::io::journal::Outcome;
 use crate::run::{self, Console, ResumeAnswer, ResumeChoice, STOP_WITHIN};
+use cellwire_io::clock::Clock;
 use cellwire_io::drive::ConnectionLost;
 use cellwire_io::trace::Trace;
 
@@ -124,7 +126,24 @@ impl<'a> Runner<'a> {
                 json!({"event": "order_resumed", "order": order, "executed": executed, "sent": sent}),
             );
         }
-        let packets = pc::run(meeting, pc, trace, &mut self)?;
+        let (is_over, clock) = (Cell::new(false), Clock::start());
+        let goes_on = || !is_over.get();
+        let packets =
+            endpoint::run(
+                Side::Pc,
+                meeting,
+                trace,
+                clock,
+                &mut pc,
+                goes_on,
+                |session, report| match report {
+                    Report::Event(event) => self.event(event),
+                    Report::Sending => self.keep(session),
+                    Report::Settled => self.step(session).map(|goes_on| is_over.set(!goes_on)),
+                    Report::Connection(change) => self.connection(change),
+                    Report::Handled(_) => Ok(()),
+                },
+            )?;
         Ok((self.ended.unwrap_or(RunEnd::Stopped), packets))
     }
 
@@ -193,10 +212,6 @@ impl<'a> Runner<'a> {
             false => bail!("no robot connected within {most}: see --robot-timeout"),
         }
     }
-}
-
-impl<'a> Program for Runner<'a> {
-    type Jobs = Order<'a>;
 
     /// Stores the state in the journal before anything is sent.
     fn keep(&mut self, session: &mut Pc<'a>) -> Result<()> {
@@ -210,6 +225,7 @@ impl<'a> Program for Runner<'a> {
         Ok(())
     }
 
+    /// Acts on the session once everything that has happened was reported; false ends the run.
     fn step(&mut self, session: &mut Pc<'a>) -> Result<bool> {
         while let Some(answered) = self.console.listen(Duration::ZERO) {
             self.answer(answered)?;

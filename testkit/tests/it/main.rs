@@ -8,7 +8,6 @@ mod drivers;
 mod fanuc_ls_programs;
 mod fanuc_ls_properties;
 mod field;
-mod isra_ball_session;
 mod kawasaki_as;
 mod kawasaki_cycle;
 mod kawasaki_datagrams;

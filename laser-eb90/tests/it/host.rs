@@ -86,6 +86,7 @@ fn resends_end_at_the_limit() {
     submit(&mut host, 1).unwrap();
     assert_eq!(transmit(&mut host, sent + MS * 9000), None, "held until the caller resumes");
     host.resume();
+    assert!(!host.is_held());
     assert!(transmit(&mut host, sent + MS * 9000).is_some());
     assert_eq!((host.statistics().frames, host.statistics().resends), (5, 3));
 }

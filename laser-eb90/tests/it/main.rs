@@ -16,4 +16,5 @@ mod host;
 mod machine;
 #[cfg(feature = "arbitrary")]
 mod properties;
+mod timing;
 mod words;

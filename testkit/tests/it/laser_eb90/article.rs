@@ -9,8 +9,7 @@ use robot_session::Session as _;
 use robot_session::contract::Rng;
 use robot_work_queue::Reader;
 
-use crate::laser_eb90::cell::MS;
-
+const MS: Duration = Duration::from_millis(1);
 /// No frame takes longer.
 const LIMIT: Duration = Duration::from_secs(20);
 const CUT: u16 = 0x0101;

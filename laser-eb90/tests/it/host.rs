@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use crate::common::{CUT, MS, READY, STOP, WHERE, cut, echo, encoded, host, write_cut};
 use laser_eb90::robot_session::end::{End as _, Machine as _};
-use laser_eb90::robot_session::{EchoError, Session as _, Unexpected};
+use laser_eb90::robot_session::{EchoError, Session, Unexpected};
 use laser_eb90::{
     DecodeError, EncodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal,
     SessionError, UnknownReason, timing,
@@ -350,6 +350,13 @@ fn parameters_that_read_as_a_command_word_are_refused() {
     assert_eq!(host.take_back(), 1);
     assert!(host.is_idle());
     assert_eq!(host.submit(STOP, |p| p.i16(&[1]).map(drop)), Ok(1), "1 is not a command word");
+}
+
+/// A frame whose answer is given up must not be executed later: a driver discards its bytes.
+#[test]
+fn bytes_that_nobody_has_taken_are_discarded_when_the_answer_is_given_up() {
+    let config = HostConfig { answer_timeout: MS * 700, ..HostConfig::default() };
+    assert_eq!(Session::discards_after(&host(config)), Some(MS * 700));
 }
 
 /// On a slow line an answer takes longer; on a fast one nothing is quicker than the controller.

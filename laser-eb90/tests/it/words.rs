@@ -6,6 +6,20 @@ use laser_eb90::{
 };
 
 #[test]
+fn each_refusal_says_what_it_is() {
+    for (refusal, text) in [
+        (Refusal::BadChecksum, "wrong checksum"),
+        (Refusal::BadFrame, "malformed frame"),
+        (Refusal::UnknownCommand, "unknown command word"),
+        (Refusal::BadBatch, "too many instructions in a frame, or one that must be alone"),
+        (Refusal::BadParameters, "wrong parameters, or the execution failed"),
+        (Refusal::QueueFull, "queue full"),
+    ] {
+        assert_eq!(refusal.to_string(), text);
+    }
+}
+
+#[test]
 fn every_word_has_one_meaning() {
     let message = |words: Result<Words, ConfigError>| words.unwrap_err().to_string();
     let twice = [(1..=9, Class::Interpreted), (5..=20, Class::Immediate)];

@@ -21,15 +21,19 @@ pub(super) fn packet(robot: &Robot, config: &RobotConfig) -> (Vec<FromRobot>, ro
     if messages.is_empty() {
         messages.push(FromRobot::Filler);
     }
-    let sent = robot::SentPacket {
-        acked: acked.iter().sum(),
+    (messages, sent(&due, acked.iter().sum()))
+}
+
+/// Returns the contents of a packet with every message that is due, and with the acknowledgements of this many jobs.
+pub(super) fn sent(due: &robot::DuePacket, acked: u32) -> robot::SentPacket {
+    robot::SentPacket {
+        acked,
         start: due.start.is_some(),
         end: due.end.is_some(),
         status: due.status.is_some(),
         pause: due.pause.is_some(),
         request: due.request.is_some(),
-    };
-    (messages, sent)
+    }
 }
 
 impl DrawnMachine for Robot {

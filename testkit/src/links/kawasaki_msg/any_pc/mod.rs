@@ -7,12 +7,12 @@ mod world;
 use core::time::Duration;
 
 use kawasaki_msg::robot::machine::{
-    Action, DuePacket, Input, Link, Machine, Order, RecoveryStep, Replies, Report, SentPacket, Stage,
+    Action, DuePacket, Input, Link, Machine, Order, RecoveryStep, Replies, Report, Stage,
 };
 use kawasaki_msg::{FromPc, RobotConfig, timing};
 use robot_session::end::Machine as _;
 
-use super::machines::packet;
+use super::machines::{packet, sent};
 use super::pair::{NO_ALARM, NO_SPIN, TWICE};
 use super::text::Held;
 use super::world::TICK;
@@ -344,14 +344,7 @@ impl Peer for AnyPc {
     }
 
     fn sent(&self, due: &DuePacket) -> Input {
-        Input::Sent(SentPacket {
-            acked: 0,
-            start: due.start.is_some(),
-            end: due.end.is_some(),
-            status: due.status.is_some(),
-            pause: due.pause.is_some(),
-            request: due.request.is_some(),
-        })
+        Input::Sent(sent(due, 0))
     }
 
     fn answer(&self, end: &Machine, _: &mut Knowledge, _: &DuePacket) -> Input {

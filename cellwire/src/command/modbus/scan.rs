@@ -20,6 +20,8 @@ use cellwire_io::output::{log, remark};
 
 /// The number of times that a request is made whose connection is lost.
 const MAX_ATTEMPTS: usize = 2;
+/// More units than this do not reply alike by chance.
+const ALIKE: usize = 16;
 /// A server that cannot be connected to for this long ends the scan.
 const GIVEN_UP: Duration = Duration::from_secs(20);
 
@@ -103,7 +105,7 @@ fn units_of(args: &Args, client: &mut Client, seen: &mut RetryStatistics) -> Res
         replies.insert(reply);
     }
     bar::clear_bar();
-    if found > 16 && found == args.units.clone().count() && replies.len() == 1 {
+    if found > ALIKE && found == args.units.clone().count() && replies.len() == 1 {
         remark(&format!("all {found} units reply alike: the server probably ignores the unit"));
     }
     Ok(found as u64)

@@ -31,7 +31,7 @@ impl<'b> Payload<'b> {
                     payload.f32(&numbers)
                 }
             };
-            if added.is_err() || u.is_empty() || u.arbitrary()? {
+            if added.is_err() || !u.arbitrary::<bool>()? {
                 break;
             }
             kind = u.int_in_range(0..=4)?;

@@ -75,9 +75,8 @@ impl<const N: usize> Echo<N> {
         }
     }
 
-    /// Called when the last message, of `length` bytes, was found in the input after more noise than is examined here, by an
-    /// end whose frames cannot be answers. The echo of the next messages is dropped. Returns the error unless the echo was
-    /// known.
+    /// Called when an end whose frames cannot be answers has found the last message, of `length` bytes, as a frame in the input.
+    /// The echo of the next messages is dropped. Returns the error unless the echo was known.
     #[cold]
     pub fn found(&mut self, length: usize) -> Option<EchoError> {
         self.len = 0;

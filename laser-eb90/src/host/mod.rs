@@ -298,9 +298,8 @@ impl End for Host {
         };
         let config = &self.core.config;
         let len = Frame::new(frame.as_bytes(), &config.profile).encode(out).ok()?;
-        // An answer has one command word, and no instruction after that.
-        let is_proof = Items::new(frame.as_bytes(), &config.profile).count() > 1;
-        self.echo.sent(out.get(..len).unwrap_or_default(), is_proof);
+        // Where the echo is not known yet, `next_input` finds it as a frame.
+        self.echo.sent(out.get(..len).unwrap_or_default(), false);
         Some((len, Input::Sent { line: timing::transmission_time(len, config.baud) }))
     }
 

@@ -54,6 +54,16 @@ fn any_bytes_are_a_payload_that_decodes_to_itself() {
     assert!(commands > 3000, "{commands} of 5000 begin with a command word");
 }
 
+/// Where the bytes say so, or end.
+#[test]
+fn a_payload_ends_before_its_buffer() {
+    for (input, words) in [(&[0xFF, 1, 0x23, 0, 0][..], 1), (&[0xFF, 1, 0x23, 0], 1), (&[], 1)] {
+        let (mut u, mut buffer) = (Unstructured::new(input), [0; MAX_PAYLOAD]);
+        let payload = Payload::arbitrary(&mut u, &mut buffer, &Profile::default()).unwrap();
+        assert_eq!(payload.frame().unwrap().items().count(), words, "{input:?}");
+    }
+}
+
 #[test]
 fn a_buffer_without_space_for_an_item_has_no_payload() {
     for (length, expected) in [(3, None), (4, Some(4))] {

@@ -78,7 +78,7 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
     let free = any(Behaviour::Any, 0);
     let with = |robot| AnyPc { robot, ..free.clone() };
     let rules = PeerAssumptions {
-        keeps: "KM-3, KM-4, KM-7, KM-94, KM-95, KM-96",
+        keeps: "KM-3, KM-94, KM-95, KM-96",
         free: "how many jobs a packet has, whether it repeats the end; the line corrupts, splits, delays and breaks",
         shows: &[],
         properties: &[TWICE, pcs::SKIPPED, EARLY_END, WRONG_COUNT, pcs::HEALTHY, NO_ALARM, pcs::BOUND],
@@ -120,13 +120,20 @@ fn with_any_robot(depth: Depth) -> Vec<Setting> {
     let anything = PeerAssumptions {
         keeps: "",
         free: "any message at any time",
-        shows: &[],
+        shows: &[
+            ("KM-3", robots::SPOKEN),
+            ("KM-94", robots::ENDED),
+            ("KM-95", robots::REQUESTED),
+            ("KM-96", robots::REQUESTED),
+        ],
         properties: &[
             robots::AGAIN,
             robots::COUNTS,
             robots::REPORTED,
             robots::NUMBERS,
             robots::SPOKEN,
+            robots::REQUESTED,
+            robots::ENDED,
             robots::SILENCE,
             ONE_OUTCOME,
         ],

@@ -60,7 +60,7 @@ impl Wired for AnyRobot {
             (0..contents.commands).map(|_| format!("<Nopeus${}#{VALUE}#>", VALUE.to_string().len()));
         let from = answer.jobs.map_or(0, |(from, _)| from);
         let jobs = (from..from + contents.jobs).map(|index| {
-            let number = (index % u32::from(self.pc.max_number)) as u16 + 1;
+            let number = self.number(index);
             text::from_pc(FromPc::Job { order: answer.order, number, good: true }, index as u8)
         });
         let request = answer.request.map(|request| text::from_pc(request, 0));

@@ -8,7 +8,7 @@ use kawasaki_msg::pc::machine::{
     Action, Answer, Count, Input, Link, Machine, Order, Outcome, Reaction, Reply, Report, SentAnswer, Stage,
     Start, UnsentJobs,
 };
-use kawasaki_msg::{FromRobot, PcConfig, Phase, Status};
+use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, Status};
 use robot_session::end::Machine as _;
 
 use super::pair::{NO_SPIN, ONE_OUTCOME};
@@ -28,6 +28,8 @@ pub(super) const COUNTS: &str =
 pub(super) const REPORTED: &str = "progress is reported where there is some";
 pub(super) const NUMBERS: &str = "no number is in flight twice";
 pub(super) const SPOKEN: &str = "each answer follows a message";
+pub(super) const REQUESTED: &str = "jobs are sent from a requested one on, in one answer";
+pub(super) const ENDED: &str = "an order ends when all its jobs are executed, or its user ends it";
 pub(super) const SILENCE: &str = "a robot that is silent, or does not answer a start, is given up in time";
 
 /// A robot of which only this is known: it sends anything.
@@ -50,6 +52,10 @@ pub struct Knowledge {
     users: u8,
     /// A message has come since the last answer.
     spoken: bool,
+    /// The job that was requested last since the last answer, counted from 0.
+    requested: Option<u32>,
+    /// The user has ended the order.
+    ended: bool,
     /// Ticks since the last message, and since the start was sent.
     silent: u8,
     unanswered: u8,
@@ -138,6 +144,17 @@ impl AnyRobot {
         (answer, sent)
     }
 
+    /// Returns the number of a job, counted from 0.
+    fn number(&self, index: u32) -> u16 {
+        (index % u32::from(self.pc.max_number)) as u16 + 1
+    }
+
+    /// Returns the requested job, counted from 0: of the jobs with this number the first that is not known to be executed.
+    fn requested(&self, end: &Machine, number: u16) -> Option<u32> {
+        let is_active = matches!(end.order, Order::Running { stage: Stage::Active, .. });
+        (end.count.executed..=end.count.sent).find(|index| is_active && self.number(*index) == number)
+    }
+
     /// Returns all messages of a robot that have an effect.
     fn reports(&self) -> Vec<FromRobot> {
         let numbers = || (1..=self.pc.max_number).map(Some);
@@ -185,6 +202,8 @@ impl Peer for AnyRobot {
             started: 0,
             users: self.users,
             spoken: false,
+            requested: None,
+            ended: false,
             silent: 0,
             unanswered: 0,
             held: Held::Nothing,
@@ -236,11 +255,12 @@ impl Peer for AnyRobot {
         let (message, held) = match step {
             Step::Start => {
                 known.started += 1;
-                known.before = PcState::default();
+                (known.before, known.ended) = (PcState::default(), false);
                 return Some(Input::Start { order: OURS });
             }
             Step::Interrupt | Step::End | Step::Command => {
                 known.users -= 1;
+                known.ended |= step == Step::End;
                 return Some(match step {
                     Step::Interrupt => Input::Interrupt,
                     Step::End => Input::End,
@@ -273,6 +293,9 @@ impl Peer for AnyRobot {
         let read = Input::ReadEnd { whole: known.held != Held::Half };
         if message.is_some() {
             (known.spoken, known.silent) = (true, 0);
+        }
+        if let Some(FromRobot::Request { number, .. }) = message {
+            known.requested = self.requested(end, number).or(known.requested);
         }
         known.inputs =
             [Some(read), ends, message.map(Input::Message), begins].into_iter().flatten().collect();
@@ -314,20 +337,21 @@ impl Peer for AnyRobot {
             wrong(executed < before.executed, COUNTS);
             wrong(executed > queued || queued > sent || sent > self.jobs, COUNTS);
             known.news |= (executed, queued) != (before.executed, before.queued);
-            if is_news != known.news {
-                known.wrong = Some(REPORTED);
-            }
+            wrong(is_news != known.news, REPORTED);
         }
         match cause {
             Cause::Connected | Cause::Disconnected => known.lose(),
             Cause::Sent(answer) => {
-                let is_again = answer.jobs.is_some_and(|(from, _)| from < end.count.executed);
-                if is_again && self.written(&answer).1.jobs > 0 {
-                    known.wrong = Some(AGAIN);
+                let (written, contents) = self.written(&answer);
+                let requested = known.requested.take();
+                if let Some((from, _)) = answer.jobs.filter(|_| contents.jobs > 0) {
+                    let executed = end.count.executed;
+                    wrong(from < executed, AGAIN);
+                    wrong(requested.map(|index| index.max(executed)) != Some(from), REQUESTED);
                 }
-                if !core::mem::take(&mut known.spoken) {
-                    known.wrong = Some(SPOKEN);
-                }
+                let ends = matches!(written.request, Some(FromPc::End { .. }));
+                wrong(ends && !known.ended && end.count.executed != self.jobs, ENDED);
+                wrong(!core::mem::take(&mut known.spoken), SPOKEN);
             }
             Cause::Due | Cause::Step(_) => {}
         }
@@ -413,6 +437,7 @@ impl Peer for AnyRobot {
 impl Knowledge {
     /// Ends the connection: its bytes are lost.
     fn lose(&mut self) {
-        (self.spoken, self.silent, self.held, self.closes) = (false, 0, Held::Nothing, false);
+        (self.spoken, self.requested, self.silent) = (false, None, 0);
+        (self.held, self.closes) = (Held::Nothing, false);
     }
 }

@@ -74,6 +74,28 @@ impl<T> Future for Outcome<T> {
 /// A call whose future is dropped while the call waits is withdrawn: no part of it is sent. Once the session has accepted a
 /// call, the call continues, and its outcome is one of the [`events`](Self::events). A call that stops a motion, ends an
 /// order or clears a queue is made in any case. The documentation of other calls states any difference.
+///
+/// # Connection and events
+/// ```
+/// # use core::fmt::Debug;
+/// use robot_session::tokio::{Handle, Service};
+/// use tokio::sync::broadcast::error::RecvError;
+///
+/// /// Prints each change of the connection and each event until the task ends.
+/// async fn print<S: Service<Event: Debug>>(handle: &Handle<S>) {
+///     let (mut link, mut events) = (handle.link(), handle.events());
+///     loop {
+///         tokio::select! {
+///             Ok(()) = link.changed() => println!("{:?}", *link.borrow_and_update()),
+///             event = events.recv() => match event {
+///                 Ok(event) => println!("{event:?}"),
+///                 Err(RecvError::Lagged(lost)) => println!("{lost} events are lost: they were not read in time"),
+///                 Err(RecvError::Closed) => break,
+///             },
+///         }
+///     }
+/// }
+/// ```
 pub struct Handle<S: Service> {
     pub(super) calls: mpsc::Sender<S::Call>,
     pub(super) events: broadcast::Receiver<S::Event>,

@@ -308,7 +308,7 @@ fn session(seed: u64, log: Log) -> Tally {
     for wire in [&cell.robot.wire, &cell.platform.wire, &cell.conditioning.wire] {
         wire.settle(cell.now, &mut tally, 0, |_, _| Check::Nothing);
     }
-    cell.ledger.settle(cell.now, log, &mut tally, |_| false);
+    cell.ledger.settle(cell.now, log, &mut tally, |_, _| false);
     tally
 }
 

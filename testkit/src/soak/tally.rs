@@ -127,8 +127,9 @@ impl Ledger {
         self.0.jobs().is_empty()
     }
 
-    /// Counts the jobs. `forged` returns whether corruption that no check can see explains an outcome that must not be.
-    pub fn settle(self, now: Duration, log: Log, tally: &mut Tally, forged: impl Fn(&Span) -> bool) {
+    /// Counts the jobs. `forged` returns whether corruption that no check can see explains the wrong outcome of a job with this
+    /// number.
+    pub fn settle(self, now: Duration, log: Log, tally: &mut Tally, forged: impl Fn(usize, &Span) -> bool) {
         for (number, job) in self.0.jobs().iter().enumerate() {
             tally.jobs += 1;
             let (column, wrong) = match job.fate() {
@@ -140,7 +141,7 @@ impl Ledger {
             };
             if wrong.is_empty() {
                 *column += 1;
-            } else if forged(&job.note) {
+            } else if forged(number, &job.note) {
                 tally.forged += 1;
                 log.line(now, format_args!("job {number}: {wrong}, by corruption that no check can see"));
             } else {

@@ -340,6 +340,10 @@ impl<L: Transport> HandledLink for Modbus<L> {
         }
     }
 
+    fn is_in(job: usize, message: &[u8]) -> bool {
+        L::IS_RTU && message.windows(2).any(|value| value == word(job).to_be_bytes())
+    }
+
     fn job(work: &Work<Self>) -> Option<usize> {
         match work {
             Write::Registers(REGISTER, values) => values.first().copied().map(usize::from),
@@ -395,8 +399,13 @@ impl HandledLink for laser::Laser {
         }
     }
 
+    fn is_in(job: usize, message: &[u8]) -> bool {
+        message.windows(4).any(|value| value == f32::from(word(job)).to_le_bytes())
+    }
+
     fn job(work: &Job) -> Option<usize> {
-        work.floats(&ControllerConfig::default()).first().map(|float| *float as usize)
+        let floats = work.floats(&ControllerConfig::default());
+        floats.first().filter(|float| float.fract() == 0.0).map(|float| *float as usize)
     }
 }
 

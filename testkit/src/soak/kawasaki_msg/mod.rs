@@ -120,7 +120,7 @@ fn session<C: Controller>(seed: u64, datagrams: bool, log: Log) -> Tally {
     }
     let mut tally = Tally { invented: cell.invented, stuck: u64::from(stuck), ..Tally::default() };
     cell.wire.settle(cell.now, &mut tally, 0, |_, _| Check::Nothing);
-    cell.ledger.settle(cell.now, log, &mut tally, |_| false);
+    cell.ledger.settle(cell.now, log, &mut tally, |_, _| false);
     tally
 }
 

@@ -14,7 +14,7 @@ fn settled(reported: &[ReportedOutcome], times: usize, forged: bool) -> Tally {
         assert!(ledger.execute(job));
     }
     assert!(!ledger.execute(1) && !ledger.report(1, ReportedOutcome::Done, Mark::default()));
-    ledger.settle(Duration::ZERO, Log::OFF, &mut tally, |_| forged);
+    ledger.settle(Duration::ZERO, Log::OFF, &mut tally, |_, _| forged);
     tally
 }
 

@@ -42,7 +42,7 @@ pub struct Orders<W, K> {
     /// The index of the order's first job in the caller's list.
     first: u32,
     active: Option<ActiveOrder>,
-    /// The order that has ended. `None` if no part of it was sent: the journal stays as it is.
+    /// The end of an order, until it is stored. `None` if no part of the order was sent: the journal stays as it is.
     ended: Option<LastOrder>,
     /// The outcome of an order that is not stored yet.
     outcome: Option<OrderOutcome>,
@@ -215,10 +215,9 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         let _stored = self.outcome.take();
         let (order, sent, executed) = (session.order().unwrap_or(0), session.sent(), session.executed());
         let (kept_order, kept_sent, kept_executed) = self.kept;
+        let is_kept = (order, sent) == (kept_order, kept_sent) && executed < kept_executed + STORE_EVERY;
         let last = match session.order() {
-            _ if (order, sent) == (kept_order, kept_sent) && executed < kept_executed + STORE_EVERY => {
-                return Ok(());
-            }
+            Some(_) if is_kept => return Ok(()),
             Some(_) => Some(LastOrder::Active(self.progress(session))),
             // The event that ends the order is still in the session.
             None if self.active.is_some() => return Ok(()),
@@ -226,6 +225,7 @@ impl<W: Job, K: ProgressStore> Service for Orders<W, K> {
         };
         if let Some(last) = last {
             self.keep.keep(&last).await?;
+            self.ended = None;
         }
         self.kept = (order, sent, executed);
         Ok(())

@@ -139,6 +139,46 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(over));
 }
 
+/// The program was killed after it had stored an order, and before the robot could begin it: the next one ends the order, and
+/// the one after that begins it.
+#[tokio::test]
+async fn an_order_that_the_robot_has_not_begun_ends_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    fs::write(&path, line("7 0 0 0")).unwrap();
+    let (journal, last) = Journal::open(&path).unwrap();
+    let LastOrder::Active(kept) = last else { panic!("{last:?}") };
+    let (pc, address, _task) = listening(any(), journal).await;
+    let robot = robot(address);
+    let over = timeout(LONG, pc.resume(kept, jobs(20)).await.unwrap()).await.unwrap().unwrap();
+    assert_eq!(over, OrderResult { executed: 0, complete: false, unfit: None });
+    pc.handle().shutdown().await;
+    let (journal, last) = Journal::open(&path).unwrap();
+    assert_eq!(last, LastOrder::None);
+    let (pc, _, _task) = listening(address, journal).await;
+    let over = timeout(LONG, pc.run(7, jobs(20))).await.unwrap().unwrap();
+    assert_eq!(over, OrderResult { executed: 20, complete: true, unfit: None });
+    assert_eq!(executed(robot), jobs(20));
+}
+
+/// An order that ends before its start is stored leaves no order that is active.
+#[tokio::test]
+async fn the_end_of_an_order_is_stored_though_nothing_was_sent() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("journal");
+    fs::write(&path, line("7 0 0 0")).unwrap();
+    let (journal, _) = Journal::open(&path).unwrap();
+    let (pc, address, _task) = listening(any(), journal).await;
+    let robot = robot(address);
+    let order = pc.start(8, jobs(20)).await.unwrap();
+    pc.interrupt().await.unwrap();
+    let over = timeout(LONG, order).await.unwrap().unwrap();
+    assert_eq!(over, OrderResult { executed: 0, complete: false, unfit: None });
+    pc.handle().shutdown().await;
+    drop(robot);
+    assert_eq!(Journal::open(&path).unwrap().1, LastOrder::None);
+}
+
 /// State that is not stored, because the disk is full or does not answer, does not reach the robot.
 #[tokio::test]
 async fn nothing_is_sent_that_was_not_kept() {

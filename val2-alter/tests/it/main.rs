@@ -5,6 +5,7 @@
 mod arbitrary;
 #[cfg(all(feature = "bytes", feature = "serde"))]
 mod edges;
+mod exchange;
 #[cfg(feature = "tokio")]
 mod handle;
 #[cfg(all(feature = "arbitrary", feature = "bytes"))]

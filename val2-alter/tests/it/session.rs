@@ -109,8 +109,13 @@ fn bytes_without_a_connection_are_one_unexpected_input() {
 }
 
 /// Returns the reply at a time that leaves exactly `room` bytes in the window of the second message, after the first one has
-/// started ALTER.
-fn reply_in(room: usize, config: HostConfig, exception: Exception, values: [i16; 6]) -> Option<Vec<u8>> {
+/// started ALTER; and the number of replies in which a word waits.
+fn reply_in(
+    room: usize,
+    config: HostConfig,
+    exception: Exception,
+    values: [i16; 6],
+) -> Option<(Vec<u8>, u64)> {
     let mut host = Host::new(config).unwrap();
     host.handle_connected(Duration::ZERO);
     host.handle_input(Duration::ZERO, &wire(start(config.mode), config.framing));
@@ -122,7 +127,8 @@ fn reply_in(room: usize, config: HostConfig, exception: Exception, values: [i16;
     host.exception(56 * MS, exception).unwrap();
     host.handle_input(56 * MS, &request);
     let budget = Budget::new(config.mode.accumulation(), config.baud, request.len(), room);
-    sent(&mut host, 56 * MS + budget.slack().expect("the window is longer"))
+    let reply = sent(&mut host, 56 * MS + budget.slack().expect("the window is longer"))?;
+    Some((reply, host.statistics().held))
 }
 
 /// Only a word that would end after the window is left out; if the exception does not fit, no reply is sent.
@@ -151,7 +157,7 @@ fn a_reply_has_the_words_that_fit_its_window_and_ends_in_it() {
         };
         // 28 bytes take 14.6 ms of the 15 ms.
         for room in 8..=28 {
-            let Some(bytes) = reply_in(room, config, exception, values) else {
+            let Some((bytes, held)) = reply_in(room, config, exception, values) else {
                 assert!(longest([None; 6]) > room, "{room}: {exception:?}");
                 continue;
             };
@@ -159,6 +165,8 @@ fn a_reply_has_the_words_that_fit_its_window_and_ends_in_it() {
             let message = HostMessage::decode_frame(&bytes, framing).unwrap().unwrap().0;
             let HostMessage::Reply(reply) = message else { panic!("{message:?}") };
             assert_eq!(reply.exception, exception);
+            let waits = reply.values.iter().zip(values).any(|(sent, value)| sent.is_none() && value != 0);
+            assert_eq!(held, u64::from(waits), "{room}: {reply:?}");
             for axis in 0..6 {
                 assert!(reply.values[axis].is_none_or(|value| value == values[axis]));
                 let mut more = reply.values;

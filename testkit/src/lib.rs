@@ -28,12 +28,9 @@ pub mod links;
 pub mod model;
 #[cfg(feature = "links")]
 pub mod soak;
-mod turn;
 pub mod uart;
 
 use std::path::{Path, PathBuf};
-
-pub use turn::{Carrier, turn};
 
 /// Returns whether the tests over the table of links include this one: all links, or only the one in `LINK`.
 pub fn is_tested(link: &str) -> bool {

@@ -10,9 +10,9 @@ use mmacell_proto::{
 };
 use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 
+use super::line::Line;
 use super::{Check, Ledger, Log, ReportedOutcome, Row, Tally, Wire};
-use crate::link::{Delivery, End, Faults};
-use crate::{Carrier, turn};
+use crate::link::{End, Faults};
 use robot_session::contract::Rng;
 
 pub(super) const TASK: Row =
@@ -134,7 +134,7 @@ impl<P: Pose, D: Axes> Station<P, D> {
         }
         loop {
             let (mut line, mut asked) = (Line { wire: &mut self.wire, cut: self.cut }, None);
-            turn(&mut line, End::B, &mut self.device, now, |_, event| {
+            line.turn(End::B, &mut self.device, now, |_, event| {
                 if let DeviceEvent::Asked { order } = event {
                     asked = Some(order);
                 }
@@ -151,7 +151,7 @@ impl<P: Pose, D: Axes> Station<P, D> {
         let pose = self.pose(now);
         self.device.set_pose(pose);
         let (mut line, mut closed) = (Line { wire: &mut self.wire, cut: self.cut }, false);
-        turn(&mut line, End::A, &mut self.central, now, |_, event| {
+        line.turn(End::A, &mut self.central, now, |_, event| {
             closed |= matches!(event, CentralEvent::Closed { .. });
             if event == CentralEvent::Connected {
                 events.push(Event::Ready(self.name));
@@ -199,25 +199,6 @@ impl<P: Pose, D: Axes> Station<P, D> {
             Order::Servo { on: false } => self.stand(now),
             _ => {}
         }
-    }
-}
-
-/// The wire, as long as it is not cut.
-struct Line<'a> {
-    wire: &'a mut Wire,
-    cut: bool,
-}
-
-impl Carrier for Line<'_> {
-    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
-        if !self.cut {
-            self.wire.send(from, now, bytes);
-        }
-    }
-
-    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
-        let delivery = self.wire.receive_part(at, now, most)?;
-        if self.cut && delivery != Delivery::Closed { self.receive(at, now, most) } else { Some(delivery) }
     }
 }
 

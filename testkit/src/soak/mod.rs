@@ -9,6 +9,7 @@
 mod cell;
 mod handles;
 mod kawasaki_msg;
+mod line;
 mod log;
 mod tally;
 mod walks;

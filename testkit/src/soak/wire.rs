@@ -4,7 +4,6 @@ use core::time::Duration;
 
 use super::log::{Log, Mark};
 use super::tally::Tally;
-use crate::Carrier;
 use crate::link::{Delivery, End, Faults, Link};
 use robot_session::contract::Rng;
 
@@ -245,16 +244,6 @@ impl Wire {
 
     fn shown(&self, bytes: &[u8]) -> String {
         if self.text { bytes.escape_ascii().to_string() } else { hex(bytes) }
-    }
-}
-
-impl Carrier for Wire {
-    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
-        Wire::send(self, from, now, bytes);
-    }
-
-    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
-        Wire::receive_part(self, at, now, most)
     }
 }
 

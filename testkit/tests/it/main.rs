@@ -22,5 +22,4 @@ mod soak;
 mod targets;
 mod testkit_itself;
 mod threads;
-mod val2_alter;
 mod vectors;

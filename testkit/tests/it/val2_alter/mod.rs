@@ -1,5 +1,0 @@
-//! VAL II ALTER: both ends on one line.
-
-mod common;
-mod motion;
-mod session;

@@ -12,19 +12,19 @@ use kawasaki_msg::{
 };
 use robot_work_queue::Reader;
 
-const MS: Duration = Duration::from_millis(1);
+pub(crate) const MS: Duration = Duration::from_millis(1);
 /// A robot that never takes a step of recovery.
-const PATIENT: RobotConfig = RobotConfig { patience: Duration::MAX, ..RobotConfig::tcp() };
+pub(crate) const PATIENT: RobotConfig = RobotConfig { patience: Duration::MAX, ..RobotConfig::tcp() };
 
 /// A robot in order 50 whose PC is the test.
-struct Bench {
-    now: Duration,
-    robot: Robot<'static, Line>,
-    reader: Reader<'static, Job<Line>>,
+pub(crate) struct Bench {
+    pub(crate) now: Duration,
+    pub(crate) robot: Robot<'static, Line>,
+    pub(crate) reader: Reader<'static, Job<Line>>,
 }
 
 impl Bench {
-    fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
+    pub(crate) fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
         Self::within(Bounds::WIDEST, config, capacity, max_number)
     }
 
@@ -44,7 +44,7 @@ impl Bench {
     }
 
     /// Returns the bytes that the robot sends in this cycle, and answers them.
-    fn cycle(&mut self, answer: &[u8]) -> String {
+    pub(crate) fn cycle(&mut self, answer: &[u8]) -> String {
         self.now += Duration::from_secs(1);
         self.robot.handle_timeout(self.now);
         let mut out = [0; 4096];
@@ -60,7 +60,7 @@ impl Bench {
     }
 
     /// Executes the job that waits longest.
-    fn execute(&mut self) -> u16 {
+    pub(crate) fn execute(&mut self) -> u16 {
         let job = self.reader.take().expect("a job waits");
         let number = job.number;
         self.robot.job_done(self.now, number).unwrap();
@@ -68,7 +68,7 @@ impl Bench {
         number
     }
 
-    fn queued_numbers(&self) -> Vec<u16> {
+    pub(crate) fn queued_numbers(&self) -> Vec<u16> {
         self.reader.iter().map(|(_, job)| job.number).collect()
     }
 }
@@ -83,7 +83,7 @@ fn job_to(number: u16, x: i32) -> String {
     format!("<Tyo${}#{data}#>", data.len())
 }
 
-fn jobs(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
+pub(crate) fn jobs(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
     numbers.into_iter().map(job).collect::<String>().into_bytes()
 }
 
@@ -452,26 +452,6 @@ fn what_is_left_is_acknowledged_when_there_is_nothing_else_to_send() {
 }
 
 #[test]
-fn jobs_that_overtake_are_acknowledged_one_by_one() {
-    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 4, 999);
-    bench.cycle(&jobs(1..=4));
-    let job = bench.reader.take_where(|_, job| job.number == 3).unwrap();
-    bench.robot.job_done(bench.now, job.number).unwrap();
-    job.complete();
-    assert_eq!(bench.robot.executed(), 0, "1 and 2 are not");
-    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$3#><Tila$8#50$2$4$$#>"));
-    // After a new connection the job is acknowledged again: the first acknowledgement may be lost.
-    bench.robot.handle_disconnected(bench.now);
-    bench.now += Duration::from_secs(2);
-    bench.robot.handle_timeout(bench.now);
-    bench.robot.handle_connected(bench.now);
-    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$3#><Tila$8#50$2$4$$#>"));
-    bench.execute();
-    bench.execute();
-    assert_eq!(bench.robot.executed(), 3);
-}
-
-#[test]
 fn a_job_is_done_once_and_only_if_it_was_queued() {
     let mut bench = Bench::new(PATIENT, 8, 9999);
     bench.cycle(&jobs(1..=3));
@@ -480,40 +460,6 @@ fn a_job_is_done_once_and_only_if_it_was_queued() {
         assert_eq!(bench.robot.job_done(bench.now, number), Err(SessionError::NotQueued { number }));
     }
     assert_eq!(bench.robot.statistics().executed, 1);
-}
-
-/// After the wrap, the lowest number is not that of the oldest job.
-#[test]
-fn jobs_that_overtake_are_acknowledged_across_the_wrap() {
-    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 4, 5);
-    bench.cycle(&jobs([1, 2, 3]));
-    (0..3).for_each(|_| _ = bench.execute());
-    bench.cycle(&jobs([4, 5, 1, 2]));
-    let take = |bench: &mut Bench, number| {
-        let job = bench.reader.take_where(|_, job| job.number == number).unwrap();
-        bench.robot.job_done(bench.now, number).unwrap();
-        job.complete();
-    };
-    [2, 5].into_iter().for_each(|number| take(&mut bench, number));
-    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$2#><TyoKuittaus$4#50$5#>"));
-    [1, 4].into_iter().for_each(|number| take(&mut bench, number));
-    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$1#><TyoKuittaus$4#50$4#><T"));
-    assert_eq!((bench.robot.executed(), bench.robot.queued()), (7, 7));
-}
-
-#[test]
-fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
-    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 400, 999);
-    let all = jobs(1..=400);
-    for packet in all.chunks(4000) {
-        bench.cycle(packet);
-    }
-    (0..400).for_each(|_| _ = bench.execute());
-    let packets: Vec<String> = (0..37).map(|_| bench.cycle(b"<Huuhaa$0##>")).collect();
-    let acks: Vec<usize> = packets.iter().map(|p| p.matches("TyoKuittaus").count()).collect();
-    assert_eq!(acks.iter().sum::<usize>(), 400, "{acks:?}");
-    let are_full = acks[..36].iter().all(|count| *count >= 10);
-    assert!(are_full && packets.iter().all(|p| p.len() <= 256), "as many as a message of its size: {acks:?}");
 }
 
 /// The motion task completes a job a moment after it has reported it as executed.

@@ -3,6 +3,8 @@
 
 #[cfg(feature = "arbitrary")]
 mod arbitrary;
+#[cfg(feature = "alloc")]
+mod cycle;
 mod dialect;
 #[cfg(all(feature = "bytes", feature = "serde", feature = "tokio"))]
 mod edges;
@@ -19,6 +21,7 @@ mod limits;
 #[cfg(feature = "alloc")]
 mod motion;
 mod outcomes;
+mod overtaking;
 mod packet;
 #[cfg(all(feature = "bytes", feature = "tokio"))]
 mod properties;

@@ -1,13 +1,15 @@
-//! Orders: start, refusal, takeover, end, interruption, the two resets, and restarts of an end.
+//! Orders with the robot in Rust and with the AS program, which do the same: start, refusal, takeover, end, interruption, the two
+//! resets, and restarts of an end.
 #![allow(clippy::cast_possible_truncation)]
+
+mod rig;
 
 use core::time::Duration;
 
-use crate::kawasaki_rig::{JobSupplier, MS, Rig, expected, picture, sent};
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Pc, PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
+use kawasaki_msg::{PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
+use rig::{MS, Rig, expected, picture, sent};
 use testkit::controller::{AsRobot, Controller, Native};
-use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
 
@@ -50,12 +52,12 @@ both! {
 
 /// Creates both ends with the defaults.
 fn rig<C: Controller>(capacity: usize) -> Rig<C> {
-    Rig::of(1, Faults::NONE, capacity, 9999, RobotConfig::tcp(), PcConfig::tcp())
+    Rig::new(RobotConfig::tcp(), PcConfig::tcp(), capacity)
 }
 
 /// Returns a rig whose robot is in the middle of an order of 1000 jobs.
 fn in_the_middle<C: Controller>(pc: PcConfig, robot: RobotConfig) -> Rig<C> {
-    let mut rig = Rig::of(1, Faults::NONE, 64, pc.max_number, robot, pc);
+    let mut rig = Rig::new(robot, pc, 64);
     rig.pc.start(50, picture(50, 1000)).unwrap();
     rig.run_until(LIMIT, |rig| rig.executed.len() == 100);
     rig
@@ -72,37 +74,10 @@ fn start_and_end_are_acknowledged<C: Controller>() {
     assert_eq!((rig.pc.order(), rig.robot.order()), (None, None));
 }
 
-/// The robot may have answered a piece of the sent bytes, and repeat its request. A second start that it receives after a
-/// reset would begin the order again.
-#[test]
-fn over_a_stream_a_start_is_sent_once() {
-    for config in [PcConfig::tcp(), PcConfig::udp()] {
-        let mut pc = Pc::new(config).unwrap();
-        let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
-        pc.start(50, picture(50, 3)).unwrap();
-        let mut starts = |pc: &mut Pc<JobSupplier>, seconds: u32, robot: &[u8]| {
-            now += seconds * Duration::from_secs(1);
-            pc.handle_input(now, robot);
-            let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();
-            sent(&[out[..length].to_vec()], "TilausAlkaa").len()
-        };
-        let (filler, idle) = (b"<Huuhaa$0##>".as_slice(), b"<Tila$6#0$0$$$#>".as_slice());
-        pc.handle_connected(Duration::ZERO);
-        let repeats = usize::from(config.datagrams);
-        let said = [filler, idle, filler, idle, filler].map(|robot| starts(&mut pc, 1, robot));
-        assert_eq!(said, [0, 1, repeats, repeats, repeats], "not before the robot has reported where it is");
-        // Refused, and not by another order: again.
-        assert_eq!(starts(&mut pc, 1, b"<TilausKuittaus$1#0#>"), 1);
-        assert_eq!(starts(&mut pc, 1, b"<Huuhaa$0##>"), repeats);
-        pc.handle_disconnected(Duration::ZERO);
-        pc.handle_connected(Duration::ZERO);
-        let said = [filler, idle, filler].map(|robot| starts(&mut pc, 1, robot));
-        assert_eq!(said, [0, 1, repeats]);
-    }
-}
-
 fn an_order_without_jobs_begins_and_ends<C: Controller>() {
-    let mut rig = Rig::<C>::of(1, Faults::NONE, 1, 2, RobotConfig::tcp(), PcConfig::tcp());
+    let (robot, pc) =
+        (RobotConfig { max_number: 2, ..RobotConfig::tcp() }, PcConfig { max_number: 2, ..PcConfig::tcp() });
+    let mut rig = Rig::<C>::new(robot, pc, 1);
     rig.pc.start(1, picture(1, 0)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 1, executed: 0, complete: true }));
@@ -227,25 +202,9 @@ fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
     }
 }
 
-#[test]
-fn a_robot_without_a_motion_task_takes_no_order() {
-    let pc = PcConfig { start_retries: 3, ..PcConfig::tcp() };
-    let mut rig = Rig::with(1, Faults::NONE, 4, 9999, RobotConfig::tcp(), pc);
-    let (_, other) = robot_work_queue::boxed(4, 9999).unwrap();
-    drop(core::mem::replace(&mut rig.robot.reader, other));
-    assert!(rig.robot.is_abandoned());
-    rig.pc.start(50, picture(50, 3)).unwrap();
-    rig.run_for(Duration::from_secs(3));
-    let refused: Vec<_> =
-        rig.pc_events.iter().filter(|e| matches!(e, PcEvent::OrderRefused { active: 0, .. })).collect();
-    assert_eq!(refused.len(), 4, "{refused:?}");
-    assert!(matches!(refused[3], PcEvent::OrderRefused { given_up: true, .. }));
-    assert_eq!(rig.pc.phase(), Phase::Idle);
-}
-
 fn a_restarted_robot_leaves_the_outcome_unknown<C: Controller>() {
     let mut rig = in_the_middle::<C>(PcConfig::tcp(), RobotConfig::tcp());
-    crate::kawasaki_rig::restart(&mut rig, 64, 9999);
+    rig::restart(&mut rig, 64);
     rig.run_until(LIMIT, Rig::is_over);
     let Some(&PcEvent::OutcomeUnknown { order: 50, executed, sent }) =
         rig.pc_events.iter().find(|e| matches!(e, PcEvent::OutcomeUnknown { .. }))
@@ -291,29 +250,6 @@ fn the_first_reset_clears_the_list_and_what_was_in_it_comes_again<C: Controller>
     assert!(rig.robot_events.iter().any(cleared), "{:?}", rig.robot_events);
     assert_eq!(rig.lines(), expected(50, 1000));
     assert_eq!(rig.robot.clear_queue(), Err(SessionError::NoOrder));
-}
-
-#[test]
-fn a_job_that_is_being_executed_is_not_pulled_away_by_a_reset() {
-    let mut rig = in_the_middle::<Native>(PcConfig::tcp(), RobotConfig::tcp());
-    rig.motion = None;
-    let (now, Rig { robot: Native { reader, robot, .. }, executed, .. }) = (rig.now, &mut rig);
-    let (job, queued) = (reader.take().unwrap(), robot.queued());
-    robot.clear_queue().unwrap();
-    for i in 0..10 {
-        robot.handle_timeout(now + i * MS);
-    }
-    assert_eq!(robot.queued(), queued, "not yet: the job is being executed");
-    // It is reported before it is completed, and is not asked for again.
-    let number = job.number;
-    executed.push(*job);
-    job.complete();
-    assert_eq!(number, 101);
-    robot.job_done(now, number).unwrap();
-    rig.motion = Some(MS);
-    rig.run_until(LIMIT, Rig::is_over);
-    assert!(rig.robot_events.contains(&RobotEvent::QueueCleared { next: 102 }), "{:?}", rig.robot_events);
-    assert_eq!(rig.lines(), expected(50, 1000));
 }
 
 fn the_second_reset_forgets_the_order<C: Controller>() {

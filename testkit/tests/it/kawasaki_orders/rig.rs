@@ -1,11 +1,11 @@
 //! Both ends, the motion task and a faulty link between them, on a virtual clock.
-#![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
+#![allow(unreachable_pub, missing_debug_implementations, reason = "a helper of tests")]
 
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Job, JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Supply};
-use testkit::controller::{Controller, Native};
+use testkit::controller::Controller;
 use testkit::link::{Delivery, End, Faults, Link};
 
 pub const MS: Duration = Duration::from_millis(1);
@@ -29,14 +29,14 @@ pub fn sent(packets: &[Vec<u8>], name: &str) -> Vec<String> {
     messages.map(String::from).collect()
 }
 
-pub type JobSupplier = Box<dyn FnMut(u32) -> Supply<Line>>;
+type JobSupplier = Box<dyn FnMut(u32) -> Supply<Line>>;
 
 /// Returns an order of `jobs` lines.
 pub fn picture(order: u16, jobs: u32) -> JobSupplier {
     Box::new(move |index| if index < jobs { Supply::Job(line(order, index)) } else { Supply::End })
 }
 
-pub struct Rig<C = Native> {
+pub struct Rig<C> {
     pub now: Duration,
     pub link: Link,
     pub robot: C,
@@ -44,11 +44,8 @@ pub struct Rig<C = Native> {
     /// The time of a job; `None` while the motion task is stopped.
     pub motion: Option<Duration>,
     pub motion_at: Duration,
-    /// Whether jobs may overtake one another: the last one waiting is taken first.
-    pub overtakes: bool,
     /// Whether the PC accepts connections.
     pub reachable: bool,
-    pub connected: bool,
     /// The jobs that the motion task has executed.
     pub executed: Vec<Job<Line>>,
     pub robot_events: Vec<RobotEvent>,
@@ -58,46 +55,17 @@ pub struct Rig<C = Native> {
     pub from_pc: Vec<Vec<u8>>,
 }
 
-impl Rig {
-    /// Creates a rig with a robot in Rust and the defaults.
-    pub fn new(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Self {
-        let pc = PcConfig { max_number, ..PcConfig::tcp() };
-        Self::with(seed, faults, capacity, max_number, RobotConfig::tcp(), pc)
-    }
-
-    pub fn with(
-        seed: u64,
-        faults: Faults,
-        capacity: usize,
-        max_number: u16,
-        robot: RobotConfig,
-        pc: PcConfig,
-    ) -> Self {
-        Self::of(seed, faults, capacity, max_number, robot, pc)
-    }
-}
-
 impl<C: Controller> Rig<C> {
     /// Creates a rig with any robot.
-    pub fn of(
-        seed: u64,
-        faults: Faults,
-        capacity: usize,
-        max_number: u16,
-        robot: RobotConfig,
-        pc: PcConfig,
-    ) -> Self {
-        let (robot, pc) = (RobotConfig { max_number, ..robot }, PcConfig { max_number, ..pc });
+    pub fn new(robot: RobotConfig, pc: PcConfig, capacity: usize) -> Self {
         Self {
             now: Duration::ZERO,
-            link: Link::new(seed, faults),
-            robot: C::begin(robot, capacity, seed),
+            link: Link::new(1, Faults::NONE),
+            robot: C::begin(robot, capacity, 1),
             pc: LargePc::with_ranges(pc, Default::default()).unwrap(),
             motion: Some(MS),
             motion_at: Duration::ZERO,
-            overtakes: false,
             reachable: true,
-            connected: false,
             executed: Vec::new(),
             robot_events: Vec::new(),
             pc_events: Vec::new(),
@@ -155,7 +123,7 @@ impl<C: Controller> Rig<C> {
         };
         while self.motion_at <= self.now {
             self.motion_at += time.max(Duration::from_micros(10));
-            let Some(job) = self.robot.execute(self.now, self.overtakes) else {
+            let Some(job) = self.robot.execute(self.now, false) else {
                 self.motion_at = self.motion_at.max(self.now + 5 * MS);
                 return;
             };
@@ -169,7 +137,6 @@ impl<C: Controller> Rig<C> {
             match delivery {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
                 Delivery::Closed => {
-                    self.connected = false;
                     self.robot.handle_disconnected(self.now);
                 }
             }
@@ -180,7 +147,6 @@ impl<C: Controller> Rig<C> {
             match event {
                 RobotEvent::Connect if self.reachable => {
                     self.link.reconnect();
-                    self.connected = true;
                     self.pc.handle_disconnected(self.now);
                     self.pc.handle_connected(self.now);
                     self.robot.handle_connected(self.now);
@@ -235,7 +201,7 @@ impl<C: Controller> Rig<C> {
 }
 
 /// Restarts the robot's controller, which loses its memory.
-pub fn restart<C: Controller>(rig: &mut Rig<C>, capacity: usize, max_number: u16) {
+pub fn restart<C: Controller>(rig: &mut Rig<C>, capacity: usize) {
     rig.link.disconnect(rig.now);
-    rig.robot = C::begin(RobotConfig { max_number, ..RobotConfig::tcp() }, capacity, 1);
+    rig.robot = C::begin(RobotConfig::tcp(), capacity, 1);
 }

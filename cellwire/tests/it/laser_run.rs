@@ -170,6 +170,21 @@ fn a_run_that_is_killed_goes_on_and_asks_about_the_frame_in_flight() {
 }
 
 #[test]
+fn a_run_that_is_killed_before_its_first_frame_leaves_nothing_unknown() {
+    let cell = Cell::new(&[]);
+    let program = cell.program(20);
+    let run = cell.run(&program, &["--set", "settle=30s"]);
+    assert_eq!(run.line()["ready"], "laser");
+    thread::sleep(Duration::from_millis(300));
+    run.kill();
+    let run = cell.run(&program, &[]);
+    let ended = run.event("ended");
+    assert_eq!((&ended["done"], &ended["unknown"]), (&20.into(), &0.into()));
+    assert_eq!(run.end().0, Some(0));
+    assert_eq!(cell.queued(20), 20);
+}
+
+#[test]
 fn a_lost_connection_is_an_error_and_its_frame_a_question() {
     let mut cell = Cell::new(&["baud=9600"]);
     let program = cell.program(100);

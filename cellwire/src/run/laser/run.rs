@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
+use laser_eb90::host::machine::HostLink;
 use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError, UnknownReason};
+use robot_session::end::End as _;
 use robot_session::{Driver, Session as _, Transport, now};
 use serde_json::{Value, json};
 
@@ -26,6 +28,14 @@ pub enum RunEnd {
     Stopped,
     /// The controller refuses an instruction.
     Refused,
+}
+
+/// Returns the time for which the line must be silent before the next frame.
+fn silence_left(host: &Host) -> Duration {
+    match host.machine().link {
+        HostLink::Idle { quiet_until } => quiet_until.saturating_sub(now()),
+        _ => Duration::ZERO,
+    }
 }
 
 /// A program that is run.
@@ -100,7 +110,8 @@ impl<'a> Runner<'a> {
                 if self.console.stopping {
                     return Ok(RunEnd::Stopped);
                 }
-                if !self.console.paused && !self.submit(&mut host)? {
+                // An instruction is noted when it is sent, not while the line must be silent first.
+                if !self.console.paused && silence_left(&host).is_zero() && !self.submit(&mut host)? {
                     return Ok(RunEnd::Complete);
                 }
             }
@@ -108,9 +119,11 @@ impl<'a> Runner<'a> {
                 self.outcome(Outcome::Unknown, "no outcome in the time that a stop may take")?;
                 return Ok(RunEnd::Stopped);
             }
-            let goes_on = turn(&mut driver, &mut host, Some(OPERATOR_CHECK_INTERVAL), |host, event| {
-                self.take(host, event)
-            });
+            let wait = match silence_left(&host) {
+                Duration::ZERO => OPERATOR_CHECK_INTERVAL,
+                left => left.min(OPERATOR_CHECK_INTERVAL),
+            };
+            let goes_on = turn(&mut driver, &mut host, Some(wait), |host, event| self.take(host, event));
             if !matches!(goes_on, Ok(true)) && self.flight.is_some() {
                 self.outcome(Outcome::Unknown, "the connection was lost")?;
             }

@@ -33,20 +33,23 @@ const MAY_MOVE: &str = "a device may still finish its last motion";
 ///   pick = [-120.0, 40.0, 10.0, 0.0]
 ///   place = [120.0, 40.0, 12.0, 1.57]
 ///
-/// A journal beside the task has the outcome of each part: after any interruption the same command
-/// goes on. If the outcome of a part is unknown, or a device fails, it asks: check the cell, and type
-/// `done` (the part is in its place), `repeat` or `stop`. Without a keyboard it stops, and --unknown
-/// answers in the next run.
+/// A journal beside the task has the outcome of each part: after any interruption
+/// the same command goes on. If the outcome of a part is unknown, or a device
+/// fails, it asks: check the cell, and type `done` (the part is in its place),
+/// `repeat` or `stop`. Without a keyboard it stops, and --unknown answers in the
+/// next run.
 ///
-/// Ctrl-C, SIGTERM and a closed terminal are `stop`, and `abort` if the robot has not gone to the
-/// part yet, or does not place it within 30 s; the devices then get 5 s. A second signal ends the
-/// command at once: a device then finishes its last motion. The end of standard input is not a stop.
+/// Ctrl-C, SIGTERM and a closed terminal are `stop`, and `abort` if the robot has
+/// not gone to the part yet, or does not place it within 30 s; the devices then
+/// get 5 s. A second signal ends the command at once: a device then finishes its
+/// last motion. The end of standard input is not a stop.
 ///
-/// Cameras, valves and vacuum switch are simulated, or connected over TCP with lines of text. The
-/// controller writes `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or `blow off`.
-/// The periphery answers a picture with `part [rad,rad] [mm,mm,mm,rad]` (camera 1),
-/// `slot [mm,mm,mm,rad]` (camera 2) or `none`, a valve with `ok`, and either with `error TEXT`
-/// on failure. It writes `switch high` and `switch low` whenever the vacuum switch changes.
+/// Cameras, valves and vacuum switch are simulated, or connected over TCP with
+/// lines of text. The controller writes `acquire 1`, `acquire 2`, `vacuum on`,
+/// `vacuum off`, `blow on` or `blow off`. The periphery answers a picture with
+/// `part [rad,rad] [mm,mm,mm,rad]` (camera 1), `slot [mm,mm,mm,rad]` (camera 2) or
+/// `none`, a valve with `ok`, and either with `error TEXT` on failure. It writes
+/// `switch high` and `switch low` whenever the vacuum switch changes.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment, after_help = AFTER, override_usage = USAGE)]
 pub(super) struct Args {

@@ -83,7 +83,9 @@ fn kept(path: &Path) -> (BTreeMap<String, Vec<u8>>, bool) {
 fn kept_when(path: &Path, lengths: &[usize]) -> Vec<Vec<u8>> {
     let begin = Instant::now();
     loop {
-        let (flows, is_whole) = kept(path);
+        // A copy may not have begun.
+        let is_empty = path.metadata().unwrap().len() == 0;
+        let (flows, is_whole) = if is_empty { Default::default() } else { kept(path) };
         let flows: Vec<Vec<u8>> = flows.into_values().collect();
         let mut found: Vec<usize> = flows.iter().map(Vec::len).collect();
         found.sort_unstable();

@@ -3,7 +3,6 @@
 //! - [`contract`]: decoders and ends of the table as the subjects that `robot_session::contract` takes
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
 //! - [`model`]: both machines of a link as one system, every state of which is explored
-//! - [`turn`]: one turn of an end on that link
 //! - `controller` (feature `links`, on by default): a Kawasaki robot as the tests use it, ours and the one that AS programs make
 //! - `links` (feature `links`): each link's pair of machines as such a system
 //! - `soak` (feature `links`): both ends of every session over bad transports

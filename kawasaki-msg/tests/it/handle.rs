@@ -140,7 +140,7 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
 }
 
 /// The program was killed after it had stored an order, and before the robot could begin it: the next one ends the order, and
-/// the one after that begins it.
+/// the next one begins it.
 #[tokio::test]
 async fn an_order_that_the_robot_has_not_begun_ends_once() {
     let folder = tempfile::tempdir().unwrap();

@@ -2,9 +2,9 @@
 //!
 //! - [`contract`]: decoders and ends of the table as the subjects that `robot_session::contract` takes
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
-//! - [`model`]: both machines of a link as one system, every state of which is explored
+//! - [`model`]: the machine of an end with its peer as one system, every state of which is explored
 //! - `controller` (feature `links`, on by default): a Kawasaki robot as the tests use it, ours and the one that AS programs make
-//! - `links` (feature `links`): each link's pair of machines as such a system
+//! - `links` (feature `links`): the ends of each link as such systems
 //! - `soak` (feature `links`): both ends of every session over bad transports
 
 /// The examples of the project's README.

@@ -139,8 +139,8 @@ async fn every_job_is_executed_once_however_often_the_program_is_killed() {
     assert_eq!(Journal::open(&path).unwrap().1, LastOrder::Complete(over));
 }
 
-/// The program was killed after it had stored an order, and before the robot could begin it: the next one ends the order, and
-/// the next one begins it.
+/// The program was killed after it had stored an order, and before the robot could begin it: the second program ends the
+/// order, and the third one begins it.
 #[tokio::test]
 async fn an_order_that_the_robot_has_not_begun_ends_once() {
     let folder = tempfile::tempdir().unwrap();

@@ -106,12 +106,13 @@ impl<'a> Runner<'a> {
                 Duration::ZERO
             };
             self.console.listen(wait);
+            let silence = silence_left(&host);
             if host.is_idle() && self.flight.is_none() {
                 if self.console.stopping {
                     return Ok(RunEnd::Stopped);
                 }
                 // An instruction is noted when it is sent, not while the line must be silent first.
-                if !self.console.paused && silence_left(&host).is_zero() && !self.submit(&mut host)? {
+                if !self.console.paused && silence.is_zero() && !self.submit(&mut host)? {
                     return Ok(RunEnd::Complete);
                 }
             }
@@ -119,7 +120,7 @@ impl<'a> Runner<'a> {
                 self.outcome(Outcome::Unknown, "no outcome in the time that a stop may take")?;
                 return Ok(RunEnd::Stopped);
             }
-            let wait = match silence_left(&host) {
+            let wait = match silence {
                 Duration::ZERO => OPERATOR_CHECK_INTERVAL,
                 left => left.min(OPERATOR_CHECK_INTERVAL),
             };

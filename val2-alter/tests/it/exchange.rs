@@ -11,6 +11,7 @@ use val2_alter::{
 
 const MS: Duration = Duration::from_millis(1);
 const CYCLE: Duration = timing::CYCLE;
+const START: &[u8] = b"\x10\x10\x02\xA0\x17\x10\x03\xB7";
 const GOOD: &[u8] = b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3";
 const REJECTED: &[u8] = b"\x10\x10\x02\x81\x02\x01\x00\x00\x20\x10\x03\xA4";
 const TIMEOUT: &[u8] = b"\x10\x10\x02\x86\x02\x01\x00\x00\x20\x10\x03\xA9";
@@ -66,7 +67,7 @@ fn a_corrupt_start_message_is_asked_for_again_and_then_refused() {
     assert_eq!(answer(&mut other, MS, b"noise\x10\x10\x02"), None);
     assert_eq!(other.statistics().corrupt, 1);
     // A good one starts again.
-    assert_eq!(answer(&mut host, MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7"), Some(accept));
+    assert_eq!(answer(&mut host, MS, START), Some(accept));
     assert_eq!(host.state(), HostState::Running);
     assert_eq!(answer(&mut host, MS, b"\x10\x10\x02\xE0\x10\x03\xE0"), None);
     assert_eq!(answer(&mut host, MS, corrupt), Some(repeat));
@@ -76,7 +77,6 @@ fn a_corrupt_start_message_is_asked_for_again_and_then_refused() {
 fn the_deadline_is_the_window_less_the_reply() {
     let mut host = connected(HostConfig { limits: Limits::NONE, mode: Mode(19), ..HostConfig::default() });
     let mut out = [0; Frame::MAX_LEN];
-    let motion = b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3";
     let start = |host: &mut Host, now| {
         host.handle_input(now, b"\x10\x10\x02\xA0\x13\x10\x03\xB3");
         host.poll_transmit(now, &mut [0; Frame::MAX_LEN]).unwrap();
@@ -84,7 +84,7 @@ fn the_deadline_is_the_window_less_the_reply() {
     };
     start(&mut host, MS);
     let arrived = 28 * MS;
-    host.handle_input(arrived, motion);
+    host.handle_input(arrived, GOOD);
     let deadline = arrived + 15 * MS - timing::transmission_time(8, 38_400);
     assert_eq!((host.reply_by(), host.poll_timeout()), (Some(deadline), Some(deadline)));
     host.poll_event();
@@ -110,7 +110,7 @@ fn the_deadline_is_the_window_less_the_reply() {
     assert_eq!(host.poll_timeout(), Some(arrived + CYCLE * 4));
 
     // The next one is answered again, and two at once are one missed and one answered.
-    host.handle_input(56 * MS, &[motion.as_slice(), motion].concat());
+    host.handle_input(56 * MS, &[GOOD, GOOD].concat());
     assert!(host.poll_transmit(56 * MS, &mut out).is_some());
     assert_eq!((host.statistics().cycles, host.statistics().replies, host.statistics().missed), (3, 1, 2));
 
@@ -124,11 +124,11 @@ fn the_deadline_is_the_window_less_the_reply() {
 fn a_message_that_was_read_too_late_is_reported_with_the_next() {
     let mut host = connected(HostConfig::default());
     let (mut out, mut reported) = ([0; Frame::MAX_LEN], Vec::new());
-    host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
+    host.handle_input(MS, START);
     assert!(host.poll_transmit(MS, &mut out).is_some());
     // By 10 ms, which is in time, and by 11 ms.
     for at in [2, 30, 58 + 10, 86, 114 + 11, 142, 170] {
-        host.handle_input(MS * at, b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3");
+        host.handle_input(MS * at, GOOD);
         assert!(host.poll_transmit(MS * at, &mut out).is_some());
         let events = core::iter::from_fn(|| host.poll_event());
         reported.extend(events.filter(|event| *event == HostEvent::Delayed).map(|_| at));
@@ -197,7 +197,7 @@ fn answer(host: &mut Host, message: &[u8]) -> HostMessage {
 /// Returns a host in an ALTER with an exception to be sent.
 fn with_exception() -> Host {
     let mut host = connected(HostConfig { subroutine: true, limits: Limits::NONE, ..HostConfig::default() });
-    let accepted = answer(&mut host, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
+    let accepted = answer(&mut host, START);
     assert_eq!(accepted, HostMessage::StartReply(StartCode::Accept));
     assert_eq!(host.exception(MS, Exception::OpenGripper), Err(SessionError::NotRunning));
     answer(&mut host, GOOD);
@@ -247,6 +247,6 @@ fn the_last_reply_has_an_outcome_too() {
     }
     let mut host = with_exception();
     host.handle_input(MS, GOOD);
-    host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
+    host.handle_input(MS, START);
     assert_eq!((host.statistics().missed, host.statistics().lost), (1, 1), "ALTER begins again");
 }

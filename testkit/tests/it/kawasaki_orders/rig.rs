@@ -136,9 +136,7 @@ impl<C: Controller> Rig<C> {
         while let Some(delivery) = self.link.receive(End::A, self.now) {
             match delivery {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
-                Delivery::Closed => {
-                    self.robot.handle_disconnected(self.now);
-                }
+                Delivery::Closed => self.robot.handle_disconnected(self.now),
             }
         }
         self.robot.handle_timeout(self.now);

@@ -242,7 +242,7 @@ impl Peer for AnyServer {
             }
             Step::Frame(frame) => vec![Piece::Frame(frame)],
             Step::Part(frame) => vec![Piece::Part(frame)],
-            Step::Rest => vec![Piece::Rest],
+            Step::Rest => known.part().into_iter().map(|frame| Piece::Rest(frame.shape)).collect(),
             Step::Noise => vec![Piece::Noise],
             Step::Long => vec![Piece::Long],
             Step::Damaged(shape) => {

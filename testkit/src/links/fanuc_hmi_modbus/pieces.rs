@@ -41,7 +41,7 @@ pub(super) enum Piece {
     /// The beginning of a reply to the request in flight, without its last bytes.
     Part(Frame),
     /// The last bytes of it.
-    Rest,
+    Rest(Shape),
     /// Bytes that are not a frame.
     Noise,
     /// The beginning of a long frame, for whose rest the decoder waits.
@@ -132,10 +132,13 @@ impl DecoderContents {
             (Piece::Long, Some(Piece::Frame(_))) if self.pieces.first() == Some(&Piece::Long) => {
                 self.pieces.push(Piece::Noise);
             }
-            (Piece::Rest, Some(Piece::Part(part))) => {
+            (Piece::Rest(_), Some(Piece::Part(part))) => {
                 self.pieces.pop();
                 self.pieces.push(Piece::Frame(part));
             }
+            // Without their beginning, those of a read look like the beginning of a frame of an unknown function.
+            (Piece::Rest(Shape::Read), _) => self.push(Piece::Long),
+            (Piece::Rest(_), _) => self.push(Piece::Noise),
             _ => self.pieces.push(piece),
         }
     }
@@ -157,7 +160,7 @@ impl DecoderContents {
                 return Some(Found::Frame(frame, follows));
             }
             Piece::Long if !self.has_ended => return None,
-            Piece::Part(_) | Piece::Rest | Piece::Noise | Piece::Long => {}
+            Piece::Part(_) | Piece::Rest(_) | Piece::Noise | Piece::Long => {}
         }
         match self.pieces.iter().position(is_frame) {
             Some(at) => drop(self.pieces.drain(..at)),

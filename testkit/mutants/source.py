@@ -63,7 +63,7 @@ class Mutant:
     @property
     def is_opaque(self) -> bool:
         """Whether another value would have another type than the function's own."""
-        return self.genre == "FnValue" and self.function["return_type"].startswith("-> impl ")
+        return self.genre == "FnValue" and "impl " in self.function["return_type"]
 
 
 @dataclass
